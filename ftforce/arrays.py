@@ -1,0 +1,142 @@
+"""Array types, read-only results and the checks at the border that the mathematics trusts."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from eigenpy import ColPivHhJacobiSVD, DecompositionOptions
+from numpy.typing import ArrayLike, NDArray
+
+from ftforce.errors import DimensionError, InputError
+
+Vector: TypeAlias = NDArray[np.float64]
+Matrix: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
+_FULL_U_THIN_V = int(DecompositionOptions.ComputeFullU | DecompositionOptions.ComputeThinV)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Mark an array that we own as read-only and return it."""
+    array.setflags(write=False)
+    return array
+
+
+def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> Vector:
+    """Return a checked, read-only copy of ``value`` as a vector.
+
+    Parameters
+    ----------
+    value :
+        Anything NumPy can turn into a vector.
+    size :
+        The number of elements that is wanted; ``None`` takes any.
+    name, hint :
+        What the value is, and what a message should add about its elements.
+
+    Raises
+    ------
+    DimensionError
+        Wrong number of elements.
+    InputError
+        Not numbers, or not finite.
+    """
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} needs numbers, got {value!r}") from None
+    if vector.ndim != 1 or (size is not None and vector.shape[0] != size):
+        expected = (size,) if size is not None else (1,)
+        raise DimensionError(name, expected, vector.shape, hint)
+    check_finite(vector, name)
+    return read_only(vector)
+
+
+def check_finite(array: NDArray[np.float64], name: str) -> None:
+    """Raise an error that shows where ``array`` holds NaN or infinity.
+
+    Raises
+    ------
+    InputError
+        An element is not finite.
+    """
+    if math.isfinite(np.vdot(array, array)):  # one fast pass for the good case
+        return
+    bad = np.argwhere(~np.isfinite(array))
+    if not len(bad):  # finite numbers whose squares overflow
+        raise InputError(f"{name} holds numbers too large to compute with")
+    place = ", ".join(str(i + 1) for i in bad[0])
+    raise InputError(
+        f"{name} holds {array[tuple(bad[0])]} at position {place}; numbers must be finite"
+    )
+
+
+class Svd:
+    """Singular value decomposition ``A = U[:, :r] diag(s[:r]) Vᵀ``, by Jacobi rotations.
+
+    Eigen's two-sided Jacobi is used rather than LAPACK's divide and conquer because it keeps small
+    singular values to high relative accuracy (ranks are decided on them) and, at the size of a
+    manipulator Jacobian, takes 2.5 µs from Python instead of 8.5 µs.
+
+    Parameters
+    ----------
+    A :
+        Finite matrix, shape (m, n).
+
+    Attributes
+    ----------
+    A :
+        The matrix.
+    U :
+        All left singular vectors, shape (m, m).
+    s :
+        Singular values, descending, padded with zeros to m numbers.
+    """
+
+    __slots__ = ("A", "U", "_decomposition", "s")
+
+    def __init__(self, A: Matrix) -> None:
+        m, n = A.shape
+        self.A = A
+        self._decomposition = ColPivHhJacobiSVD(A, _FULL_U_THIN_V)
+        self.s: list[float] = self._decomposition.singularValues().tolist()
+        if n < m:
+            self.s += [0.0] * (m - n)
+        U: Matrix = self._decomposition.matrixU()
+        self.U = U if U.ndim == 2 else U.reshape(m, m)  # eigenpy returns a 1 x 1 as a vector
+
+    @property
+    def V(self) -> Matrix:
+        """Right singular vectors, shape (n, min(m, n))."""
+        V: Matrix = self._decomposition.matrixV()
+        return V if V.ndim == 2 else V.reshape(self.A.shape[1], -1)
+
+    def solve(self, x: Vector, rank: int) -> Vector:
+        """Return A† x with the first ``rank`` singular values, shape (n,)."""
+        y: Vector = x.dot(self.U[:, :rank]) / self._decomposition.singularValues()[:rank]
+        v: Vector = y.dot(self.V[:, :rank].T)
+        return v
+
+    def solve_transposed(self, tau: Vector, rank: int) -> Vector:
+        """Return (Aᵀ)† tau with the first ``rank`` singular values, shape (m,)."""
+        y: Vector = tau.dot(self.V[:, :rank]) / self._decomposition.singularValues()[:rank]
+        F: Vector = y.dot(self.U[:, :rank].T)
+        return F
+
+    def project(self, x: Vector, rank: int) -> Vector:
+        """Return A A† x, the part of x in the range of the first ``rank`` directions."""
+        U = self.U[:, :rank]
+        kept: Vector = U.dot(x.dot(U))
+        return kept
+
+    def rank(self, threshold: float) -> int:
+        """Return how many singular values lie above ``threshold``."""
+        if self.s[-1] > threshold:
+            return len(self.s)
+        return sum(s > threshold for s in self.s)
+
+    def __reduce__(self) -> tuple[type[Svd], tuple[Matrix]]:
+        """Pickle the matrix; the decomposition is made anew."""
+        return Svd, (self.A,)

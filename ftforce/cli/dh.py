@@ -1,0 +1,32 @@
+"""``ftforce dh``: a DH table becomes a URDF and an SRDF."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ftforce.dh import TIP, DHTable
+from ftforce.generate import write_robot
+
+
+def dh(
+    table: Annotated[Path, typer.Argument(help="DH table (TOML), e.g. robots/dh5.toml.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="URDF to write; the SRDF goes beside it.",
+            show_default="the table's name with .urdf, in the current folder",
+        ),
+    ] = None,
+) -> None:
+    """Turn a DH table into a URDF, and an SRDF with its postures beside it.
+
+    Existing files are replaced; if one of the two cannot be written, both stay as they were.
+    """
+    arm = DHTable.from_toml(table)
+    urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))
+    postures = ", ".join(arm.postures) or "none"
+    joints = "1 joint" if len(arm.rows) == 1 else f"{len(arm.rows)} joints"
+    typer.echo(f"wrote {urdf} and {srdf}: {joints}, tip {TIP!r}, postures: {postures}")

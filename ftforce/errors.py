@@ -1,0 +1,134 @@
+"""Every error that ftforce raises on purpose.
+
+::
+
+    FtforceError
+    ├── InputError (ValueError)      a value given by the caller is malformed
+    │   ├── DimensionError           a vector or matrix of the wrong shape
+    │   └── UnknownNameError         a joint, tip, posture, robot … that does not exist
+    └── FileError                    something is wrong with a file; carries its path
+        ├── URDFError
+        ├── SRDFError
+        ├── DHTableError
+        └── OutputError              a result could not be written
+
+A fault that cannot be tolerated is an answer, not an error: it is reported in the result.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from os import PathLike
+
+
+class FtforceError(Exception):
+    """Base of everything that ftforce raises on purpose."""
+
+
+class InputError(FtforceError, ValueError):
+    """A value given by the caller is malformed; the message says what would have been valid."""
+
+
+class DimensionError(InputError):
+    """A vector or matrix has the wrong shape.
+
+    Attributes
+    ----------
+    name :
+        What the value is, e.g. ``"force"``.
+    expected, got :
+        Shapes.
+    """
+
+    def __init__(
+        self, name: str, expected: tuple[int, ...], got: tuple[int, ...], hint: str = ""
+    ) -> None:
+        self.name, self.expected, self.got = name, expected, got
+        message = f"{name} needs {_in_words(expected)}, got {_in_words(got)}"
+        super().__init__(f"{message}: {hint}" if hint else message)
+
+
+class UnknownNameError(InputError):
+    """A name that does not exist, with the names that do.
+
+    Attributes
+    ----------
+    kind :
+        What was looked up, e.g. ``"joint"``.
+    name :
+        The unknown name.
+    available :
+        The names that exist.
+    suggestion :
+        The closest existing name, or ``None``.
+    """
+
+    def __init__(self, kind: str, name: str, available: Iterable[str], where: str = "") -> None:
+        self.kind, self.name, self.available = kind, name, tuple(available)
+        self.suggestion = closest(name, self.available)
+        place = f" {where}" if where else ""
+        message = f"no {kind} {name!r}{place}; there is: {listed(self.available)}"
+        if self.suggestion is not None:
+            message += f"; did you mean {self.suggestion!r}?"
+        super().__init__(message)
+
+
+class FileError(FtforceError):
+    """Something is wrong with a file.
+
+    Attributes
+    ----------
+    path :
+        The file.
+    reason :
+        What is wrong with it and what would have been valid.
+    """
+
+    def __init__(self, path: str | PathLike[str], reason: str) -> None:
+        self.path, self.reason = str(path), reason
+        super().__init__(f"{self.path}: {reason}")
+
+
+class URDFError(FileError):
+    """A URDF that cannot be read or does not describe a robot."""
+
+
+class SRDFError(FileError):
+    """An SRDF that cannot be read."""
+
+
+class DHTableError(FileError):
+    """A DH table that cannot be read or is inconsistent."""
+
+
+class OutputError(FileError):
+    """A result could not be written; nothing was left behind."""
+
+
+def closest(name: str, available: Iterable[str]) -> str | None:
+    """Return the existing name that looks most like ``name``, or ``None``."""
+    from difflib import get_close_matches
+
+    by_folded = {other.casefold(): other for other in available}
+    matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
+    return by_folded[matches[0]] if matches else None
+
+
+def listed(names: Iterable[str], most: int = 24) -> str:
+    """Join names for a message; a long list is cut and says by how many."""
+    names = tuple(names)
+    if not names:
+        return "(none)"
+    more = f", … and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _in_words(shape: tuple[int, ...]) -> str:
+    if shape == ():
+        return "a single number"
+    if len(shape) == 1:
+        return "1 number" if shape[0] == 1 else f"{shape[0]} numbers"
+    return "an array of shape " + " x ".join(map(str, shape))

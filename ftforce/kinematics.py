@@ -1,0 +1,56 @@
+"""Tip pose and Jacobians, from Pinocchio."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ftforce.arrays import Matrix, Vector
+
+if TYPE_CHECKING:
+    from ftforce.robot import Robot
+    from ftforce.task import Axes, Task
+
+# A slice of Pinocchio's WORLD Jacobian is no force map at the tip (theory §1): it is not offered.
+_FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
+
+
+def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
+    """Return orientation (3, 3) and position (3,) in m of the tip in the root's axes.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    pin.framesForwardKinematics(model, data, robot.to_model(q))
+    pose = data.oMf[robot.tip_frame]
+    return pose.rotation.copy(), pose.translation.copy()
+
+
+def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
+    """Return the Jacobian of the tip, linear rows first, shape (6, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    axes :
+        ``tool``: axes of the tip frame; ``world``: axes of the root, at the tip point.
+    """
+    J = pin.computeFrameJacobian(
+        robot.model, robot.data, robot.to_model(q), robot.tip_frame, _FRAMES[axes]
+    )
+    return robot.coordinates.fold(J)
+
+
+def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
+    """Return the task's rows of the Jacobian, unweighted (m/rad, rad/rad), shape (m, n)."""
+    return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
