@@ -1,1 +1,89 @@
-"""Placeholder until the API stands."""
+"""What a robot arm can still do when a joint fails.
+
+>>> import ftforce
+>>> arm = ftforce.load_robot("panda")
+>>> result = ftforce.analyze(arm, locked=[2, 4], force=[0, 0, 50])
+>>> result.verdict.value
+'tolerated'
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ftforce.analysis import Analysis, analyze
+    from ftforce.closed_forms import Remap, remap
+    from ftforce.dh import DHTable
+    from ftforce.documents import to_dict
+    from ftforce.errors import FtforceError
+    from ftforce.fault_census import Census, census
+    from ftforce.faults import Fault, FaultMode, FaultSet
+    from ftforce.files import save
+    from ftforce.generate import write_robot
+    from ftforce.load import load_robot
+    from ftforce.metrics import Verdict
+    from ftforce.registry import known_robots
+    from ftforce.robot import Robot
+    from ftforce.task import Task
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Analysis": "analysis",
+    "Census": "fault_census",
+    "DHTable": "dh",
+    "Fault": "faults",
+    "FaultMode": "faults",
+    "FaultSet": "faults",
+    "FtforceError": "errors",
+    "Remap": "closed_forms",
+    "Robot": "robot",
+    "Task": "task",
+    "Verdict": "metrics",
+    "analyze": "analysis",
+    "census": "fault_census",
+    "known_robots": "registry",
+    "load_robot": "load",
+    "remap": "closed_forms",
+    "save": "files",
+    "to_dict": "documents",
+    "write_robot": "generate",
+}
+
+__all__ = [
+    "Analysis",
+    "Census",
+    "DHTable",
+    "Fault",
+    "FaultMode",
+    "FaultSet",
+    "FtforceError",
+    "Remap",
+    "Robot",
+    "Task",
+    "Verdict",
+    "analyze",
+    "census",
+    "known_robots",
+    "load_robot",
+    "remap",
+    "save",
+    "to_dict",
+    "write_robot",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used: ``import ftforce`` itself loads nothing heavy."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'ftforce' has no attribute {name!r}")
+    value = getattr(import_module(f"ftforce.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted([*__all__, "__version__"])

@@ -19,12 +19,12 @@ class Displayed:
 
     def __rich__(self) -> RenderableType:
         """Return what rich prints."""
-        from ftforce.show import tables
+        from ftforce.show.render import render
 
-        return tables.render(self)
+        return render(self)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from ftforce.show import export
+        from ftforce.show.export import to_html
 
-        return export.to_html(self)
+        return to_html(self)

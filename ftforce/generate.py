@@ -288,7 +288,8 @@ def _check_urdf(text: str, table: DHTable) -> None:
     robot.update_cfg(q)
     poses = table.transforms(q)
     error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
-    if not error <= 1e-9 * np.abs(poses).max():
+    # trimesh, below yourdfpy, takes poses within 1e-8 of the identity for it; hence not tighter.
+    if not error <= 1e-6 * np.abs(poses).max():
         raise URDFError(f"{table.name}.urdf", "its tip is not where the DH table has it")
 
 

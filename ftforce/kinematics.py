@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from ftforce.arrays import Matrix, Vector
-
 if TYPE_CHECKING:
+    from ftforce.arrays import Matrix, Vector
     from ftforce.robot import Robot
     from ftforce.task import Axes, Task
 

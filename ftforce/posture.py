@@ -47,7 +47,11 @@ class Posture:
 
 
 def choose_posture(
-    robot: Robot, q: ArrayLike | None = None, name: str | None = None, *, degrees: bool = False
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    name: str | None = None,
+    *,
+    degrees: bool = False,
 ) -> Posture:
     """Return the given posture, the named one, or a default.
 
@@ -60,7 +64,7 @@ def choose_posture(
     robot :
         The arm.
     q :
-        Joint positions along the chain, rad or m, shape (n,).
+        Joint positions along the chain, rad or m, shape (n,). A `Posture` is returned as it is.
     name :
         A named posture of the robot, or ``mid-range``, ``zero`` or ``sample``.
     degrees :
@@ -71,6 +75,8 @@ def choose_posture(
     InputError
         Both ``q`` and ``name``, a ``q`` of the wrong length or not finite, or an unknown name.
     """
+    if isinstance(q, Posture):
+        return q
     if q is not None and name is not None:
         raise InputError(f"give either q or a posture, not both (q and {name!r})")
     if q is not None:
@@ -101,7 +107,7 @@ def _named(robot: Robot, name: str) -> Posture:
 
 
 def _default(robot: Robot) -> Posture:
-    skipped = []
+    skipped: list[str] = []
     for name in robot.preferred:
         q = robot.postures[name]
         problem = "outside the limits" if _outside(robot, q) else ""

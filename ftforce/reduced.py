@@ -66,6 +66,11 @@ class ReducedJacobian:
         return self.healthy.s[0]
 
     @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.locked)
+
+    @property
     def m(self) -> int:
         """Number of task rows."""
         return len(self.healthy.s)
@@ -73,9 +78,13 @@ class ReducedJacobian:
 
 def reduce(J: Matrix, locked: Mask, rtol: float = RTOL) -> ReducedJacobian:
     """Decompose J and K. The arguments are trusted: see `check_core_input`."""
-    healthy = Svd(J)
+    return reduce_decomposed(Svd(J), locked, rtol)
+
+
+def reduce_decomposed(healthy: Svd, locked: Mask, rtol: float) -> ReducedJacobian:
+    """Decompose K for one of many fault sets of a Jacobian that is decomposed already."""
     # eq. (25), (26)
-    damaged = Svd(np.where(locked, 0.0, J)) if True in locked.tolist() else healthy
+    damaged = Svd(np.where(locked, 0.0, healthy.A)) if True in locked.tolist() else healthy
     lost = rtol * healthy.s[0]  # both ranks are judged by the healthy arm
     return ReducedJacobian(healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol)
 

@@ -1,12 +1,16 @@
-"""Text that comes in from a user's file, read defensively."""
+"""Text from a user's file, read defensively, and text into one, whole or not at all."""
 
 from __future__ import annotations
 
+import os
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.parsers import expat
+
+from ftforce.errors import OutputError
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -86,3 +90,46 @@ def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) ->
     parser.StartElementHandler = on_root
     with suppress(_RootReachedError):
         parser.Parse(text, True)
+
+
+def write_whole(path: str | PathLike[str], text: str) -> Path:
+    """Write a UTF-8 file, whole or not at all: into a file beside it, which then takes its place.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written; nothing is left behind and an existing file is as it was.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise OutputError(path, "cannot be written: it is a folder")
+    if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
+        return _write_through(file, text)
+    try:
+        handle, scratch = tempfile.mkstemp(dir=file.parent, prefix=".ftforce-")
+    except OSError as problem:
+        raise OutputError(path, f"cannot be written ({problem.strerror})") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
+            stream.write(text)
+        Path(scratch).chmod(file.stat().st_mode if file.exists() else 0o666 & ~_umask())
+        Path(scratch).replace(file)
+    except OSError as problem:
+        raise OutputError(path, f"cannot be written ({problem.strerror})") from None
+    finally:
+        Path(scratch).unlink(missing_ok=True)
+    return file
+
+
+def _write_through(file: Path, text: str) -> Path:
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise OutputError(file, f"cannot be written ({problem.strerror})") from None
+    return file
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -5,9 +5,6 @@ from typing import Annotated
 
 import typer
 
-from ftforce.dh import TIP, DHTable
-from ftforce.generate import write_robot
-
 
 def dh(
     table: Annotated[Path, typer.Argument(help="DH table (TOML), e.g. robots/dh5.toml.")],
@@ -25,6 +22,9 @@ def dh(
 
     Existing files are replaced; if one of the two cannot be written, both stay as they were.
     """
+    from ftforce.dh import TIP, DHTable
+    from ftforce.generate import write_robot
+
     arm = DHTable.from_toml(table)
     urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))
     postures = ", ".join(arm.postures) or "none"

@@ -1,0 +1,5 @@
+"""``python -m ftforce``."""
+
+from ftforce.cli import main
+
+main()

@@ -1,0 +1,212 @@
+"""Options that commands share, parsing of vectors, and how errors and results leave the program.
+
+Exit status: 0 done, 1 the input is wrong, 2 the command line itself is, 130 interrupted.
+"""
+
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ftforce.errors import FtforceError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from ftforce.robot import Robot
+
+
+class Format(StrEnum):
+    """How a result is written."""
+
+    TABLE = "table"
+    JSON = "json"
+    CSV = "csv"
+
+
+RobotArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT", help="A URDF file, or a known name such as panda (see `ftforce robots`)."
+    ),
+]
+Tip = Annotated[str | None, typer.Option(help="Tip link; without it the robot's own.")]
+Base = Annotated[str | None, typer.Option(help="Base link; without it the root.")]
+Positions = Annotated[
+    str | None,
+    typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
+]
+PostureName = Annotated[
+    str | None,
+    typer.Option("--posture", help="A named posture; also mid-range, zero, sample."),
+]
+Degrees = Annotated[
+    bool, typer.Option("--deg", help="--q is in degrees (metres stay metres); shown so too.")
+]
+Force = Annotated[
+    str | None,
+    typer.Option(metavar="FX,FY,FZ", help="Force the tool exerts on its environment, N (and N·m)."),
+]
+Torque = Annotated[
+    str | None,
+    typer.Option(
+        metavar="T1,T2,…",
+        help="Instead of a force: motor torques meant for it, N·m, without weight and motion.",
+    ),
+]
+TaskOption = Annotated[
+    str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
+]
+Length = Annotated[
+    float | None,
+    typer.Option(help="Characteristic length in m that weighs moments; 1 if not given."),
+]
+AxesOption = Annotated[
+    str, typer.Option(help="tool: axes of the tip frame; world: axes of the root, at the tip.")
+]
+Rtol = Annotated[
+    float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
+]
+Wary = Annotated[
+    float, typer.Option(help="Borderline if a tolerance up to this changes the verdict.")
+]
+FormatOption = Annotated[
+    Format | None, typer.Option("--format", help="table, json or csv; from --output's ending.")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Write to this file (.json .csv .txt .svg .html), whole or not at all.",
+    ),
+]
+_Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+def guarded(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors into one line on stderr and an exit status, and add the option ``--debug``."""
+
+    @functools.wraps(command)
+    def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+            sys.stdout.flush()
+        except BrokenPipeError:  # the reader, `head` for one, has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except KeyboardInterrupt:
+            typer.echo("interrupted; nothing was written", err=True)
+            raise typer.Exit(130) from None
+        except typer.Exit:
+            raise
+        except FtforceError as error:
+            if debug:
+                raise
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(1) from None
+
+    signature = inspect.signature(command)
+    option = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False)
+    parameters = [*signature.parameters.values(), option.replace(annotation=_Debug)]
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {**command.__annotations__, "debug": _Debug}
+    return run
+
+
+def numbers(text: str | None, option: str) -> list[float] | None:
+    """Read numbers separated by commas or blanks.
+
+    Raises
+    ------
+    InputError
+        Something in it is no number.
+    """
+    if text is None:
+        return None
+    values = []
+    for word in text.replace(",", " ").split():
+        try:
+            values.append(float(word))
+        except ValueError:
+            raise InputError(
+                f"{option} needs numbers separated by commas, e.g. 1,2.5,-3; got {word!r}"
+            ) from None
+    return values
+
+
+def refuse_force_and_torque(force: str | None, torque: str | None) -> None:
+    """Refuse two options that exclude each other."""
+    if force is not None and torque is not None:
+        raise typer.BadParameter("give either --force or --torque, not both")
+
+
+def load(robot: str, tip: str | None, base: str | None, posture: str | None) -> "Robot":
+    """Load the robot that a command names."""
+    from ftforce.load import load_robot
+
+    return load_robot(robot, tip=tip, base=base, posture=posture)
+
+
+def emit(
+    shown: "RenderableType",
+    result: object,
+    *,
+    form: Format | None,
+    output: Path | None,
+    title: str,
+    warnings: tuple[str, ...] = (),
+) -> None:
+    """Print a result, or write it to a file.
+
+    Parameters
+    ----------
+    shown :
+        The result as tables.
+    result :
+        The result itself, for JSON and CSV.
+    form :
+        The form asked for; ``None`` takes it from the file's ending.
+    output :
+        The file; ``None`` is standard output.
+    title :
+        Title of a picture.
+    warnings :
+        Shown on stderr where the form has no place for them.
+    """
+    from ftforce.files import to_text
+    from ftforce.source import write_whole
+
+    chosen = form or _form_of(output)
+    if chosen is not Format.TABLE:
+        for warning in warnings:
+            typer.echo(f"warning: {warning}", err=True)
+    if output is not None:
+        is_table = chosen is Format.TABLE
+        content = _picture(shown, output, title) if is_table else to_text(result, chosen)
+        typer.echo(f"wrote {write_whole(output, content)}")
+    elif chosen is Format.TABLE:
+        from rich.console import Console
+
+        Console().print(shown)
+    else:
+        sys.stdout.write(to_text(result, chosen))
+
+
+def _form_of(output: Path | None) -> Format:
+    ending = "" if output is None else output.suffix.lower().removeprefix(".")
+    return Format(ending) if ending in {Format.JSON, Format.CSV} else Format.TABLE
+
+
+def _picture(shown: "RenderableType", output: Path, title: str) -> str:
+    from ftforce.show import export
+
+    ending = output.suffix.lower()
+    if ending == ".svg":
+        return export.to_svg(shown, title)
+    return export.to_html(shown) if ending in {".html", ".htm"} else export.to_text(shown)

@@ -1,0 +1,23 @@
+"""``ftforce inspect``: what a URDF holds."""
+
+from ftforce.cli.common import Base, FormatOption, Output, RobotArgument, Tip, emit, load
+
+
+def inspect(
+    robot: RobotArgument,
+    base: Base = None,
+    tip: Tip = None,
+    form: FormatOption = None,
+    output: Output = None,
+) -> None:
+    """Show the chain: joints, limits, effort, mass, tip candidates and postures."""
+    from ftforce.show.robot import robot_view
+
+    arm = load(robot, tip, base, None)
+    emit(
+        robot_view(arm),
+        arm,
+        form=form,
+        output=output,
+        title=f"ftforce inspect {arm.name}",
+    )

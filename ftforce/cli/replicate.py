@@ -1,0 +1,25 @@
+"""``ftforce replicate``: the paper's numbers."""
+
+import typer
+
+from ftforce.cli.common import FormatOption, Output, emit
+
+
+def replicate(form: FormatOption = None, output: Output = None) -> None:
+    """Compute the paper's J and Tables 2-5 beside the printed numbers; exit 1 if any differs.
+
+    Differences that an erratum of the paper explains are shown and do not count.
+    """
+    from ftforce.replicate import replicate as compute
+    from ftforce.show.replication import replication_view
+
+    result = compute()
+    emit(
+        replication_view(result),
+        result,
+        form=form,
+        output=output,
+        title="ftforce replicate",
+    )
+    if not result.is_successful:
+        raise typer.Exit(1)

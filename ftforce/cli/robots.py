@@ -1,0 +1,18 @@
+"""``ftforce robots``: the known names."""
+
+from ftforce.cli.common import FormatOption, Output, emit, load
+
+
+def robots(form: FormatOption = None, output: Output = None) -> None:
+    """List the known robots with their number of joints, tip and postures."""
+    from ftforce.registry import known_robots
+    from ftforce.show.robot import robots_view
+
+    arms = [(known, load(name, None, None, None)) for name, known in known_robots().items()]
+    emit(
+        robots_view(arms),
+        [arm for _, arm in arms],
+        form=form,
+        output=output,
+        title="ftforce robots",
+    )

@@ -1,0 +1,58 @@
+"""Results as files: JSON that carries its conventions, CSV with units."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ftforce.documents import to_dict
+from ftforce.errors import InputError
+from ftforce.rows import to_rows
+from ftforce.source import write_whole
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from ftforce.analysis import Analysis
+    from ftforce.fault_census import Census
+    from ftforce.replicate import Replication
+    from ftforce.robot import Robot
+
+FORMATS = ("json", "csv")
+
+
+def save(result: Analysis | Census | Robot | Replication, path: str | PathLike[str]) -> Path:
+    """Write a result to a ``.json`` or ``.csv`` file, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        The file's name ends otherwise.
+    OutputError
+        The file cannot be written; nothing is left behind.
+    """
+    form = Path(path).suffix.lower().removeprefix(".")
+    if form not in FORMATS:
+        raise InputError(f"{path}: the name must end in .json or .csv")
+    return write_whole(path, to_text(result, form))
+
+
+def to_text(result: object, form: str) -> str:
+    """Return a result as the text of a JSON document or a CSV table.
+
+    Parameters
+    ----------
+    result :
+        A result or a robot, or for JSON a list of them.
+    form :
+        ``json`` or ``csv``.
+    """
+    if form == "csv":
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(to_rows(result))
+        return text.getvalue()
+    document = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

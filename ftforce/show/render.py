@@ -1,0 +1,35 @@
+"""Which table shows which result."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from ftforce.analysis import Analysis
+from ftforce.closed_forms import Remap
+from ftforce.fault_census import Census
+from ftforce.replicate import Replication
+from ftforce.robot import Robot
+from ftforce.show.analysis import analysis_view
+from ftforce.show.census import census_view
+from ftforce.show.remap import remap_view
+from ftforce.show.replication import replication_view
+from ftforce.show.robot import robot_view
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+@singledispatch
+def render(result: object) -> RenderableType:
+    """Return what rich prints of a result."""
+    return Text(repr(result))
+
+
+render.register(Analysis, analysis_view)
+render.register(Census, census_view)
+render.register(Remap, remap_view)
+render.register(Replication, replication_view)
+render.register(Robot, robot_view)

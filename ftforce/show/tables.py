@@ -1,0 +1,130 @@
+"""The pieces that all tables are made of, for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from ftforce.metrics import Verdict
+from ftforce.words import number, ratio
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from rich.console import RenderableType
+
+    from ftforce.arrays import Vector
+
+VERDICT_STYLE = {
+    Verdict.TOLERATED: "bold green",
+    Verdict.BORDERLINE: "bold yellow",
+    Verdict.NOT_TOLERATED: "bold red",
+}
+
+
+def facts(pairs: Iterable[tuple[str, str]]) -> Table:
+    """Return names and values in two columns, without lines."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="bold", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, value in pairs:
+        grid.add_row(Text(name), Text(value))
+    return grid
+
+
+class TitledTable:
+    """A table under its title, which may be wider than the table."""
+
+    def __init__(self, title: str, body: Table) -> None:
+        self.title, self.body = title, body
+        self.caption = ""
+
+    def add_row(self, *cells: str | Text, style: str = "") -> None:
+        """Add a row as plain text: names out of a URDF are never read as markup."""
+        texts = (Text(cell) if isinstance(cell, str) else cell for cell in cells)
+        self.body.add_row(*texts, style=style)
+
+    def __rich__(self) -> RenderableType:
+        """Return title, table and caption."""
+        parts: list[RenderableType] = [Text(self.title, style="bold"), self.body]
+        return Group(*parts, *([Text(self.caption, style="dim")] if self.caption else []))
+
+
+def table(title: str, *columns: str, left: int = 1, folded: Sequence[int] = (0,)) -> TitledTable:
+    """Return an empty table whose first ``left`` columns are text and the others numbers."""
+    body = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
+    for i, column in enumerate(columns):
+        body.add_column(
+            Text(column),
+            justify="left" if i < left else "right",
+            overflow="fold" if i in folded else "ellipsis",
+            no_wrap=i not in folded,
+        )
+    return TitledTable(title, body)
+
+
+def spaced(*parts: RenderableType | None) -> Group:
+    """Put an empty line between the parts."""
+    shown: list[RenderableType] = []
+    for part in parts:
+        if part is not None:
+            shown += [Text(""), part] if shown else [part]
+    return Group(*shown)
+
+
+def warning_lines(warnings: Iterable[str]) -> Text | None:
+    """Return warnings as text, or ``None``."""
+    lines = [f"Warning: {warning}." for warning in warnings]
+    return Text("\n".join(lines), style="yellow") if lines else None
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """Names and units of a vector's components, and which of them share a norm.
+
+    Attributes
+    ----------
+    names, units :
+        One per component.
+    norms :
+        Name, unit and components of each norm; units are never mixed.
+    """
+
+    names: Sequence[str]
+    units: Sequence[str]
+    norms: Sequence[tuple[str, str, Sequence[int]]]
+
+
+def vectors(
+    title: str, components: Components, columns: Mapping[str, Vector], digits: int
+) -> TitledTable:
+    """Return vectors side by side, per component and then their norms."""
+    result = table(title, "", "unit", *columns, left=2)
+    for i, (name, unit) in enumerate(zip(components.names, components.units, strict=True)):
+        result.add_row(name, unit, *(number(float(x[i]), digits) for x in columns.values()))
+    for name, unit, rows in components.norms:
+        if rows:
+            sizes = (float(np.linalg.norm(x[list(rows)])) for x in columns.values())
+            result.add_row(name, unit, *(number(size, digits) for size in sizes), style="bold")
+    return result
+
+
+def verdict_text(verdict: Verdict) -> Text:
+    """Return a verdict in words and colour."""
+    return Text(verdict.value, style=VERDICT_STYLE[verdict])
+
+
+def state_text(locked: bool) -> Text:
+    """Return a joint's state in words and colour."""
+    return Text("locked", style="bold red") if locked else Text("healthy")
+
+
+def defined(x: float) -> str:
+    """Write a ratio, or a dash where it is undefined."""
+    return "–" if math.isnan(x) else ratio(x)
