@@ -419,7 +419,7 @@ def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
 
 def _pinv_transposed(reduced: ReducedJacobian) -> Matrix:
     """Return (Jᵀ)†, shape (m, n)."""
-    columns = (reduced.healthy.solve_transposed(unit, reduced.rank) for unit in np.eye(reduced.n))
+    columns = (reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in np.eye(reduced.n))
     return np.column_stack(list(columns))
 
 

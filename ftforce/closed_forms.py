@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 PROOF_TOLERANCE = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Jump:
+class Jump(NamedTuple):
     """What locked joints take from a force at the tip.
 
     Attributes
@@ -179,7 +178,7 @@ def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL
 
 def exerted_force(reduced: ReducedJacobian, tau: Vector) -> Vector:
     """Return the force that torques exert at the tip, F̂ = (Jᵀ)† τ (eq. 18 with z = 0)."""
-    return reduced.healthy.solve_transposed(tau, reduced.rank)
+    return reduced.healthy.solve_transposed(tau, reduced.rtol)
 
 
 def supported_force(reduced: ReducedJacobian, F: Vector) -> Vector:

@@ -132,10 +132,11 @@ class _Follower:
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
     """Return the known robot of this name, or ``None`` if the source is a path."""
-    if not isinstance(source, str) or source in known_robots():
-        return known_robots()[source] if isinstance(source, str) else None
-    looks_like_path = os.sep in source or Path(source).suffix != "" or Path(source).exists()
-    return None if looks_like_path else find_robot(source)
+    if not isinstance(source, str) or os.sep in source or Path(source).suffix:
+        return None
+    if source not in known_robots() and Path(source).exists():
+        return None
+    return find_robot(source)
 
 
 def _srdf(urdf: str, known: KnownRobot | None) -> Srdf:

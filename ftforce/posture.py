@@ -139,12 +139,16 @@ def mid_range(robot: Robot) -> Vector:
 def is_singular(robot: Robot, q: Vector) -> bool:
     """Return whether the arm has less rank here than elsewhere, for forces or for wrenches."""
     J = frame_jacobian(robot, q)
-    everywhere = [frame_jacobian(robot, sample) for sample in samples(robot)]
-    for rows in (slice(0, 3), slice(0, 6)):
-        possible = max(_rank(other[rows], RTOL) for other in everywhere)
-        if _rank(J[rows], WARY) < possible:
+    for rows in (3, 6):
+        rank = _rank(J[:rows], WARY)
+        if rank < min(rows, robot.n) and rank < _usual_rank(robot, rows):
             return True
     return False
+
+
+def _usual_rank(robot: Robot, rows: int) -> int:
+    """Return the rank that the first rows of the Jacobian have at most postures."""
+    return max(_rank(frame_jacobian(robot, q)[:rows], RTOL) for q in samples(robot))
 
 
 def _rank(J: Vector, rtol: float) -> int:

@@ -7,8 +7,7 @@ the same, and every vector keeps one number per joint.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,8 +24,7 @@ WARY = 1e-2
 """Default upper end of the tolerances that are tried before a verdict counts as certain."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReducedJacobian:
+class ReducedJacobian(NamedTuple):
     """Jacobian before and after joints lock, with the ranks that one tolerance gives them.
 
     Attributes
@@ -83,8 +81,11 @@ def reduce(J: Matrix, locked: Mask, rtol: float = RTOL) -> ReducedJacobian:
 
 def reduce_decomposed(healthy: Svd, locked: Mask, rtol: float) -> ReducedJacobian:
     """Decompose K for one of many fault sets of a Jacobian that is decomposed already."""
-    # eq. (25), (26)
-    damaged = Svd(np.where(locked, 0.0, healthy.A)) if True in locked.tolist() else healthy
+    damaged = healthy
+    if True in locked.tolist():
+        K = healthy.A.copy()
+        np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
+        damaged = Svd.left(K)
     lost = rtol * healthy.s[0]  # both ranks are judged by the healthy arm
     return ReducedJacobian(healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol)
 

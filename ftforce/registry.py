@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -71,6 +69,8 @@ def robots_folder() -> Path:
 @lru_cache(maxsize=1)
 def known_robots() -> Mapping[str, KnownRobot]:
     """Return every known robot by name, in the order of robots.toml."""
+    import tomllib  # a URDF given by its path needs none of this
+
     with (robots_folder() / "robots.toml").open("rb") as file:
         entries = tomllib.load(file)
     return MappingProxyType({name: _known(name, entry) for name, entry in entries.items()})
@@ -110,6 +110,8 @@ def _known(name: str, entry: dict[str, Any]) -> KnownRobot:
 @lru_cache(maxsize=1)
 def _example_robots() -> Path:
     # example-robot-data 6 holds data only: it cannot be imported, so its files are located.
+    from importlib.metadata import PackageNotFoundError, distribution
+
     try:
         folder = Path(str(distribution("example-robot-data").locate_file(_EXAMPLE_ROBOTS)))
     except PackageNotFoundError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -131,22 +132,22 @@ class Robot(Displayed):
         """Number of joints along the chain."""
         return len(self.joints)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Joint names along the chain."""
         return tuple(joint.name for joint in self.joints)
 
-    @property
+    @cached_property
     def lower(self) -> Vector:
         """Lower position limits (rad, m), -inf for continuous joints, shape (n,)."""
         return read_only(np.array([joint.lower for joint in self.joints]))
 
-    @property
+    @cached_property
     def upper(self) -> Vector:
         """Upper position limits (rad, m), inf for continuous joints, shape (n,)."""
         return read_only(np.array([joint.upper for joint in self.joints]))
 
-    @property
+    @cached_property
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
         known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)

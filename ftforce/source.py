@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,6 +99,8 @@ def write_whole(path: str | PathLike[str], text: str) -> Path:
     OutputError
         The file cannot be written; nothing is left behind and an existing file is as it was.
     """
+    import tempfile
+
     file = Path(path)
     if file.is_dir():
         raise OutputError(path, "cannot be written: it is a folder")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +28,7 @@ class Printed:
 def captured_stderr() -> Iterator[Printed]:
     """Redirect the process's file descriptor 2, where sys.stderr cannot reach, and read it."""
     printed = Printed()
-    with _lock, tempfile.TemporaryFile() as file:
+    with _lock, _scratch_file() as file:
         try:
             saved = os.dup(_STDERR)
         except OSError:  # stderr is closed: nothing can be printed
@@ -43,3 +42,12 @@ def captured_stderr() -> Iterator[Printed]:
             os.close(saved)
             file.seek(0)
             printed.text = file.read().decode(errors="replace")
+
+
+def _scratch_file() -> BinaryIO:
+    # A pipe could fill up and block the library that prints.
+    if hasattr(os, "memfd_create"):
+        return os.fdopen(os.memfd_create("stderr"), "w+b")
+    import tempfile  # costs 6 ms of every start where memory files are to be had
+
+    return tempfile.TemporaryFile()

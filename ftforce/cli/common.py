@@ -179,23 +179,26 @@ def emit(
     warnings :
         Shown on stderr where the form has no place for them.
     """
-    from ftforce.files import to_text
-    from ftforce.source import write_whole
-
     chosen = form or _form_of(output)
-    if chosen is not Format.TABLE:
-        for warning in warnings:
-            typer.echo(f"warning: {warning}", err=True)
-    if output is not None:
-        is_table = chosen is Format.TABLE
-        content = _picture(shown, output, title) if is_table else to_text(result, chosen)
-        typer.echo(f"wrote {write_whole(output, content)}")
-    elif chosen is Format.TABLE:
+    if chosen is Format.TABLE and output is None:
         from rich.console import Console
 
         Console().print(shown)
+        return
+    if chosen is Format.TABLE and output is not None:
+        content = _picture(shown, output, title)
     else:
-        sys.stdout.write(to_text(result, chosen))
+        from ftforce.files import to_text
+
+        content = to_text(result, chosen)
+        for warning in warnings:
+            typer.echo(f"warning: {warning}", err=True)
+    if output is None:
+        sys.stdout.write(content)
+    else:
+        from ftforce.source import write_whole
+
+        typer.echo(f"wrote {write_whole(output, content)}")
 
 
 def _form_of(output: Path | None) -> Format:

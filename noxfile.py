@@ -1,0 +1,90 @@
+"""Sessions: lint, types, tests, docs, examples, minimums, bench. ``nox -s tests`` runs the tests."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import nox
+
+nox.needs_version = ">=2024.10.9"
+nox.options.error_on_missing_interpreters = False
+nox.options.sessions = ["lint", "types", "tests", "docs", "examples", "minimums", "bench"]
+
+PROJECT = nox.project.load_toml("pyproject.toml")
+SUPPORTED = ("3.11", "3.12", "3.13")
+
+
+def works(version: str) -> bool:
+    """Return whether this interpreter runs: a version manager's shim may exist and still fail."""
+    path = shutil.which(f"python{version}")
+    return path is not None and subprocess.run([path, "-c", ""], capture_output=True).returncode == 0
+
+
+CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
+FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
+# Installed code is tested, never the checkout; and no test depends on the caller's colours.
+ENVIRONMENT = {"PYTHONSAFEPATH": "1", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
+
+
+def group(name: str) -> list[str]:
+    return nox.project.dependency_groups(PROJECT, name)
+
+
+@nox.session(python=FOUND)
+def tests(session: nox.Session) -> None:
+    """Run the tests against an installed, non-editable ftforce, with coverage."""
+    session.install(".", *group("test"))
+    coverage = ["--cov", "--cov-branch", "--cov-report=term-missing:skip-covered"]
+    options = session.posargs or ["-n", "auto", *coverage]
+    session.run("pytest", *options, env=ENVIRONMENT)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Check style, and who imports whom."""
+    session.install(*group("lint"), ".")
+    session.run("ruff", "check")
+    session.run("ruff", "format", "--check")
+    session.run("lint-imports")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Check the types, strictly."""
+    session.install(".", *group("types"))
+    session.run("mypy")
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Build the documentation; warnings are errors."""
+    session.install(".", *group("docs"))
+    session.run("sphinx-build", "-W", "--keep-going", "-b", "html", "docs", "docs/_build/html")
+
+
+@nox.session
+def examples(session: nox.Session) -> None:
+    """Run the examples, and see that every picture shows what the code prints today."""
+    session.install(".")
+    for script in ("paper_case.py", "your_own_jacobian.py"):
+        session.run("python", f"docs/examples/{script}", env=ENVIRONMENT)
+    session.run("python", "docs/examples/pictures.py", "--check", env=ENVIRONMENT)
+
+
+@nox.session(python=FOUND[0])
+def minimums(session: nox.Session) -> None:
+    """Run the tests with the oldest dependencies that pyproject.toml admits."""
+    oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
+    session.install(*oldest, ".", *group("test"))
+    session.run("pytest", "-n", "auto", "-q", *session.posargs, env=ENVIRONMENT)
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Measure side by side, in one run, against what a user would write instead."""
+    session.install(".", *group("bench"))
+    session.run("pytest", "tests/bench", "--benchmark-columns=min,median,ops",
+                "--benchmark-sort=name", *session.posargs, env=ENVIRONMENT)  # fmt: skip

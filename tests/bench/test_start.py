@@ -1,0 +1,27 @@
+"""Wall time of whole commands, beside importing what they cannot do without."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DH5 = Path(__file__).parents[2] / "robots" / "dh5.urdf"
+GROUP = "whole command, goal for analyze: 1.4 times the imports"
+COMMANDS = {
+    "imports": [sys.executable, "-c", "import pinocchio, numpy, typer, rich"],
+    "analyze": [sys.executable, "-m", "ftforce", "analyze", str(DH5), "--locked", "2,4"],
+    "help": [sys.executable, "-m", "ftforce", "--help"],
+}
+
+
+@pytest.mark.benchmark(group=GROUP)
+@pytest.mark.parametrize("name", COMMANDS)
+def test_command(benchmark, name):
+    def run():
+        return subprocess.run(COMMANDS[name], capture_output=True, check=True)
+
+    done = benchmark.pedantic(run, rounds=15, warmup_rounds=2)
+    assert done.returncode == 0
