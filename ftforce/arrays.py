@@ -48,7 +48,7 @@ def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> 
         vector = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name} needs numbers, got {value!r}") from None
-    if vector.ndim != 1 or (size is not None and vector.shape[0] != size):
+    if vector.ndim != 1 or (size is not None and len(vector) != size):
         expected = (size,) if size is not None else (1,)
         raise DimensionError(name, expected, vector.shape, hint)
     check_finite(vector, name)
@@ -125,9 +125,10 @@ class Svd:
 
     def rank(self, threshold: float) -> int:
         """Return how many singular values lie above ``threshold``."""
-        if self.s[-1] > threshold:
-            return len(self.s)
-        return sum(s > threshold for s in self.s)
+        rank = len(self.s)
+        while rank and self.s[rank - 1] <= threshold:
+            rank -= 1
+        return rank
 
     def solve_transposed(self, tau: Vector, rtol: float) -> Vector:
         """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
@@ -149,6 +150,12 @@ class Svd:
         U = self.U[:, :rank]
         kept: Vector = U.dot(x.dot(U))
         return kept
+
+    def beyond(self, x: Vector, rank: int) -> Vector:
+        """Return (I - A A†) x, the part of x outside the range of the first ``rank`` directions."""
+        U = self.U[:, rank:]
+        lost: Vector = U.dot(x.dot(U))
+        return lost
 
     def __reduce__(self) -> tuple[type[Svd], tuple[Matrix]]:
         """Pickle the matrix; the decomposition is made anew."""

@@ -190,8 +190,8 @@ def force_jump(reduced: ReducedJacobian, F: Vector) -> Jump:
     """Return the smallest force jump, ΔF = (I - K K†) F̂ (eq. 33, 40), F̂ in range(J)."""
     if reduced.rank_after == reduced.m:  # K K† = I: exactly no jump
         return Jump(read_only(F), F, read_only(np.zeros(reduced.m)))
-    F_after = reduced.damaged.project(F, reduced.rank_after)
-    return Jump(read_only(F), read_only(F_after), read_only(F - F_after))
+    jump = reduced.damaged.beyond(F, reduced.rank_after)
+    return Jump(read_only(F), read_only(F - jump), read_only(jump))
 
 
 def remapped_torque(reduced: ReducedJacobian, F: Vector) -> Vector:
@@ -206,8 +206,7 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
     v_healthy = np.where(reduced.locked, 0.0, v)
     x_S = reduced.J.dot(v - v_healthy)
     after = v_healthy + np.where(reduced.locked, 0.0, reduced.damaged.solve(x_S, r))
-    kept = x_S if r == reduced.m else reduced.damaged.project(x_S, r)
-    jump = kept - x_S
+    jump = np.zeros(reduced.m) if r == reduced.m else -reduced.damaged.beyond(x_S, r)
     tip = reduced.J.dot(v)
     return VelocityRemap(
         v, read_only(after), read_only(tip), read_only(tip + jump), read_only(jump)

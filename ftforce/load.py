@@ -299,10 +299,17 @@ def _coordinates(chain: _Chain, model: pin.Model) -> Coordinates:
 
 def _chain_notes(chain: _Chain, known: KnownRobot | None) -> list[str]:
     notes = list(known.notes) if known else []
-    for correction in known.corrections if known else ():
-        if correction.joint in chain.names:
-            value = f"{correction.effort:g} N·m" if correction.effort else "unknown"
-            notes.append(f"effort limit of {correction.joint}: {value}; {correction.reason}")
+    notes += _corrections(chain, known) if known else []
     held = [joint.name for joint in chain.tree.path_to(chain.tip) if joint.type in HELD]
     notes += [f"joint {name!r} (floating or planar) is held fixed" for name in held]
     return notes
+
+
+def _corrections(chain: _Chain, known: KnownRobot) -> list[str]:
+    """Say which effort limits were replaced and why, joints of one reason together."""
+    joints: dict[str, list[str]] = {}
+    for correction in known.corrections:
+        if correction.joint in chain.names:
+            value = f"{correction.effort:g} N·m" if correction.effort else "unknown"
+            joints.setdefault(f"{value}; {correction.reason}", []).append(correction.joint)
+    return [f"effort limit of {listed(names)}: {why}" for why, names in joints.items()]

@@ -107,8 +107,11 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
     InputError
         J holds NaN or infinity, or the mask is not boolean.
     """
-    J = np.asarray(J, dtype=np.float64)
-    if J.ndim != 2 or 0 in J.shape:
+    try:
+        J = np.asarray(J, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"J needs a matrix of numbers, got {J!r}") from None
+    if J.ndim != 2 or not J.size:
         raise InputError(f"J needs the shape (m, n), got {J.shape}")
     check_finite(J, "J")
     mask = np.asarray(locked)

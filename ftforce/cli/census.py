@@ -94,16 +94,17 @@ def _progress() -> "Iterator[Progress]":
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
+    console = Console(file=sys.stderr)
     bar = Progress(
         "fault sets", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(file=sys.stderr), transient=True,
+        console=console, transient=True,
     )  # fmt: skip
     work = bar.add_task("fault sets")
     start, shown = time.monotonic(), False
 
     def update(done: int, total: int, /) -> None:
         nonlocal shown
-        if not shown and time.monotonic() - start > PATIENCE:
+        if console.is_terminal and not shown and time.monotonic() - start > PATIENCE:
             bar.start()
             shown = True
         if shown:
@@ -112,4 +113,5 @@ def _progress() -> "Iterator[Progress]":
     try:
         yield update
     finally:
-        bar.stop()
+        if shown:
+            bar.stop()

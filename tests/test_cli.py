@@ -1,0 +1,404 @@
+"""The commands as a user types them: what they print, write and return."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ftforce
+from ftforce import cli
+from ftforce.cli import common
+
+DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
+PAPER = ["--force", "80,50,10", "--posture", "paper"]
+
+
+def run(*arguments: str, status: int = 0, env=None):
+    environment = {"COLUMNS": "80", **(env or {})}
+    result = CliRunner().invoke(cli.app, list(arguments), env=environment)
+    assert result.exit_code == status, result.output
+    return result
+
+
+def document(*arguments: str):
+    return json.loads(run(*arguments, "--format", "json").stdout)
+
+
+def test_version():
+    assert run("--version").stdout == f"ftforce {ftforce.__version__}\n"
+
+
+def test_every_command_explains_itself():
+    for command in ("analyze", "census", "inspect", "robots", "dh", "replicate"):
+        assert "--debug" in run(command, "--help").stdout
+
+
+def test_no_arguments_show_the_help():
+    assert "analyze" in run(status=2).output
+
+
+def test_analyze_prints_the_papers_case():
+    output = run("analyze", DH5, "--locked", "2,4,5", *PAPER).stdout
+    for expected in ("{2, 4, 5} joint2, joint4, joint5", "43.66", "-35.01", "Not tolerated"):
+        assert expected in output
+    assert all(len(line) <= 80 for line in output.splitlines())
+
+
+@pytest.mark.parametrize("given", [["--locked", "2,4"], ["--locked", "joint4,joint2"],
+                                   ["--locked", "2", "--locked", "joint4"]])  # fmt: skip
+def test_joints_are_numbers_or_names(given):
+    assert document("analyze", DH5, *given)["locked"] == ["joint2", "joint4"]
+
+
+def test_json_means_something_alone():
+    result = document("analyze", DH5, "--locked", "2,4,5", *PAPER)
+    assert list(result)[:9] == [
+        "robot", "conventions", "posture", "locked", "jacobian", "force", "torque", "velocity",
+        "verdict",
+    ]  # fmt: skip
+    assert result["robot"]["tip"] == "tool"
+    assert result["robot"]["joints"] == [f"joint{i}" for i in range(1, 6)]
+    conventions = result["conventions"]
+    assert {k: conventions[k] for k in ("axes", "task", "length", "rtol", "wary")} == {
+        "axes": "tool", "task": "force", "length": None, "rtol": 1e-6, "wary": 1e-2,
+    }  # fmt: skip
+    assert "exerts on its environment" in conventions["sign"]
+    assert conventions["units"]["torque"].startswith("N·m")
+    np.testing.assert_allclose(np.rad2deg(result["posture"]["q"]), [10, 70, 25, 65, 0], atol=1e-9)
+    assert result["posture"]["source"] == "posture 'paper'"
+    assert round(result["force"]["jump_norm"], 2) == 43.66
+    assert result["force"]["moment_jump_norm"] is None
+    assert result["force"]["requested"] == [80, 50, 10]
+    assert result["torque"]["after"]["joint2"] == 0.0
+    assert set(result["torque"]["brake_load"]) == {"joint2", "joint4", "joint5"}
+    assert result["velocity"] is None
+    assert result["verdict"] == "not tolerated"
+
+
+def test_json_agrees_with_numpy():
+    result = document("analyze", DH5, "--locked", "2,4,5", *PAPER)
+    J = np.array(result["jacobian"]["matrix"])
+    before, after = (np.array(result["force"][key]) for key in ("before", "after"))
+    K = np.delete(J, [1, 3, 4], axis=1)
+    sigma = np.linalg.svd(J, compute_uv=False)
+    np.testing.assert_allclose(list(result["torque"]["before"].values()), J.T @ before)
+    np.testing.assert_allclose(after, K @ np.linalg.pinv(K) @ before, atol=1e-9)
+    np.testing.assert_allclose(result["jacobian"]["sigma_min"], sigma[-1])
+    lost = np.array(result["jacobian"]["lost_directions"])
+    np.testing.assert_allclose(lost @ K, 0, atol=1e-9)
+    assert result["jacobian"]["rank"] == 3
+    assert result["jacobian"]["rank_after"] == 2
+    loads = result["torque"]["brake_load"]
+    np.testing.assert_allclose(list(loads.values()), (J.T @ after)[[1, 3, 4]], atol=1e-9)
+
+
+def test_without_a_force_every_unit_force_is_analysed():
+    result = document("analyze", DH5, "--locked", "3")
+    assert result["force"]["jump"] is None
+    assert [unit["component"] for unit in result["unit_forces"]] == ["fx", "fy", "fz"]
+    assert [round(unit["force"]["jump_norm"], 9) for unit in result["unit_forces"]] == [1, 0, 0]
+    assert "force along x" in run("analyze", DH5, "--locked", "3").stdout
+
+
+def test_velocities_are_remapped():
+    given = ["--velocity", "0.05,0.4,0.2,0.1,0.3", "--locked", "2,4,5"]
+    result = document("analyze", DH5, *given, *PAPER)["velocity"]
+    np.testing.assert_allclose(result["tip_before"], [0.033, 0.01, -0.23], atol=6e-3)
+    assert result["after"]["joint2"] == 0.0
+    change = np.array(result["tip_after"]) - result["tip_before"]
+    np.testing.assert_allclose(result["jump"], change)
+    np.testing.assert_allclose(result["jump_norm"], np.linalg.norm(change))
+    assert "Appendix A" in run("analyze", DH5, *given, *PAPER).stdout
+
+
+def test_wrench_keeps_newtons_and_newton_metres_apart():
+    given = ["--task", "wrench", "--length", "0.5", "--force", "80,50,10,1,2,3", "--locked", "2"]
+    result = document("analyze", "ur5", *given)
+    jump = np.array(result["force"]["jump"])
+    np.testing.assert_allclose(result["force"]["jump_norm"], np.linalg.norm(jump[:3]))
+    np.testing.assert_allclose(result["force"]["moment_jump_norm"], np.linalg.norm(jump[3:]))
+    assert result["conventions"]["length"] == 0.5
+    assert "characteristic length 0.5 m" in run("analyze", "ur5", *given).stdout
+
+
+def test_torques_instead_of_a_force():
+    result = document("analyze", "panda", "--locked", "1", "--torque", "1,2,3,4,5,6,7")
+    assert result["force"]["requested"] is None
+    assert list(result["torque"]["before"].values()) == [1, 2, 3, 4, 5, 6, 7]
+    J = np.array(result["jacobian"]["matrix"])
+    tau = np.arange(1.0, 8.0)
+    np.testing.assert_allclose(result["force"]["before"], np.linalg.lstsq(J.T, tau)[0])
+    self_motion = tau - J.T @ result["force"]["before"]
+    np.testing.assert_allclose(list(result["torque"]["self_motion"].values()), self_motion)
+    shown = run("analyze", "panda", "--locked", "1", "--torque", "1,2,3,4,5,6,7").stdout
+    assert "Torque into self-motion" in shown
+
+
+def test_degrees():
+    in_degrees = document("analyze", DH5, "--q", "10,70,25,65,0", "--deg")
+    assert in_degrees["posture"]["source"] == "given"
+    np.testing.assert_allclose(in_degrees["posture"]["q"], np.deg2rad([10, 70, 25, 65, 0]))
+    assert (
+        "70.00" in run("analyze", DH5, "--q", "10,70,25,65,0", "--deg", "--force", "1,1,1").stdout
+    )
+
+
+def test_degrees_for_radians_are_noticed():
+    result = run("analyze", DH5, "--q", "10,70,25,65,0", "--format", "json")
+    assert "look like degrees" in result.stderr
+    assert "look like degrees" in " ".join(json.loads(result.stdout)["warnings"])
+
+
+def test_world_axes_change_the_papers_number():
+    result = document("analyze", DH5, "--locked", "2,4,5", "--axes", "world", *PAPER)
+    assert round(result["force"]["jump_norm"], 1) == 66.2
+    assert result["conventions"]["axes"] == "world"
+
+
+def test_borderline_is_said():
+    given = ["analyze", "tiago", "--locked", "2", "--task", "wrench"]
+    assert document(*given)["verdict"] == "borderline"
+    assert document(*given, "--wary", "0.001")["verdict"] == "tolerated"
+    assert document(*given, "--rtol", "0.009")["verdict"] == "not tolerated"
+
+
+def test_torque_beyond_the_limit_is_said():
+    result = document("analyze", "so101", "--force", "0,0,10")
+    assert result["warnings"] == []  # its limits are unknown
+    result = document("analyze", "ur3", "--force", "900,0,0")
+    assert any("of its effort limit of" in warning for warning in result["warnings"])
+
+
+def test_analyze_csv_has_units():
+    text = run("analyze", DH5, "--locked", "2,4,5", "--format", "csv", *PAPER).stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    torque = {row["name"]: row for row in rows if row["quantity"] == "torque"}
+    assert torque["joint1"]["unit"] == "N·m"
+    assert float(torque["joint2"]["after"]) == 0.0
+    assert {row["name"] for row in rows if row["quantity"] == "brake_load"} == {
+        "joint2", "joint4", "joint5"
+    }  # fmt: skip
+    assert [row["after"] for row in rows if row["quantity"] == "verdict"] == ["not tolerated"]
+    axes = [row["before"] for row in rows if row["name"] == "axes"]
+    assert axes == ["tool"]
+
+
+def test_analyze_csv_of_unit_forces_and_velocities():
+    given = ["analyze", "tiago", "--locked", "2", "--velocity", "1,1,1,1,1,1,1,1"]
+    text = run(*given, "--format", "csv", "--task", "wrench").stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    units = {(row["quantity"], row["name"]): row["unit"] for row in rows}
+    assert units["velocity", "torso_lift_joint"] == "m/s"
+    assert units["velocity", "arm_1_joint"] == "rad/s"
+    assert units["tip velocity", "wx"] == "rad/s"
+    assert units["force for unit mx", "fx"] == "N"
+
+
+def test_census_is_worst_first():
+    result = document("census", DH5, "--faults", "2", *PAPER)
+    assert len(result["sets"]) == 15
+    assert result["sets"][0]["locked"] == ["joint3"]
+    assert result["sets"][0]["verdict"] == "not tolerated"
+    jumps = [entry["force"]["jump_norm"] for entry in result["sets"]]
+    assert jumps == sorted(jumps, key=lambda jump: -round(jump, 6))
+    assert result["joints"][0]["joint"] == "joint3"
+    assert result["joints"][0]["not_tolerated"] == 5
+
+
+def test_census_sets_are_analyses_in_short():
+    entry = document("census", "panda", "--faults", "2", "--force", "1,2,3")["sets"][5]
+    whole = document("analyze", "panda", "--locked", ",".join(entry["locked"]), "--force", "1,2,3")
+    assert entry["verdict"] == whole["verdict"]
+    np.testing.assert_allclose(entry["force"]["jump"], whole["force"]["jump"], atol=1e-12)
+    for key in ("margin", "relative_manipulability", "rank_after", "sigma_min_after"):
+        np.testing.assert_allclose(entry["jacobian"][key], whole["jacobian"][key], atol=1e-12)
+
+
+def test_census_table_and_top():
+    output = run("census", "panda", "--faults", "2", "--top", "3", "--force", "1,2,3").stdout
+    assert "… and 25 more" in output
+    assert "Joints, most critical first" in output
+    assert "Worst ρ of 2 joints" in output
+    assert all(len(line) <= 80 for line in output.splitlines())
+
+
+def test_census_without_a_force():
+    result = document("census", DH5)
+    assert result["force"] == {"requested": None, "before": None}
+    assert result["sets"][0]["force"]["jump"] is None
+    assert "every direction" in run("census", DH5).stdout
+
+
+def test_census_of_a_wrench_in_csv():
+    text = run(
+        "census", "ur5", "--task", "wrench", "--force", "1,2,3,4,5,6", "--format", "csv"
+    ).stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert len(rows) == 6
+    assert {"jump_norm [N]", "moment_jump_norm [N·m]", "jump_mx [N·m]"} <= set(rows[0])
+
+
+def test_long_census_shows_progress(monkeypatch):
+    monkeypatch.setattr(sys.modules["ftforce.cli.census"], "PATIENCE", -1.0)
+    result = run("census", DH5, "--faults", "2", env={"FORCE_COLOR": "1", "NO_COLOR": ""})
+    assert "fault sets" in result.stderr
+    assert "15/15" in result.stderr
+    assert run("census", DH5, "--faults", "2").stderr == ""  # not into a file or pipe
+
+
+def test_short_census_shows_none():
+    assert run("census", DH5, "--faults", "2").stderr == ""
+
+
+def test_inspect():
+    output = run("inspect", "tiago").stdout
+    for expected in ("torso_lift_joint", "prismatic", "2000 N", "held fixed", "kg", "Tip"):
+        assert expected in output
+    result = document("inspect", "kinova")
+    assert result["limits"]["j2s6s200_joint_1"]["lower"] is None  # continuous
+    assert "work" in result["postures"]
+
+
+def test_inspect_says_unknown_effort():
+    assert "unknown" in run("inspect", "so101").stdout
+    rows = list(csv.DictReader(io.StringIO(run("inspect", "so101", "--format", "csv").stdout)))
+    assert rows[0]["effort"] == ""
+    assert rows[0]["effort_unit"] == "N·m"
+
+
+def test_robots():
+    output = run("robots").stdout
+    for name in ("panda", "ur5", "talos_left_arm", "pr2_right", "dh5", "so101"):
+        assert name in output
+    assert len(document("robots")) >= 15
+
+
+def test_replicate():
+    output = run("replicate").stdout
+    assert "79 pass, 8 explained by errata, 0 fail" in output
+    assert "43.66 43.66 ✓" in output
+    assert document("replicate")["successful"] is True
+    rows = list(csv.DictReader(io.StringIO(run("replicate", "--format", "csv").stdout)))
+    assert len(rows) == 87
+
+
+def test_replicate_fails_if_a_number_differs(monkeypatch):
+    printed = ("-35.02", "-12.33", "26.85", "10.00", "4.00")
+    monkeypatch.setattr("ftforce.replicate.PRINTED_TORQUE", printed)
+    result = run("replicate", status=1)
+    assert "1 fail" in result.stdout
+    assert "-35.02 -35.01 ✗" in result.stdout
+
+
+def test_dh_makes_the_committed_robot(tmp_path):
+    table = Path(DH5).with_suffix(".toml")
+    made = tmp_path / "dh5.urdf"
+    run("dh", str(table), "-o", str(made))
+    assert made.read_bytes() == Path(DH5).read_bytes()
+    assert made.with_suffix(".srdf").read_bytes() == Path(DH5).with_suffix(".srdf").read_bytes()
+
+
+@pytest.mark.parametrize("ending", ["json", "csv", "txt", "svg", "html"])
+def test_output_follows_the_ending(tmp_path, ending):
+    file = tmp_path / f"result.{ending}"
+    result = run("analyze", DH5, "--locked", "3", "-o", str(file))
+    assert result.stdout == f"wrote {file}\n"
+    start = {"json": "{", "csv": "quantity,", "txt": "Robot", "svg": "<svg", "html": "<pre"}[ending]
+    assert file.read_text(encoding="utf-8").startswith(start)
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+def test_format_wins_over_the_ending(tmp_path):
+    file = tmp_path / "result.txt"
+    run("analyze", DH5, "--locked", "3", "-o", str(file), "--format", "json")
+    assert json.loads(file.read_text(encoding="utf-8"))["locked"] == ["joint3"]
+
+
+def test_an_output_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    file = tmp_path / "result.json"
+    file.write_text("old", encoding="utf-8")
+
+    def refuse(self, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    result = run("analyze", DH5, "-o", str(file), status=1)
+    assert "No space left on device" in result.stderr
+    assert file.read_text(encoding="utf-8") == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_force_and_torque_exclude_each_other():
+    for command in ("analyze", "census"):
+        result = run(command, DH5, "--force", "1,2,3", "--torque", "1,2,3,4,5", status=2)
+        assert "either --force or --torque" in result.stderr
+
+
+def test_errors_are_one_line_and_debug_shows_more():
+    result = run("analyze", DH5, "--locked", "9", status=1)
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith("error: joint number 9 is out of range")
+    assert result.stdout == ""
+    with pytest.raises(ftforce.FtforceError):
+        CliRunner().invoke(cli.app, ["analyze", DH5, "--locked", "9", "--debug"],
+                           catch_exceptions=False)  # fmt: skip
+
+
+def test_interruption_is_no_traceback():
+    @common.guarded
+    def command() -> None:
+        raise KeyboardInterrupt
+
+    import typer
+
+    with pytest.raises(typer.Exit) as stop:
+        command()
+    assert stop.value.exit_code == 130
+
+
+@pytest.mark.parametrize("text", ["1,x,3", "1,,x", "one"])
+def test_vectors_are_numbers(text):
+    result = run("analyze", DH5, "--force", text, status=1)
+    assert "--force needs numbers separated by commas" in result.stderr
+
+
+def test_blanks_separate_numbers_too():
+    given = document("analyze", DH5, "--force", "80 50 10")
+    assert given["force"]["requested"] == [80, 50, 10]
+
+
+def subprocess_run(*arguments: str, **options):
+    command = [sys.executable, "-m", "ftforce", *arguments]
+    return subprocess.run(command, capture_output=True, check=False, timeout=60, **options)
+
+
+def test_the_program_runs_as_a_module():
+    done = subprocess_run("analyze", DH5, "--locked", "9")
+    assert done.returncode == 1
+    assert done.stderr.startswith(b"error: ")
+    assert b"Traceback" not in done.stderr
+
+
+def test_a_reader_that_leaves_early_is_no_error():
+    program = f"{sys.executable} -m ftforce census panda --faults 4 --format csv"
+    done = subprocess.run(
+        ["sh", "-c", f"{program} | head -n 1"], capture_output=True, check=True, timeout=60
+    )
+    assert done.stdout.startswith(b"fault_set,locked")
+    assert done.stderr == b""
+
+
+def test_a_terminal_without_unicode_still_shows_the_answer():
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess_run("analyze", DH5, "--locked", "3", env=environment)
+    assert done.returncode == 0
+    assert b"Not tolerated" in done.stdout
