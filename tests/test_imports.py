@@ -1,0 +1,71 @@
+"""What an import costs: nothing heavy before it is needed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ftforce
+
+HEAVY = ("yourdfpy", "trimesh", "matplotlib", "numba", "dask", "viser", "scipy", "pydantic")
+DH5 = Path(__file__).parents[1] / "robots" / "dh5.urdf"
+
+
+def loaded_by(program: str) -> set[str]:
+    """Return the modules that a fresh interpreter holds after the program."""
+    code = f"import sys\n{program}\nprint('\\n'.join(sys.modules), file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    return set(done.stderr.split())
+
+
+def command(*arguments: str) -> str:
+    return (
+        f"sys.argv = {['ftforce', *arguments]!r}\nfrom ftforce.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass"
+    )
+
+
+def test_import_ftforce_loads_no_library():
+    modules = loaded_by("import ftforce")
+    assert not modules & {"numpy", "pinocchio", "rich", "typer", *HEAVY}
+
+
+def test_help_loads_no_mathematics():
+    modules = loaded_by(command("--help"))
+    assert not modules & {"numpy", "pinocchio", *HEAVY}
+
+
+@pytest.mark.parametrize("name", ["analyze", "census", "inspect"])
+def test_commands_load_nothing_heavy(name):
+    modules = loaded_by(command(name, str(DH5)))
+    assert "pinocchio" in modules
+    assert not modules & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.files"}
+
+
+def test_the_array_core_needs_no_pinocchio():
+    modules = loaded_by("from ftforce.closed_forms import remap; import ftforce; ftforce.remap")
+    assert "numpy" in modules
+    assert not modules & {"pinocchio", "rich", "typer", "ftforce.robot", *HEAVY}
+
+
+def test_the_public_names_are_there():
+    assert len(ftforce.__all__) <= 20
+    assert sorted(ftforce.__all__) == ftforce.__all__
+    for name in ftforce.__all__:
+        assert getattr(ftforce, name).__name__ == name or not callable(getattr(ftforce, name))
+    assert set(ftforce.__all__) <= set(dir(ftforce))
+
+
+def test_no_module_hides_a_public_name():
+    modules = {path.stem for path in Path(ftforce.__file__).parent.glob("*.py")}
+    assert not modules & set(ftforce.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'analyse'"):
+        ftforce.analyse  # noqa: B018
