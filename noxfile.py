@@ -1,4 +1,4 @@
-"""Sessions: lint, types, tests, docs, examples, minimums, bench. ``nox -s tests`` runs the tests."""
+"""Sessions: lint, types, tests, docs, examples, minimums, bench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ SUPPORTED = ("3.11", "3.12", "3.13")
 def works(version: str) -> bool:
     """Return whether this interpreter runs: a version manager's shim may exist and still fail."""
     path = shutil.which(f"python{version}")
-    return path is not None and subprocess.run([path, "-c", ""], capture_output=True).returncode == 0
+    if path is None:
+        return False
+    return subprocess.run([path, "-c", ""], check=False, capture_output=True).returncode == 0
 
 
 CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,16 +10,21 @@ import numpy as np
 
 from ftforce import metrics
 from ftforce.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.changes import (
+    ForceChange,
+    TipLoad,
+    TorqueChange,
+    VelocityChange,
+    change_of_load,
+    change_of_velocity,
+    changes_of_unit_forces,
+)
 from ftforce.closed_forms import (
     PROOF_TOLERANCE,
     Jump,
-    VelocityRemap,
     exerted_force,
-    force_jump,
     force_residuals,
-    remapped_torque,
     supported_force,
-    velocity_remap,
 )
 from ftforce.display import Displayed
 from ftforce.errors import InputError
@@ -37,86 +41,6 @@ if TYPE_CHECKING:
 
     from ftforce.metrics import Verdict
     from ftforce.robot import Robot
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ForceChange:
-    """Force at the tip before and after the fault; N for forces, N·m for moments, shape (m,).
-
-    Attributes
-    ----------
-    requested :
-        Force asked for; ``None`` if torques were given.
-    unsupported :
-        Part of the request that even the healthy arm cannot exert.
-    before :
-        Force the healthy arm exerts, F̂.
-    after :
-        Force the healthy joints can still command.
-    jump :
-        ΔF = before - after.
-    jump_norm :
-        Norm of the jump's force components, N; ``None`` if the task has none.
-    moment_jump_norm :
-        Norm of its moment components, N·m; ``None`` if the task has none.
-    """
-
-    requested: Vector | None
-    unsupported: Vector
-    before: Vector
-    after: Vector
-    jump: Vector
-    jump_norm: float | None
-    moment_jump_norm: float | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TorqueChange:
-    """Force part of the motor torques, N·m (N for prismatic joints), shape (n,).
-
-    Attributes
-    ----------
-    before :
-        Motor torques before the fault.
-    after :
-        Motor torques to command now, U; 0 at locked joints.
-    brake_load :
-        What each lock has to carry, J_Sᵀ F_after; 0 at healthy joints.
-    self_motion :
-        Part of ``before`` that exerts no static force but moves the arm; 0 if a force was given.
-    """
-
-    before: Vector
-    after: Vector
-    brake_load: Vector
-    self_motion: Vector
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class VelocityChange:
-    """Velocities before the fault and after the remap of Appendix A.
-
-    Attributes
-    ----------
-    before, after :
-        Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints after.
-    tip_before, tip_after :
-        Velocity of the tip, m/s and rad/s, shape (m,).
-    jump :
-        ΔẊ = tip_after - tip_before.
-    jump_norm :
-        Norm of the jump's linear components, m/s; ``None`` if the task has none.
-    angular_jump_norm :
-        Norm of its angular components, rad/s; ``None`` if the task has none.
-    """
-
-    before: Vector
-    after: Vector
-    tip_before: Vector
-    tip_after: Vector
-    jump: Vector
-    jump_norm: float | None
-    angular_jump_norm: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,16 +112,14 @@ class Analysis(Displayed):
         if self.force is None or self.torque is None:
             return None
         F = self.task.weigh_force(self.force.before)
-        columns = np.linalg.norm(_pinv_transposed(self.reduced), axis=0)
-        return read_only(_over(columns * np.abs(self.torque.before), float(np.linalg.norm(F))))
+        return metrics.force_contributions(self.reduced, self.torque.before, F)
 
     @cached_property
     def velocity_contributions(self) -> Vector | None:
         """Share of each joint in the tip's velocity, ‖J_k v_k‖/‖J v‖ (Table 2), shape (n,)."""
         if self.velocity is None:
             return None
-        J, v = self.reduced.J, self.velocity.before
-        return read_only(_over(np.linalg.norm(J * v, axis=0), float(np.linalg.norm(J @ v))))
+        return metrics.velocity_contributions(self.reduced.J, self.velocity.before)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -210,7 +132,8 @@ class Analysis(Displayed):
         Returns
         -------
         :
-            ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF; ``statics``: U - KᵀF_after;
+            ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF,
+            no healthy joint feels the jump; ``statics``: U - KᵀF_after;
             ``unchanged``: healthy torques keep their value when the torques were JᵀF. Without a
             force, the largest over the unit forces.
         """
@@ -290,7 +213,9 @@ def analyze(
     J = task_jacobian(robot, place.q, wanted)
     reduced = reduce(wanted.weigh_jacobian(J), faults.mask(robot.n), rtol)
     load = tip_load(robot, reduced, wanted, force, torque)
-    change = None if load is None else _change(reduced, wanted, load)
+    change = None if load is None else change_of_load(reduced, wanted, load)
+    hint = f"one per joint, {robot.numbered()}"
+    v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
     return Analysis(
         robot=robot,
         task=wanted,
@@ -301,29 +226,10 @@ def analyze(
         wary=wary,
         force=change[0] if change else None,
         torque=change[1] if change else None,
-        unit_forces=() if change else _unit_forces(reduced, wanted),
-        velocity=None if velocity is None else _velocity(robot, reduced, wanted, velocity),
+        unit_forces=() if change else changes_of_unit_forces(reduced, wanted),
+        velocity=None if v is None else change_of_velocity(reduced, wanted, v),
         verdict=metrics.verdict(reduced, None if load is None else load.F, wary),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TipLoad:
-    """What the tip exerts before the fault.
-
-    Attributes
-    ----------
-    F :
-        Weighted force that the healthy arm exerts, F̂, shape (m,).
-    requested :
-        Force that was asked for, unweighted; ``None`` if torques were given.
-    tau :
-        Torques that were given; ``None`` if a force was.
-    """
-
-    F: Vector
-    requested: Vector | None
-    tau: Vector | None
 
 
 def tip_load(
@@ -350,81 +256,6 @@ def tip_load(
         tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
         return TipLoad(exerted_force(reduced, tau), None, tau)
     return None
-
-
-def _unit_forces(
-    reduced: ReducedJacobian, task: Task
-) -> tuple[tuple[ForceChange, TorqueChange], ...]:
-    changes = []
-    for unit in np.eye(task.m):
-        F = supported_force(reduced, task.weigh_force(unit))
-        changes.append(_change(reduced, task, TipLoad(F, read_only(unit.copy()), None)))
-    return tuple(changes)
-
-
-def _change(
-    reduced: ReducedJacobian, task: Task, load: TipLoad
-) -> tuple[ForceChange, TorqueChange]:
-    jump = force_jump(reduced, load.F)
-    carried: Vector = load.F.dot(reduced.J)
-    before = carried if load.tau is None else load.tau
-    return _force_change(task, jump, load.requested), TorqueChange(
-        before=read_only(before),
-        after=read_only(remapped_torque(reduced, load.F)),
-        brake_load=read_only(np.where(reduced.locked, jump.F_after.dot(reduced.J), 0.0)),
-        self_motion=read_only(before - carried),
-    )
-
-
-def _force_change(task: Task, weighted: Jump, requested: Vector | None) -> ForceChange:
-    before = read_only(task.unweigh_force(weighted.F))
-    jump = read_only(task.unweigh_force(weighted.jump))
-    linear, angular = split_norms(task, jump)
-    return ForceChange(
-        requested=requested,
-        unsupported=read_only(np.zeros(task.m) if requested is None else requested - before),
-        before=before,
-        after=read_only(task.unweigh_force(weighted.F_after)),
-        jump=jump,
-        jump_norm=linear,
-        moment_jump_norm=angular,
-    )
-
-
-def _velocity(
-    robot: Robot, reduced: ReducedJacobian, task: Task, velocity: ArrayLike
-) -> VelocityChange:
-    v = as_vector(velocity, robot.n, "velocity", f"one per joint, {robot.numbered()}")
-    weighted: VelocityRemap = velocity_remap(reduced, v)
-    jump = read_only(task.unweigh_velocity(weighted.jump))
-    linear, angular = split_norms(task, jump)
-    return VelocityChange(
-        before=v,
-        after=weighted.after,
-        tip_before=read_only(task.unweigh_velocity(weighted.tip_before)),
-        tip_after=read_only(task.unweigh_velocity(weighted.tip_after)),
-        jump=jump,
-        jump_norm=linear,
-        angular_jump_norm=angular,
-    )
-
-
-def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
-    """Return the norms of the linear and of the angular components, which share no unit."""
-    if not task.moment_rows:
-        return math.sqrt(x.dot(x)), None
-    linear = float(np.linalg.norm(x[list(task.force_rows)])) if task.force_rows else None
-    return linear, float(np.linalg.norm(x[list(task.moment_rows)]))
-
-
-def _pinv_transposed(reduced: ReducedJacobian) -> Matrix:
-    """Return (Jᵀ)†, shape (m, n)."""
-    columns = (reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in np.eye(reduced.n))
-    return np.column_stack(list(columns))
-
-
-def _over(values: Vector, scale: float) -> Vector:
-    return values / scale if scale > 0.0 else np.zeros_like(values)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

@@ -21,7 +21,7 @@ _THIN_U_FULL_V = int(DecompositionOptions.ComputeThinU | DecompositionOptions.Co
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """Mark an array that we own as read-only and return it."""
-    array.setflags(write=False)
+    array.setflags(False)  # type: ignore[call-arg] # write=False; by keyword it takes twice the time
     return array
 
 
@@ -79,7 +79,8 @@ class Svd:
 
     Eigen's two-sided Jacobi is used rather than LAPACK's divide and conquer because it keeps small
     singular values to high relative accuracy (ranks are decided on them) and, at the size of a
-    manipulator Jacobian, costs 2.5 µs from Python instead of 8.5 µs.
+    manipulator Jacobian, costs 1.5 µs from Python instead of 8.5 µs: the decomposition is done in
+    a workspace that is kept per thread and shape, and V stays there.
 
     Parameters
     ----------
@@ -96,30 +97,16 @@ class Svd:
         Singular values, descending, padded with zeros to m numbers.
     """
 
-    __slots__ = ("A", "U", "_decomposition", "s")
+    __slots__ = ("A", "U", "_count", "_workspace", "s")
 
-    def __init__(self, A: Matrix) -> None:
-        self._decomposition = ColPivHhJacobiSVD(A.T, _THIN_U_FULL_V)  # of Aᵀ: solves for forces
-        self._take(A, self._decomposition.matrixV(), self._decomposition.singularValues())
-
-    @classmethod
-    def left(cls, A: Matrix) -> Svd:
-        """Decompose in a workspace that is kept per thread and shape: half the time, without V."""
-        try:
-            workspace = _workspaces.by_shape[A.shape]
-        except (AttributeError, KeyError):
-            workspace = _new_workspace(A.shape)
-        workspace.compute(A)
-        svd = cls.__new__(cls)
-        svd._decomposition = None
-        svd._take(A, workspace.matrixU(), workspace.singularValues())
-        return svd
-
-    def _take(self, A: Matrix, U: Matrix, s: Vector) -> None:
+    def __init__(self, A: Matrix, *, left_only: bool = False) -> None:
         m, n = A.shape
         self.A = A
+        self._workspace = workspace = _workspace(A.shape, left_only)
+        self._count = workspace.decompose(A)
+        U = workspace.left_vectors()
         self.U = U if U.ndim == 2 else U.reshape(m, m)  # eigenpy returns a 1 x 1 as a vector
-        self.s: list[float] = s.tolist()
+        self.s: list[float] = workspace.solver.singularValues().tolist()
         if n < m:
             self.s += [0.0] * (m - n)
 
@@ -132,11 +119,12 @@ class Svd:
 
     def solve_transposed(self, tau: Vector, rtol: float) -> Vector:
         """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
-        if self._decomposition is None:
-            return Svd(self.A).solve_transposed(tau, rtol)
+        workspace = _workspace(self.A.shape, False)
+        if workspace is not self._workspace or workspace.count != self._count:
+            workspace.decompose(self.A)  # it has served another matrix since
         # Eigen keeps a singular value that equals the threshold; here it counts as lost.
-        self._decomposition.setThreshold(rtol * (1.0 + 1e-15))
-        F: Vector = self._decomposition.solve(tau)
+        workspace.solver.setThreshold(rtol * (1.0 + 1e-15))
+        F: Vector = workspace.solver.solve(tau)
         return F if F.ndim == 1 else F.reshape(-1)
 
     def solve(self, x: Vector, rank: int) -> Vector:
@@ -162,10 +150,45 @@ class Svd:
         return Svd, (self.A,)
 
 
-_workspaces = threading.local()
+class _Workspace:
+    """One of Eigen's solvers for one shape, used again and again; counts its decompositions.
+
+    It decomposes Aᵀ, so that it can solve for forces, or A itself where only U and s are wanted.
+    """
+
+    __slots__ = ("count", "left_only", "solver")
+
+    def __init__(self, shape: tuple[int, ...], left_only: bool) -> None:
+        m, n = shape
+        self.left_only = left_only
+        self.solver = (
+            ColPivHhJacobiSVD(m, n, int(DecompositionOptions.ComputeFullU))
+            if left_only
+            else ColPivHhJacobiSVD(n, m, _THIN_U_FULL_V)
+        )
+        self.count = 0
+
+    def decompose(self, A: Matrix) -> int:
+        self.solver.compute(A if self.left_only else A.T)
+        self.count += 1
+        return self.count
+
+    def left_vectors(self) -> Matrix:
+        U: Matrix = self.solver.matrixU() if self.left_only else self.solver.matrixV()
+        return U
 
 
-def _new_workspace(shape: tuple[int, ...]) -> Any:
-    by_shape = vars(_workspaces).setdefault("by_shape", {})
-    by_shape[shape] = ColPivHhJacobiSVD(*shape, int(DecompositionOptions.ComputeFullU))
-    return by_shape[shape]
+class _Workspaces(threading.local):
+    def __init__(self) -> None:
+        self.by_shape: dict[tuple[tuple[int, ...], bool], _Workspace] = {}
+
+
+_workspaces = _Workspaces()
+
+
+def _workspace(shape: tuple[int, ...], left_only: bool) -> _Workspace:
+    key = (shape, left_only)
+    workspace = _workspaces.by_shape.get(key)
+    if workspace is None:
+        workspace = _workspaces.by_shape[key] = _Workspace(shape, left_only)
+    return workspace

@@ -92,8 +92,9 @@ class Remap(Displayed):
         Returns
         -------
         :
-            ``orthogonality``: ΔF · F_after; ``uncommandable``: KᵀΔF, no healthy joint feels the
-            jump; ``statics``: U - KᵀF_after, the torques balance the force; ``self_motion``: J τ_N.
+            ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF · F_after; ``uncommandable``:
+            KᵀΔF, no healthy joint feels the jump; ``statics``: U - KᵀF_after, the torques balance
+            the force; ``self_motion``: J τ_N.
         """
         scale = self.reduced.sigma_max
         size = math.sqrt(float(self.tau.dot(self.tau)))
@@ -219,6 +220,7 @@ def force_residuals(reduced: ReducedJacobian, U: Vector, change: Jump | Remap) -
     size = math.sqrt(float(F.dot(F)))
     torque = reduced.sigma_max * size
     return {
+        "balance": _ratio(F - F_after - jump, size),
         "orthogonality": _ratio(jump.dot(F_after), size * size),
         "uncommandable": _ratio(jump.dot(reduced.K), torque),
         "statics": _ratio(U - F_after.dot(reduced.K), torque),

@@ -63,6 +63,8 @@ class Coordinates:
 
     def fold(self, J: Matrix) -> Matrix:
         """Return the chain's columns of a Jacobian of the model, shape (..., n)."""
+        if len(self.G) == 1:
+            J = J.reshape(-1, 1)  # Pinocchio returns a single column as a vector
         if self.is_identity:
             return J
         folded: Matrix = J.dot(self.G)

@@ -97,7 +97,7 @@ class DHRow:
 
 @dataclass(frozen=True)
 class MassModel:
-    """The solid that every link is taken for; its formulas stand in :mod:`ftforce.generate`.
+    """The solid that every link is taken for; its formulas stand in :mod:`ftforce.solids`.
 
     Attributes
     ----------

@@ -16,8 +16,8 @@ from ftforce.robot import Robot
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ftforce.analysis import ForceChange, TorqueChange, VelocityChange
     from ftforce.arrays import Vector
+    from ftforce.changes import ForceChange, TorqueChange, VelocityChange
     from ftforce.fault_census import SetReport
     from ftforce.posture import Posture
     from ftforce.task import Task

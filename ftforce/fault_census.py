@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from ftforce import metrics
-from ftforce.analysis import split_norms, tip_load
+from ftforce.analysis import tip_load
 from ftforce.arrays import Svd, Vector, read_only
+from ftforce.changes import split_norms
 from ftforce.closed_forms import force_jump
 from ftforce.display import Displayed
 from ftforce.errors import InputError

@@ -143,3 +143,19 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
         relative_jump = math.sqrt(lost)
         answers |= {relative_jump <= start, relative_jump <= end}
     return answers
+
+
+def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:
+    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, each joint's share in the tip's force (Table 2), shape (n,)."""
+    units = np.eye(reduced.n)
+    columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
+    return _over(np.linalg.norm(columns, axis=1) * np.abs(tau), float(np.linalg.norm(F)))
+
+
+def velocity_contributions(J: Matrix, v: Vector) -> Vector:
+    """Return ‖J_k v_k‖/‖J v‖, each joint's share in the tip's velocity (Table 2), shape (n,)."""
+    return _over(np.linalg.norm(J * v, axis=0), float(np.linalg.norm(J @ v)))
+
+
+def _over(values: Vector, scale: float) -> Vector:
+    return read_only(values / scale if scale > 0.0 else np.zeros_like(values))

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ftforce.arrays import Vector, as_vector, read_only
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.kinematics import frame_jacobian
 from ftforce.reduced import RTOL, WARY
 from ftforce.robot import BUILT_IN_POSTURES
@@ -75,10 +75,12 @@ def choose_posture(
     InputError
         Both ``q`` and ``name``, a ``q`` of the wrong length or not finite, or an unknown name.
     """
-    if isinstance(q, Posture):
-        return q
     if q is not None and name is not None:
         raise InputError(f"give either q or a posture, not both (q and {name!r})")
+    if isinstance(q, Posture):
+        if len(q.q) != robot.n:
+            raise DimensionError("posture", (robot.n,), q.q.shape, "it is another arm's")
+        return q
     if q is not None:
         values = as_vector(q, robot.n, "q", f"one per joint, {robot.numbered()}")
         return _checked(robot, _in_radians(robot, values) if degrees else values, "given")

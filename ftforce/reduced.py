@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Mask, Matrix, Svd, check_finite
+from ftforce.arrays import Mask, Matrix, Svd, check_finite, read_only
 from ftforce.errors import DimensionError, InputError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def reduce_decomposed(healthy: Svd, locked: Mask, rtol: float) -> ReducedJacobia
     if True in locked.tolist():
         K = healthy.A.copy()
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
-        damaged = Svd.left(K)
+        damaged = Svd(read_only(K), left_only=True)
     lost = rtol * healthy.s[0]  # both ranks are judged by the healthy arm
     return ReducedJacobian(healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol)
 
@@ -108,13 +108,13 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
         J holds NaN or infinity, or the mask is not boolean.
     """
     try:
-        J = np.asarray(J, dtype=np.float64)
+        J = np.array(J, dtype=np.float64)  # a copy: results keep it
     except (TypeError, ValueError):
         raise InputError(f"J needs a matrix of numbers, got {J!r}") from None
     if J.ndim != 2 or not J.size:
         raise InputError(f"J needs the shape (m, n), got {J.shape}")
     check_finite(J, "J")
-    mask = np.asarray(locked)
+    mask = np.array(locked)
     if mask.dtype != np.bool_:
         raise InputError(
             f"locked needs a boolean mask of shape ({J.shape[1]},), one entry per column of J, "
@@ -122,7 +122,7 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
         )
     if mask.shape != (J.shape[1],):
         raise DimensionError("locked", (J.shape[1],), mask.shape, "one entry per column of J")
-    return J, mask
+    return read_only(J), read_only(mask)
 
 
 def check_tolerances(rtol: float, wary: float = WARY) -> None:

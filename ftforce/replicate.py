@@ -177,7 +177,8 @@ def _table_2(healthy: Analysis) -> Iterator[Check]:
         return
     sigma_min = healthy.reduced.healthy.s[-1]
     size = float(np.linalg.norm(force.before))
-    as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
+    with np.errstate(divide="ignore"):  # another arm may be singular: then nothing is explained
+        as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
     columns: tuple[tuple[str, Sequence[str], Vector | None], ...] = (
         ("torque", PRINTED_TORQUE, torque.before),
         ("share of force", PRINTED_FORCE_SHARE, healthy.force_contributions),

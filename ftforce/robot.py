@@ -99,7 +99,7 @@ class Robot(Displayed):
     held :
         Joints outside the chain that can move, with the value they are fixed at (rad, m).
     fixed :
-        Names of the URDF's fixed joints.
+        Names of the joints without a motor: fixed, and floating and planar ones, which are held.
     tips :
         Links that could be a tip, with the number of moving joints above them.
     mass :
@@ -182,12 +182,11 @@ class Robot(Displayed):
             return int(joint) - 1
         if not isinstance(joint, str):
             raise InputError(f"a joint is a number from 1 to {self.n} or a name, got {joint!r}")
-        return self._index_of_word(joint.strip())
+        return self._index_of_word(joint if joint in self.names else joint.strip())
 
     def _index_of_word(self, word: str) -> int:
         named = self.names.index(word) if word in self.names else None
-        if word.isascii() and word.lstrip("-").isdigit():
-            number = int(word)
+        if (number := _as_number(word)) is not None:
             if named is not None and named + 1 != number:
                 raise InputError(
                     f"{word!r} could be joint number {number} or the joint of that name, which is "
@@ -206,7 +205,7 @@ class Robot(Displayed):
             )
         if word in self.fixed:
             raise InputError(
-                f"joint {word!r} is fixed: it has no motor that could fail; "
+                f"joint {word!r} is held fixed: it has no motor that could fail; "
                 f"the chain has: {self.numbered()}"
             )
         raise UnknownNameError("joint", word, self.names, f"in the chain of {self.name!r}")
@@ -226,10 +225,12 @@ class Robot(Displayed):
             A joint does not exist, is named twice, or the mask has another length.
         """
         if isinstance(joints, str):
-            joints = [word for word in joints.split(",") if word.strip()]
-        elif isinstance(joints, (int, np.integer)):
-            joints = [joints]
-        given = list(joints)
+            words = [joints] if joints in self.names else joints.split(",")
+            given: list[int | str] = [word for word in words if word.strip()]
+        elif np.iterable(joints):
+            given = list(joints)
+        else:
+            given = [joints]
         if given and all(isinstance(joint, (bool, np.bool_)) for joint in given):
             if len(given) != self.n:
                 raise InputError(f"a mask needs {self.n} values, one per joint, got {len(given)}")
@@ -257,3 +258,10 @@ class Robot(Displayed):
         """Restore and start with an empty workspace."""
         views = {k: MappingProxyType(v) if isinstance(v, dict) else v for k, v in state.items()}
         self.__dict__.update(views, _per_thread=threading.local())
+
+
+def _as_number(word: str) -> int | None:
+    """Return a joint number that was given as text, ``None`` if it is a name."""
+    digits = word[1:] if word.startswith(("-", "+")) else word
+    is_number = digits.isascii() and digits.isdigit() and len(digits) < 10
+    return int(word) if is_number else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from ftforce.errors import FileError
+
+LARGEST_FILE = 100_000_000  # bytes; a URDF with every mesh's name in it has some 100 kB
+LARGEST_NUMBER = 1e9  # of a length, angle, mass …; what is computed from them stays finite
 
 
 def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> str:
@@ -32,34 +36,51 @@ def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> s
     Raises
     ------
     FileError
-        Of the type ``error``: the file is missing, unreadable, empty or not UTF-8 text.
+        Of the type ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
     """
     file = Path(path)
     try:
-        if not file.exists():
+        if not str(path) or not file.exists():
             raise error(path, f"no such file; {kind} was expected")
         if file.is_dir():
             raise error(path, f"is a folder; {kind} was expected")
         if not (file.is_file() or file.is_fifo()):  # a device might never end
             raise error(path, f"is not a regular file; {kind} was expected")
-        data = file.read_bytes()
+        data = _read_bytes(file)
     except (OSError, ValueError) as problem:  # ValueError: a NUL character in the path
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(path, f"cannot be read ({reason})") from None
+    if flaw := _flaw(data):
+        raise error(path, f"{flaw}; {kind} was expected")
+    return data.decode("utf-8-sig")
+
+
+def _read_bytes(file: Path) -> bytes:
+    """Read at most one byte more than is allowed."""
+    # Opening a pipe waits for its writer, for ever if there is none; without waiting it is empty.
+    descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    os.set_blocking(descriptor, True)
+    with os.fdopen(descriptor, "rb") as stream:
+        return stream.read(LARGEST_FILE + 1)
+
+
+def _flaw(data: bytes) -> str:
+    """Return why the bytes are not the text of a file that can be used; empty if they are."""
+    if len(data) > LARGEST_FILE:
+        return f"is larger than {LARGEST_FILE // 1_000_000} MB"
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
-        reason = f"is not UTF-8 text (byte {problem.start}); {kind} was expected"
-        raise error(path, reason) from None
+        return f"is not UTF-8 text (byte {problem.start})"
     if "\0" in text:
-        raise error(path, f"is a binary file; {kind} was expected")
-    if not text.strip():
-        raise error(path, f"is empty; {kind} was expected")
-    return text
+        return "is a binary file"
+    return "" if text.strip() else "is empty"
 
 
 def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> ElementTree.Element:
     """Parse XML, refusing document type definitions and with them all entity tricks.
+
+    A namespace that the root element is in (``xmlns="…"``) is taken off all elements in it.
 
     Raises
     ------
@@ -68,9 +89,15 @@ def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> E
     """
     try:
         _refuse_dtd(text, path, error)
-        return ElementTree.fromstring(text)
+        root = ElementTree.fromstring(text)
     except (expat.ExpatError, ElementTree.ParseError) as problem:
         raise error(path, f"is not well-formed XML ({problem})") from None
+    if root.tag.startswith("{"):
+        namespace = root.tag[: root.tag.index("}") + 1]
+        for element in root.iter():
+            if isinstance(element.tag, str):  # comments have a function for a tag
+                element.tag = element.tag.removeprefix(namespace)
+    return root
 
 
 class _RootReachedError(Exception):
@@ -91,6 +118,45 @@ def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) ->
         parser.Parse(text, True)
 
 
+def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tuple[float, ...]:
+    """Read numbers separated by blanks, as they stand in a URDF.
+
+    Parameters
+    ----------
+    text :
+        The text.
+    count :
+        How many numbers are needed.
+    largest :
+        The largest absolute value that is taken.
+
+    Raises
+    ------
+    ValueError
+        The message begins with the text and says what is wrong with it.
+    """
+    try:
+        # float() reads 1_000 and the digits of every script; the URDF's other readers do not.
+        numbers = tuple(map(float, text.split())) if text.isascii() and "_" not in text else None
+    except ValueError:
+        numbers = None
+    if numbers is None:
+        raise ValueError(f"{shortened(text)} is not a number")
+    if len(numbers) != count:
+        wanted = "1 number" if count == 1 else f"{count} numbers"
+        raise ValueError(f"{shortened(text)}: {wanted} needed, got {len(numbers)}")
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{shortened(text)} is not finite")
+    if max(map(abs, numbers)) > largest:
+        raise ValueError(f"{shortened(text)} is too large; numbers up to {largest:g} are read")
+    return numbers
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return a quoted text for a message, cut if it is long."""
+    return repr(text) if len(text) <= most else f"{text[:most]!r}…"
+
+
 def write_whole(path: str | PathLike[str], text: str) -> Path:
     """Write a UTF-8 file, whole or not at all: into a file beside it, which then takes its place.
 
@@ -99,35 +165,36 @@ def write_whole(path: str | PathLike[str], text: str) -> Path:
     OutputError
         The file cannot be written; nothing is left behind and an existing file is as it was.
     """
-    import tempfile
+    if not str(path) or "\0" in str(path):
+        raise OutputError(path, "cannot be written: this is no file name")
+    try:
+        file = Path(os.path.realpath(path))  # a link stays a link: its target is written
+        if file.is_dir():
+            raise OutputError(path, "cannot be written: it is a folder")
+        if file.exists() and not os.access(file, os.W_OK):  # replacing it would ignore that
+            raise OutputError(path, "cannot be written: it is read-only")
+        data = text.encode()
+        if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
+            file.write_bytes(data)
+        else:
+            _replace(file, data)
+    except (OSError, UnicodeEncodeError) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise OutputError(path, f"cannot be written ({reason})") from None
+    return Path(path)
 
-    file = Path(path)
-    if file.is_dir():
-        raise OutputError(path, "cannot be written: it is a folder")
-    if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
-        return _write_through(file, text)
+
+def _replace(file: Path, data: bytes) -> None:
+    import tempfile  # only who writes pays for it
+
+    handle, scratch = tempfile.mkstemp(dir=file.parent, prefix=".ftforce-")
     try:
-        handle, scratch = tempfile.mkstemp(dir=file.parent, prefix=".ftforce-")
-    except OSError as problem:
-        raise OutputError(path, f"cannot be written ({problem.strerror})") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
-            stream.write(text)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
         Path(scratch).chmod(file.stat().st_mode if file.exists() else 0o666 & ~_umask())
         Path(scratch).replace(file)
-    except OSError as problem:
-        raise OutputError(path, f"cannot be written ({problem.strerror})") from None
     finally:
         Path(scratch).unlink(missing_ok=True)
-    return file
-
-
-def _write_through(file: Path, text: str) -> Path:
-    try:
-        file.write_text(text, encoding="utf-8")
-    except OSError as problem:
-        raise OutputError(file, f"cannot be written ({problem.strerror})") from None
-    return file
 
 
 def _umask() -> int:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from ftforce.errors import SRDFError
-from ftforce.source import parse_xml, read_text
+from ftforce.source import parse_xml, read_numbers, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +29,7 @@ class Srdf:
         Pairs of base link and tip link.
     states :
         Joint values (rad, m) of every named posture, by joint name. States of one name that belong
-        to several groups are one posture.
+        to several groups are one posture; where they differ, the last one counts.
     """
 
     path: str = ""
@@ -59,22 +58,22 @@ def read_srdf(path: str | PathLike[str]) -> Srdf:
         str(path),
         tuple(dict.fromkeys(filter(None, ends))),
         tuple(dict.fromkeys(chain for chain in chains if all(chain))),
-        MappingProxyType({name: MappingProxyType(q) for name, q in states.items() if name}),
+        MappingProxyType({name: MappingProxyType(q) for name, q in states.items() if name.strip()}),
     )
 
 
 def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:
+    if not state.get("name", "").isprintable():
+        reason = f"the state name {state.get('name')!r} holds characters that cannot be printed"
+        raise SRDFError(path, reason)
     values = {}
     for joint in state.iter("joint"):
-        words = joint.get("value", "").split()
-        if len(words) != 1:  # a floating or planar joint has several numbers; it is held fixed
+        name, value = joint.get("name", ""), joint.get("value", "")
+        if len(value.split()) > 1:  # a floating or planar joint; it is held fixed
             continue
-        name = joint.get("name", "")
-        where = f"state {state.get('name')!r}, joint {name!r}"
         try:
-            values[name] = float(words[0])
-        except ValueError:
-            raise SRDFError(path, f"{where}: {words[0]!r} is not a number") from None
-        if not math.isfinite(values[name]):
-            raise SRDFError(path, f"{where}: {words[0]} is not finite")
+            values[name] = read_numbers(value, 1)[0]
+        except ValueError as problem:
+            where = f"state {state.get('name')!r}, joint {name!r}"
+            raise SRDFError(path, f"{where}: value {problem}") from None
     return values

@@ -8,6 +8,8 @@ from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.urdf import MOVING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ftforce.srdf import Srdf
     from ftforce.urdf import UrdfJoint, UrdfTree
 
@@ -33,14 +35,15 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
     if tip is not None:
         return tip, GIVEN
     start = tree.root if base is None else base
-    chain_tips = dict.fromkeys(end for _, end in srdf.chains)
+    chain_tips = dict.fromkeys(tip for base, tip in srdf.chains if _count_joints(tree, base, tip))
     for links, what in ((srdf.end_effectors, "SRDF end effector"), (chain_tips, "SRDF chain tip")):
         usable = [link for link in links if _count_joints(tree, start, link) > 0]
         if len(usable) == 1:
             return usable[0], what
         if len(usable) > 1:
             raise InputError(
-                f"{srdf.path} names several {what}s; choose one as the tip: {listed(usable)}"
+                f"{srdf.path} names several {what}s; choose one as the tip (--tip): "
+                f"{listed(usable)}"
             )
     return _before_branching(tree, start)
 
@@ -53,16 +56,21 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
     InputError
         The given base does not lie between the root and the tip.
     """
-    above = [tree.root, *(joint.child for joint in tree.path_to(tip))]
+    above = links_above(tree, tip)
     if base is not None:
         if base not in above:
             raise InputError(
                 f"base link {base!r} does not lie between the root and the tip {tip!r}; "
-                f"there is: {listed(above[:-1])}"
+                f"there is: {listed(above)}"
             )
         return base, GIVEN
-    bases = [start for start, end in srdf.chains if end == tip and start in above[:-1]]
+    bases = [start for start, end in srdf.chains if end == tip and start in above]
     return (bases[0], "SRDF chain") if len(bases) == 1 else (tree.root, "root link")
+
+
+def links_above(tree: UrdfTree, tip: str) -> list[str]:
+    """Return the links that could be the base of a tip, the root first."""
+    return [joint.parent for joint in tree.path_to(tip)]
 
 
 def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
@@ -91,10 +99,7 @@ def tip_candidates(tree: UrdfTree) -> dict[str, int]:
 def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
     if tip not in tree.links:
         return 0  # several SRDFs name links that their URDF lacks
-    path = tree.path_to(tip)
-    if base != tree.root and base not in [joint.child for joint in path]:
-        return 0
-    return len(moving_path(tree, base, tip))
+    return len(moving_path(tree, base, tip)) if base in links_above(tree, tip) else 0
 
 
 def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
@@ -108,14 +113,20 @@ def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
     if not moved:
         if not children:
             raise InputError(f"{tree.path}: no joint moves below the link {start!r}")
-        candidates = [f"{name} ({count} joints)" for name, count in tip_candidates(tree).items()]
         raise InputError(
             f"{tree.path}: the tree branches into several moving parts at the link {link!r}; "
-            f"choose a tip: {listed(candidates)}"
+            f"choose a tip (--tip): {_counted(tip_candidates(tree))}"
         )
     tip = _follow_fixed(tree, link) if not children else link
     branches = "last link" if not children else "last link before several moving parts"
     return tip, branches
+
+
+def _counted(tips: Mapping[str, int]) -> str:
+    return listed(
+        f"{name} (1 joint)" if count == 1 else f"{name} ({count} joints)"
+        for name, count in tips.items()
+    )
 
 
 def _moving_children(tree: UrdfTree, link: str) -> list[UrdfJoint]:

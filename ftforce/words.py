@@ -11,8 +11,9 @@ from ftforce.metrics import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ftforce.analysis import Analysis, ForceChange
+    from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
+    from ftforce.changes import ForceChange
     from ftforce.fault_census import Census
     from ftforce.task import Task
 

@@ -25,8 +25,9 @@ from ftforce.words import number, ratio
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from ftforce.analysis import Analysis, ForceChange, TorqueChange
+    from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
+    from ftforce.changes import ForceChange, TorqueChange
     from ftforce.robot import Robot
     from ftforce.task import Task
 

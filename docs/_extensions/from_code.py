@@ -1,0 +1,136 @@
+"""What the reference takes from the code itself, so that the two cannot drift apart.
+
+``{command-options} analyze``
+    The arguments and options of a command as a table.
+``{commands}``
+    The commands with their first sentences.
+JSON keys
+    Every key of every kind of document must stand in ``reference/json.md``, and every key that
+    stands there must occur; else the build warns.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import typer
+from sphinx.util import logging
+from sphinx.util.docutils import SphinxDirective
+
+import ftforce
+from ftforce.cli import app as program
+from ftforce.replicate import replicate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from docutils import nodes
+    from sphinx.application import Sphinx
+
+logger = logging.getLogger(__name__)
+COMMANDS = {c.callback.__name__: c.callback for c in program.registered_commands}
+_WORDS = {str: "TEXT", int: "NUMBER", float: "NUMBER", Path: "FILE"}
+_JSON_PAGE = "reference/json"
+# Dictionaries by the names of joints, links or postures, and what has the keys of something else.
+_CLOSED = {
+    "torque.before", "torque.after", "torque.brake_load", "torque.self_motion",
+    "velocity.before", "velocity.after", "limits", "followers", "postures", "tip_candidates",
+    "held", "joints[].alone", "unit_forces[].force", "unit_forces[].torque",
+}  # fmt: skip
+
+
+class Commands(SphinxDirective):
+    """A table of all commands."""
+
+    def run(self) -> list[nodes.Node]:
+        lines = ["| command | what it does |", "|---|---|"]
+        for name, command in COMMANDS.items():
+            first = inspect.getdoc(command).split("\n\n")[0].replace("\n", " ")
+            first = re.sub(r"(--[a-z]+)", r"`\1`", first)
+            lines.append(f"| [`ftforce {name}`](#ftforce-{name}) | {first} |")
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+class CommandOptions(SphinxDirective):
+    """A table of one command's arguments and options."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines = ["| option | default | meaning |", "|---|---|---|"]
+        for parameter in inspect.signature(COMMANDS[self.arguments[0]]).parameters.values():
+            kind, info = get_args(parameter.annotation)
+            help_text = re.sub(r"(?<!`)(--[a-z]+)", r"`\1`", info.help)
+            cells = (_names(parameter.name, kind, info), _default(parameter, info), help_text)
+            lines.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+def _names(name: str, kind: Any, info: Any) -> str:
+    if isinstance(info, typer.models.ArgumentInfo):
+        return f"`{info.metavar or name.upper()}`"
+    declared = [word for word in (info.default, *(info.param_decls or ())) if isinstance(word, str)]
+    names = " ".join(f"`{word}`" for word in declared or (f"--{name}",))
+    kind = next((part for part in get_args(kind) if part is not type(None)), kind)
+    value = info.metavar or _WORDS.get(kind, "")
+    if not value and isinstance(kind, type) and issubclass(kind, Enum):
+        value = "|".join(member.value for member in kind)
+    return f"{names} `{value}`" if value else names
+
+
+def _default(parameter: inspect.Parameter, info: Any) -> str:
+    if parameter.default is parameter.empty:
+        return "required"
+    if isinstance(info.show_default, str):
+        return info.show_default
+    return "" if parameter.default in (None, False) else f"`{parameter.default}`"
+
+
+def check_json_page(app: Sphinx) -> None:
+    """Warn about keys that are missing in ``reference/json.md`` or stand there for nothing."""
+    text = Path(app.srcdir, "reference", "json.md").read_text("utf-8")
+    sections = {part.partition("\n")[0]: _keys(part) for part in text.split("\n## ")}
+    for kind, document in _documents():
+        shared = sections["Analysis and census"] if kind in {"Analysis", "Census"} else set()
+        found, written = set(_paths(document)), sections[kind] | shared
+        for path in sorted(found - written):
+            logger.warning("%s: the key %s is not documented", kind, path, location=_JSON_PAGE)
+        for path in sorted(written - found):
+            logger.warning("%s: no document holds the key %s", kind, path, location=_JSON_PAGE)
+
+
+def _keys(section: str) -> set[str]:
+    first_cells = re.findall(r"^\| (`[^|]+`) \|", section, re.MULTILINE)
+    return {key for cell in first_cells for key in re.findall(r"`(.+?)`", cell)}
+
+
+def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
+    arm = ftforce.load_robot("dh5")
+    given = {"force": [80, 50, 10], "velocity": [0.1] * 5}
+    with_force = ftforce.to_dict(ftforce.analyze(arm, locked=[3], **given))
+    yield "Analysis", ftforce.to_dict(ftforce.analyze(arm, locked=[3])) | with_force
+    yield "Census", ftforce.to_dict(ftforce.census(arm, force=[80, 50, 10]))
+    yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
+    yield "Replication", ftforce.to_dict(replicate())
+
+
+def _paths(value: Any, path: str = "") -> Iterator[str]:
+    """Yield the path of every key; ``[]`` is an element of a list."""
+    if isinstance(value, list):
+        value, path = next(iter(value), None), f"{path}[]"
+    if isinstance(value, dict) and path not in _CLOSED:
+        for key, inner in value.items():
+            here = f"{path}.{key}".removeprefix(".")
+            yield here
+            yield from _paths(inner, here)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.add_directive("commands", Commands)
+    app.add_directive("command-options", CommandOptions)
+    app.connect("builder-inited", check_json_page)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

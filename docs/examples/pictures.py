@@ -1,0 +1,193 @@
+"""Make every output that the README and the documentation show, or check that they are current.
+
+``python docs/examples/pictures.py`` writes ``docs/pictures``. With ``--check`` nothing is written:
+the exit status is 1 if a committed file differs from what the code prints now (numbers may differ
+by rounding), or if an example in a page, a line after ``>>>``, no longer gives what stands there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import doctest
+import io
+import math
+import os
+import re
+import runpy
+import shlex
+import shutil
+import sys
+import tempfile
+from itertools import zip_longest
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from ftforce.cli import app
+from ftforce.registry import known_robots
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+PICTURES = HERE.parent / "pictures"
+PAGES = ("README.md", "docs/**/*.md", "robots/*.md")
+ROUNDING = 1e-9
+
+# Pictures of a terminal: name, command.
+WINDOWS = {
+    "locked-2-4": "analyze robots/dh5.urdf --locked 2,4",
+    "paper": "analyze dh5 --locked 2,4,5 --force 80,50,10",
+    "panda": "analyze panda --locked 4 --force 0,0,50",
+    "census": "census panda --faults 2 --top 6",
+    "census-rail": "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world",
+}
+
+# Terminal sessions as text: name, commands.
+SESSIONS = {
+    "tutorial-dh": ["dh rail_arm.toml"],
+    "tutorial-inspect": ["inspect rail_arm.urdf"],
+    "tutorial-analyze": ["analyze rail_arm.urdf --locked shoulder"],
+    "tutorial-force": ["analyze rail_arm.urdf --locked rail --force 0,0,60 --axes world"],
+    "tutorial-two": ["analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world"],
+    "tutorial-posture": [
+        "analyze rail_arm.urdf --q 0.4,0,0,1,0 --deg --locked wrist --force 60,0,0 --axes world"
+    ],
+    "tutorial-census": ["census rail_arm.urdf --faults 2 --force 0,0,60 --axes world"],
+    "tutorial-files": [
+        "analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json",
+        "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world -o sets.csv",
+    ],
+    "chain-branches": ["inspect pr2.urdf"],
+    "chain-chosen": ["inspect pr2.urdf --tip l_gripper_tool_frame --base torso_lift_link"],
+    "chain-joint": ["analyze dh5 --locked elbow", "analyze panda --locked panda_finger_joint1"],
+    "posture-degrees": ["analyze dh5 --q 10,70,25,65,0 --locked 3 --force 80,50,10"],
+    "verdict-pan": ["analyze panda --locked 2,4 --force 0,0,50"],
+    "verdict-strict": ["analyze panda --locked 2,4 --force 0,50,0"],
+    "moments": [
+        "analyze pr2_left --locked 4 --task wrench --length 0.2 --force 0,0,30,0,5,0",
+    ],
+    "moments-short": ["analyze dh5 --locked 3 --task wrench --length 0.2"],
+    "torque": ["analyze dh5 --locked 3 --torque -35,-12,27,10,4"],
+    "velocity": ["analyze dh5 --locked 3 --force 80,50,10 --velocity 0.05,0.4,0.2,0.1,0.3"],
+    "robots": ["robots"],
+    "replicate": ["replicate"],
+}
+
+# Documents as a file holds them: file name, command.
+DOCUMENTS = {
+    "paper.json": "analyze dh5 --locked 2,4,5 --force 80,50,10",
+    "paper.csv": "analyze dh5 --locked 2,4,5 --force 80,50,10",
+    "census.csv": "census dh5 --force 80,50,10",
+}
+
+# What these scripts print.
+SCRIPTS = ("paper_case", "your_own_jacobian")
+
+
+def run(command: str, status: tuple[int, ...] = (0,)) -> str:
+    """Run ``ftforce COMMAND`` and return what it prints."""
+    result = CliRunner(env={"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}).invoke(
+        app, shlex.split(command), prog_name="ftforce"
+    )
+    if result.exit_code not in status:
+        raise SystemExit(f"ftforce {command}: exit status {result.exit_code}\n{result.output}")
+    return "\n".join(line.rstrip() for line in result.output.splitlines()) + "\n"
+
+
+def session(commands: list[str]) -> str:
+    """Return commands with their outputs, as a terminal shows them."""
+    return "\n".join(f"$ ftforce {command}\n{run(command, (0, 1))}" for command in commands)
+
+
+def printed_by(script: Path) -> str:
+    """Run a script and return what it prints."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        runpy.run_path(str(script), run_name="__main__")
+    return out.getvalue()
+
+
+def make(folder: Path) -> None:
+    """Write all files into ``folder``; the commands run in a scratch folder of their own."""
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        shutil.copytree(ROOT / "robots", "robots")
+        shutil.copy(HERE / "rail_arm.toml", "rail_arm.toml")
+        shutil.copy(known_robots()["pr2_left"].urdf, "pr2.urdf")
+        for name, commands in SESSIONS.items():
+            (folder / f"{name}.txt").write_text(session(commands), "utf-8")
+        for name, command in WINDOWS.items():
+            run(f"{command} -o {name}.svg")
+            shutil.copy(f"{name}.svg", folder)
+        for name, command in DOCUMENTS.items():
+            run(f"{command} -o {name}")
+            shutil.copy(name, folder)
+        for name in SCRIPTS:
+            (folder / f"{name}.txt").write_text(printed_by(HERE / f"{name}.py"), "utf-8")
+
+
+def is_same(old: str, new: str) -> bool:
+    """Compare texts word for word and their numbers up to rounding."""
+    number = r"(-?\d+\.?\d*(?:e[-+]?\d+)?)"
+    for one, other in zip_longest(re.split(number, old), re.split(number, new), fillvalue=""):
+        if one != other and not (re.fullmatch(number, one) and re.fullmatch(number, other)):
+            return False
+        if one != other and not math.isclose(float(one), float(other), abs_tol=ROUNDING):
+            return False
+    return True
+
+
+def differences(committed: Path) -> list[str]:
+    """Return what is wrong with the committed files."""
+    found = []
+    with tempfile.TemporaryDirectory() as scratch:
+        current = Path(scratch)
+        make(current)
+        for name in sorted({file.name for file in (*committed.iterdir(), *current.iterdir())}):
+            if not (current / name).exists():
+                found.append(f"{name}: nothing makes this file")
+            elif not (committed / name).exists():
+                found.append(f"{name}: missing")
+            elif not is_same(*((f / name).read_text("utf-8") for f in (committed, current))):
+                found.append(f"{name}: differs from what is printed now")
+    return found
+
+
+def failed_examples() -> list[str]:
+    """Run the examples (``>>>``) of every page, each in a scratch folder; return what fails."""
+    found = []
+    parser = doctest.DocTestParser()
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    for page in sorted(page for pattern in PAGES for page in ROOT.glob(pattern)):
+        # A fence would be taken for expected output. Empty lines keep the numbers of the lines.
+        text = re.sub(r"^ *```.*$", "", page.read_text("utf-8"), flags=re.MULTILINE)
+        test = parser.get_doctest(text, {}, str(page.relative_to(ROOT)), str(page), 0)
+        report = io.StringIO()
+        with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+            shutil.copy(HERE / "rail_arm.toml", "rail_arm.toml")
+            run("dh rail_arm.toml")
+            run("analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json")
+            if doctest.DocTestRunner(optionflags=flags).run(test, out=report.write).failed:
+                found.append(report.getvalue())
+    return found
+
+
+def main() -> None:
+    """Write the files, or check them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--check", nargs="?", const=PICTURES, type=Path, metavar="DIR",
+        help="write nothing; exit 1 if a file in DIR (docs/pictures) differs",
+    )  # fmt: skip
+    check = parser.parse_args().check
+    os.environ.pop("FORCE_COLOR", None)
+    if check is None:
+        PICTURES.mkdir(exist_ok=True)
+        make(PICTURES)
+        return
+    found = [*differences(check), *failed_examples()]
+    print("\n".join(found) or "every picture and every example is current")
+    sys.exit(1 if found else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,617 @@
+"""analyze(): from a robot and a few numbers to a verdict, and what is wrong with other numbers."""
+
+import copy
+import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce import Task, Verdict, analyze
+from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.kinematics import frame_jacobian
+from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf
+
+FORCE = [80.0, 50.0, 10.0]
+DUPLICATES = [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
+DUPLICATE_IDS = ["copy", "deepcopy", "pickle"]
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ftforce.load_robot("panda")
+
+
+def stretched(little):
+    """Return a 4-joint arm and a posture whose radial direction is all but lost."""
+    y = {"axis": (0, 1, 0)}
+    arm = load_text(
+        serial_urdf(
+            ("revolute", {"xyz": (0, 0, 0.2)}),
+            ("revolute", y),
+            ("revolute", {"xyz": (0.4, 0, 0), **y}),
+            ("revolute", {"xyz": (0.3, 0, 0), **y}),
+        ).replace("0.11 0.05 0.03", "0.1 0.0 0.0")
+    )
+    return arm, [0.3, 0.2, little, 0.0]
+
+
+# ---- what is given ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "locked",
+    [
+        [2, 4],
+        (4, 2),
+        {2, 4},
+        "2,4",
+        " 4 , 2 ",
+        ["joint2", "joint4"],
+        "joint2,4",
+        [2, "joint4"],
+        ["2", "4"],
+        np.array([2, 4]),
+        [False, True, False, True, False],
+        np.array([False, True, False, True, False]),
+        iter([2, 4]),
+    ],
+    ids=repr,
+)
+def test_joints_by_number_name_or_mask(dh5, locked):
+    result = analyze(dh5, locked=locked)
+    assert str(result.faults) == "{2, 4}"
+    assert result.locked == ("joint2", "joint4")
+    np.testing.assert_array_equal(result.reduced.locked, [False, True, False, True, False])
+
+
+@pytest.mark.parametrize("locked", [3, "3", "joint3", np.int64(3), [3]], ids=repr)
+def test_a_single_joint(dh5, locked):
+    assert analyze(dh5, locked=locked).faults.joints == (2,)
+
+
+@pytest.mark.parametrize("locked", [(), [], "", [False] * 5, set()], ids=repr)
+def test_no_joint(dh5, locked):
+    result = analyze(dh5, locked=locked, force=FORCE)
+    assert result.locked == ()
+    assert_close(result.force.after, FORCE)
+    assert result.verdict is Verdict.TOLERATED
+
+
+ALL_JOINTS = "1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        (0, f"joint number 0 is out of range; the chain has: {ALL_JOINTS}"),
+        (6, f"joint number 6 is out of range; the chain has: {ALL_JOINTS}"),
+        (-1, "joint number -1 is out of range"),
+        ("-1", "joint number -1 is out of range"),
+        ([2, 2], r"joint 2 \(joint2\) is named twice"),
+        (["joint2", 2], r"joint 2 \(joint2\) is named twice"),
+        ("joint2,2", r"joint 2 \(joint2\) is named twice"),
+        ("elbow", "no joint 'elbow' in the chain of 'dh5'; there is: joint1, joint2"),
+        ("Joint2", "did you mean 'joint2'"),
+        ("tool_joint", "joint 'tool_joint' is .*fixed.*no motor"),
+        (True, "a mask needs 5 values, one per joint, got 1"),
+        ([True, False], "a mask needs 5 values, one per joint, got 2"),
+        ([True, 2], "a joint is a number from 1 to 5 or a name, got True"),
+        ([2.0], "a joint is a number from 1 to 5 or a name, got 2.0"),
+        ([None], "a joint is a number from 1 to 5 or a name, got None"),
+        ([[2]], r"a joint is a number from 1 to 5 or a name, got \[2\]"),
+        (np.array([2.0]), "a joint is a number from 1 to 5 or a name"),
+        (np.ones((1, 5), dtype=bool), "a joint is a number from 1 to 5 or a name"),
+    ],
+    ids=repr,
+)
+def test_joints_that_do_not_exist(dh5, locked, message):
+    with pytest.raises(InputError, match=message):
+        analyze(dh5, locked=locked)
+
+
+@pytest.mark.parametrize("locked", [2.0, None, np.True_, np.array(2)], ids=repr)
+def test_what_is_no_joint_at_all(dh5, locked):
+    with pytest.raises(InputError, match="a joint is a number from 1 to 5 or a name"):
+        analyze(dh5, locked=locked)
+
+
+@pytest.mark.parametrize("word", ["--2", "1" * 5000], ids=["two signs", "5000 digits"])
+def test_words_that_only_look_like_numbers(dh5, word):
+    with pytest.raises(InputError, match="joint"):
+        analyze(dh5, locked=word)
+
+
+def test_joints_outside_the_chain_say_so(panda):
+    with pytest.raises(InputError, match="'panda_finger_joint1' lies outside the chain from"):
+        analyze(panda, locked="panda_finger_joint1")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force", [1, 2], "force needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
+        ("force", [[1, 2, 3]], "force needs 3 numbers, got an array of shape 1 x 3"),
+        ("force", 5, "force needs 3 numbers, got a single number"),
+        ("torque", [1, 2, 3], f"torque needs 5 numbers, got 3 numbers: one per joint, {ALL_JOINTS}"),
+        ("velocity", [1] * 6, "velocity needs 5 numbers, got 6 numbers: one per joint, 1 joint1"),
+        ("q", [0] * 4, "q needs 5 numbers, got 4 numbers: one per joint, 1 joint1"),
+    ],
+)
+def test_vectors_of_the_wrong_size(dh5, name, value, message):
+    with pytest.raises(DimensionError, match=message) as caught:
+        analyze(dh5, **{name: value})
+    assert caught.value.name == name
+
+
+@pytest.mark.parametrize("name", ["q", "force", "torque", "velocity"])
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.nan, "holds nan at position 2; numbers must be finite"),
+        (np.inf, "holds inf at position 2; numbers must be finite"),
+        (1e300, "holds numbers too large to compute with"),
+        ("fast", "needs numbers, got"),
+        (None, "holds nan|needs numbers"),
+    ],
+)
+def test_vectors_that_are_no_numbers(dh5, name, bad, message):
+    value = [0.0] * (3 if name == "force" else 5)
+    value[1] = bad
+    with pytest.raises(InputError, match=f"{name} ({message})"):
+        analyze(dh5, **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"force": FORCE, "torque": [0] * 5}, "give either a force or torques, not both"),
+        ({"q": [0] * 5, "posture": "zero"}, "give either q or a posture, not both"),
+        ({"posture": "home"}, "no posture 'home'; there is: paper, mid-range, zero, sample"),
+        ({"task": "push"}, "no task component 'push'; there is: force, moment, wrench, fx"),
+        ({"task": "fx,fx"}, "needs each component once"),
+        ({"task": "wrench", "force": FORCE}, "force needs 6 numbers, got 3 numbers: fx, fy, fz, mx"),
+        ({"axes": "base"}, "no axes 'base'; there is: tool, world"),
+        ({"task": "wrench", "length": 0}, "characteristic length must be positive"),
+        ({"rtol": 0}, "rtol must lie between 1e-14 and 1, got 0"),
+        ({"rtol": np.nan}, "rtol must lie between 1e-14 and 1, got nan"),
+        ({"rtol": 0.5}, "wary must lie between rtol = 0.5 and 1, got 0.01"),
+        ({"wary": 1e-9}, "wary must lie between rtol = 1e-06 and 1, got 1e-09"),
+        ({"wary": 1}, "wary must lie between rtol = 1e-06 and 1, got 1"),
+    ],
+    ids=repr,
+)
+def test_other_malformed_values(dh5, options, message):
+    with pytest.raises(InputError, match=message):
+        analyze(dh5, **options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"rtol": "x"}, {"wary": None}, {"posture": 3}, {"task": 3}, {"task": ["fx", 3]}, {"length": "x"}],
+    ids=repr,
+)
+def test_values_of_the_wrong_type(dh5, options):
+    with pytest.raises(InputError):
+        analyze(dh5, **options)
+
+
+def test_complex_numbers_lose_nothing_in_silence(dh5):
+    with pytest.raises(InputError, match="force"):
+        analyze(dh5, force=np.array([1 + 2j, 0, 0]))
+
+
+def test_errors_are_value_errors_and_of_one_family(dh5):
+    for error in (ValueError, ftforce.FtforceError):
+        with pytest.raises(error):
+            analyze(dh5, locked=9)
+    with pytest.raises(UnknownNameError) as caught:
+        analyze(dh5, locked="joint22")
+    assert caught.value.available == dh5.names
+    assert caught.value.suggestion == "joint2"
+
+
+def test_arguments_are_left_alone(dh5):
+    given = {"q": np.zeros(5) + 0.3, "force": np.array(FORCE), "velocity": np.ones(5)}
+    before = copy.deepcopy(given)
+    result = analyze(dh5, locked=2, **given)
+    for name, value in given.items():
+        np.testing.assert_array_equal(value, before[name])
+        assert value.flags.writeable
+        value[:] = 99.0
+    assert_close(result.force.requested, FORCE)
+    assert_close(result.velocity.before, np.ones(5))
+    assert_close(result.posture.q, np.zeros(5) + 0.3)
+
+
+# ---- what comes out --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_shapes_and_laws_for_known_robots(name):
+    arm = ftforce.load_robot(name)
+    wrench = [10, -20, 30, 1, -2, 3]
+    result = analyze(arm, locked=2, force=wrench, velocity=np.ones(arm.n), task="wrench", length=0.5)
+    assert result.J.shape == (6, arm.n)
+    assert {a.shape for _, a in arrays_in(result.force)} == {(6,)}
+    assert {a.shape for _, a in arrays_in(result.torque)} == {(arm.n,)}
+    assert result.velocity.after.shape == (arm.n,)
+    assert result.velocity.tip_after.shape == (6,)
+    assert result.is_proved()
+    assert_close(result.force.before + result.force.unsupported, wrench)
+
+
+def test_a_given_force_and_the_torques_for_it_give_the_same(panda):
+    by_force = analyze(panda, locked=[2, 4], force=FORCE)
+    by_torque = analyze(panda, locked=[2, 4], torque=by_force.torque.before)
+    assert by_torque.force.requested is None
+    assert_close(by_torque.force.unsupported, np.zeros(3))
+    assert_close(by_torque.force.before, FORCE)
+    assert_close(by_torque.torque.after, by_force.torque.after)
+    assert_close(by_torque.torque.self_motion, 0.0, scale=50)
+    assert by_torque.verdict is by_force.verdict
+
+
+def test_torques_of_self_motion_are_told_apart(panda):
+    result = analyze(panda, force=FORCE)
+    null = np.linalg.svd(result.J)[2][3:]
+    moving = 7.0 * null[0] - 3.0 * null[3]
+    other = analyze(panda, locked=2, torque=result.torque.before + moving)
+    assert_close(other.torque.self_motion, moving)
+    assert_close(other.force.before, FORCE)
+    assert_close(other.torque.after[2:], result.torque.before[2:])
+
+
+def test_a_force_that_the_healthy_arm_cannot_exert_is_no_jump():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
+    result = analyze(arm, [0.1, 0.7, 0.9], locked=1, force=[10, 20, 30])
+    assert_close(result.force.unsupported, [0, 0, 30])
+    assert_close(result.force.before, [10, 20, 0])
+    assert_close(result.force.jump, 0.0, scale=30)
+    assert result.verdict is Verdict.TOLERATED
+    assert math.isnan(result.relative_manipulability)
+    assert result.warnings == (
+        "even the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
+    )
+
+
+def test_a_request_that_no_joint_can_serve():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 2))
+    result = analyze(arm, [0.1, 0.7], force=[0, 0, 30])
+    assert_close(result.force.before, 0.0, scale=30)
+    assert_close(result.force.unsupported, [0, 0, 30])
+    assert_close(result.torque.after, 0.0, scale=30)
+    assert result.is_proved()
+
+
+def test_without_a_force_every_unit_force_is_analysed(dh5):
+    result = analyze(dh5, locked=3, task="wrench", length=0.2)
+    assert result.force is None
+    assert result.torque is None
+    assert len(result.unit_forces) == 6
+    for unit, (force, torque) in zip(np.eye(6), result.unit_forces, strict=True):
+        alone = analyze(dh5, locked=3, task="wrench", length=0.2, force=unit)
+        assert_close(force.requested, unit)
+        assert_close(force.after, alone.force.after, scale=1.0)
+        assert_close(torque.after, alone.torque.after, scale=1.0)
+    assert analyze(dh5, locked=3, force=FORCE).unit_forces == ()
+
+
+def test_a_velocity_alone(dh5):
+    v = np.array([0.05, 0.40, 0.20, 0.10, 0.30])
+    result = analyze(dh5, locked=3, velocity=v)
+    change = result.velocity
+    assert_close(change.tip_before, result.J @ v)
+    assert_close(change.tip_after, result.J @ change.after)
+    assert change.after[2] == 0.0
+    # Joint 3 alone moves the tip along x of the tool.
+    assert_close(change.jump, [-0.2 * result.J[0, 2], 0, 0], tol=1e-6)
+    assert change.jump_norm == pytest.approx(abs(0.2 * result.J[0, 2]))
+    assert change.angular_jump_norm is None
+    assert analyze(dh5, locked=3).velocity is None
+
+
+def test_norms_of_forces_and_moments_are_never_added(panda):
+    wrench = [10, -20, 30, 1, -2, 3]
+    locked = [1, 2, 3, 4]
+    result = analyze(panda, locked=locked, force=wrench, task="wrench", velocity=np.ones(7))
+    force, velocity = result.force, result.velocity
+    assert force.jump_norm == pytest.approx(np.linalg.norm(force.jump[:3]))
+    assert force.moment_jump_norm == pytest.approx(np.linalg.norm(force.jump[3:]))
+    assert min(force.jump_norm, force.moment_jump_norm) > 0.1
+    assert velocity.jump_norm == pytest.approx(np.linalg.norm(velocity.jump[:3]))
+    assert velocity.angular_jump_norm == pytest.approx(np.linalg.norm(velocity.jump[3:]))
+    only = analyze(panda, locked=locked, force=wrench[3:], task="moment").force
+    assert only.jump_norm is None
+    assert only.moment_jump_norm == pytest.approx(np.linalg.norm(only.jump))
+    assert analyze(panda, locked=locked, force=FORCE).force.moment_jump_norm is None
+    mixed = analyze(panda, locked=locked, force=[1, 2, 3], task="mz,fx,my").force
+    assert mixed.jump_norm == pytest.approx(abs(mixed.jump[1]))
+    assert mixed.moment_jump_norm == pytest.approx(math.hypot(mixed.jump[0], mixed.jump[2]))
+
+
+def test_the_length_weighs_moments_against_forces(panda):
+    wrench, locked = [10, -20, 30, 1, -2, 3], [1, 2, 3]
+
+    def norms(length):
+        force = analyze(panda, locked=locked, force=wrench, task="wrench", length=length).force
+        return force.jump_norm, force.moment_jump_norm
+
+    # What is minimised is ‖f‖² + ‖μ‖²/L²: a small L makes moments dear.
+    (small_f, small_m), (large_f, large_m) = norms(0.01), norms(100.0)
+    assert small_m < large_m
+    assert large_f < small_f
+    plain, other = (analyze(panda, locked=locked, force=FORCE, length=x) for x in (None, 0.01))
+    np.testing.assert_array_equal(plain.force.jump, other.force.jump)
+
+
+def test_jacobian_is_unweighted_and_in_the_tasks_axes(panda):
+    result = analyze(panda, task="fz,mx", axes="world", length=0.3, locked=1)
+    rows = frame_jacobian(panda, result.posture.q, "world")[[2, 3]]
+    assert_close(result.J, rows)
+    assert_close(result.reduced.J, rows * [[1.0], [0.3]])
+
+
+def test_measures_of_the_result(dh5):
+    result = analyze(dh5, locked=3)
+    s = np.linalg.svd(np.delete(result.J, 2, axis=1), compute_uv=False)
+    assert_close(result.margin, 0.0, scale=1.0)
+    assert_close(result.relative_manipulability, 0.0, scale=1.0)
+    assert_close(result.lost_directions, [[1, 0, 0]])
+    assert_close(result.force_error, 1 / s[1])
+    kept = analyze(dh5, locked=2)
+    s = np.linalg.svd(np.delete(kept.J, 1, axis=1), compute_uv=False)
+    assert_close(kept.margin, s[-1] / np.linalg.norm(kept.J, 2))
+    assert_close(kept.force_error, 1 / s[-1])
+    assert kept.lost_directions.shape == (0, 3)
+
+
+def test_lost_directions_stay_what_they_are(dh5):
+    result = analyze(dh5, locked=3)  # computed only when asked for
+    for k in (1, 2, 4, 5):
+        analyze(dh5, np.full(5, 0.2 * k), locked=k)
+    assert_close(result.lost_directions, [[1, 0, 0]])
+
+
+def test_shares_need_a_force_or_a_velocity(dh5):
+    result = analyze(dh5, locked=2)
+    assert result.force_contributions is None
+    assert result.velocity_contributions is None
+    still = analyze(dh5, force=[0, 0, 0], velocity=[0] * 5)
+    assert_close(still.force_contributions, np.zeros(5))
+    assert_close(still.velocity_contributions, np.zeros(5))
+
+
+def test_shares_of_a_wrench_are_weighted(panda):
+    result = analyze(panda, force=[1, 2, 3, 4, 5, 6], task="wrench", length=0.3, velocity=np.ones(7))
+    W = np.array([1, 1, 1, 0.3, 0.3, 0.3])
+    J = W[:, None] * result.J
+    columns = np.linalg.norm(np.linalg.pinv(J.T), axis=0)
+    size = np.linalg.norm(np.array([1, 2, 3, 4, 5, 6]) / W)
+    assert_close(result.force_contributions, columns * np.abs(result.torque.before) / size)
+    moved = np.linalg.norm(J, axis=0) / np.linalg.norm(J @ np.ones(7))
+    assert_close(result.velocity_contributions, moved)
+
+
+# ---- verdicts and warnings -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("little", "verdict"),
+    [
+        (0.5, Verdict.TOLERATED),
+        (1e-3, Verdict.BORDERLINE),
+        (1e-5, Verdict.BORDERLINE),
+        (1e-7, Verdict.NOT_TOLERATED),
+        (0.0, Verdict.NOT_TOLERATED),
+    ],
+)
+def test_verdict_near_a_stretched_posture(little, verdict):
+    # With joint 4 free the direction is served well; joints 1 to 3 serve it hardly.
+    arm, q = stretched(little)
+    q[3] = 1.2
+    arm_kept, q_kept = stretched(little)
+    result = analyze(arm_kept, q_kept, locked=4)
+    healthy = analyze(arm, q)
+    assert healthy.verdict is Verdict.TOLERATED
+    radial = [1.0, 0.0, 0.0]
+    if little == 0.5:
+        assert result.verdict is verdict
+    if little < 1e-6:  # the healthy arm itself is singular: what it lacks is not lost
+        assert result.force is None
+        assert result.verdict is Verdict.TOLERATED
+        unsupported = analyze(arm_kept, q_kept, locked=4, force=radial).force.unsupported
+        assert np.linalg.norm(unsupported) > 0.9
+    elif little < 0.1:
+        assert result.verdict is verdict
+
+
+def test_tolerances_are_passed_on():
+    arm, q = stretched(1e-4)
+    margin = analyze(arm, q, locked=4).margin
+    assert 1e-6 < margin < 1e-2
+    assert analyze(arm, q, locked=4, wary=margin / 2).verdict is Verdict.TOLERATED
+    assert analyze(arm, q, locked=4).verdict is Verdict.BORDERLINE
+    coarse = analyze(arm, q, locked=4, rtol=2 * margin)
+    assert coarse.reduced.rtol == 2 * margin
+    assert coarse.reduced.rank_after == 2
+    assert coarse.wary == 1e-2
+
+
+def test_warnings_of_the_posture_come_through(dh5):
+    result = analyze(dh5, [10, 70, 25, 65, 0], locked=2)
+    assert any("look like degrees" in warning for warning in result.warnings)
+    assert analyze(dh5, locked=2, force=FORCE).warnings == ()
+
+
+def test_torques_beyond_the_effort_limits_are_warned_about(dh5):
+    result = analyze(dh5, locked=3, force=np.array(FORCE) * 6.0)
+    assert result.warnings == (
+        "joint 1 joint1 would need 140% of its effort limit of 150 N·m",
+        "joint 4 joint4 would need 150% of its effort limit of 40 N·m",
+        "joint 5 joint5 would need 120% of its effort limit of 20 N·m",
+    )
+
+
+def test_an_unknown_effort_limit_is_never_exceeded():
+    arm = load_text(serial_urdf(("revolute", {"effort": 0}), ("prismatic", {"effort": 5})))
+    result = analyze(arm, [0.1, 0.2], force=[900, 900, 900])
+    (warning,) = [w for w in result.warnings if "effort" in w]
+    assert warning.startswith("joint 2 j2 would need")
+    assert warning.endswith("5 N")
+
+
+# ---- results that prove and keep themselves --------------------------------------------------
+
+
+@pytest.fixture
+def result(dh5):
+    return analyze(
+        dh5, locked=[2, 4, 5], force=FORCE, velocity=[1, 2, 3, 4, 5], task="force", axes="tool"
+    )
+
+
+def test_a_good_result_proves_itself(result):
+    laws = result.residuals()
+    assert {"orthogonality", "uncommandable", "statics", "unchanged"} <= set(laws)
+    assert_close(list(laws.values()), 0.0, tol=1e-13)
+    assert result.is_proved(1e-13)
+
+
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [
+        ("force", "before"),
+        ("force", "after"),
+        ("force", "jump"),
+        ("torque", "before"),
+        ("torque", "after"),
+        ("torque", "self_motion"),
+    ],
+)
+@pytest.mark.parametrize("factor", [1.01, -1.0])
+def test_a_tampered_result_cannot_prove_itself(dh5, part, name, factor):
+    tau = analyze(dh5, force=FORCE).torque.before + [1, -1, 1, -1, 2]
+    result = analyze(dh5, locked=[2, 4, 5], torque=tau)
+    assert result.is_proved()
+    change = getattr(result, part)
+    tampered = replace(change, **{name: factor * getattr(change, name)})
+    assert not replace(result, **{part: tampered}).is_proved()
+
+
+def test_tampered_unit_forces_are_found(dh5):
+    result = analyze(dh5, locked=3)
+    assert result.is_proved()
+    force, torque = result.unit_forces[1]
+    wrong = (force, replace(torque, after=torque.after * 1.1))
+    units = (result.unit_forces[0], wrong, result.unit_forces[2])
+    assert not replace(result, unit_forces=units).is_proved()
+
+
+def test_results_are_frozen(result):
+    with pytest.raises(FrozenInstanceError):
+        result.verdict = Verdict.TOLERATED
+    for part, name in (
+        (result.force, "jump"),
+        (result.torque, "after"),
+        (result.velocity, "after"),
+        (result.posture, "q"),
+        (result.task, "axes"),
+        (result.reduced, "rank"),
+    ):
+        with pytest.raises(AttributeError):
+            setattr(part, name, None)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"force": FORCE},
+        {"torque": [1, 2, 3, 4, 5]},
+        {},
+        {"task": "wrench", "force": [1, 2, 3, 4, 5, 6], "length": 0.3},
+        {"task": "wrench", "length": 0.3, "axes": "world"},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("locked", [[], [3], [2, 4, 5]], ids=str)
+def test_arrays_of_results_are_read_only(dh5, options, locked):
+    result = analyze(dh5, locked=locked, velocity=[1, 2, 3, 4, 5], **options)
+    named = list(arrays_in(result))
+    assert len(named) > 10
+    assert [name for name, array in named if array.flags.writeable] == []
+    assert not result.lost_directions.flags.writeable
+
+
+@pytest.mark.parametrize("options", [{}, {"task": "wrench", "length": 0.3}], ids=str)
+def test_the_jacobians_of_results_are_read_only(dh5, options):
+    reduced = analyze(dh5, locked=3, **options).reduced
+    assert not reduced.J.flags.writeable
+    assert not reduced.K.flags.writeable
+
+
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=DUPLICATE_IDS)
+def test_results_can_be_copied_and_pickled(result, duplicate):
+    assert result.lost_directions is not None  # also with what was computed on demand
+    again = duplicate(result)
+    pairs = zip(arrays_in(result), arrays_in(again), strict=True)
+    for (name, array), (other_name, other) in pairs:
+        assert name == other_name
+        np.testing.assert_array_equal(array, other)
+    assert again.verdict is result.verdict
+    assert again.locked == result.locked
+    assert again.margin == pytest.approx(result.margin)
+    assert again.is_proved()
+
+
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=DUPLICATE_IDS)
+@pytest.mark.parametrize("name", ["dh5", "kinova", "tiago"])
+def test_robots_can_be_copied_and_pickled(name, duplicate):
+    arm = ftforce.load_robot(name)
+    analyze(arm)
+    again = duplicate(arm)
+    assert (again.names, again.tip, again.notes) == (arm.names, arm.tip, arm.notes)
+    assert dict(again.held) == dict(arm.held)
+    q = np.linspace(0.1, 0.8, arm.n)
+    one, other = (analyze(a, q, locked=2, force=FORCE) for a in (arm, again))
+    np.testing.assert_array_equal(one.force.jump, other.force.jump)
+    np.testing.assert_array_equal(analyze(again).posture.q, analyze(arm).posture.q)
+    with pytest.raises(TypeError):
+        again.postures["new"] = q
+
+
+def test_robots_and_joints_are_frozen(dh5):
+    with pytest.raises(FrozenInstanceError):
+        dh5.name = "other"
+    with pytest.raises(FrozenInstanceError):
+        dh5.joints[0].effort = 1.0
+    with pytest.raises(TypeError):
+        dh5.postures["new"] = np.zeros(5)
+
+
+def test_threads_do_not_disturb_each_other(panda):
+    postures = np.random.default_rng(2).uniform(-1, 1, size=(100, 7))
+
+    def solve(q):
+        result = analyze(panda, q, locked=[1, 2, 3, 4, 5], torque=np.arange(7.0))
+        return np.concatenate([result.force.before, result.force.jump, result.torque.after])
+
+    alone = [solve(q) for q in postures]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(solve, postures))
+    np.testing.assert_array_equal(alone, together)
+
+
+def test_a_task_object_brings_its_own_axes_and_length(panda):
+    task = Task.parse("wrench", "world", 0.4)
+    result = analyze(panda, task=task, locked=1)
+    assert result.task is task
+    assert_close(result.J, analyze(panda, task="wrench", axes="world", locked=1).J)

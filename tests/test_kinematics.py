@@ -1,0 +1,147 @@
+"""Tip pose and Jacobians: closed forms, axes, rows, and that results stay what they are."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import ftforce
+from ftforce.dh import DHTable
+from ftforce.kinematics import frame_jacobian, task_jacobian, tip_pose
+from ftforce.registry import robots_folder
+from ftforce.task import Task
+from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
+
+PLANAR = serial_urdf(
+    ("revolute", {}),
+    ("revolute", {"xyz": (0.4, 0, 0)}),
+    ("prismatic", {"xyz": (0.3, 0, 0), "axis": (1, 0, 0)}),
+).replace("0.11 0.05 0.03", "0.0 0.0 0.0")
+Q = np.array([0.3, 0.5, 0.2])
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return load_text(PLANAR)
+
+
+def test_pose_of_a_planar_arm(planar):
+    R, p = tip_pose(planar, Q)
+    c, s = math.cos(0.8), math.sin(0.8)
+    assert_close(R, [[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    assert_close(p, [0.4 * math.cos(0.3) + 0.5 * c, 0.4 * math.sin(0.3) + 0.5 * s, 0])
+
+
+def test_jacobian_of_a_planar_arm_in_world_axes(planar):
+    c1, s1, c, s = math.cos(0.3), math.sin(0.3), math.cos(0.8), math.sin(0.8)
+    wanted = np.zeros((6, 3))
+    wanted[0] = [-0.4 * s1 - 0.5 * s, -0.5 * s, c]
+    wanted[1] = [0.4 * c1 + 0.5 * c, 0.5 * c, s]
+    wanted[5] = [1, 1, 0]
+    assert_close(frame_jacobian(planar, Q, "world"), wanted)
+
+
+def test_jacobian_of_a_planar_arm_in_tool_axes(planar):
+    wanted = np.zeros((6, 3))
+    wanted[0] = [0.4 * math.sin(0.5), 0, 1]
+    wanted[1] = [0.4 * math.cos(0.5) + 0.5, 0.5, 0]
+    wanted[5] = [1, 1, 0]
+    assert_close(frame_jacobian(planar, Q), wanted)
+    assert_close(frame_jacobian(planar, Q, "tool"), wanted)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_axes_differ_by_the_orientation_of_the_tip(name):
+    arm = ftforce.load_robot(name)
+    q = np.linspace(0.2, 0.9, arm.n)
+    R, _ = tip_pose(arm, q)
+    assert_close(R @ R.T, np.eye(3))
+    turned = np.kron(np.eye(2), R) @ frame_jacobian(arm, q, "tool")
+    assert_close(frame_jacobian(arm, q, "world"), turned)
+
+
+def test_world_axes_are_at_the_tip_and_not_at_the_roots_origin(planar):
+    # Pinocchio's WORLD Jacobian is that of the point at the origin: no force map at the tip.
+    J = pin.computeFrameJacobian(planar.model, planar.data, Q, planar.tip_frame, pin.WORLD)
+    assert np.abs(J - frame_jacobian(planar, Q, "world")).max() > 0.1
+
+
+def test_pose_of_the_papers_arm_is_the_closed_form_of_its_table():
+    arm, table = ftforce.load_robot("dh5"), DHTable.from_toml(robots_folder() / "dh5.toml")
+    for q in np.random.default_rng(0).uniform(-3, 3, size=(5, 5)):
+        R, p = tip_pose(arm, q)
+        assert_close(np.column_stack([R, p]), table.transforms(q)[-1][:3], tol=1e-14)
+
+
+@pytest.mark.parametrize("axes", ["tool", "world"])
+@pytest.mark.parametrize("words", ["force", "moment", "wrench", "fx", "fz,mx", "mz,fy"])
+def test_a_task_selects_rows(planar, words, axes):
+    task = Task.parse(words, axes, 0.3)
+    J = task_jacobian(planar, Q, task)
+    assert J.shape == (task.m, 3)
+    rows = [("fx", "fy", "fz", "mx", "my", "mz").index(name) for name in task.components]
+    np.testing.assert_array_equal(J, frame_jacobian(planar, Q, axes)[rows])  # and no length
+
+
+@pytest.mark.parametrize(
+    ("kind", "linear", "angular"),
+    [
+        ("revolute", [-0.05, 0.11, 0], [0, 0, 1]),
+        ("continuous", [-0.05, 0.11, 0], [0, 0, 1]),
+        ("prismatic", [0, 0, 1], [0, 0, 0]),
+    ],
+)
+def test_an_arm_of_one_joint(kind, linear, angular):
+    arm = load_text(serial_urdf((kind, {})))
+    q = np.array([0.0])
+    assert_close(frame_jacobian(arm, q), np.array([[*linear, *angular]]).T)
+    assert_close(task_jacobian(arm, q, Task()), np.array([linear]).T)
+
+
+def test_results_do_not_change_with_the_next_call(planar):
+    J, (R, p) = frame_jacobian(planar, Q), tip_pose(planar, Q)
+    before = J.copy(), R.copy(), p.copy()
+    frame_jacobian(planar, Q + 1.0)
+    tip_pose(planar, Q + 1.0)
+    for now, then in zip((J, R, p), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_positions_are_left_alone():
+    for name in ("dh5", "kinova"):  # kinova's continuous joints take two numbers in Pinocchio
+        arm = ftforce.load_robot(name)
+        q = np.linspace(0.2, 0.9, arm.n)
+        frame_jacobian(arm, q)
+        tip_pose(arm, q)
+        np.testing.assert_array_equal(q, np.linspace(0.2, 0.9, arm.n))
+
+
+def test_threads_do_not_disturb_each_other():
+    arm = ftforce.load_robot("kinova")
+    postures = np.random.default_rng(1).uniform(-3, 3, size=(200, arm.n))
+    alone = [(frame_jacobian(arm, q), *tip_pose(arm, q)) for q in postures]
+    with ThreadPoolExecutor(4) as pool:
+        together = pool.map(lambda q: (frame_jacobian(arm, q), *tip_pose(arm, q)), postures)
+    for one, other in zip(alone, together, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_poses_are_in_the_roots_axes_also_with_another_base():
+    urdf = urdf_of(
+        *("root", "base", "a", "tool"),
+        joints=[
+            joint("pan", "revolute", "root", "base", xyz=(0, 0, 1)),
+            joint("j1", "revolute", "base", "a", xyz=(0.5, 0, 0)),
+            joint("j2", "revolute", "a", "tool", xyz=(0.5, 0, 0)),
+        ],
+    )
+    turned = srdf_of(turned={"pan": math.pi / 2, "j1": 0.0, "j2": 0.0})
+    arm = load_text(urdf, turned, tip="tool", base="base", posture="turned")
+    R, p = tip_pose(arm, np.zeros(2))
+    assert_close(p, [0, 1, 1])
+    assert_close(R, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], tol=1e-12)
+    assert_close(frame_jacobian(arm, np.zeros(2), "world")[:3, 0], [-0.5, 0, 0])
+    assert_close(frame_jacobian(arm, np.zeros(2), "tool")[:3, 0], [0, 0.5, 0])

@@ -1,0 +1,401 @@
+"""The laws of theory §8, on random Jacobians and on random arms close to singular postures."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import ftforce
+from ftforce.closed_forms import force_jump, supported_force, velocity_remap
+from ftforce.kinematics import tip_pose
+from ftforce.metrics import (
+    Verdict,
+    lost_directions,
+    margin,
+    relative_manipulability,
+    worst_manipulability_bound,
+)
+from ftforce.reduced import RTOL, reduce
+from helpers import (
+    KNOWN,
+    arms,
+    assert_close,
+    cases,
+    is_beyond_doubt,
+    is_clear,
+    joint,
+    load_text,
+    orthogonal,
+    seeds,
+    srdf_of,
+    urdf_of,
+    with_singular_values,
+)
+
+law = settings(deadline=None, max_examples=100)
+law_of_arms = settings(deadline=None, max_examples=40)
+
+
+def norm(x):
+    return float(np.linalg.norm(x))
+
+
+def jump_of(J, locked, F):
+    """Return F̂ and ΔF for a force."""
+    reduced = reduce(J, locked)
+    change = force_jump(reduced, supported_force(reduced, F))
+    return change.F, change.jump
+
+
+# ---- force -----------------------------------------------------------------------------------
+
+
+@given(cases())
+@law
+def test_the_jump_is_square_to_what_is_left(case):
+    result = ftforce.remap(case.J, case.tau, case.locked)
+    size = norm(result.F)
+    assert_close(result.jump @ result.F_after, 0.0, scale=size**2 or 1.0)
+    assert_close(result.F_after + result.jump, result.F, scale=size or 1.0)
+    assert_close(result.jump_norm, norm(result.jump), scale=size or 1.0)
+
+
+@given(cases())
+@law
+def test_no_healthy_joint_feels_the_jump(case):
+    reduced = reduce(case.J, case.locked)
+    F, jump = jump_of(case.J, case.locked, case.F)
+    felt = norm(reduced.K.T @ jump)
+    assert felt <= (RTOL + 1e-12) * reduced.sigma_max * norm(jump) + 1e-300
+
+
+@given(cases(), st.data())
+@law
+def test_more_faults_never_make_the_jump_smaller(case, data):
+    more = case.locked | data.draw(st.sampled_from([np.zeros(len(case.v), bool), case.v > 0]))
+    assume(is_beyond_doubt(case.J, case.locked, more))
+    (F, few), (_, many) = (jump_of(case.J, S, case.F) for S in (case.locked, more))
+    assert norm(few) <= norm(many) + 1e-7 * norm(F)
+
+
+@given(cases(), seeds)
+@law
+def test_turning_the_axes_turns_the_jump(case, seed):
+    assume(is_clear(case.J, case.locked))
+    R = orthogonal(np.random.default_rng(seed), len(case.F))
+    F, jump = jump_of(case.J, case.locked, case.F)
+    turned_F, turned = jump_of(R @ case.J, case.locked, R @ case.F)
+    assert_close(turned_F, R @ F, scale=norm(case.F), tol=1e-7)
+    assert_close(turned, R @ jump, scale=norm(case.F), tol=1e-7)
+    assert_close(norm(turned), norm(jump), scale=norm(case.F), tol=1e-7)
+
+
+@given(cases())
+@law
+def test_no_fault_no_jump_and_all_faults_all_lost(case):
+    none, every = np.zeros(len(case.v), bool), np.ones(len(case.v), bool)
+    F, jump = jump_of(case.J, none, case.F)
+    assert_close(jump, 0.0, scale=norm(case.F))
+    F, jump = jump_of(case.J, every, case.F)
+    assert_close(jump, F, scale=norm(case.F))
+    result = ftforce.remap(case.J, case.tau, every)
+    assert_close(result.jump, result.F, scale=norm(result.F) or 1.0)
+    assert_close(result.U, 0.0)
+
+
+@given(cases())
+@law
+def test_healthy_torques_stay_when_they_made_the_force(case):
+    tau = case.J.T @ case.F
+    result = ftforce.remap(case.J, tau, case.locked)
+    scale = np.linalg.norm(case.J, 2) * norm(case.F) or 1.0
+    np.testing.assert_array_equal(result.U[case.locked], 0.0)
+    assert_close(result.U[~case.locked], tau[~case.locked], scale=scale, tol=2 * RTOL)
+    assert_close(result.self_motion, 0.0, scale=scale, tol=2 * RTOL)
+
+
+@given(cases())
+@law
+def test_torques_split_into_force_and_self_motion(case):
+    result = ftforce.remap(case.J, case.tau, case.locked)
+    scale = np.linalg.norm(case.J, 2) * norm(case.tau) or 1.0
+    assert_close(case.J @ result.self_motion, 0.0, scale=scale, tol=2 * RTOL)
+    assert_close(case.J.T @ result.F + result.self_motion, case.tau, scale=norm(case.tau))
+
+
+@given(cases(), seeds)
+@law
+def test_no_torque_comes_closer(case, seed):
+    assume(is_clear(case.J, case.locked))
+    F, jump = jump_of(case.J, case.locked, case.F)
+    K = np.where(case.locked, 0.0, case.J)
+    exert = np.linalg.pinv(K.T, rcond=RTOL * np.linalg.norm(case.J, 2) / (norm(K) or 1.0))
+    U, rng = K.T @ F, np.random.default_rng(seed)
+    least = norm(F - exert @ U)
+    assert_close(least, norm(jump), scale=norm(F) or 1.0, tol=1e-7)
+    for size in (1e-3, 1e-1, 1.0, 10.0):
+        other = U + size * (norm(U) or 1.0) * rng.normal(size=U.shape) * ~case.locked
+        assert norm(F - exert @ other) >= least - 1e-7 * norm(F)
+
+
+@given(cases())
+@law
+def test_a_result_proves_itself(case):
+    result = ftforce.remap(case.J, case.tau, case.locked)
+    assert result.is_proved(), dict(result.residuals())
+
+
+@given(cases())
+@law
+def test_measures_agree_with_each_other(case):
+    reduced = reduce(case.J, case.locked)
+    lost = lost_directions(reduced)
+    assert len(lost) == max(reduced.rank - reduced.rank_after, 0)
+    assert 0.0 <= margin(reduced) <= 1.0 + 1e-12
+    assert (margin(reduced) > RTOL) == (reduced.rank_after == reduced.m)
+    if reduced.rank == reduced.m:
+        assert 0.0 <= relative_manipulability(reduced) <= 1.0 + 1e-7
+
+
+# ---- sums over fault sets --------------------------------------------------------------------
+
+
+@st.composite
+def full_rank_jacobians(draw):
+    m = draw(st.integers(1, 6))
+    n = draw(st.integers(m, 8))
+    ratios = draw(st.lists(st.floats(-3.0, 0.0).map(lambda x: 10.0**x), min_size=m, max_size=m))
+    rng = np.random.default_rng(draw(seeds))
+    return with_singular_values(rng, m, n, np.array(sorted(ratios, reverse=True)))
+
+
+def rhos(J, f):
+    n = J.shape[1]
+    sets = list(combinations(range(n), f))
+    masks = [np.isin(np.arange(n), S) for S in sets]
+    return sets, np.array([relative_manipulability(reduce(J, mask)) for mask in masks])
+
+
+@given(full_rank_jacobians(), st.data())
+@settings(deadline=None, max_examples=40)
+def test_relative_manipulabilities_of_all_sets_of_a_size(J, data):
+    m, n = J.shape
+    f = data.draw(st.integers(1, min(n, 3)))
+    sets, rho = rhos(J, f)
+    possible = math.comb(n - m, f)
+    assert_close(np.sum(rho**2), possible, scale=1.0, tol=1e-8)
+    bound = worst_manipulability_bound(n, m, f)
+    assert rho.min() <= bound + 1e-7
+    N = np.eye(n) - np.linalg.pinv(J) @ J
+    minors = [np.linalg.det(N[np.ix_(S, S)]) for S in sets]
+    assert_close(rho**2, minors, scale=1.0, tol=1e-8)
+
+
+@given(full_rank_jacobians())
+@law
+def test_single_faults_come_from_the_diagonal_of_the_null_space(J):
+    _, rho = rhos(J, 1)
+    N = np.eye(J.shape[1]) - np.linalg.pinv(J) @ J
+    assert_close(rho**2, np.diag(N), scale=1.0, tol=1e-8)
+
+
+# ---- velocity --------------------------------------------------------------------------------
+
+
+@given(cases())
+@law
+def test_velocity_jump_has_the_projector_of_the_force_jump(case):
+    assume(is_clear(case.J, case.locked))
+    reduced = reduce(case.J, case.locked)
+    change = velocity_remap(reduced, case.v)
+    x_S = case.J[:, case.locked] @ case.v[case.locked]
+    scale = np.linalg.norm(case.J, 2) * norm(case.v) or 1.0
+    kept = reduced.damaged.project(x_S, reduced.rank_after)
+    assert_close(change.jump, kept - x_S, scale=scale)
+    assert_close(change.tip_before, case.J @ case.v, scale=scale)
+    assert_close(change.tip_after, case.J @ change.after, scale=scale)
+    assert_close(change.tip_after - change.tip_before, change.jump, scale=scale)
+    np.testing.assert_array_equal(change.after[case.locked], 0.0)
+
+
+@given(cases(most_rows=6, most_joints=5))
+@law
+def test_appendix_a_where_it_can_be_computed(case):
+    K = case.J[:, ~case.locked]
+    s = np.linalg.svd(K, compute_uv=False) if K.size else np.zeros(1)
+    assume(K.shape[1] <= K.shape[0] and s[-1] > 1e-3 * np.linalg.norm(case.J, 2))
+    x_S = case.J[:, case.locked] @ case.v[case.locked]
+    printed = K @ np.linalg.inv(K.T @ K) @ K.T @ x_S - x_S
+    change = velocity_remap(reduce(case.J, case.locked), case.v)
+    assert_close(change.jump, printed, scale=np.linalg.norm(case.J, 2) * norm(case.v))
+
+
+@given(cases(), seeds)
+@law
+def test_velocity_change_is_the_shortest_of_the_best(case, seed):
+    assume(is_beyond_doubt(case.J, case.locked))
+    K = np.where(case.locked, 0.0, case.J)
+    change = velocity_remap(reduce(case.J, case.locked), case.v)
+    step = change.after - np.where(case.locked, 0.0, case.v)
+    x_S = case.J[:, case.locked] @ case.v[case.locked]
+    rank = reduce(case.J, case.locked).rank_after
+    null = np.linalg.svd(K)[2][rank:]  # moving so leaves the tip where it is
+    assert_close(null @ step, 0.0, scale=norm(step) or 1.0, tol=1e-7)
+    rng = np.random.default_rng(seed)
+    for size in (1e-3, 0.1, 10.0):
+        other = step + size * (norm(step) or 1.0) * rng.normal(size=step.shape) * ~case.locked
+        scale = np.linalg.norm(case.J, 2) * (norm(other) + norm(case.v))
+        assert norm(K @ other - x_S) >= norm(K @ step - x_S) - 1e-7 * scale
+
+
+# ---- arms ------------------------------------------------------------------------------------
+
+
+def some_faults(data, arm):
+    return data.draw(st.sets(st.integers(1, arm.n), max_size=arm.n))
+
+
+@given(arms(), seeds, st.data())
+@law_of_arms
+def test_tool_and_world_axes_tell_the_same(case, seed, data):
+    arm, q = case
+    locked = some_faults(data, arm)
+    F = np.random.default_rng(seed).normal(size=3) * 50.0
+    R, _ = tip_pose(arm, q)
+    tool = ftforce.analyze(arm, q, locked=locked, force=F)
+    world = ftforce.analyze(arm, q, locked=locked, force=R @ F, axes="world")
+    assume(is_clear(tool.J, tool.faults.mask(arm.n)))
+    scale = norm(F)
+    for name in ("before", "after", "jump", "unsupported"):
+        one, other = getattr(tool.force, name), getattr(world.force, name)
+        assert_close(other, R @ one, scale=scale, tol=1e-7)
+    assert_close(world.force.jump_norm, tool.force.jump_norm, scale=scale, tol=1e-7)
+    assert_close(world.torque.after, tool.torque.after, scale=scale, tol=1e-7)
+    assert_close(world.margin, tool.margin, scale=1.0)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_tool_and_world_axes_tell_the_same_of_known_arms(name):
+    arm = ftforce.load_robot(name)
+    q = ftforce.analyze(arm).posture.q
+    R, _ = tip_pose(arm, q)
+    F = np.array([30.0, -20.0, 50.0])
+    wrench = np.array([30.0, -20.0, 50.0, 4.0, -2.0, 1.0])
+    turn = np.kron(np.eye(2), R)
+    for k in range(1, arm.n + 1):
+        tool = ftforce.analyze(arm, q, locked=k, force=F)
+        world = ftforce.analyze(arm, q, locked=k, force=R @ F, axes="world")
+        assert_close(world.force.jump, R @ tool.force.jump, scale=norm(F))
+        tool = ftforce.analyze(arm, q, locked=k, force=wrench, task="wrench", length=0.4)
+        world = ftforce.analyze(
+            arm, q, locked=k, force=turn @ wrench, task="wrench", length=0.4, axes="world"
+        )
+        assert_close(world.force.jump, turn @ tool.force.jump, scale=norm(wrench), tol=1e-7)
+
+
+@given(arms(), seeds, st.data())
+@law_of_arms
+def test_laws_of_a_force_at_the_tip(case, seed, data):
+    arm, q = case
+    locked = some_faults(data, arm)
+    task = data.draw(st.sampled_from(["force", "moment", "wrench", "fz", "fx,fy,mz"]))
+    m = ftforce.Task.parse(task).m
+    F = np.random.default_rng(seed).normal(size=m) * 50.0
+    result = ftforce.analyze(arm, q, locked=locked, force=F, task=task, length=0.7)
+    force, torque = result.force, result.torque
+    assert_close(force.before + force.unsupported, F)
+    assert_close(force.after + force.jump, force.before, scale=norm(F))
+    weighted = result.task.weigh_force(force.jump), result.task.weigh_force(force.after)
+    assert_close(weighted[0] @ weighted[1], 0.0, scale=norm(F) ** 2)
+    assert_close(torque.before, result.J.T @ force.before, scale=norm(F))
+    mask = result.faults.mask(arm.n)
+    assert_close(torque.after, np.where(mask, 0.0, torque.before), scale=norm(F))
+    assert_close(torque.brake_load, np.where(mask, result.J.T @ force.after, 0.0), scale=norm(F))
+    assert_close(torque.self_motion, 0.0)
+    assert result.is_proved(), dict(result.residuals())
+    if not locked:
+        assert result.verdict is not Verdict.NOT_TOLERATED
+        assert_close(force.jump, 0.0, scale=norm(F), tol=1e-7)
+    if len(locked) == arm.n:
+        assert_close(force.jump, force.before)
+
+
+@given(arms(), seeds, st.data())
+@law_of_arms
+def test_a_wrench_is_that_of_the_directly_weighted_jacobian(case, seed, data):
+    arm, q = case
+    locked = some_faults(data, arm)
+    length = data.draw(st.sampled_from([0.1, 0.5, 2.0]))
+    wrench = np.random.default_rng(seed).normal(size=6) * 20.0
+    result = ftforce.analyze(arm, q, locked=locked, force=wrench, task="wrench", length=length)
+    weights = np.array([1.0] * 3 + [length] * 3)
+    J = weights[:, None] * result.J
+    mask = result.faults.mask(arm.n)
+    assume(is_clear(J, mask))
+    direct = ftforce.remap(J, J.T @ (wrench / weights), mask)
+    scale = norm(wrench / weights)
+    assert_close(result.force.before, weights * direct.F, scale=scale, tol=1e-7)
+    assert_close(result.force.after, weights * direct.F_after, scale=scale, tol=1e-7)
+    assert_close(result.torque.after, direct.U, scale=scale, tol=1e-7)
+    linear, angular = norm(result.force.jump[:3]), norm(result.force.jump[3:])
+    assert (result.force.jump_norm, result.force.moment_jump_norm) == pytest.approx(
+        (linear, angular)
+    )
+
+
+@given(arms(least=3), st.data())
+@law_of_arms
+def test_results_do_not_depend_on_the_unit_of_force(case, data):
+    arm, q = case
+    locked = some_faults(data, arm)
+    small, large = (
+        ftforce.analyze(arm, q, locked=locked, force=scale * np.array([3.0, -2.0, 5.0]))
+        for scale in (1e-3, 1e3)
+    )
+    assert small.verdict is large.verdict
+    assert_close(1e6 * small.force.jump, large.force.jump, scale=5e3)
+
+
+# ---- what lies outside the chain -------------------------------------------------------------
+
+LIMB = urdf_of(
+    *("root", "base", "a", "b", "c", "finger", "arm2", "hand2"),
+    joints=[
+        joint("lift", "prismatic", "root", "base", axis=(0, 0, 1)),
+        joint("j1", "revolute", "base", "a", xyz=(0, 0, 0.3)),
+        joint("j2", "revolute", "a", "b", xyz=(0.3, 0, 0), axis=(0, 1, 0)),
+        joint("j3", "continuous", "b", "c", xyz=(0.3, 0, 0.1), axis=(0, 1, 0)),
+        joint("grip", "prismatic", "c", "finger", axis=(0, 1, 0)),
+        joint("other1", "revolute", "base", "arm2", xyz=(0, 0.3, 0)),
+        joint("other2", "continuous", "arm2", "hand2", xyz=(0, 0.3, 0)),
+    ],
+)
+CHAIN = {"j1": 0.3, "j2": -0.8, "j3": 1.1}
+
+
+@pytest.mark.parametrize("axes", ["tool", "world"])
+def test_joints_outside_the_chain_change_nothing(axes):
+    here = {**CHAIN, "grip": 0.0, "lift": 0.0, "other1": 0.0, "other2": 0.0}
+    there = {**CHAIN, "grip": 0.7, "lift": 1.0, "other1": -2.0, "other2": 9.0}
+    results = []
+    for posture in ("here", "there"):
+        arm = load_text(
+            LIMB, srdf_of(here=here, there=there), tip="c", base="base", posture=posture
+        )
+        assert arm.names == ("j1", "j2", "j3")
+        results.append(
+            ftforce.analyze(
+                arm, posture="here", locked="j2", force=[3, -4, 5], velocity=[1, 2, 3], axes=axes
+            )
+        )
+    here, there = results
+    assert here.robot.held != there.robot.held
+    assert_close(here.J, there.J, tol=1e-14)
+    assert_close(here.force.jump, there.force.jump, tol=1e-14)
+    assert_close(here.torque.after, there.torque.after, tol=1e-14)
+    assert_close(here.velocity.after, there.velocity.after, tol=1e-14)
+    assert here.margin == pytest.approx(there.margin, rel=1e-13)
+    assert here.force.jump_norm > 0.1

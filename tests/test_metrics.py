@@ -1,0 +1,278 @@
+"""Margin, manipulability, lost directions, and the verdict with all that its docstring promises."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from ftforce import metrics
+from ftforce.metrics import Verdict
+from ftforce.reduced import RTOL, WARY, reduce
+from helpers import assert_close, diagonal, orthogonal, seeds, with_singular_values
+
+TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
+
+
+def with_spectrum(*ratios, seed=0):
+    """Return an arm that loses joints and keeps these singular values, in units of σ_max(J)."""
+    m, rng = len(ratios), np.random.default_rng(seed)
+    K = with_singular_values(rng, m, m + 2, np.array(ratios))
+    lost = math.sqrt(1.0 - ratios[0] ** 2) * orthogonal(rng, m)
+    return reduce(np.hstack([lost, K]), np.arange(2 * m + 2) < m)
+
+
+# ---- measures --------------------------------------------------------------------------------
+
+
+def test_margin_is_the_smallest_singular_value_left_over_the_largest_before():
+    assert metrics.margin(diagonal(4, 2, 1)) == pytest.approx(0.25)
+    assert metrics.margin(diagonal(4, 2, 1, locked=[0])) == 0.0
+    J = np.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
+    mask = np.array([True, False, False])
+    assert metrics.margin(reduce(J, mask)) == pytest.approx(1 / math.sqrt(17))
+
+
+def test_margin_of_an_arm_that_moves_nothing():
+    assert metrics.margin(diagonal(0, 0)) == 0.0
+
+
+def test_relative_manipulability_is_the_ratio_of_volumes():
+    J = np.random.default_rng(2).normal(size=(3, 6))
+    mask = np.array([False, True, False, False, True, False])
+    K = J[:, ~mask]
+    volume = [math.sqrt(np.linalg.det(A @ A.T)) for A in (K, J)]
+    assert metrics.relative_manipulability(reduce(J, mask)) == pytest.approx(volume[0] / volume[1])
+
+
+def test_relative_manipulability_at_its_ends():
+    J = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    rho = [metrics.relative_manipulability(reduce(J, np.arange(3) == k)) for k in range(3)]
+    assert rho == pytest.approx([math.sqrt(0.5), math.sqrt(0.5), 0.0])
+    assert metrics.relative_manipulability(reduce(J, np.zeros(3, dtype=bool))) == 1.0
+
+
+def test_relative_manipulability_is_undefined_for_a_singular_arm():
+    assert math.isnan(metrics.relative_manipulability(diagonal(1, 0, locked=[0])))
+    assert math.isnan(metrics.relative_manipulability(diagonal(1, 1e-7)))
+    tall = reduce(np.ones((2, 1)), np.zeros(1, dtype=bool))
+    assert math.isnan(metrics.relative_manipulability(tall))
+
+
+def test_condition_number():
+    assert metrics.condition_number(diagonal(4, 2, 1)) == pytest.approx(4.0)
+    assert metrics.condition_number(diagonal(4, 2, 1, locked=[2])) == math.inf
+    assert metrics.condition_number(diagonal(1, 1e-7)) == math.inf
+
+
+def test_force_error_is_that_of_the_weakest_direction_kept():
+    assert metrics.force_error(diagonal(4, 0.5)) == pytest.approx(2.0)
+    assert metrics.force_error(diagonal(4, 0.5, locked=[1])) == pytest.approx(0.25)
+    assert metrics.force_error(diagonal(4, 1e-7)) == pytest.approx(0.25)
+    assert metrics.force_error(diagonal(4, 1, locked=[0, 1])) == math.inf
+
+
+def test_force_error_is_reached_and_never_exceeded():
+    rng = np.random.default_rng(4)
+    reduced = reduce(rng.normal(size=(3, 6)), np.arange(6) == 2)
+    errors = rng.normal(size=(500, 6)) * ~reduced.locked
+    forces = errors @ np.linalg.pinv(reduced.K.T).T
+    gain = np.linalg.norm(forces, axis=1) / np.linalg.norm(errors, axis=1)
+    worst = metrics.force_error(reduced)
+    assert np.all(gain <= worst * (1 + 1e-12))
+    assert_close(np.linalg.norm(np.linalg.pinv(reduced.K.T), 2), worst)
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "f", "bound"),
+    [(7, 6, 1, 0.378), (7, 3, 1, 0.756), (5, 3, 2, 0.316), (6, 6, 1, 0.0), (4, 6, 1, 0.0)],
+)
+def test_bound_of_the_worst_relative_manipulability(n, m, f, bound):
+    assert metrics.worst_manipulability_bound(n, m, f) == pytest.approx(bound, abs=5e-4)
+
+
+@pytest.mark.parametrize(("m", "n", "f"), [(1, 3, 1), (1, 4, 2), (2, 3, 1), (3, 4, 1)])
+def test_the_bound_can_be_reached(m, n, f):
+    # Rows of a regular simplex's symmetry: every set of joints matters as much as any other.
+    if m == 1:
+        J = np.ones((1, n))
+    else:
+        J = np.linalg.svd(np.eye(n) - 1.0 / n)[2][:m]
+    rho = [
+        metrics.relative_manipulability(reduce(J, np.isin(np.arange(n), S)))
+        for S in combinations(range(n), f)
+    ]
+    assert_close(rho, metrics.worst_manipulability_bound(n, m, f))
+
+
+# ---- lost directions -------------------------------------------------------------------------
+
+
+def test_nothing_is_lost_by_default():
+    assert metrics.lost_directions(diagonal(1, 1, 1)).shape == (0, 3)
+
+
+@pytest.mark.parametrize("locked", [[0], [2], [0, 2], [0, 1, 2]], ids=str)
+def test_lost_task_axes_are_named_as_such(locked):
+    rows = metrics.lost_directions(diagonal(3, 2, 1, locked=locked))
+    np.testing.assert_array_equal(rows, np.eye(3)[locked])
+    assert not rows.flags.writeable
+
+
+def test_a_slanting_direction_has_its_largest_component_positive():
+    u = np.array([-0.8, 0.6, 0.0])
+    others = np.linalg.svd(u[None])[2][1:]
+    reduced = reduce(np.vstack([u, others]).T, np.array([True, False, False]))
+    assert_close(metrics.lost_directions(reduced), [-u])
+
+
+def test_what_the_healthy_arm_lacks_is_not_lost():
+    reduced = diagonal(1, 1, 0, locked=[0])
+    assert_close(metrics.lost_directions(reduced), [[1, 0, 0]])
+    assert metrics.lost_directions(diagonal(1, 0, 0, locked=[1])).shape == (0, 3)
+
+
+@given(seeds, st.integers(2, 6), st.data())
+@settings(deadline=None, max_examples=60)
+def test_lost_directions_span_what_the_projectors_say(seed, m, data):
+    rank = data.draw(st.integers(1, m))
+    kept = data.draw(st.integers(0, rank))
+    rng = np.random.default_rng(seed)
+    basis = orthogonal(rng, m)
+    K = basis[:, :kept] @ rng.normal(size=(kept, kept + 1))
+    J = np.hstack([basis[:, :rank] @ rng.normal(size=(rank, rank)), K])
+    reduced = reduce(J, np.arange(J.shape[1]) < rank)
+    rows = metrics.lost_directions(reduced)
+    assert rows.shape == (rank - kept, m)
+    assert_close(rows @ rows.T, np.eye(rank - kept), tol=1e-7)
+    gap = basis[:, :rank] @ basis[:, :rank].T - basis[:, :kept] @ basis[:, :kept].T
+    assert_close(rows.T @ rows, gap, scale=1.0, tol=1e-7)
+    for row in rows:
+        assert row[np.argmax(np.round(np.abs(row), 9))] > 0.0
+
+
+# ---- verdict ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected"),
+    [
+        (0.5, TOLERATED),
+        (1.01e-2, TOLERATED),
+        (0.99e-2, BORDERLINE),
+        (1e-2, BORDERLINE),
+        (1e-4, BORDERLINE),
+        (1.01e-6, BORDERLINE),
+        (1e-6, NOT_TOLERATED),
+        (0.99e-6, NOT_TOLERATED),
+        (0.0, NOT_TOLERATED),
+    ],
+)
+def test_all_forces_around_both_tolerances(ratio, expected):
+    J = np.array([[1.0, ratio, 0.0], [0.0, 0.0, 1.0]])
+    reduced = reduce(J / np.linalg.norm(J, 2), np.array([True, False, False]))
+    assert metrics.verdict(reduced, None, WARY) is expected
+    # A force along that direction alone stands or falls with it, and one square to it does not.
+    assert metrics.verdict(reduced, np.array([5.0, 0.0]), WARY) is expected
+    assert metrics.verdict(reduced, np.array([0.0, 5.0]), WARY) is TOLERATED
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.5, NOT_TOLERATED),
+        (1.01e-2, NOT_TOLERATED),
+        (0.99e-2, BORDERLINE),
+        (1e-4, BORDERLINE),
+        (1.01e-6, BORDERLINE),
+        (0.99e-6, TOLERATED),
+        (0.0, TOLERATED),
+    ],
+)
+def test_a_share_of_the_force_along_a_lost_direction(share, expected):
+    F = 40.0 * np.array([share, math.sqrt(1.0 - share**2)])
+    assert metrics.verdict(diagonal(1, 1, locked=[0]), F, WARY) is expected
+
+
+def test_a_healthy_arm_may_itself_be_borderline():
+    assert metrics.verdict(diagonal(1, 1e-4), None, WARY) is BORDERLINE
+    assert metrics.verdict(diagonal(1, 1e-4), np.array([1.0, 1.0]), WARY) is BORDERLINE
+    assert metrics.verdict(diagonal(1, 1e-4), np.array([1.0, 0.0]), WARY) is TOLERATED
+
+
+def test_a_direction_that_the_healthy_arm_lacks_is_not_asked_for():
+    assert metrics.verdict(diagonal(1, 1, 0), None, WARY) is TOLERATED
+    assert metrics.verdict(diagonal(1, 1, 0, locked=[2]), None, WARY) is TOLERATED
+
+
+def test_no_force_is_tolerated():
+    assert metrics.verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), WARY) is TOLERATED
+
+
+def test_wary_moves_the_border():
+    reduced, F = diagonal(1, 5e-3), np.array([0.0, 1.0])
+    for wary, expected in ((4e-3, TOLERATED), (6e-3, BORDERLINE)):
+        assert metrics.verdict(reduced, None, wary) is expected
+        assert metrics.verdict(reduced, F, wary) is expected
+
+
+def test_one_tolerance_alone_is_never_borderline():
+    for strength in (RTOL / 2, RTOL, 2 * RTOL, 1.0):
+        reduced = diagonal(1, strength)
+        for F in (None, np.array([1.0, 1.0])):
+            assert metrics.verdict(reduced, F, RTOL) is not BORDERLINE
+
+
+def test_an_answer_may_change_twice():
+    # Lost from 1e-4 on is 1e-3 of the force: kept below 1e-4, a jump up to 1e-3, harmless beyond.
+    F = np.array([1.0, 1e-3])
+    assert metrics.verdict(diagonal(1, 1e-4), F, 5e-5) is TOLERATED
+    assert metrics.verdict(diagonal(1, 1e-4), F, WARY) is BORDERLINE
+
+
+def answers_of(s, share, tolerances, rank=None):
+    """Answer for each tolerance: all directions kept (with a rank), or a small jump."""
+    if rank is not None:
+        return {bool(np.count_nonzero(s > t) >= rank) for t in tolerances}
+    return {bool(math.sqrt(share[s <= t].sum()) <= t) for t in tolerances}
+
+
+def distinct(events):
+    x = np.sort(events)
+    return x[np.diff(x, prepend=0.0) > 1e-9 * x]
+
+
+powers = st.floats(-8.0, 0.0).map(lambda x: 10.0**x) | st.just(0.0)
+
+
+@given(
+    ratios=st.lists(powers, min_size=1, max_size=4),
+    parts=st.lists(powers, min_size=4, max_size=4),
+    wary=st.sampled_from([RTOL, 1e-4, WARY, 0.5]),
+    seed=st.integers(0, 100),
+)
+@settings(deadline=None, max_examples=150)
+def test_verdict_by_trying_every_tolerance(ratios, parts, wary, seed):
+    reduced = with_spectrum(*sorted(ratios, reverse=True), seed=seed)
+    F = reduced.damaged.U @ np.array([1.0, *parts][: reduced.m])
+    U, s, _ = np.linalg.svd(reduced.K)
+    s, share = s / reduced.sigma_max, (U.T @ F) ** 2 / (F @ F)
+    # Answers can change at a singular value and at a size of the jump. Where two of these all but
+    # coincide rounding decides; elsewhere a dense grid and both sides of every event tell all.
+    jumps = np.sqrt(np.cumsum(share[::-1]))
+    events = np.concatenate([distinct(s), distinct(jumps)])
+    events = events[(events > RTOL / 2) & (events < 2 * wary)]
+    apart = np.sort([*events, *{RTOL, wary}])
+    assume(np.all(np.diff(apart) > 1e-5 * apart[1:]))
+    near = np.outer(events, [1 - 1e-7, 1 + 1e-7]).ravel()
+    grid = np.concatenate([np.geomspace(RTOL, wary, 300), near[(near >= RTOL) & (near <= wary)]])
+    for force, rank in ((None, reduced.rank), (F, None)):
+        answers = answers_of(s, share, grid, rank)
+        expected = BORDERLINE if len(answers) > 1 else TOLERATED if True in answers else NOT_TOLERATED
+        assert metrics.verdict(reduced, force, wary) is expected
+
+
+def test_verdicts_are_words():
+    assert [str(verdict) for verdict in Verdict] == ["tolerated", "borderline", "not tolerated"]

@@ -1,0 +1,484 @@
+"""Everything that is computed meets an oracle that is not our code.
+
+NumPy, SciPy, 50-digit mpmath, roboticstoolbox, Pinocchio's own reduced and mimic models, finite
+differences, and rigid-body statics.
+"""
+
+import math
+
+import mpmath
+import numpy as np
+import pinocchio as pin
+import pytest
+import scipy
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import ftforce
+from ftforce.closed_forms import exerted_force, force_jump, supported_force, velocity_remap
+from ftforce.dh import DHTable
+from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.metrics import margin
+from ftforce.registry import robots_folder
+from ftforce.reduced import RTOL, reduce
+from helpers import (
+    KNOWN,
+    arms,
+    assert_close,
+    cases,
+    dh_tables,
+    is_clear,
+    joint,
+    load_table,
+    load_text,
+    serial_urdf,
+    toolbox,
+    toolbox_arm,
+    urdf_of,
+    with_singular_values,
+)
+
+FORCE = np.array([30.0, -20.0, 50.0])
+
+
+@pytest.fixture(scope="module", params=KNOWN)
+def known(request):
+    """A known robot and postures: its default one, and two others."""
+    arm = ftforce.load_robot(request.param)
+    others = np.random.default_rng(7).uniform(-1.0, 1.0, size=(2, arm.n))
+    return arm, [ftforce.analyze(arm).posture.q, *others]
+
+
+# ---- linear algebra --------------------------------------------------------------------------
+
+
+@given(cases())
+@settings(deadline=None, max_examples=100)
+def test_torque_remap_against_numpy_pinv(case):
+    assume(is_clear(case.J, case.locked))
+    J, K, largest = case.J, np.where(case.locked, 0.0, case.J), np.linalg.norm(case.J, 2)
+    own = RTOL * largest / (np.linalg.norm(K, 2) or 1.0)
+    F = np.linalg.pinv(J.T, rcond=RTOL) @ case.tau
+    after = K @ np.linalg.pinv(K, rcond=own) @ F
+    result = ftforce.remap(J, case.tau, case.locked)
+    scale = np.linalg.norm(F) or 1.0
+    assert_close(result.F, F, scale=scale, tol=1e-7)
+    assert_close(result.F_after, after, scale=scale, tol=1e-7)
+    assert_close(result.jump, F - after, scale=scale, tol=1e-7)
+    assert_close(result.U, K.T @ F, scale=scale * (largest or 1.0), tol=1e-7)
+
+
+@given(cases())
+@settings(deadline=None, max_examples=100)
+def test_force_jump_against_scipy_null_space_and_range(case):
+    assume(is_clear(case.J, case.locked))
+    J, K = case.J, np.where(case.locked, 0.0, case.J)
+    largest = np.linalg.norm(J, 2)
+    assume(largest > 0.0 and np.linalg.norm(K, 2) > 3 * RTOL * largest)
+    own = RTOL * largest / np.linalg.norm(K, 2)
+    supporting = scipy.linalg.orth(J, rcond=RTOL)
+    F = supporting @ supporting.T @ case.F
+    N, R = scipy.linalg.null_space(K.T, rcond=own), scipy.linalg.orth(K, rcond=own)
+    reduced = reduce(J, case.locked)
+    change = force_jump(reduced, supported_force(reduced, case.F))
+    scale = np.linalg.norm(case.F)
+    assert_close(change.F, F, scale=scale, tol=1e-7)
+    assert_close(change.jump, N @ N.T @ F, scale=scale, tol=1e-7)
+    assert_close(change.F_after, R @ R.T @ F, scale=scale, tol=1e-7)
+
+
+@given(cases())
+@settings(deadline=None, max_examples=100)
+def test_velocity_remap_against_scipy_lstsq(case):
+    assume(is_clear(case.J, case.locked))
+    largest = np.linalg.norm(case.J, 2)
+    reduced = reduce(case.J, case.locked)
+    assume(reduced.rank_after > 0)
+    x_S = case.J[:, case.locked] @ case.v[case.locked]
+    own = RTOL * largest / np.linalg.norm(reduced.K, 2)
+    step = scipy.linalg.lstsq(reduced.K, x_S, cond=own)[0]
+    change = velocity_remap(reduced, case.v)
+    stays = np.where(case.locked, 0.0, case.v)
+    assert_close(change.after, stays + step, scale=np.linalg.norm([*step, *case.v]), tol=1e-7)
+    assert_close(change.jump, reduced.K @ step - x_S, scale=largest * np.linalg.norm(case.v))
+
+
+@pytest.mark.parametrize("locked", [(3,), (2, 3), (2, 4, 5), (1, 2, 3, 4)], ids=str)
+def test_least_jump_against_scipy_optimize(locked):
+    arm = ftforce.load_robot("dh5")
+    result = ftforce.analyze(arm, locked=locked, force=FORCE)
+    K = np.delete(result.J, [k - 1 for k in locked], axis=1)
+    unreachable = scipy.linalg.null_space(K.T)
+    found = scipy.optimize.minimize(
+        lambda F: np.sum((FORCE - F) ** 2),
+        x0=np.zeros(3),
+        jac=lambda F: 2.0 * (F - FORCE),
+        constraints={"type": "eq", "fun": lambda F: unreachable.T @ F},
+        method="SLSQP",
+        options={"ftol": 1e-14},
+    )
+    assert found.success
+    assert_close(result.force.after, found.x, scale=np.linalg.norm(FORCE), tol=1e-6)
+    assert_close(result.force.jump_norm, math.sqrt(found.fun), tol=1e-6)
+    combined = scipy.optimize.lsq_linear(K, FORCE)
+    assert_close(result.force.after, K @ combined.x, scale=np.linalg.norm(FORCE), tol=1e-7)
+
+
+# ---- fifty digits ----------------------------------------------------------------------------
+
+
+def precise_svd(A):
+    """Return U and singular values of a matrix of doubles, to 50 digits."""
+    with mpmath.workdps(50):
+        U, s, _ = mpmath.svd_r(mpmath.matrix(A.tolist()), full_matrices=False)
+        return np.array(U.tolist()), np.array(list(s))
+
+
+def precise_margin(J, K):
+    """Return σ_min(K)/σ_max(J) in 50 digits, rounded once."""
+    return float(precise_svd(K)[1][-1] / precise_svd(J)[1][0])
+
+
+ILL = [1e-2, 1e-4, 1.0001e-6, 0.9999e-6, 1e-9, 1e-12]
+
+
+@pytest.mark.parametrize("ratio", ILL)
+def test_margin_and_rank_against_fifty_digits(ratio):
+    rng = np.random.default_rng(11)
+    K = with_singular_values(rng, 3, 6, np.array([0.8, 0.5, ratio]))
+    J = np.hstack([rng.normal(size=(3, 1)), K])
+    J /= np.linalg.norm(J, 2)
+    reduced = reduce(J, np.arange(7) == 0)
+    wanted = precise_margin(J, J[:, 1:])
+    assert_close(margin(reduced), wanted, scale=1.0, tol=2e-15)
+    assert reduced.rank_after == (3 if wanted > RTOL else 2)
+
+
+@pytest.mark.parametrize("little", [1e-3, 1e-5, 2e-6, 1e-7, 1e-9, 0.0])
+def test_margin_of_a_nearly_stretched_arm_against_fifty_digits(little):
+    # Joint 1 is vertical, 2 to 4 are parallel: stretched out, the radial direction is all but lost.
+    arm = load_text(
+        serial_urdf(
+            ("revolute", {"xyz": (0, 0, 0.2)}),
+            ("revolute", {"axis": (0, 1, 0)}),
+            ("revolute", {"xyz": (0.4, 0, 0), "axis": (0, 1, 0)}),
+            ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
+        ).replace("0.11 0.05 0.03", "0.1 0.0 0.0")
+    )
+    result = ftforce.analyze(arm, [0.3, 0.2, little, 0.0], locked=4, task="force")
+    wanted = precise_margin(result.J, result.J[:, :3])
+    assert_close(result.margin, wanted, scale=1.0, tol=1e-15)
+    assert result.reduced.rank_after == (3 if wanted > RTOL else 2)
+
+
+@pytest.mark.parametrize("ratio", [1e-2, 1e-4, 1.001e-6, 0.999e-6, 1e-12])
+def test_forces_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
+    rng = np.random.default_rng(12)
+    K = with_singular_values(rng, 3, 6, np.array([0.8, 0.5, ratio]))
+    J = np.hstack([rng.normal(size=(3, 1)), K])
+    J /= np.linalg.norm(J, 2)
+    tau = J.T @ FORCE + rng.normal(size=7)
+    result = ftforce.remap(J, tau, np.arange(7) == 0)
+    with mpmath.workdps(50):
+        A, t = mpmath.matrix(J.tolist()), mpmath.matrix(tau.tolist())
+        F = mpmath.lu_solve(A * A.T, A * t)  # J has full rank
+        U, s = precise_svd(J[:, 1:])
+        kept = [U[:, i] for i in range(3) if s[i] > RTOL * precise_svd(J)[1][0]]
+        F = np.array(list(F))
+        after = sum(u * (u @ F) for u in kept)
+    F, after, jump = (x.astype(float) for x in (F, after, F - after))
+    assert len(kept) == result.reduced.rank_after
+    # The direction that is just kept or lost is known to about 1e-16 over its singular value.
+    tol = 1e-9 if ratio < 1e-5 else 1e-12
+    scale = np.linalg.norm(F)
+    assert_close(result.F, F, scale=scale, tol=1e-13)
+    assert_close(result.F_after, after, scale=scale, tol=tol)
+    assert_close(result.jump, jump, scale=scale, tol=tol)
+
+
+def test_force_of_torques_along_a_weak_direction_against_fifty_digits():
+    J = with_singular_values(np.random.default_rng(13), 3, 6, np.array([1.0, 0.5, 2e-6]))
+    tau = np.random.default_rng(14).normal(size=6)
+    with mpmath.workdps(50):
+        A = mpmath.matrix(J.tolist())
+        wanted = np.array(list(mpmath.lu_solve(A * A.T, A * mpmath.matrix(tau.tolist()))), float)
+    assert_close(exerted_force(reduce(J, np.zeros(6, bool)), tau), wanted, tol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-5])
+def test_velocities_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
+    rng = np.random.default_rng(15)
+    K = with_singular_values(rng, 3, 5, np.array([1.0, 0.5, ratio]))
+    J = np.hstack([K, rng.normal(size=(3, 1))])
+    J /= np.linalg.norm(J, 2)
+    v = rng.normal(size=6)
+    change = velocity_remap(reduce(J, np.arange(6) == 5), v)
+    with mpmath.workdps(50):
+        A = mpmath.matrix(J[:, :5].tolist())
+        x_S = mpmath.matrix(J[:, 5].tolist()) * mpmath.mpf(v[5])
+        step = np.array(list(A.T * mpmath.lu_solve(A * A.T, x_S)), float)
+    assert_close(change.after, [*(v[:5] + step), 0.0], tol=1e-9)
+    assert_close(change.jump, 0.0, scale=np.linalg.norm(v))
+
+
+# ---- kinematics ------------------------------------------------------------------------------
+
+
+def differences(arm, q, step=1e-6):
+    """Return the Jacobian in world axes at the tip by central differences of the tip's pose."""
+    columns = []
+    for unit in np.eye(arm.n):
+        (R1, p1), (R2, p2) = tip_pose(arm, q - step * unit), tip_pose(arm, q + step * unit)
+        turn = scipy.spatial.transform.Rotation.from_matrix(R2 @ R1.T).as_rotvec()
+        columns.append(np.concatenate([p2 - p1, turn]) / (2.0 * step))
+    return np.column_stack(columns)
+
+
+def assert_jacobians(arm, q, wanted, tol):
+    """Compare both axes with a Jacobian in world axes."""
+    R, _ = tip_pose(arm, q)
+    assert_close(frame_jacobian(arm, q, "world"), wanted, scale=1.0, tol=tol)
+    assert_close(frame_jacobian(arm, q, "tool"), np.kron(np.eye(2), R.T) @ wanted, scale=1.0, tol=tol)
+
+
+def test_jacobians_of_known_robots_against_finite_differences(known):
+    arm, postures = known
+    for q in postures:
+        assert_jacobians(arm, q, differences(arm, q), 1e-8)
+
+
+@given(arms(least=2))
+@settings(deadline=None, max_examples=40)
+def test_jacobians_of_random_arms_against_finite_differences(case):
+    arm, q = case
+    assert_jacobians(arm, q, differences(arm, q), 1e-8)
+
+
+@given(dh_tables.filter(lambda table: len(table.rows) > 1), st.data())
+@settings(deadline=None, max_examples=30)
+def test_random_dh_tables_against_roboticstoolbox(table, data):
+    n = len(table.rows)
+    q = np.array(data.draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n)))
+    arm, other = load_table(table), toolbox_arm(table)
+    pose, (R, p) = other.fkine(q).A, tip_pose(arm, q)
+    assert_close(np.column_stack([R, p]), pose[:3], scale=1.0, tol=1e-12)
+    assert_close(frame_jacobian(arm, q, "tool"), other.jacobe(q), scale=1.0, tol=1e-11)
+    assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), scale=1.0, tol=1e-11)
+
+
+def test_the_papers_arm_against_roboticstoolbox():
+    table, arm = DHTable.from_toml(robots_folder() / "dh5.toml"), ftforce.load_robot("dh5")
+    other = toolbox_arm(table)
+    for q in (table.postures["paper"], [0.3, -0.4, 1.0, 2.0, -1.0], [0, 0, 0, 0, 0]):
+        q = np.array(q, dtype=float)
+        assert_close(frame_jacobian(arm, q), other.jacobe(q), tol=1e-13)
+        assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), tol=1e-13)
+        result = ftforce.analyze(arm, q, force=FORCE)
+        assert_close(other.jacobe(q)[:3].T @ result.force.before, result.torque.before, scale=50)
+
+
+@pytest.mark.parametrize("tip", ["panda_link8", "panda_hand_tcp"])
+def test_panda_against_the_toolboxs_own_model(tip):
+    arm, other = ftforce.load_robot("panda", tip=tip), toolbox().models.DH.Panda()
+    other.tool = None  # the flange; the toolbox places its tool 0.4 mm short of the URDF's
+    hand = np.eye(4)
+    if tip == "panda_hand_tcp":
+        c = math.sqrt(0.5)
+        hand[:3, :3], hand[2, 3] = [[c, c, 0], [-c, c, 0], [0, 0, 1]], 0.1034
+    other.tool = type(other.fkine(other.qz))(hand)
+    for q in np.random.default_rng(3).uniform(-2.0, 2.0, size=(5, 7)):
+        pose, (R, p) = other.fkine(q).A, tip_pose(arm, q)
+        assert_close(np.column_stack([R, p]), pose[:3], scale=1.0, tol=1e-6)
+        assert_close(frame_jacobian(arm, q), other.jacobe(q), scale=1.0, tol=1e-6)
+        assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), scale=1.0, tol=1e-6)
+
+
+# ---- Pinocchio's own reduced and mimic models ------------------------------------------------
+
+
+def in_model(arm, model, q):
+    """Return Pinocchio's configuration, joint by joint, for the joints that the model still has."""
+    configuration = pin.neutral(model)
+    for name, value in zip(arm.names, q, strict=True):
+        if model.existJointName(name):
+            joint_model = model.joints[model.getJointId(name)]
+            numbers = [value] if joint_model.nq == 1 else [math.cos(value), math.sin(value)]
+            configuration[joint_model.idx_q : joint_model.idx_q + joint_model.nq] = numbers
+    return configuration
+
+
+def reduced_model(arm, q, locked):
+    """Let Pinocchio fix joints (indices from 0), and return its Jacobian in tool axes."""
+    ids = [arm.model.getJointId(arm.names[k]) for k in locked]
+    model = pin.buildReducedModel(arm.model, ids, in_model(arm, arm.model, q))
+    frame = model.getFrameId(arm.tip, pin.FrameType.BODY)
+    configuration = in_model(arm, model, q)
+    J = pin.computeFrameJacobian(model, model.createData(), configuration, frame, pin.LOCAL)
+    return model, configuration, J.reshape(6, model.nv)
+
+
+def test_reduced_jacobian_against_pinocchios_reduced_model(known):
+    arm, postures = known
+    sets = [*([k] for k in range(arm.n)), [0, 2], [1, 2, 4], list(range(1, arm.n))]
+    for q in postures:
+        for locked in sets:
+            result = ftforce.analyze(arm, q, locked=[k + 1 for k in locked], task="wrench")
+            healthy = np.delete(result.reduced.K, locked, axis=1)
+            assert_close(healthy, reduced_model(arm, q, locked)[2], tol=1e-12)
+            np.testing.assert_array_equal(result.reduced.K[:, locked], 0.0)
+
+
+def test_an_arm_whose_joint_locks_pushes_with_the_force_after(known):
+    """Statics: pinned tip, locked joints, weight carried, U applied; the pin feels F_after."""
+    arm, postures = known
+    q = postures[0]
+    for locked in ([k] for k in range(arm.n)):
+        result = ftforce.analyze(arm, q, locked=[k + 1 for k in locked], force=FORCE)
+        model, configuration, J = reduced_model(arm, q, locked)
+        K, data = J[:3], model.createData()
+        M = pin.crba(model, data, configuration)
+        M = np.triu(M) + np.triu(M, 1).T
+        U = np.delete(result.torque.after, locked)
+        # M a = U - Kᵀ f and K a = 0: the force of the pin; what it alone supports is not ours.
+        f = np.linalg.pinv(K @ np.linalg.solve(M, K.T), rcond=1e-10) @ K @ np.linalg.solve(M, U)
+        scale = np.linalg.norm(FORCE)
+        keeps = result.reduced.damaged.project(f, result.reduced.rank_after)
+        assert_close(keeps, result.force.after, scale=scale, tol=1e-5)
+        a = np.linalg.solve(M, U - K.T @ result.force.after)
+        assert_close(M @ a, 0.0, scale=scale, tol=2e-6)  # and the arm stays at rest
+
+
+B = {"xyz": (0.3, 0.0, 0.1), "axis": (0, 1, 0)}
+C = {"xyz": (0.2, 0.1, 0.0), "axis": (1, 0, 0)}
+D = {"xyz": (0.1, 0.0, 0.2), "rpy": (0.3, 0.2, 0.1)}
+LINKS = ("base", "a", "b", "c", "d", "tool", "limb")
+ENDS = (
+    joint("end", "fixed", "d", "tool", xyz=(0.1, 0.05, 0.02)),
+    joint("side", "fixed", "a", "limb"),
+)
+LIMB = joint("a_lead", "revolute", "a", "limb", xyz=(0, 0.2, 0))
+
+
+def mimicking(first, second, third, fourth, ends=ENDS):
+    """Return an arm of four joints from (kind, options)."""
+    chain = zip(("j1", "j2", "j3", "j4"), (first, second, third, fourth), LINKS, LINKS[1:])
+    return urdf_of(*LINKS, joints=[*(joint(n, k, p, c, **o) for n, (k, o), p, c in chain), *ends])
+
+
+def follow(options, *mimic):
+    return {**options, "mimic": mimic}
+
+
+R, P, T = "revolute", "prismatic", "continuous"
+MIMICS = {
+    "revolute follows revolute": ((R, {}), (R, B), (R, follow(C, "j2", 1.0, 0.0)), (R, D)),
+    "negative multiplier": ((R, {}), (R, B), (R, follow(C, "j2", -0.7, 0.0)), (R, D)),
+    "offset": ((R, {}), (R, B), (R, follow(C, "j2", 0.5, 0.4)), (R, D)),
+    "prismatic follows revolute": ((R, {}), (R, B), (P, follow(C, "j1", 0.05, 0.03)), (R, D)),
+    "revolute follows prismatic": ((R, {}), (P, B), (R, follow(C, "j2", 3.0, -0.2)), (R, D)),
+    "two followers": ((R, {}), (R, follow(B, "j1", 2.0, 0.1)), (P, C), (R, follow(D, "j1", -1, 0))),
+    "continuous": ((R, {}), (T, B), (T, follow(C, "j2", -1.5, 0.3)), (T, D)),
+    "last joint follows": ((R, {}), (R, B), (R, C), (R, follow(D, "j3", 0.3, 0.2))),
+}
+
+
+def mimic_model(urdf, arm, q):
+    """Return orientation, position and tool Jacobian from Pinocchio's own mimic joints."""
+    model = pin.buildModelFromXML(urdf, mimic=True)
+    assert model.nv == arm.n
+    data, frame = model.createData(), model.getFrameId("tool")
+    configuration = in_model(arm, model, q)
+    J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL)
+    pin.framesForwardKinematics(model, data, configuration)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in arm.names]
+    return data.oMf[frame].rotation, data.oMf[frame].translation, J[:, columns]
+
+
+def assert_like_pinocchios_mimics(arm, urdf):
+    for q in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, arm.n)):
+        R, p, J = mimic_model(urdf, arm, q)
+        assert_close(tip_pose(arm, q)[0], R, tol=1e-13)
+        assert_close(tip_pose(arm, q)[1], p, tol=1e-13)
+        assert_close(frame_jacobian(arm, q), J, tol=1e-13)
+        assert_jacobians(arm, q, differences(arm, q), 1e-8)
+
+
+@pytest.mark.parametrize("chain", MIMICS.values(), ids=MIMICS)
+def test_followers_against_pinocchios_mimic_model(chain):
+    urdf = mimicking(*chain)
+    arm = load_text(urdf, tip="tool")
+    assert arm.n == sum("mimic" not in options for _, options in chain)
+    assert_like_pinocchios_mimics(arm, urdf)
+
+
+def test_a_leader_outside_the_path_to_the_tip():
+    chain = ((R, {}), (R, B), (R, follow(C, "a_lead", -0.7, 0.2)), (R, D))
+    urdf = mimicking(*chain, ends=(ENDS[0], LIMB))
+    arm = load_text(urdf, tip="tool")
+    assert arm.names == ("j1", "j2", "a_lead", "j4")
+    assert_like_pinocchios_mimics(arm, urdf)
+
+
+# Pinocchio cannot model these with mimic joints; with the chains of mimics worked out by hand, or
+# by finite differences, it can.
+
+
+@pytest.mark.parametrize("kind", [R, P])
+def test_a_follower_of_a_follower(kind):
+    first = ((R, {}), (R, B), (R, follow(C, "j2", -0.7, 0.2)), (kind, follow(D, "j3", 0.5, 0.03)))
+    by_hand = (*first[:3], (kind, follow(D, "j2", 0.5 * -0.7, 0.5 * 0.2 + 0.03)))
+    arm = load_text(mimicking(*first), tip="tool")
+    assert arm.names == ("j1", "j2")
+    assert arm.joints[1].followers == ("j3", "j4")
+    assert_like_pinocchios_mimics(arm, mimicking(*by_hand))
+
+
+@pytest.mark.parametrize(
+    "chain",
+    [
+        ((R, {}), (R, follow(B, "j4", 0.5, -0.1)), (R, C), (R, D)),
+        ((R, {}), (T, B), (R, follow(C, "j2", 0.5, -0.1)), (P, D)),
+        ((R, {}), (R, B), (T, follow(C, "j2", -2.0, 0.4)), (R, D)),
+    ],
+    ids=["leader behind its follower", "leader continuous", "follower continuous"],
+)
+def test_followers_against_finite_differences(chain):
+    arm = load_text(mimicking(*chain), tip="tool")
+    free = load_text(mimicking(*((kind, {**o, "mimic": None}) for kind, o in chain)), tip="tool")
+    assert (arm.n, free.n) == (3, 4)
+    for q in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, arm.n)):
+        assert_jacobians(arm, q, differences(arm, q), 1e-8)
+        value = dict(zip(arm.names, q, strict=True))
+        full = []
+        for name, (_, options) in zip(free.names, chain, strict=True):
+            leader, factor, offset = options.get("mimic", (name, 1.0, 0.0))
+            full.append(factor * value[leader] + offset)
+        assert_close(tip_pose(arm, q)[1], tip_pose(free, np.array(full))[1], tol=1e-13)
+
+
+def test_a_locked_leader_locks_its_followers():
+    arm = load_text(mimicking(*MIMICS["two followers"]), tip="tool")
+    result = ftforce.analyze(arm, [0.3, 0.1], locked="j1", force=FORCE)
+    assert_close(result.reduced.K[:, 0], 0.0)
+    J = result.J[:, 1]
+    assert_close(result.force.after, J * (J @ FORCE) / (J @ J), scale=60)
+    assert result.torque.after[0] == 0.0
+
+
+# ---- continuous joints -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 3.0, -7.0, 100.0])
+def test_a_continuous_joint_is_a_revolute_one_without_limits(turn):
+    plain = (("revolute", {}), ("revolute", B), ("prismatic", C), ("revolute", D))
+    q = np.array([turn, -turn, 0.3, 2.0 * turn])
+    loose = tuple(("continuous" if k == "revolute" else k, o) for k, o in plain)
+    arm, other = load_text(serial_urdf(*plain)), load_text(serial_urdf(*loose))
+    assert (other.model.nq, other.model.nv, other.n) == (7, 4, 4)
+    assert_close(tip_pose(other, q)[0], tip_pose(arm, q)[0], tol=1e-13)
+    assert_close(tip_pose(other, q)[1], tip_pose(arm, q)[1], tol=1e-13)
+    for axes in ("tool", "world"):
+        assert_close(frame_jacobian(other, q, axes), frame_jacobian(arm, q, axes), tol=1e-13)
+    jumps = [ftforce.analyze(a, q, locked=[2, 4], force=FORCE).force.jump for a in (arm, other)]
+    assert_close(jumps[1], jumps[0], scale=60)
+    assert np.linalg.norm(jumps[0]) > 1.0

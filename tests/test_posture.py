@@ -1,0 +1,314 @@
+"""Which posture is analysed: given, named, or a default that says what it skipped and why."""
+
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.kinematics import frame_jacobian
+from ftforce.posture import (
+    SAMPLES,
+    Posture,
+    best_sample,
+    choose_posture,
+    is_singular,
+    mid_range,
+    samples,
+)
+from helpers import KNOWN, assert_close, load_text, serial_urdf, srdf_of
+
+Y = {"axis": (0, 1, 0)}
+
+
+def elbow(**limits):
+    """Return the URDF of a turning shoulder and an elbow, singular where it is stretched."""
+    return serial_urdf(
+        ("revolute", {"xyz": (0, 0, 0.3), **limits}),
+        ("revolute", {**Y, **limits}),
+        ("revolute", {"xyz": (0.4, 0, 0), **Y, **limits}),
+    ).replace("0.11 0.05 0.03", "0.3 0.0 0.0")
+
+
+def state(*q):
+    return dict(zip(("j1", "j2", "j3"), map(float, q), strict=False))
+
+
+OUTSIDE, STRAIGHT, BENT, OTHER = state(0, 0.5, 3.1), state(0, 0.5, 0), state(0, 0.5, 1), state(1, 1, 1)
+
+
+def default_of(urdf, **states):
+    return choose_posture(load_text(urdf, srdf_of(**states)))
+
+
+# ---- default ---------------------------------------------------------------------------------
+
+
+def test_the_first_named_posture_is_the_default():
+    posture = default_of(elbow(), bent=BENT, other=OTHER)
+    assert_close(posture.q, [0, 0.5, 1])
+    assert (posture.source, posture.warnings) == ("posture 'bent'", ())
+    assert default_of(elbow(), other=OTHER, bent=BENT).source == "posture 'other'"
+
+
+def test_postures_outside_the_limits_and_singular_ones_are_skipped_and_named():
+    posture = default_of(elbow(), far=OUTSIDE, straight=STRAIGHT, bent=BENT)
+    assert_close(posture.q, [0, 0.5, 1])
+    assert posture.source == (
+        "posture 'bent' ('far' is outside the limits, 'straight' is singular)"
+    )
+
+
+def test_mid_range_where_no_named_posture_serves():
+    posture = default_of(elbow(lower=0.2, upper=1.6), straight=STRAIGHT)
+    assert_close(posture.q, [0.9, 0.9, 0.9])
+    assert posture.source == "mid-range ('straight' is outside the limits)"
+    assert choose_posture(load_text(elbow(lower=0.2, upper=1.6))).source == "mid-range"
+
+
+def test_the_best_sample_where_mid_range_is_singular():
+    arm = load_text(elbow(), srdf_of(far=OUTSIDE, straight=STRAIGHT))
+    posture = choose_posture(arm)
+    assert posture.source == (
+        "best of 64 samples ('far' is outside the limits, 'straight' is singular, "
+        "mid-range is singular)"
+    )
+    np.testing.assert_array_equal(posture.q, best_sample(arm))
+    assert not is_singular(arm, posture.q)
+
+
+def test_a_posture_that_places_only_some_joints_is_not_used():
+    arm = load_text(elbow(lower=0.2, upper=1.6), srdf_of(half={"j1": 0.3, "j2": 0.4}))
+    assert choose_posture(arm).source == "mid-range"
+    (note,) = arm.notes
+    assert "'half' is left out: it does not place j3" in note
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_robots_start_inside_their_limits_and_away_from_singularities(name):
+    arm = ftforce.load_robot(name)
+    posture = choose_posture(arm)
+    assert posture.source == f"posture '{ftforce.known_robots()[name].posture}'"
+    assert posture.warnings == ()
+    assert np.all((posture.q >= arm.lower - 1e-6) & (posture.q <= arm.upper + 1e-6))
+    s = np.linalg.svd(frame_jacobian(arm, posture.q)[:3], compute_uv=False)
+    assert s[-1] > 0.01 * s[0]
+
+
+def test_the_default_is_the_same_every_time():
+    one, other = (choose_posture(load_text(elbow())) for _ in range(2))
+    np.testing.assert_array_equal(one.q, other.q)
+    arm = load_text(elbow())
+    assert choose_posture(arm) is choose_posture(arm)
+
+
+# ---- named -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_text(elbow(), srdf_of(bent=BENT, far=OUTSIDE))
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "source"),
+    [
+        ("bent", [0, 0.5, 1], "posture 'bent'"),
+        ("zero", [0, 0, 0], "zero"),
+        ("mid-range", [0, 0, 0], "mid-range"),
+    ],
+)
+def test_named_and_built_in_postures(arm, name, q, source):
+    posture = choose_posture(arm, name=name)
+    assert_close(posture.q, q)
+    assert posture.source == source
+
+
+def test_a_named_posture_outside_the_limits_is_used_with_a_warning(arm):
+    (warning,) = choose_posture(arm, name="far").warnings
+    assert warning == "outside the joint limits: j3 = 3.1 (limits -3 to 3 rad)"
+
+
+def test_zero_outside_the_limits_is_warned_about():
+    (warning,) = choose_posture(ftforce.load_robot("panda"), name="zero").warnings
+    assert "panda_joint4 = 0 (limits -3.0718 to -0.0698 rad)" in warning
+
+
+def test_unknown_postures_are_answered_with_the_known_ones(arm):
+    message = "no posture 'bend'; there is: bent, far, mid-range, zero, sample; did you mean 'bent'"
+    with pytest.raises(UnknownNameError, match=message):
+        choose_posture(arm, name="bend")
+
+
+def test_mid_range_is_the_middle_of_each_joints_limits():
+    arm = load_text(
+        serial_urdf(
+            ("revolute", {"lower": -1.0, "upper": 2.0}),
+            ("continuous", Y),
+            ("prismatic", {"lower": 0.1, "upper": 0.5}),
+        )
+    )
+    assert_close(mid_range(arm), [0.5, 0, 0.3])
+    assert_close(choose_posture(arm, name="mid-range").q, [0.5, 0, 0.3])
+
+
+# ---- given -----------------------------------------------------------------------------------
+
+
+def test_given_positions_are_taken_as_they_are(arm):
+    q = [0.1, 0.2, 0.3]
+    posture = choose_posture(arm, q)
+    assert_close(posture.q, q)
+    assert (posture.source, posture.warnings) == ("given", ())
+    assert not posture.q.flags.writeable
+
+
+def test_a_posture_object_is_returned(arm):
+    posture = Posture(np.array([0.1, 0.2, 0.3]), "somewhere")
+    assert choose_posture(arm, posture) is posture
+    with pytest.raises(FrozenInstanceError):
+        posture.source = "elsewhere"
+
+
+def test_degrees_are_converted_for_turning_joints_only():
+    arm = load_text(serial_urdf(("revolute", {}), ("prismatic", {}), ("continuous", Y)))
+    posture = choose_posture(arm, [90, 0.5, 540], degrees=True)
+    assert_close(posture.q, [math.pi / 2, 0.5, 3 * math.pi])
+    assert posture.warnings == ()
+    assert_close(choose_posture(arm, [1.5, 0.5, 1.5]).q, [1.5, 0.5, 1.5])
+
+
+def test_positions_outside_the_limits_are_warned_about_joint_by_joint(arm):
+    (warning,) = choose_posture(arm, [3.5, 0, -4]).warnings
+    assert warning == (
+        "outside the joint limits: j1 = 3.5 (limits -3 to 3 rad), j3 = -4 (limits -3 to 3 rad)"
+    )
+
+
+def test_limits_in_metres_for_a_prismatic_joint():
+    tall = choose_posture(ftforce.load_robot("tiago"), [0.9, 1.4, -0.3, -1.5, 1.6, 0.3, 0.4, 0.0])
+    assert "torso_lift_joint = 0.9 (limits 0 to 0.35 m)" in tall.warnings[0]
+
+
+def test_limits_that_were_printed_rounded_are_forgiven(arm):
+    assert choose_posture(arm, [3 + 5e-7, 0, -3 - 5e-7]).warnings == ()
+    assert choose_posture(arm, [3 + 2e-6, 0, 0]).warnings != ()
+
+
+def test_a_continuous_joint_has_no_limits():
+    arm = load_text(serial_urdf(("continuous", {}), ("continuous", Y)))
+    assert choose_posture(arm, [1000.0, -50.0]).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("q", "mixed_up"),
+    [
+        ([10, 70, 25], True),  # degrees inside the limits
+        ([0, 7, 0], True),
+        ([0, 3.5, 0], False),  # less than two turns: just outside
+        ([0, 6.2, 0], False),
+        ([1000, 0, 0], False),  # outside as degrees too
+    ],
+)
+def test_degrees_given_as_radians_are_noticed(arm, q, mixed_up):
+    (warning,) = choose_posture(arm, q).warnings
+    assert warning.endswith("; these look like degrees, but radians are expected") is mixed_up
+
+
+def test_metres_are_not_taken_for_degrees():
+    arm = load_text(serial_urdf(("prismatic", {}), ("revolute", Y)))
+    (warning,) = choose_posture(arm, [20.0, 1.0]).warnings
+    assert "degrees" not in warning
+
+
+@pytest.mark.parametrize(
+    ("q", "name", "error", "message"),
+    [
+        ([0, 0], None, DimensionError, "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2"),
+        ([0, 0, 0, 0], None, DimensionError, "q needs 3 numbers, got 4 numbers"),
+        ([[0, 0, 0]], None, DimensionError, "got an array of shape 1 x 3"),
+        (0.5, None, DimensionError, "got a single number"),
+        ([0, np.nan, 0], None, InputError, "q holds nan at position 2; numbers must be finite"),
+        (["a", 0, 0], None, InputError, "q needs numbers"),
+        ([0, 0, 0], "bent", InputError, r"either q or a posture, not both \(q and 'bent'\)"),
+    ],
+)
+def test_malformed_positions(arm, q, name, error, message):
+    with pytest.raises(error, match=message):
+        choose_posture(arm, q, name)
+
+
+@pytest.mark.parametrize("size", [2, 5])
+def test_a_posture_object_of_another_arm(arm, size):
+    with pytest.raises(InputError, match="3"):
+        ftforce.analyze(arm, Posture(np.zeros(size), "another arm's"))
+
+
+def test_a_posture_object_and_a_name_are_one_too_many(arm):
+    with pytest.raises(InputError, match="not both"):
+        choose_posture(arm, Posture(np.zeros(3), "given"), "bent")
+
+
+# ---- samples and singularity -----------------------------------------------------------------
+
+
+def test_samples_are_reproducible_and_inside_the_limits():
+    urdf = serial_urdf(("revolute", {"lower": 0.5, "upper": 0.6}), ("continuous", Y))
+    one, other = (samples(load_text(urdf)) for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+    assert one.shape == (SAMPLES, 2)
+    assert np.all((one[:, 0] >= 0.5) & (one[:, 0] <= 0.6))
+    assert np.all(np.abs(one[:, 1]) <= math.pi)
+    assert np.ptp(one[:, 0]) > 0.09
+    assert np.ptp(one[:, 1]) > 5.0
+
+
+def test_the_named_sample_is_the_best_conditioned_one():
+    for name in ("dh5", "kinova"):
+        arm = ftforce.load_robot(name)
+        posture = choose_posture(arm, name="sample")
+        assert posture.source == "best of 64 samples"
+        assert posture.warnings == ()
+        quality = [1 / np.linalg.cond(frame_jacobian(arm, q)[:3]) for q in samples(arm)]
+        best = 1 / np.linalg.cond(frame_jacobian(arm, posture.q)[:3])
+        assert best == pytest.approx(max(quality))
+
+
+def test_the_best_sample_of_a_planar_arm_is_judged_in_its_plane():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 2))
+    quality = [np.linalg.svd(frame_jacobian(arm, q)[:2])[1] for q in samples(arm)]
+    best = np.linalg.svd(frame_jacobian(arm, best_sample(arm))[:2])[1]
+    assert best[1] / best[0] == pytest.approx(max(s[1] / s[0] for s in quality))
+
+
+@pytest.mark.parametrize(
+    ("q", "singular"),
+    [
+        ([0.3, 0.5, 0.0], True),  # stretched
+        ([0.3, 0.5, 1e-3], True),  # all but stretched
+        ([0.3, 0.5, 0.5], False),
+        ([0.3, 0.0, 2.9], False),
+    ],
+)
+def test_a_stretched_elbow_is_singular(arm, q, singular):
+    assert is_singular(arm, np.array(q)) is singular
+
+
+def test_an_arm_is_measured_by_what_it_can_do_elsewhere():
+    # A planar arm never has full rank; it is singular only where it is stretched.
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))
+    assert not is_singular(arm, np.array([0.0, 1.0, 1.0]))
+    folded = load_text(
+        serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 2).replace("0.11 0.05 0.03", "0.2 0 0")
+    )
+    assert is_singular(folded, np.array([0.4, 0.0]))
+
+
+def test_a_wrist_singularity_counts_though_forces_are_kept():
+    arm = ftforce.load_robot("ur5")
+    q = np.array([0.0, -1.8, 1.8, -1.57, 0.0, 0.0])  # wrist axes 1 and 3 in line
+    s = np.linalg.svd(frame_jacobian(arm, q)[:3], compute_uv=False)
+    assert s[-1] > 0.01 * s[0]
+    assert is_singular(arm, q)

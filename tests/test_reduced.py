@@ -1,0 +1,162 @@
+"""The reduced Jacobian: columns of locked joints vanish, ranks are judged by the healthy arm."""
+
+import numpy as np
+import pytest
+
+from ftforce.arrays import Svd
+from ftforce.errors import DimensionError, InputError
+from ftforce.reduced import (
+    RTOL,
+    WARY,
+    check_core_input,
+    check_tolerances,
+    reduce,
+    reduce_decomposed,
+)
+from helpers import assert_close, diagonal
+
+J = np.random.default_rng(5).normal(size=(3, 6))
+MASK = np.array([False, True, False, False, True, False])
+
+
+def test_columns_of_locked_joints_are_zero():
+    reduced = reduce(J, MASK)
+    np.testing.assert_array_equal(reduced.K[:, MASK], 0.0)
+    np.testing.assert_array_equal(reduced.K[:, ~MASK], J[:, ~MASK])
+    np.testing.assert_array_equal(reduced.J, J)
+
+
+def test_dropping_the_columns_gives_the_same_range_and_singular_values():
+    reduced, dropped = reduce(J, MASK), J[:, ~MASK]
+    assert_close(reduced.damaged.s, np.linalg.svd(dropped, compute_uv=False))
+    projector = dropped @ np.linalg.pinv(dropped)
+    for unit in np.eye(3):
+        assert_close(reduced.damaged.project(unit, reduced.rank_after), projector @ unit)
+
+
+def test_sizes_scale_and_ranks():
+    reduced = reduce(J, MASK)
+    assert (reduced.m, reduced.n) == J.shape
+    assert (reduced.rank, reduced.rank_after, reduced.rtol) == (3, 3, RTOL)
+    assert reduced.sigma_max == pytest.approx(np.linalg.norm(J, 2))
+    assert reduced.locked is MASK
+
+
+def test_without_locked_joints_nothing_changes():
+    reduced = reduce(J, np.zeros(6, dtype=bool))
+    np.testing.assert_array_equal(reduced.K, J)
+    assert reduced.damaged.s == reduced.healthy.s
+
+
+def test_with_all_joints_locked_nothing_is_left():
+    reduced = reduce(J, np.ones(6, dtype=bool))
+    assert reduced.rank_after == 0
+    assert reduced.damaged.s == [0.0, 0.0, 0.0]
+
+
+def test_the_jacobian_is_left_alone():
+    before = J.copy()
+    reduce(J, MASK)
+    np.testing.assert_array_equal(J, before)
+
+
+def test_a_decomposition_serves_many_fault_sets():
+    healthy = Svd(J)
+    for k in range(6):
+        mask = np.arange(6) == k
+        one, other = reduce_decomposed(healthy, mask, RTOL), reduce(J, mask)
+        assert one.healthy is healthy
+        assert one.damaged.s == other.damaged.s
+        assert (one.rank, one.rank_after) == (other.rank, other.rank_after)
+
+
+@pytest.mark.parametrize(
+    ("smallest", "rank"), [(1.001e-6, 2), (1e-6, 1), (0.999e-6, 1), (0.0, 1), (1e-3, 2)]
+)
+def test_a_singular_value_at_the_tolerance_is_lost(smallest, rank):
+    assert diagonal(1.0, smallest).rank == rank
+    assert diagonal(8.0, 8.0 * smallest).rank == rank
+
+
+def test_the_healthy_arm_is_the_scale_of_both_ranks():
+    # What is left is small beside the lost joint, though well conditioned in itself.
+    reduced = diagonal(1.0, 1e-7, 1e-7, locked=[0])
+    assert (reduced.rank, reduced.rank_after) == (1, 0)
+    assert diagonal(1.0, 1e-5, 1e-5, locked=[0]).rank_after == 2
+
+
+def test_the_tolerance_can_be_chosen():
+    lean = np.diag([1.0, 1e-4])
+    none = np.zeros(2, dtype=bool)
+    assert reduce(lean, none, 1e-3).rank == 1
+    assert reduce(lean, none, 1e-5).rank == 2
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (4, 2), (6, 1), (2, 2)])
+def test_fewer_joints_than_task_rows(shape):
+    reduced = reduce(np.ones(shape), np.zeros(shape[1], dtype=bool))
+    assert (reduced.m, reduced.n) == shape
+    assert reduced.rank == reduced.rank_after == 1
+    assert len(reduced.damaged.s) == shape[0]
+
+
+# ---- what comes from outside -----------------------------------------------------------------
+
+
+def test_lists_become_arrays():
+    checked, mask = check_core_input([[1, 2], [3, 4]], [True, False])
+    assert checked.dtype == np.float64
+    assert mask.dtype == np.bool_
+    assert (checked.tolist(), mask.tolist()) == ([[1, 2], [3, 4]], [True, False])
+
+
+@pytest.mark.parametrize(
+    "given", [3.0, [1.0, 2.0], np.ones((2, 2, 2)), np.ones((3, 0)), np.ones((0, 3)), []]
+)
+def test_a_jacobian_is_a_matrix(given):
+    with pytest.raises(InputError, match=r"J needs the shape \(m, n\), got \("):
+        check_core_input(given, [True])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_jacobian_is_finite(bad):
+    given = J.copy()
+    given[1, 3] = bad
+    with pytest.raises(InputError, match=f"J holds {bad} at position 2, 4"):
+        check_core_input(given, MASK)
+
+
+@pytest.mark.parametrize("given", ["abc", [[1, 2], [3]], [["a", "b"]], [[1j, 2]]], ids=str)
+def test_a_jacobian_is_made_of_numbers(given):
+    with pytest.raises(InputError, match="J needs"):
+        check_core_input(given, [True, False])
+
+
+@pytest.mark.parametrize("given", [[0, 1, 0, 0, 1, 0], [2, 5], "2,5", None, 2, [1.0] * 6, [None]])
+def test_a_mask_is_boolean(given):
+    with pytest.raises(InputError, match=r"boolean mask of shape \(6,\).*for analyze"):
+        check_core_input(J, given)
+
+
+@pytest.mark.parametrize("given", [[True], [True] * 7, np.ones((6, 1), dtype=bool)])
+def test_a_mask_has_one_entry_per_joint(given):
+    with pytest.raises(DimensionError, match="locked needs 6 numbers.*one entry per column"):
+        check_core_input(J, given)
+
+
+@pytest.mark.parametrize("rtol", [1e-14, 1e-6, WARY, 0.5])
+def test_tolerances_in_range(rtol):
+    check_tolerances(rtol, max(rtol, WARY))
+    check_tolerances(rtol, 0.999)
+
+
+@pytest.mark.parametrize("rtol", [0.0, -1e-6, 9e-15, 1.0, np.nan, np.inf])
+def test_rank_tolerances_out_of_range(rtol):
+    with pytest.raises(InputError, match="rtol must lie between 1e-14 and 1, got"):
+        check_tolerances(rtol, 0.999)
+
+
+@pytest.mark.parametrize("wary", [0.9e-3, 0.0, -1.0, 1.0, np.nan, np.inf])
+def test_wary_tolerances_out_of_range(wary):
+    with pytest.raises(InputError, match=r"wary must lie between rtol = 0\.001 and 1, got"):
+        check_tolerances(1e-3, wary)

@@ -1,0 +1,144 @@
+"""Tasks: components, their units, and how moments are weighed against forces."""
+
+import pickle
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.task import Task
+from helpers import assert_close
+
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+@pytest.mark.parametrize(
+    ("given", "components"),
+    [
+        ("force", WRENCH[:3]),
+        ("moment", WRENCH[3:]),
+        ("wrench", WRENCH),
+        ("fx", ("fx",)),
+        (" FZ, my ", ("fz", "my")),
+        (["fy", "fx"], ("fy", "fx")),
+        (("force", "mz"), ("fx", "fy", "fz", "mz")),
+        ("my,force", ("my", "fx", "fy", "fz")),
+    ],
+)
+def test_words_become_components(given, components):
+    task = Task.parse(given)
+    assert task.components == components
+    assert task.m == len(components)
+    assert (task.axes, task.length) == ("tool", 1.0)
+
+
+def test_a_task_is_returned_as_it_is():
+    task = Task.parse("wrench", "world", 0.3)
+    assert Task.parse(task) is task
+    assert (task.axes, task.length) == ("world", 0.3)
+
+
+@pytest.mark.parametrize(
+    ("components", "word"),
+    [("force", "force"), (WRENCH, "wrench"), ("mx,my,mz", "moment"), ("fz,fx", "fz,fx")],
+)
+def test_prints_its_shorthand_or_its_components(components, word):
+    assert str(Task.parse(components)) == word
+
+
+@pytest.mark.parametrize("components", ["force", "moment", "wrench", "fy,fz", "fx,fz,my", "mz,fx"])
+def test_rows_select_the_components_in_their_order(components):
+    J = np.arange(18.0).reshape(6, 3)
+    task = Task.parse(components)
+    expected = np.array([J[WRENCH.index(name)] for name in task.components])
+    np.testing.assert_array_equal(J[task.rows], expected)
+
+
+def test_units_and_velocities_of_each_component():
+    task = Task.parse("fx,mz,fy")
+    assert task.units == ("N", "N·m", "N")
+    assert task.velocity_units == ("m/s", "rad/s", "m/s")
+    assert task.velocity_components == ("vx", "wz", "vy")
+    assert (task.force_rows, task.moment_rows) == ((0, 2), (1,))
+
+
+def test_moments_are_weighed_by_the_characteristic_length():
+    task = Task.parse("fx,my", length=0.25)
+    assert_close(task.weigh_jacobian(np.array([[1.0, 2.0], [4.0, 8.0]])), [[1, 2], [1, 2]])
+    assert_close(task.weigh_force(np.array([3.0, 1.0])), [3, 4])
+    assert_close(task.unweigh_force(np.array([3.0, 4.0])), [3, 1])
+    assert_close(task.unweigh_velocity(np.array([3.0, 1.0])), [3, 4])
+
+
+def test_weighing_keeps_power_and_torques():
+    rng = np.random.default_rng(1)
+    task = Task.parse("wrench", length=0.3)
+    J, F, v = rng.normal(size=(6, 7)), rng.normal(size=6), rng.normal(size=7)
+    assert_close(task.weigh_force(F) @ task.weigh_jacobian(J), F @ J)
+    assert_close(task.unweigh_velocity(task.weigh_jacobian(J) @ v), J @ v)
+    assert_close(task.unweigh_force(task.weigh_force(F)), F)
+
+
+@pytest.mark.parametrize("task", [Task.parse("force", length=0.3), Task.parse("wrench", length=1)])
+def test_nothing_is_weighed_without_moments_or_with_one_metre(task):
+    assert task.weights is None
+    J = np.ones((task.m, 2))
+    assert task.weigh_jacobian(J) is J
+
+
+def test_weights_do_not_touch_what_they_weigh():
+    task, J, F = Task.parse("wrench", length=2.0), np.ones((6, 2)), np.ones(6)
+    task.weigh_jacobian(J)
+    task.weigh_force(F)
+    np.testing.assert_array_equal(J, np.ones((6, 2)))
+    np.testing.assert_array_equal(F, np.ones(6))
+    assert not task.weights.flags.writeable
+
+
+def test_tasks_compare_and_hash_by_what_they_ask():
+    assert Task.parse("force") == Task()
+    assert hash(Task.parse("fx,fy,fz")) == hash(Task())
+    assert Task.parse("force", "world") != Task()
+    assert Task.parse("wrench", length=0.5) != Task.parse("wrench")
+
+
+def test_tasks_are_frozen_and_can_be_pickled():
+    task = Task.parse("fx,my", "world", 0.2)
+    with pytest.raises(FrozenInstanceError):
+        task.length = 1.0
+    assert task.weights is not None  # computed before pickling
+    assert pickle.loads(pickle.dumps(task)) == task
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"task": "thrust"}, "no task component 'thrust'; there is: force, moment, wrench, fx"),
+        ({"task": "forces"}, "did you mean 'force'"),
+        ({"task": "fx,,fy"}, "no task component ''"),
+        ({"task": ""}, "no task component ''; there is: force"),
+        ({"axes": "base"}, "no axes 'base'; there is: tool, world"),
+        ({"axes": None}, "no axes 'None'; there is: tool, world"),
+    ],
+)
+def test_unknown_words_are_answered_with_the_known_ones(given, message):
+    with pytest.raises(UnknownNameError, match=message):
+        Task.parse(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"task": "fx,fx"}, "'fx,fx' needs each component once"),
+        ({"task": "force,fy"}, "needs each component once"),
+        ({"task": []}, "needs each component once"),
+        ({"length": 0}, r"must be positive \(m\), got 0"),
+        ({"length": -0.1}, r"must be positive \(m\), got -0.1"),
+        ({"length": np.inf}, "must be positive"),
+        ({"length": np.nan}, "must be positive"),
+    ],
+)
+def test_malformed_tasks(given, message):
+    with pytest.raises(InputError, match=message):
+        Task.parse(**given)
