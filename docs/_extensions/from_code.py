@@ -7,11 +7,14 @@
 JSON keys
     Every key of every kind of document must stand in ``reference/json.md``, and every key that
     stands there must occur; else the build warns.
+Modules
+    Every module of the package must stand in ``architecture.md``; else the build warns.
 """
 
 from __future__ import annotations
 
 import inspect
+import pkgutil
 import re
 from enum import Enum
 from pathlib import Path
@@ -103,6 +106,15 @@ def check_json_page(app: Sphinx) -> None:
             logger.warning("%s: no document holds the key %s", kind, path, location=_JSON_PAGE)
 
 
+def check_modules(app: Sphinx) -> None:
+    """Warn about modules that are missing in ``architecture.md``."""
+    text = Path(app.srcdir, "architecture.md").read_text("utf-8")
+    for module in pkgutil.iter_modules(ftforce.__path__):
+        if f"`{module.name}`" not in text and not module.name.startswith("_"):
+            message = "the module %s is not described"
+            logger.warning(message, module.name, location="architecture")
+
+
 def _keys(section: str) -> set[str]:
     first_cells = re.findall(r"^\| (`[^|]+`) \|", section, re.MULTILINE)
     return {key for cell in first_cells for key in re.findall(r"`(.+?)`", cell)}
@@ -133,4 +145,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("command-options", CommandOptions)
     app.connect("builder-inited", check_json_page)
+    app.connect("builder-inited", check_modules)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from docutils import nodes
@@ -12,8 +13,14 @@ if TYPE_CHECKING:
     from sphinx.writers.html5 import HTML5Translator
 
 
+def mathml(tex: str, *, as_block: bool) -> str:
+    """Return a formula; the bars of a norm keep their size, and a tilde sits above its letter."""
+    text = tex2mathml(tex, as_block).replace(">~</mo>", ">\N{SMALL TILDE}</mo>")
+    return re.sub(r"<mo>([|‖∥])</mo>", r'<mo stretchy="false">\1</mo>', text)
+
+
 def inline(self: HTML5Translator, node: nodes.math) -> None:
-    self.body.append(tex2mathml(node.astext()))
+    self.body.append(mathml(node.astext(), as_block=False))
     raise nodes.SkipNode
 
 
@@ -23,7 +30,7 @@ def block(self: HTML5Translator, node: nodes.math_block) -> None:
         self.body.append(f'<span class="eqno">({node["number"]})')
         self.add_permalink_ref(node, "Link to this equation")
         self.body.append("</span>")
-    self.body.append(tex2mathml(node.astext(), as_block=True) + "</div>")
+    self.body.append(mathml(node.astext(), as_block=True) + "</div>")
     raise nodes.SkipNode
 
 

@@ -37,7 +37,6 @@ ROUNDING = 1e-9
 WINDOWS = {
     "locked-2-4": "analyze robots/dh5.urdf --locked 2,4",
     "paper": "analyze dh5 --locked 2,4,5 --force 80,50,10",
-    "panda": "analyze panda --locked 4 --force 0,0,50",
     "census": "census panda --faults 2 --top 6",
     "census-rail": "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world",
 }
@@ -52,7 +51,6 @@ SESSIONS = {
     "tutorial-posture": [
         "analyze rail_arm.urdf --q 0.4,0,0,1,0 --deg --locked wrist --force 60,0,0 --axes world"
     ],
-    "tutorial-census": ["census rail_arm.urdf --faults 2 --force 0,0,60 --axes world"],
     "tutorial-files": [
         "analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json",
         "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world -o sets.csv",
