@@ -2,7 +2,7 @@
 
 >>> import ftforce
 >>> arm = ftforce.load_robot("panda")
->>> result = ftforce.analyze(arm, locked=[2, 4], force=[0, 0, 50])
+>>> result = ftforce.analyze(arm, locked=[1, 4], force=[0, 0, 50])
 >>> result.verdict.value
 'tolerated'
 """

@@ -98,7 +98,7 @@ class Analysis(Displayed):
 
     @property
     def force_error(self) -> float:
-        """Largest error of the tip's (weighted) force per N·m of torque error, 1/σ_min(K)."""
+        """Largest error of the tip's (weighted) force per N·m of torque error, 1/σ of K."""
         return metrics.force_error(self.reduced)
 
     @cached_property
@@ -127,7 +127,7 @@ class Analysis(Displayed):
         return (*self.posture.warnings, *_doubts(self))
 
     def residuals(self) -> Mapping[str, float]:
-        """Return how far the result is from the laws of theory §8, relative; 0 is ideal.
+        """Return how far the result is from the laws it must keep, relative; 0 is ideal.
 
         Returns
         -------

@@ -108,8 +108,10 @@ class OutputError(FileError):
     """A result could not be written; nothing was left behind."""
 
 
-def closest(name: str, available: Iterable[str]) -> str | None:
+def closest(name: object, available: Iterable[str]) -> str | None:
     """Return the existing name that looks most like ``name``, or ``None``."""
+    if not isinstance(name, str):  # a number where a name was wanted resembles none
+        return None
     from difflib import get_close_matches
 
     by_folded = {other.casefold(): other for other in available}

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.task import Axes, Task
 
-# A slice of Pinocchio's WORLD Jacobian is no force map at the tip (theory §1): it is not offered.
+# A slice of Pinocchio's WORLD Jacobian is no force map at the tip (docs/conventions).
 _FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
 
 

@@ -81,7 +81,8 @@ def load_robot(
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
         raise UnknownNameError("posture", posture, [*postures, *BUILT_IN_POSTURES])
     preferred = (known.posture,) if known and known.posture in postures else tuple(postures)
-    held = _held(chain, states.get(posture or next(iter(preferred), ""), {}))
+    usual = known.posture if known else next(iter(preferred), "")
+    held = _held(chain, states.get(posture or usual, {}))
     model = _reduced_model(chain, held)
     coordinates = _coordinates(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
@@ -273,7 +274,9 @@ def _coordinates(chain: Chain, model: pin.Model) -> Coordinates:
 def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str]:
     notes = [*known.notes, *_corrections(chain, known)] if known else []
     if known is None and chain.tip_source != GIVEN:
-        named = dict.fromkeys((*srdf.end_effectors, *(link for ends in srdf.chains for link in ends)))
+        named = dict.fromkeys(
+            (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
+        )
         if lost := [link for link in named if link not in chain.tree.links]:
             notes.append(f"the SRDF names links that the URDF lacks: {listed(lost)}")
     held = [joint.name for joint in chain.tree.path_to(chain.tip) if joint.type in HELD]

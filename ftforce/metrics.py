@@ -1,4 +1,4 @@
-"""Measures of a fault set: margin, manipulability, lost directions, verdict (theory §2, §6)."""
+"""Measures of a fault set: margin, manipulability, lost directions, verdict (docs/theory)."""
 
 from __future__ import annotations
 

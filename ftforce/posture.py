@@ -36,7 +36,7 @@ class Posture:
     q :
         Shape (n,).
     source :
-        E.g. ``given`` or ``SRDF state 'home'``.
+        E.g. ``given``, ``posture 'home'`` or ``mid-range``.
     warnings :
         What is odd about it, e.g. positions outside the joint limits.
     """

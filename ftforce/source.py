@@ -168,20 +168,28 @@ def write_whole(path: str | PathLike[str], text: str) -> Path:
     if not str(path) or "\0" in str(path):
         raise OutputError(path, "cannot be written: this is no file name")
     try:
-        file = Path(os.path.realpath(path))  # a link stays a link: its target is written
+        file = Path(path)
         if file.is_dir():
             raise OutputError(path, "cannot be written: it is a folder")
         if file.exists() and not os.access(file, os.W_OK):  # replacing it would ignore that
             raise OutputError(path, "cannot be written: it is read-only")
         data = text.encode()
         if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
-            file.write_bytes(data)
+            _write_through(file, data)
         else:
-            _replace(file, data)
+            _replace(Path(os.path.realpath(file)), data)  # a link stays a link
     except (OSError, UnicodeEncodeError) as problem:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise OutputError(path, f"cannot be written ({reason})") from None
     return Path(path)
+
+
+def _write_through(file: Path, data: bytes) -> None:
+    # Opening a pipe waits for its reader, for ever if there is none; without waiting it fails.
+    descriptor = os.open(file, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    os.set_blocking(descriptor, True)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(data)
 
 
 def _replace(file: Path, data: bytes) -> None:

@@ -27,8 +27,8 @@ class Task:
     """The m components of the tip's force and moment that the arm has to exert.
 
     Forces and moments share no norm. So the rows of moments are weighted by a characteristic
-    length L, ``J̃ = [J_lin; L·J_ang]`` and ``F̃ = [f; μ/L]`` (theory §2): what is minimised is
-    ``‖f‖² + ‖μ‖²/L²``. For a task without moments L plays no part.
+    length L, ``J̃ = [J_lin; L·J_ang]`` and ``F̃ = [f; μ/L]`` (docs/theory/force): what is
+    minimised is ``‖f‖² + ‖μ‖²/L²``. For a task without moments L plays no part.
 
     Attributes
     ----------

@@ -27,11 +27,15 @@ _ON_AXIS = 1e-3  # a direction this close to an axis is called by its name
 
 
 def number(x: float, digits: int = 2) -> str:
-    """Write a number with fixed decimals and never a negative zero; tiny ones in powers of ten."""
+    """Write a number with fixed decimals and never a negative zero."""
     text = f"{x:.{digits}f}"
-    if x != 0.0 and float(text) == 0.0:
-        return f"{x:.0e}" if abs(x) > 1e-9 else f"{0.0:.{digits}f}"
-    return text
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def size(x: float, digits: int = 2) -> str:
+    """Write what may be small but must not look like nothing: a jump of 4e-04 N is no 0.00 N."""
+    text = number(x, digits)
+    return f"{x:.0e}" if float(text) == 0.0 and abs(x) > NEGLIGIBLE else text
 
 
 def ratio(x: float) -> str:
@@ -78,9 +82,9 @@ def amounts(task: Task, vector: Vector) -> str:
     linear, angular = list(task.force_rows), list(task.moment_rows)
     parts = []
     if linear:
-        parts.append(f"{number(float(np.linalg.norm(vector[linear])))} N")
+        parts.append(f"{size(float(np.linalg.norm(vector[linear])))} N")
     if angular:
-        parts.append(f"{number(float(np.linalg.norm(vector[angular])))} N·m")
+        parts.append(f"{size(float(np.linalg.norm(vector[angular])))} N·m")
     return " and ".join(parts)
 
 
@@ -116,10 +120,10 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
     if analysis.verdict is Verdict.TOLERATED:
         return f"the healthy joints keep the whole {before} at the tip"
     if analysis.verdict is Verdict.BORDERLINE:
+        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
         return (
-            f"{jump} of {before} is lost at the tolerance {analysis.reduced.rtol:g}, but a "
-            f"tolerance up to {analysis.wary:g} gives another answer (margin "
-            f"{ratio(analysis.margin)})"
+            f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
+            f"{analysis.wary:g} gives another answer (margin {ratio(analysis.margin)})"
         )
     return (
         f"{jump} of {before} can no longer be commanded by any motor; along the lost directions "
@@ -151,7 +155,7 @@ def critical_joint(census: Census) -> str:
             share = "all" if count == worst.sets else f"{count} of"
             return (
                 f"Critical joint: {name}. Of the fault sets that hold it, {share} "
-                f"{worst.sets} {'is' if worst.sets == 1 else 'are'} {verdict.value}."
+                f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
             )
     return (
         f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "

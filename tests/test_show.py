@@ -127,11 +127,17 @@ def test_replication_marks_every_outcome(arm):
 
 @pytest.mark.parametrize(
     ("x", "expected"),
-    [(-0.001, "-1e-03"), (0.0, "0.00"), (-0.0, "0.00"), (-1e-12, "0.00"), (2.345, "2.35"),
-     (-12.345, "-12.35"), (0.004, "4e-03")],
-)  # fmt: skip
-def test_numbers_show_no_negative_zero_and_hide_nothing(x, expected):
-    assert words.number(x + (1e-9 if x > 1 else -1e-9 if x < -1 else 0)) == expected
+    [(-0.001, "0.00"), (0.0, "0.00"), (-0.0, "0.00"), (2.346, "2.35"), (-12.346, "-12.35")],
+)
+def test_numbers_show_no_negative_zero(x, expected):
+    assert words.number(x) == expected
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"), [(-0.001, "-1e-03"), (-1e-12, "0.00"), (0.004, "4e-03"), (0.006, "0.01")]
+)
+def test_a_small_jump_does_not_look_like_none(x, expected):
+    assert words.size(x) == expected
 
 
 def test_directions_in_words():

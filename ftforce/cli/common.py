@@ -37,7 +37,9 @@ RobotArgument = Annotated[
     ),
 ]
 Tip = Annotated[str | None, typer.Option(help="Tip link; without it the robot's own.")]
-Base = Annotated[str | None, typer.Option(help="Base link; without it the root.")]
+Base = Annotated[
+    str | None, typer.Option(help="Base link; without it the robot's own, or the root.")
+]
 Positions = Annotated[
     str | None,
     typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),

@@ -7,14 +7,16 @@ import typer
 
 
 def dh(
-    table: Annotated[Path, typer.Argument(help="DH table (TOML), e.g. robots/dh5.toml.")],
+    table: Annotated[
+        Path, typer.Argument(metavar="TABLE", help="DH table (TOML), e.g. robots/dh5.toml.")
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
             help="URDF to write; the SRDF goes beside it.",
-            show_default="the table's name with .urdf, in the current folder",
+            show_default="the table's file name with .urdf, in the current folder",
         ),
     ] = None,
 ) -> None:

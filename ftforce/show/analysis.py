@@ -37,7 +37,9 @@ def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableTyp
     force, torque = analysis.force, analysis.torque
     return spaced(
         facts(_situation(analysis)),
-        _joints(analysis, torque, degrees=degrees) if torque else _unit_torques(analysis),
+        _joints(analysis, torque, degrees=degrees)
+        if torque
+        else _unit_torques(analysis, degrees=degrees),
         _velocities(analysis),
         _tip(analysis.task, force) if force else _unit_tip(analysis),
         facts(_measures(analysis)),
@@ -66,7 +68,7 @@ def _joints(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> Title
     angle = "deg" if degrees else "rad"
     result = table(
         "Joints", "#", "joint", "state", f"q\n[{angle}]", "torque\nbefore\n[N·m]", "\nafter\n[N·m]",
-        "\nchange\n[N·m]", "limit\n[N·m]", "used\n[%]", "share\nof force", left=3, folded=(1,),
+        "\nchange\n[N·m]", "limit\n[N·m]", "used\n[%]", "contri-\nbution", left=3, folded=(1,),
     )  # fmt: skip
     positions = _positions(analysis.robot, analysis.posture.q, degrees=degrees)
     rows = zip(
@@ -111,7 +113,7 @@ def _velocities(analysis: Analysis) -> RenderableType | None:
         return None
     joints = table(
         "Joint velocities (Appendix A)", "#", "joint", "unit", "before", "after", "change",
-        "share of\ntip velocity", left=3, folded=(1,),
+        "contribution\nto tip velocity", left=3, folded=(1,),
     )  # fmt: skip
     before, after = velocity.before.tolist(), velocity.after.tolist()
     rows = zip(analysis.robot.joints, before, after, shares.tolist(), strict=True)
@@ -136,19 +138,25 @@ def _tip(task: Task, force: ForceChange) -> TitledTable:
     return vectors("Force at the tip", components, columns, digits=2)
 
 
-def _unit_torques(analysis: Analysis) -> TitledTable:
+def _unit_torques(analysis: Analysis, *, degrees: bool) -> TitledTable:
     task = analysis.task
-    digits = 3 if task.m <= 3 else 2  # six components need the room
+    few = task.m <= 3
+    digits = 3 if few else 2  # six components need the room
     titles = [f"{name}\n1 {unit}" for name, unit in zip(task.components, task.units, strict=True)]
+    angle = "deg" if degrees else "rad"
     result = table(
         "Motor torque [N·m] for each unit force: before, → after where it changes",
-        "#", "joint", *titles, left=2, folded=(1,),
+        "#", "joint", *(["state"] if few else []), f"q\n[{angle}]", *titles,
+        left=3 if few else 2, folded=(1,),
     )  # fmt: skip
+    positions = _positions(analysis.robot, analysis.posture.q, degrees=degrees)
     for i, joint in enumerate(analysis.robot.joints):
         unit = " N" if joint.type == "prismatic" else ""
-        after = "→0" if joint.name in analysis.locked else ""
+        locked = joint.name in analysis.locked
+        after = "→0" if locked else ""
         cells = [number(float(t.before[i]), digits) + unit + after for _, t in analysis.unit_forces]
-        result.add_row(str(joint.number), joint.name, *cells)
+        state = [state_text(locked)] if few else []
+        result.add_row(str(joint.number), joint.name, *state, positions[i], *cells)
     return result
 
 
@@ -174,22 +182,41 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
 
 def _measures(analysis: Analysis) -> list[tuple[str, str]]:
     reduced, task = analysis.reduced, analysis.task
-    rho, error = analysis.relative_manipulability, ratio(analysis.force_error)
+    rho = analysis.relative_manipulability
     tolerances = f"rank tolerance {reduced.rtol:g}, wary below {analysis.wary:g}"
-    unit = "weighted N" if task.moment_rows and task.force_rows else task.units[0]
     measures = [
         ("Margin σ_min(K)/σ_max(J)", f"{ratio(analysis.margin)}  ({tolerances})"),
         ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank})"),
         ("Relative manipulability ρ", defined(rho)),
         ("Lost directions", words.lost_directions(task, list(analysis.lost_directions))),
-        ("Tip force error", f"up to {error} {unit} per N·m of torque error"),
+        ("Tip force error", _force_error(analysis)),
     ]
     if analysis.torque is not None:
         measures.append(("Brake load (force part)", _brake_loads(analysis, analysis.torque)))
         if analysis.force is not None and analysis.force.requested is None:
-            moved = number(float(np.linalg.norm(analysis.torque.self_motion)))
-            measures.append(("Torque into self-motion", f"{moved} N·m (exerts no force)"))
+            moved = _by_unit(analysis.robot, analysis.torque.self_motion)
+            measures.append(("Torque into self-motion", f"{moved} (norm; exerts no force)"))
     return measures
+
+
+def _force_error(analysis: Analysis) -> str:
+    task = analysis.task
+    if analysis.reduced.rank_after == 0:
+        return "– (no direction is left)"
+    unit = "weighted N" if task.moment_rows and task.force_rows else task.units[0]
+    sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
+    per = "N·m or N" if sliding else "N·m"
+    return f"up to {ratio(analysis.force_error)} {unit} per {per} of torque error"
+
+
+def _by_unit(robot: Robot, torque: Vector) -> str:
+    """Say the norm of torques, those of prismatic joints apart: units are never mixed."""
+    parts = []
+    for unit in ("N·m", "N"):
+        own = [i for i, joint in enumerate(robot.joints) if joint.torque_unit == unit]
+        if own:
+            parts.append(f"{number(float(np.linalg.norm(torque[own])))} {unit}")
+    return " and ".join(parts)
 
 
 def _brake_loads(analysis: Analysis, torque: TorqueChange) -> str:

@@ -17,7 +17,7 @@ from ftforce.show.tables import (
     verdict_text,
     warning_lines,
 )
-from ftforce.words import number, ratio
+from ftforce.words import number, ratio, size
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -75,7 +75,7 @@ def _sets(census: Census, most: int) -> TitledTable:
         result.add_row(
             str(report.faults),
             verdict_text(report.verdict),
-            *(number(size) for size in sizes if size is not None),
+            *(size(norm) for norm in sizes if norm is not None),
             ratio(report.margin),
             defined(rho),
             str(report.rank_lost),
@@ -102,15 +102,16 @@ def _critical_joints(census: Census) -> TitledTable:
             str(report.borderline),
             f"{100.0 * report.mean_relative_jump:.1f}",
         )
+    result.caption = "mean loss: jump over force, averaged over the sets that hold the joint"
     return result
 
 
 def _bounds(census: Census) -> list[tuple[str, str]]:
     lines = []
-    for size in range(1, census.largest + 1):
-        worst, bound = census.worst_manipulability(size)
+    for f in range(1, census.largest + 1):
+        worst, bound = census.worst_manipulability(f)
         if not math.isnan(worst) and bound > 0.0:
             best = f"{worst / bound:.0%} of {ratio(bound)}, the most that any posture can have"
-            name = f"Worst ρ of {size} joint{'s' if size > 1 else ''}"
+            name = f"Worst ρ of {f} joint{'s' if f > 1 else ''}"
             lines.append((name, f"{ratio(worst)} ({best})"))
     return lines

@@ -14,6 +14,11 @@ from ftforce.words import number
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+_UNITS = {
+    "J, eq. (34)": " (m/rad)",
+    "Table 2": " (torques in N·m, shares without unit)",
+    "Ẋ, section IV": " (printed in cm/s; the printed numbers are m/s)",
+}
 _MARK = {Outcome.PASS: ("✓", "green"), Outcome.ERRATUM: ("e", "yellow"), Outcome.FAIL: ("✗", "red")}
 
 
@@ -34,7 +39,7 @@ def _table(name: str, checks: list[Check]) -> TitledTable:
     columns = list(dict.fromkeys(check.column for check in checks))
     rows = dict.fromkeys(check.row for check in checks)
     cells = {(check.row, check.column): _cell(check) for check in checks}
-    unit = "" if name.startswith(("J", "Ẋ")) else " (torques in N·m, force jump in N)"
+    unit = _UNITS.get(name, " (torques in N·m, force jump in N)")
     result = table(name + unit, "", *columns)
     for row in rows:
         result.add_row(row, *(cells[row, column] for column in columns))

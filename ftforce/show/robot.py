@@ -61,8 +61,7 @@ def _postures(robot: Robot) -> RenderableType:
 
 def robots_view(robots: Iterable[tuple[KnownRobot, Robot]]) -> RenderableType:
     """Return the table of the known robots."""
-    result = table("Known robots", "name", "n", "tip", "postures", "about", left=5,
-                   folded=(2, 3, 4))  # fmt: skip
+    result = table("Known robots", "name", "n", "tip", "postures", "about", left=5, folded=(3, 4))
     for known, robot in robots:
         names = ", ".join(robot.postures)
         result.add_row(known.name, str(robot.n), robot.tip, names, known.about)

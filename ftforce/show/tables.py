@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ftforce.metrics import Verdict
-from ftforce.words import number, ratio
+from ftforce.words import number, ratio, size
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ftforce.arrays import Vector
+
+_DIFFERENCES = ("jump", "unsupported")  # small ones matter
 
 VERDICT_STYLE = {
     Verdict.TOLERATED: "bold green",
@@ -106,12 +108,15 @@ def vectors(
 ) -> TitledTable:
     """Return vectors side by side, per component and then their norms."""
     result = table(title, "", "unit", *columns, left=2)
+    writers = [size if name in _DIFFERENCES else number for name in columns]
+    columns_and_writers = list(zip(columns.values(), writers, strict=True))
     for i, (name, unit) in enumerate(zip(components.names, components.units, strict=True)):
-        result.add_row(name, unit, *(number(float(x[i]), digits) for x in columns.values()))
+        cells = (write(float(x[i]), digits) for x, write in columns_and_writers)
+        result.add_row(name, unit, *cells)
     for name, unit, rows in components.norms:
         if rows:
-            sizes = (float(np.linalg.norm(x[list(rows)])) for x in columns.values())
-            result.add_row(name, unit, *(number(size, digits) for size in sizes), style="bold")
+            norms = ((float(np.linalg.norm(x[list(rows)])), w) for x, w in columns_and_writers)
+            result.add_row(name, unit, *(write(x, digits) for x, write in norms), style="bold")
     return result
 
 
