@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from ftforce.metrics import Verdict
     from ftforce.robot import Robot
 
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class Analysis(Displayed):
@@ -211,7 +213,7 @@ def analyze(
     place = choose_posture(robot, q, posture)
     faults = FaultSet.locked(robot.indices(locked))
     J = task_jacobian(robot, place.q, wanted)
-    reduced = reduce(wanted.weigh_jacobian(J), faults.mask(robot.n), rtol)
+    reduced = reduce(read_only(wanted.weigh_jacobian(J)), faults.mask(robot.n), rtol)
     load = tip_load(robot, reduced, wanted, force, torque)
     change = None if load is None else change_of_load(reduced, wanted, load)
     hint = f"one per joint, {robot.numbered()}"
@@ -251,11 +253,22 @@ def tip_load(
     if force is not None:
         names = ", ".join(task.components)
         requested = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
-        return TipLoad(supported_force(reduced, task.weigh_force(requested)), requested, None)
+        wanted = task.weigh_force(requested)
+        F = supported_force(reduced, wanted)
+        return TipLoad(_without_rounding(F, F, wanted), requested, None)
     if torque is not None:
         tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
-        return TipLoad(exerted_force(reduced, tau), None, tau)
+        F = exerted_force(reduced, tau)
+        return TipLoad(_without_rounding(F, F.dot(reduced.J), tau), None, tau)
     return None
+
+
+def _without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
+    """Return F, or zero if the part of the request that it stands for is only rounding.
+
+    Otherwise the verdict would judge the direction of rounding errors.
+    """
+    return F if part.dot(part) > (_ROUNDING * _ROUNDING) * whole.dot(whole) else np.zeros_like(F)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

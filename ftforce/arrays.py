@@ -44,15 +44,31 @@ def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> 
     InputError
         Not numbers, or not finite.
     """
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} needs numbers, got {value!r}") from None
+    vector = as_floats(value, name)
     if vector.ndim != 1 or (size is not None and len(vector) != size):
         expected = (size,) if size is not None else (1,)
         raise DimensionError(name, expected, vector.shape, hint)
     check_finite(vector, name)
     return read_only(vector)
+
+
+def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return a copy of real numbers; complex ones, texts and truth values are none.
+
+    Raises
+    ------
+    InputError
+        Something else than real numbers, or a ragged list.
+    """
+    try:
+        array = np.array(value)
+    except ValueError:
+        raise InputError(f"{name} needs numbers, got {value!r}") from None
+    if array.dtype == np.float64:
+        return array
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{name} needs numbers, got {value!r}")
+    return array.astype(np.float64)
 
 
 def check_finite(array: NDArray[np.float64], name: str) -> None:

@@ -66,7 +66,7 @@ class UnknownNameError(InputError):
         The closest existing name, or ``None``.
     """
 
-    def __init__(self, kind: str, name: str, available: Iterable[str], where: str = "") -> None:
+    def __init__(self, kind: str, name: object, available: Iterable[str], where: str = "") -> None:
         self.kind, self.name, self.available = kind, name, tuple(available)
         self.suggestion = closest(name, self.available)
         place = f" {where}" if where else ""

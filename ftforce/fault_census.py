@@ -233,7 +233,8 @@ def _report(
     relative = float(rank_lost > 0)
     if F is not None:
         change = force_jump(reduced, F)
-        after, jump = task.unweigh_force(change.F_after), task.unweigh_force(change.jump)
+        after = read_only(task.unweigh_force(change.F_after))
+        jump = read_only(task.unweigh_force(change.jump))
         linear, angular = split_norms(task, jump)
         size = math.sqrt(F.dot(F))
         relative = change.jump_norm / size if size > 0.0 else 0.0

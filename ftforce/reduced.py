@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Mask, Matrix, Svd, check_finite, read_only
+from ftforce.arrays import Mask, Matrix, Svd, as_floats, check_finite, read_only
 from ftforce.errors import DimensionError, InputError
 
 if TYPE_CHECKING:
@@ -107,10 +107,7 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
     InputError
         J holds NaN or infinity, or the mask is not boolean.
     """
-    try:
-        J = np.array(J, dtype=np.float64)  # a copy: results keep it
-    except (TypeError, ValueError):
-        raise InputError(f"J needs a matrix of numbers, got {J!r}") from None
+    J = as_floats(J, "J")  # a copy: results keep it
     if J.ndim != 2 or not J.size:
         raise InputError(f"J needs the shape (m, n), got {J.shape}")
     check_finite(J, "J")

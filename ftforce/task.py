@@ -92,6 +92,8 @@ class Task:
         words = task.split(",") if isinstance(task, str) else list(task)
         names: list[str] = []
         for word in words:
+            if not isinstance(word, str):
+                raise UnknownNameError("task component", word, (*_SHORTHANDS, *COMPONENTS))
             names += _SHORTHANDS.get(word.strip().lower(), (word.strip().lower(),))
         return cls(tuple(names), axes, DEFAULT_LENGTH if length is None else float(length))
 

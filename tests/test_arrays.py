@@ -147,13 +147,20 @@ def test_a_matrix_of_zeros(shape):
 
 @pytest.mark.parametrize(
     "arrange",
-    [np.asfortranarray, lambda A: np.repeat(A, 2, axis=1)[:, ::2], lambda A: A[::-1][::-1], read_only],
+    [
+        np.asfortranarray,
+        lambda A: np.repeat(A, 2, axis=1)[:, ::2],
+        lambda A: A[::-1][::-1],
+        read_only,
+    ],
     ids=["columns first", "strided", "reversed", "read-only"],
 )
 def test_the_layout_in_memory_plays_no_part(matrix, arrange):
     for plain, arranged in zip(decomposed(matrix), decomposed(arrange(matrix.copy())), strict=True):
         assert_close(arranged.s, plain.s)
-        assert_close(arranged.project(np.ones(len(matrix)), 1), plain.project(np.ones(len(matrix)), 1))
+        assert_close(
+            arranged.project(np.ones(len(matrix)), 1), plain.project(np.ones(len(matrix)), 1)
+        )
 
 
 def test_a_decomposition_does_not_change_with_the_next_one(matrix):

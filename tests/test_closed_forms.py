@@ -224,7 +224,9 @@ def test_residuals_of_a_good_result_are_rounding(result):
 
 @pytest.mark.parametrize("name", ["tau", "U", "F", "F_after", "jump"])
 @pytest.mark.parametrize(
-    "tamper", [lambda x: 1.01 * x, lambda x: x + 0.01, lambda x: -x], ids=["scaled", "moved", "sign"]
+    "tamper",
+    [lambda x: 1.01 * x, lambda x: x + 0.01, lambda x: -x],
+    ids=["scaled", "moved", "sign"],
 )
 def test_a_tampered_result_cannot_prove_itself(result, name, tamper):
     assert not replace(result, **{name: tamper(getattr(result, name))}).is_proved()

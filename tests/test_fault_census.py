@@ -12,9 +12,11 @@ import pytest
 import ftforce
 from ftforce import Verdict, analyze, census
 from ftforce.errors import InputError
+from ftforce.kinematics import tip_pose
 from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf
 
 FORCE = [80.0, 50.0, 10.0]
+LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
 SEVERITY = [Verdict.NOT_TOLERATED, Verdict.BORDERLINE, Verdict.TOLERATED]
 
 
@@ -99,7 +101,8 @@ def test_sets_come_worst_first(dh5, options):
 
 def test_of_equal_jumps_the_one_that_takes_fewer_faults_comes_first(dh5):
     reports = census(dh5, faults=3, force=FORCE).sets
-    lost = [report for report in reports if round(report.relative_jump, 6) == 0.843649]
+    share = 80.0 / np.linalg.norm(FORCE)
+    lost = [report for report in reports if report.relative_jump == pytest.approx(share)]
     assert len(lost) > 3
     assert numbers(lost[0]) == [3]
     assert [len(report.faults) for report in lost] == sorted(len(r.faults) for r in lost)
@@ -139,15 +142,21 @@ def test_head_of_a_census(dh5):
 
 
 def test_a_force_that_even_the_healthy_arm_cannot_exert():
-    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))
+    arm = load_text(serial_urdf(*[LEVEL] * 3))
     result = census(arm, [0.1, 0.7, 0.9], force=[10, 20, 30])
     assert_close(result.requested, [10, 20, 30])
     assert_close(result.before, [10, 20, 0])
     assert result.rank == 2
     assert {report.verdict for report in result.sets} == {Verdict.TOLERATED}
     assert all(math.isnan(report.relative_manipulability) for report in result.sets)
-    nothing = census(arm, [0.1, 0.7, 0.9], force=[0, 0, 30])
-    assert {report.relative_jump for report in nothing.sets} == {0.0}
+
+
+def test_a_force_that_only_rounding_exerts():
+    arm = load_text(serial_urdf(("revolute", {"rpy": (0.3, 0.7, 0.2)}), *[LEVEL] * 2))
+    R, _ = tip_pose(arm, np.array([0.1, 0.7, 0.9]))
+    result = census(arm, [0.1, 0.7, 0.9], faults=2, force=30.0 * R[:, 2], axes="world")
+    assert {report.verdict for report in result.sets} == {Verdict.TOLERATED}
+    assert_close([report.relative_jump for report in result.sets], 0.0, tol=1e-6)
 
 
 def test_all_faults_at_once(dh5):
@@ -197,7 +206,9 @@ def test_sizes_that_do_not_exist(dh5, faults):
 
 def test_too_many_sets_are_refused_before_any_work():
     arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.1, 0, 0), "axis": (0, 1, 0)})] * 25))
-    with pytest.raises(InputError, match=r"726,205 fault sets|1,807,780 fault sets of up to 8 of 25"):
+    with pytest.raises(
+        InputError, match=r"726,205 fault sets|1,807,780 fault sets of up to 8 of 25"
+    ):
         census(arm, faults=8, progress=lambda *_: pytest.fail("work was done"))
 
 

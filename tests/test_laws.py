@@ -67,7 +67,7 @@ def test_the_jump_is_square_to_what_is_left(case):
 @law
 def test_no_healthy_joint_feels_the_jump(case):
     reduced = reduce(case.J, case.locked)
-    F, jump = jump_of(case.J, case.locked, case.F)
+    _, jump = jump_of(case.J, case.locked, case.F)
     felt = norm(reduced.K.T @ jump)
     assert felt <= (RTOL + 1e-12) * reduced.sigma_max * norm(jump) + 1e-300
 

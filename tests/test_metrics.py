@@ -96,10 +96,7 @@ def test_bound_of_the_worst_relative_manipulability(n, m, f, bound):
 @pytest.mark.parametrize(("m", "n", "f"), [(1, 3, 1), (1, 4, 2), (2, 3, 1), (3, 4, 1)])
 def test_the_bound_can_be_reached(m, n, f):
     # Rows of a regular simplex's symmetry: every set of joints matters as much as any other.
-    if m == 1:
-        J = np.ones((1, n))
-    else:
-        J = np.linalg.svd(np.eye(n) - 1.0 / n)[2][:m]
+    J = np.ones((1, n)) if m == 1 else np.linalg.svd(np.eye(n) - 1.0 / n)[2][:m]
     rho = [
         metrics.relative_manipulability(reduce(J, np.isin(np.arange(n), S)))
         for S in combinations(range(n), f)
@@ -270,7 +267,9 @@ def test_verdict_by_trying_every_tolerance(ratios, parts, wary, seed):
     grid = np.concatenate([np.geomspace(RTOL, wary, 300), near[(near >= RTOL) & (near <= wary)]])
     for force, rank in ((None, reduced.rank), (F, None)):
         answers = answers_of(s, share, grid, rank)
-        expected = BORDERLINE if len(answers) > 1 else TOLERATED if True in answers else NOT_TOLERATED
+        expected = (
+            BORDERLINE if len(answers) > 1 else TOLERATED if True in answers else NOT_TOLERATED
+        )
         assert metrics.verdict(reduced, force, wary) is expected
 
 

@@ -19,8 +19,8 @@ from ftforce.closed_forms import exerted_force, force_jump, supported_force, vel
 from ftforce.dh import DHTable
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.metrics import margin
-from ftforce.registry import robots_folder
 from ftforce.reduced import RTOL, reduce
+from ftforce.registry import robots_folder
 from helpers import (
     KNOWN,
     arms,
@@ -238,7 +238,9 @@ def assert_jacobians(arm, q, wanted, tol):
     """Compare both axes with a Jacobian in world axes."""
     R, _ = tip_pose(arm, q)
     assert_close(frame_jacobian(arm, q, "world"), wanted, scale=1.0, tol=tol)
-    assert_close(frame_jacobian(arm, q, "tool"), np.kron(np.eye(2), R.T) @ wanted, scale=1.0, tol=tol)
+    assert_close(
+        frame_jacobian(arm, q, "tool"), np.kron(np.eye(2), R.T) @ wanted, scale=1.0, tol=tol
+    )
 
 
 def test_jacobians_of_known_robots_against_finite_differences(known):
@@ -269,8 +271,8 @@ def test_random_dh_tables_against_roboticstoolbox(table, data):
 def test_the_papers_arm_against_roboticstoolbox():
     table, arm = DHTable.from_toml(robots_folder() / "dh5.toml"), ftforce.load_robot("dh5")
     other = toolbox_arm(table)
-    for q in (table.postures["paper"], [0.3, -0.4, 1.0, 2.0, -1.0], [0, 0, 0, 0, 0]):
-        q = np.array(q, dtype=float)
+    others = np.array([[0.3, -0.4, 1.0, 2.0, -1.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
+    for q in (table.postures["paper"], *others):
         assert_close(frame_jacobian(arm, q), other.jacobe(q), tol=1e-13)
         assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), tol=1e-13)
         result = ftforce.analyze(arm, q, force=FORCE)
@@ -361,8 +363,9 @@ LIMB = joint("a_lead", "revolute", "a", "limb", xyz=(0, 0.2, 0))
 
 def mimicking(first, second, third, fourth, ends=ENDS):
     """Return an arm of four joints from (kind, options)."""
-    chain = zip(("j1", "j2", "j3", "j4"), (first, second, third, fourth), LINKS, LINKS[1:])
-    return urdf_of(*LINKS, joints=[*(joint(n, k, p, c, **o) for n, (k, o), p, c in chain), *ends])
+    steps = enumerate((first, second, third, fourth))
+    chain = [joint(f"j{i + 1}", k, LINKS[i], LINKS[i + 1], **o) for i, (k, o) in steps]
+    return urdf_of(*LINKS, joints=[*chain, *ends])
 
 
 def follow(options, *mimic):

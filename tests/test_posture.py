@@ -36,7 +36,12 @@ def state(*q):
     return dict(zip(("j1", "j2", "j3"), map(float, q), strict=False))
 
 
-OUTSIDE, STRAIGHT, BENT, OTHER = state(0, 0.5, 3.1), state(0, 0.5, 0), state(0, 0.5, 1), state(1, 1, 1)
+OUTSIDE, STRAIGHT, BENT, OTHER = (
+    state(0, 0.5, 3.1),
+    state(0, 0.5, 0),
+    state(0, 0.5, 1),
+    state(1, 1, 1),
+)
 
 
 def default_of(urdf, **states):
@@ -226,7 +231,12 @@ def test_metres_are_not_taken_for_degrees():
 @pytest.mark.parametrize(
     ("q", "name", "error", "message"),
     [
-        ([0, 0], None, DimensionError, "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2"),
+        (
+            [0, 0],
+            None,
+            DimensionError,
+            "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2",
+        ),
         ([0, 0, 0, 0], None, DimensionError, "q needs 3 numbers, got 4 numbers"),
         ([[0, 0, 0]], None, DimensionError, "got an array of shape 1 x 3"),
         (0.5, None, DimensionError, "got a single number"),

@@ -140,7 +140,7 @@ def test_a_mask_is_boolean(given):
 
 @pytest.mark.parametrize("given", [[True], [True] * 7, np.ones((6, 1), dtype=bool)])
 def test_a_mask_has_one_entry_per_joint(given):
-    with pytest.raises(DimensionError, match="locked needs 6 numbers.*one entry per column"):
+    with pytest.raises(DimensionError, match=r"locked needs 6 numbers.*one entry per column"):
         check_core_input(J, given)
 
 

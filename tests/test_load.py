@@ -1,0 +1,362 @@
+"""From files to robots: what counts as a joint, what is held, and where."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from ftforce import load_robot
+from ftforce.chain import MOST_JOINTS
+from ftforce.errors import InputError, UnknownNameError, URDFError
+from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.posture import choose_posture
+from urdfs import (
+    LINKS,
+    arm,
+    chain,
+    end_effector,
+    followed,
+    hand,
+    joint,
+    link,
+    load,
+    mimic,
+    parts_of_arm,
+    robot,
+    state,
+    write,
+)
+
+Q = np.array([0.3, -0.4, 0.5, 0.2])
+HOME = {"j1": 0.3, "j2": -0.4, "j3": 0.5, "j4": 0.2}
+
+
+def differences(robot_, q, step=1e-6):
+    """Return the tip's linear Jacobian in world axes, shape (3, n), by central differences."""
+    moves = step * np.eye(robot_.n)
+    return np.transpose(
+        [(tip_pose(robot_, q + d)[1] - tip_pose(robot_, q - d)[1]) / (2 * step) for d in moves]
+    )
+
+
+def assert_consistent(robot_, q):
+    """The Jacobian is the derivative of the pose, one column for each joint."""
+    J = frame_jacobian(robot_, q, "world")
+    assert J.shape == (6, robot_.n)
+    np.testing.assert_allclose(J[:3], differences(robot_, q), atol=1e-8)
+
+
+# ---- which joints count ----------------------------------------------------------------------
+
+
+def test_fingers_and_limbs_do_not_count(tmp_path):
+    alone = load(tmp_path, arm())
+    equipped = load(tmp_path, arm(
+        *hand("f1", "f2"), link("head"), joint("neck", "l1", "head", "continuous")), tip="tool",
+    )  # fmt: skip
+    assert equipped.names == alone.names
+    assert equipped.model.nv == equipped.n == 4
+    assert equipped.held == {"f1_joint": 0.0, "f2_joint": 0.0, "neck": 0.0}
+    np.testing.assert_allclose(frame_jacobian(equipped, Q), frame_jacobian(alone, Q), atol=1e-15)
+
+
+def test_a_tip_in_the_middle_cuts_the_chain(tmp_path):
+    cut = load(tmp_path, arm(), tip="l2")
+    assert cut.names == ("j1", "j2")
+    assert set(cut.held) == {"j3", "j4"}
+    assert_consistent(cut, Q[:2])
+
+
+def test_a_base_in_the_middle_holds_what_is_above(tmp_path):
+    whole, part = load(tmp_path, arm()), load(tmp_path, arm(), base="l2")
+    assert part.names == ("j3", "j4")
+    assert part.held == {"j1": 0.0, "j2": 0.0}
+    q = np.array([0.0, 0.0, 0.5, 0.2])
+    np.testing.assert_allclose(
+        frame_jacobian(part, q[2:], "world"), frame_jacobian(whole, q, "world")[:, 2:], atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+def test_one_joint_is_enough(tmp_path, kind):
+    one = load(tmp_path, robot(link("a"), link("b"), joint("j", "a", "b", kind)))
+    assert one.n == 1
+    assert frame_jacobian(one, np.zeros(1)).shape == (6, 1)
+    assert choose_posture(one).q.shape == (1,)
+
+
+@pytest.mark.parametrize("second", ["revolute", "continuous", "prismatic"])
+def test_every_kind_takes_one_number(tmp_path, second):
+    found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", second)))
+    assert [joint.type for joint in found.joints] == ["revolute", second, "revolute", "revolute"]
+    assert found.coordinates.is_identity == (second != "continuous")
+    assert_consistent(found, Q)
+
+
+def test_fixed_joints_on_the_way(tmp_path):
+    found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", "fixed")))
+    assert found.names == ("j1", "j3", "j4")
+    assert [joint.number for joint in found.joints] == [1, 2, 3]
+    assert found.fixed == {"j2"}
+    assert_consistent(found, Q[:3])
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+@pytest.mark.parametrize("number", [1, 2])
+def test_floating_and_planar_joints_are_held_fixed(tmp_path, kind, number):
+    def with_joint(type_):
+        ends = LINKS[number - 1 : number + 1]
+        held = {f"j{number}": joint("root_joint", *ends, type_, axis="0 0 1", limit="")}
+        return load(tmp_path, arm(**held))
+
+    found, fixed = with_joint(kind), with_joint("fixed")
+    assert found.n == 3
+    assert found.names == fixed.names
+    assert found.notes == ("joint 'root_joint' (floating or planar) is held fixed",)
+    np.testing.assert_allclose(
+        frame_jacobian(found, Q[:3]), frame_jacobian(fixed, Q[:3]), atol=1e-15
+    )
+    with pytest.raises(InputError, match="joint 'root_joint' is held fixed"):
+        found.index("root_joint")
+
+
+def test_a_chain_of_too_many_joints_is_refused(tmp_path):
+    links = [link(f"l{i}", "") for i in range(MOST_JOINTS + 2)]
+    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(MOST_JOINTS + 1)]
+    path = write(tmp_path, robot(*links, *joints))
+    assert load_robot(path, base="l1").n == MOST_JOINTS
+    with pytest.raises(InputError, match=f"{MOST_JOINTS + 1} joints move between 'l0' and 'l101'"):
+        load_robot(path)
+    rays = [joint(f"j{i}", "l0", f"l{i + 1}", more=mimic("j0") if i else "") for i in range(101)]
+    with pytest.raises(InputError, match="101 joints move"):
+        load(tmp_path, robot(*links, *rays), tip="l1")
+
+
+# ---- followers -------------------------------------------------------------------------------
+
+
+def test_a_followers_column_belongs_to_its_leader(tmp_path):
+    free = load(tmp_path, arm())
+    led = load(tmp_path, arm(j3=followed(3, "j1", -2, 0.1)))
+    assert led.names == ("j1", "j2", "j4")
+    assert led.joints[0].followers == ("j3",)
+    J = frame_jacobian(free, np.array([0.3, -0.4, -2 * 0.3 + 0.1, 0.2]))
+    expected = np.column_stack([J[:, 0] - 2 * J[:, 2], J[:, 1], J[:, 3]])
+    np.testing.assert_allclose(
+        frame_jacobian(led, np.array([0.3, -0.4, 0.2])), expected, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+@pytest.mark.parametrize("leader_kind", ["revolute", "continuous", "prismatic"])
+def test_followers_of_every_kind(tmp_path, leader_kind, kind):
+    leader = joint("j2", "l1", "l2", leader_kind)
+    led = load(tmp_path, arm(j2=leader, j3=followed(3, "j2", 0.5, 0.1, kind=kind),
+                             j4=followed(4, "j3", -3, 0.2)))  # fmt: skip
+    assert led.names == ("j1", "j2")
+    assert led.joints[1].followers == ("j3", "j4")
+    assert_consistent(led, Q[:2])
+
+
+def test_a_leader_further_up_keeps_its_place(tmp_path):
+    led = load(tmp_path, arm(j1=followed(1, "j4", 2)))
+    assert led.names == ("j4", "j2", "j3")
+    assert_consistent(led, Q[:3])
+
+
+def test_a_leader_beside_the_chain_counts_and_moves_the_chain(tmp_path):
+    text = arm(link("gear"), joint("motor", "base", "gear"), j2=followed(2, "motor", 3))
+    led = load(tmp_path, text, tip="tool")
+    assert led.names == ("j1", "motor", "j3", "j4")
+    assert led.held == {}
+    assert_consistent(led, Q)
+
+
+def test_a_leader_above_the_base_moves_only_its_follower(tmp_path):
+    free = load(tmp_path, arm(), base="l1")
+    led = load(tmp_path, arm(j3=followed(3, "j1", -2)), base="l1")
+    assert led.names == ("j2", "j1", "j4")
+    q = np.array([-0.4, 0.3, 0.2])
+    J = frame_jacobian(free, np.array([-0.4, -0.6, 0.2]))
+    np.testing.assert_allclose(frame_jacobian(led, q), J * [1, -2, 1], atol=1e-14)
+
+
+def test_fingers_that_follow_a_joint_of_the_chain_do_not_move_the_tip(tmp_path):
+    finger = joint("f", "tool", "finger", "prismatic", more=mimic("j4", 0.1))
+    led = load(tmp_path, arm(link("finger"), finger), tip="tool")
+    assert led.joints[3].followers == ("f",)
+    np.testing.assert_allclose(
+        frame_jacobian(led, Q), frame_jacobian(load(tmp_path, arm()), Q), atol=1e-14
+    )
+
+
+# ---- where the rest is held ------------------------------------------------------------------
+
+
+def test_joints_outside_are_held_at_the_posture(tmp_path):
+    follower = joint("f3_joint", "tool", "f3", more=mimic("f1_joint", 2, 1))
+    text = arm(*hand("f1", "f2"), link("f3"), follower)
+    open_ = {"f1_joint": 0.5, "f2_joint": 0.5}
+    srdf = robot(state("home", **HOME), state("open", **HOME, **open_), state("wide", f1_joint=1.5))
+
+    def held(**options):
+        return dict(load(tmp_path, text, srdf, tip="tool", **options).held)
+
+    closed = {"f1_joint": 0.0, "f2_joint": 0.0, "f3_joint": 1.0}
+    assert held() == held(posture="home") == held(posture="mid-range") == closed
+    assert held(posture="open") == {**open_, "f3_joint": 2.0}
+    assert held(posture="wide") == {"f1_joint": 1.5, "f2_joint": 0.0, "f3_joint": 4.0}
+    with pytest.raises(
+        UnknownNameError, match=r"no posture 'opn'; there is: home, open, mid-range"
+    ):
+        held(posture="opn")
+
+
+def test_joints_that_cannot_be_zero_are_held_at_the_nearest_limit(tmp_path):
+    limit = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+    finger = joint("f", "tool", "x", limit=limit.format(0.2, 0.9))
+    thumb = joint("t", "tool", "y", limit=limit.format(-0.9, -0.3))
+    found = load(tmp_path, arm(link("x"), link("y"), finger, thumb), tip="tool")
+    assert found.held == {"f": 0.2, "t": -0.3}
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+def test_held_joints_are_where_they_are_said_to_be(tmp_path, kind):
+    text = arm(j1=joint("j1", "base", "l1", kind))
+    whole = load(tmp_path, text)
+    part = load(tmp_path, text, robot(state("home", j1=0.7, j2=0, j3=0, j4=0)), base="l1")
+    assert part.held == {"j1": 0.7}
+    pose = tip_pose(whole, np.array([0.7, *Q[1:]]))
+    for got, wanted in zip(tip_pose(part, Q[1:]), pose, strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-14)
+
+
+# ---- names -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"j2": "l2", "j1": "base", "j3": "tool"},
+        {"l1": "universe", "j2": "universe"},
+        {"base": "universe"},
+        {"j1": "universe", "tool": "universe"},
+        {"base": "world", "j1": "root_joint"},
+        {"j2": "link 1", "l2": "joint 1"},
+        {"j1": "2", "j2": "3", "j3": "4", "j4": "1"},
+        {"j2": "[red]関節", "tool": "tööl  "},
+    ],
+)
+def test_links_and_joints_may_be_called_anything(tmp_path, names):
+    """A link may be called like a joint, and both like frames that Pinocchio makes itself."""
+    plain = load(tmp_path, arm(*hand("f1", "f2")))
+    text = arm(*hand("f1", "f2"))
+    for old in names:  # first to what no part is called
+        text = text.replace(f'="{old}"', f'="<{old}>"')
+    for old, new in names.items():
+        text = text.replace(f'"<{old}>"', f'"{new}"')
+    named = load(tmp_path, text)
+    assert named.names == tuple(names.get(name, name) for name in plain.names)
+    assert named.tip == names.get("tool", "tool")
+    assert list(named.model.names) == ["universe", *named.names]
+    assert named.model.frames[named.tip_frame].name == named.tip
+    assert named.model.frames[named.tip_frame].type == pin.FrameType.BODY
+    np.testing.assert_array_equal(frame_jacobian(named, Q), frame_jacobian(plain, Q))
+
+
+def test_the_order_in_the_file_does_not_matter(tmp_path):
+    parts = [*parts_of_arm().values(), *hand("f1", "f2")]
+    plain = load(tmp_path, robot(*parts))
+    mixed = load(
+        tmp_path, robot(*(parts[i] for i in np.random.default_rng(3).permutation(len(parts))))
+    )
+    assert mixed.names == plain.names
+    np.testing.assert_array_equal(frame_jacobian(mixed, Q), frame_jacobian(plain, Q))
+
+
+# ---- known robots with another tip or base ---------------------------------------------------
+
+
+def test_the_registrys_ends_can_be_replaced():
+    elbow = load_robot("panda", tip="panda_link5")
+    assert (elbow.n, elbow.tip_source) == (5, "given")
+    assert elbow.postures["default"].tolist() == [0.0, -0.785398, 0.0, -2.35619, 0.0]
+    lifting = load_robot("pr2_left", base="base_footprint")
+    assert (lifting.names[0], lifting.base_source) == ("torso_lift_joint", "given")
+
+
+def test_the_registrys_base_stays_where_it_is_above_the_tip():
+    wrist = load_robot("pr2_left", tip="l_wrist_roll_link")
+    assert (wrist.base, wrist.base_source) == ("torso_lift_link", "known robot pr2_left")
+    torso = load_robot("pr2_left", tip="torso_lift_link")
+    assert (torso.base, torso.base_source) == ("base_footprint", "root link")
+
+
+def test_a_posture_is_not_given_to_another_arm():
+    """Baxter's arms have seven joints each: a posture is more than seven numbers."""
+    other = load_robot("baxter_left", tip="right_gripper")
+    assert "untucked" not in other.postures
+    assert other.names[0] == "right_s0"
+    assert "untucked" not in choose_posture(other).source
+    assert load_robot("baxter_left", tip="head").n == 1
+    assert (other.held["left_s1"], other.held["left_e1"]) == (-1.0, 1.94)
+
+
+def test_corrections_are_told_for_the_joints_of_the_chain():
+    note = "effort limit of shoulder_pan_joint, shoulder_lift_joint: 56 N·m; the URDF carries"
+    assert any(one.startswith(note) for one in load_robot("ur3").notes)
+    short = load_robot("ur3", tip="upper_arm_link")
+    assert [joint.effort for joint in short.joints] == [56.0, 56.0]
+    assert not any("wrist" in one for one in short.notes)
+
+
+# ---- from everything else --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("as_", [str, lambda path: path])
+def test_a_source_is_a_name_or_a_path(tmp_path, as_):
+    found = load_robot(as_(write(tmp_path, arm(), name="my arm.xml")))
+    assert (found.name, found.path) == ("arm", str(tmp_path / "my arm.xml"))
+
+
+def test_a_path_that_does_not_exist_is_no_name(tmp_path):
+    for source in ("panda.urdf", "./panda", tmp_path / "panda"):
+        with pytest.raises(URDFError, match="no such file; a URDF was expected"):
+            load_robot(source)
+
+
+def test_the_preferred_postures_are_the_srdfs_in_its_order(tmp_path):
+    far = dict.fromkeys(HOME, 9)
+    found = load(tmp_path, arm(), robot(state("far", **far), state("near", **HOME)))
+    assert found.preferred == ("far", "near")
+    posture = choose_posture(found)
+    assert posture.source == "posture 'near' ('far' is outside the limits)"
+    assert posture.q.tolist() == Q.tolist()
+
+
+def test_the_srdf_names_the_hand(tmp_path):
+    srdf = robot(end_effector("l3"), chain("l1", "l3"))
+    found = load(tmp_path, arm(), srdf)
+    assert (found.tip, found.tip_source) == ("l3", "SRDF end effector")
+    assert (found.base, found.base_source) == ("l1", "SRDF chain")
+    assert found.tips == {"tool": 4}
+
+
+def test_meshes_are_never_needed(tmp_path):
+    mesh = '<visual><geometry><mesh filename="package://nowhere/a.dae"/></geometry></visual>'
+    collision = mesh.replace("visual", "collision")
+    found = load(tmp_path, arm(l1=link("l1", mesh + collision)))
+    assert found.n == 4
+
+
+def test_tip_frames_have_the_fixed_joints_in_them(tmp_path):
+    tool = [
+        link("tcp"),
+        joint("mount", "tool", "tcp", "fixed", xyz="0 0 0.5", rpy=f"0 0 {math.pi}"),
+    ]
+    plain, mounted = load(tmp_path, arm()), load(tmp_path, arm(*tool))
+    assert mounted.tip == "tcp"
+    R, p = tip_pose(plain, Q)
+    np.testing.assert_allclose(tip_pose(mounted, Q)[1], p + R @ [0, 0, 0.5], atol=1e-14)
+    np.testing.assert_allclose(tip_pose(mounted, Q)[0], R @ np.diag([-1, -1, 1]), atol=1e-14)

@@ -1,0 +1,307 @@
+"""Every known robot, and every URDF of example-robot-data, against Pinocchio's own reading."""
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from ftforce import known_robots, load_robot
+from ftforce.errors import FtforceError, InputError, URDFError
+from ftforce.kinematics import frame_jacobian
+from ftforce.load import full_model, restore_names
+from ftforce.posture import choose_posture, is_singular
+from ftforce.reduced import WARY
+from ftforce.tips import tip_candidates
+from ftforce.urdf_reader import read_urdf
+
+KNOWN = tuple(known_robots())
+FILES = sorted(known_robots()["panda"].urdf.parents[2].rglob("*.urdf"))
+
+UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+      "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+PR2 = ("shoulder_pan", "shoulder_lift", "upper_arm_roll", "elbow_flex", "forearm_roll",
+       "wrist_flex", "wrist_roll")  # fmt: skip
+BAXTER = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
+
+
+def numbered(name, first, last):
+    return tuple(name.format(i) for i in range(first, last + 1))
+
+
+ARMS = {  # joints along the chain, and their effort limits (N·m, N)
+    "dh5": (numbered("joint{}", 1, 5), (150, 150, 80, 40, 20)),
+    "panda": (numbered("panda_joint{}", 1, 7), (87, 87, 87, 87, 12, 12, 12)),
+    "ur3": (UR, (56, 56, 28, 12, 12, 12)),
+    "ur5": (UR, (150, 150, 150, 28, 28, 28)),
+    "ur10": (UR, (330, 330, 150, 54, 54, 54)),
+    "xarm7": (numbered("joint{}", 1, 7), (50, 50, 30, 30, 30, 20, 20)),
+    "kinova": (numbered("j2s6s200_joint_{}", 1, 6), (40, 80, 40, 20, 20, 20)),
+    "z1": (numbered("joint{}", 1, 6), (30, 60, 30, 30, 30, 30)),
+    "talos_left_arm": (
+        numbered("arm_left_{}_joint", 2, 7),
+        (22.32, 17.86, 17.86, 3, 6.6, 6.6),
+    ),
+    "baxter_left": (tuple(f"left_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
+    "baxter_right": (tuple(f"right_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
+    "tiago": (
+        ("torso_lift_joint", *numbered("arm_{}_joint", 1, 7)),
+        (2000, 39, 39, 17.86, 17.86, 3, 6.6, 6.6),
+    ),
+    "pr2_left": (tuple(f"l_{one}_joint" for one in PR2), (30, 30, 30, 30, 30, 10, 10)),
+    "pr2_right": (tuple(f"r_{one}_joint" for one in PR2), (30, 30, 30, 30, 30, 10, 10)),
+    "so101": (
+        ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"),
+        (None, None, None, None, None),
+    ),
+}
+SPECIAL = {
+    "kinova": {1: "continuous", 4: "continuous", 6: "continuous"},
+    "pr2_left": {5: "continuous", 7: "continuous"},
+    "pr2_right": {5: "continuous", 7: "continuous"},
+    "tiago": {1: "prismatic"},
+}
+
+
+@contextmanager
+def silence():
+    """Keep what Pinocchio prints off the terminal."""
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)
+
+
+@lru_cache(maxsize=1)
+def reference(path):
+    """Return Pinocchio's own model of a file."""
+    with silence():
+        return pin.buildModelFromUrdf(str(path))
+
+
+def postures(robot, count=5):
+    """Return the default posture and some that are drawn within the limits."""
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, np.pi)
+    drawn = np.random.default_rng(7).uniform(lower, upper, (count, robot.n))
+    return [choose_posture(robot).q, *drawn]
+
+
+def whole_configuration(robot, model, q):
+    """Return the configuration of the whole robot's model with the rest where it is held."""
+    configuration = pin.neutral(model)
+    for name, value in [*robot.held.items(), *zip(robot.names, q, strict=True)]:
+        joint = model.joints[model.getJointId(name)]
+        numbers = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        configuration[joint.idx_q : joint.idx_q + joint.nq] = numbers
+    return configuration
+
+
+def symmetric(upper):
+    """Return the matrix of which Pinocchio fills the upper half."""
+    return np.triu(upper) + np.triu(upper, 1).T
+
+
+# ---- the known robots ------------------------------------------------------------------------
+
+
+def test_every_known_robot_is_in_the_table():
+    assert set(ARMS) == set(KNOWN)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_joints_limits_and_ends(name):
+    robot, known = load_robot(name), known_robots()[name]
+    names, effort = ARMS[name]
+    assert robot.names == names
+    assert tuple(joint.effort for joint in robot.joints) == effort
+    types = ["revolute"] * robot.n
+    for number, kind in SPECIAL.get(name, {}).items():
+        types[number - 1] = kind
+    assert [joint.type for joint in robot.joints] == types
+    assert [joint.number for joint in robot.joints] == list(range(1, robot.n + 1))
+    assert (robot.name, robot.tip, robot.path) == (name, known.tip, str(known.urdf))
+    assert robot.tip_source == f"known robot {name}"
+    assert all(joint.velocity for joint in robot.joints)
+    assert np.all(robot.lower < robot.upper)
+    assert robot.mass > 0.4
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_limits_are_the_urdfs(name):
+    """Effort limits too, unless a correction is told with its reason."""
+    robot, known = load_robot(name), known_robots()[name]
+    theirs = reference(known.urdf)
+    corrected = {correction.joint for correction in known.corrections}
+    for joint in robot.joints:
+        row = theirs.joints[theirs.getJointId(joint.name)]
+        if joint.type != "continuous":
+            assert theirs.lowerPositionLimit[row.idx_q] == joint.lower
+            assert theirs.upperPositionLimit[row.idx_q] == joint.upper
+        assert theirs.upperVelocityLimit[row.idx_v] == joint.velocity
+        if joint.name in corrected:
+            assert theirs.upperEffortLimit[row.idx_v] != joint.effort
+            assert any(joint.name in note for note in robot.notes)
+        else:
+            assert theirs.upperEffortLimit[row.idx_v] == joint.effort
+    assert corrected <= set(robot.names)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_default_posture_is_the_registrys_and_good(name):
+    robot = load_robot(name)
+    posture = choose_posture(robot)
+    assert posture.source == f"posture '{known_robots()[name].posture}'"
+    assert posture.warnings == ()
+    assert np.all(posture.q >= robot.lower)
+    assert np.all(posture.q <= robot.upper)
+    assert not is_singular(robot, posture.q)
+    s = np.linalg.svd(frame_jacobian(robot, posture.q), compute_uv=False)
+    assert s[-1] > WARY * s[0], "with room to spare for wrenches"
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_every_named_posture_fits_the_chain(name):
+    robot = load_robot(name)
+    assert set(known_robots()[name].postures) <= set(robot.postures)
+    for q in robot.postures.values():
+        assert q.shape == (robot.n,)
+        assert np.isfinite(q).all()
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_jacobians_are_pinocchios_with_the_rest_held(name):
+    """The whole robot, as Pinocchio itself reads it, moves its tip in the same way."""
+    robot = load_robot(name)
+    model = reference(known_robots()[name].urdf)
+    data = model.createData()
+    frame = model.getFrameId(robot.tip, pin.FrameType.BODY)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in robot.names]
+    for q in postures(robot):
+        configuration = whole_configuration(robot, model, q)
+        for axes, frame_axes in (("tool", pin.LOCAL), ("world", pin.LOCAL_WORLD_ALIGNED)):
+            J = pin.computeFrameJacobian(model, data, configuration, frame, frame_axes)
+            np.testing.assert_allclose(frame_jacobian(robot, q, axes), J[:, columns], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_gravity_and_inertia_are_pinocchios_with_the_rest_held(name):
+    """So masses and inertias of everything that hangs on the chain are there."""
+    robot = load_robot(name)
+    model = reference(known_robots()[name].urdf)
+    q = choose_posture(robot).q
+    configuration = whole_configuration(robot, model, q)
+    columns = [model.joints[model.getJointId(name)].idx_v for name in robot.names]
+    theirs = pin.computeGeneralizedGravity(model, model.createData(), configuration)[columns]
+    ours = pin.computeGeneralizedGravity(robot.model, robot.data, robot.to_model(q))
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+    theirs = symmetric(pin.crba(model, model.createData(), configuration))
+    ours = symmetric(pin.crba(robot.model, robot.data, robot.to_model(q)))
+    np.testing.assert_allclose(ours, theirs[np.ix_(columns, columns)], atol=1e-9)
+
+
+# ---- every file ------------------------------------------------------------------------------
+
+
+def test_the_files_are_there():
+    assert len(FILES) > 60
+
+
+def attempt(path):
+    """Return the robot of a file and the error, one of which is ``None``."""
+    try:
+        return load_robot(path), None
+    except FtforceError as error:
+        return None, error
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: "/".join(path.parts[-3:]))
+def test_every_urdf_loads_or_fails_clearly(path):
+    robot, error = attempt(path)
+    if robot is None:
+        assert isinstance(error, (URDFError, InputError))
+        assert str(path) in str(error)
+        assert "\n" not in str(error)
+    else:
+        J = frame_jacobian(robot, choose_posture(robot).q)
+        assert J.shape == (6, robot.n)
+        assert np.isfinite(J).all()
+        assert np.linalg.norm(J[:3]) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("alex_psyonic_hands", "'Left_index_q2' mimics 'index_q1', which does not exist; did you"),
+        ("baxter", "several moving parts at the link 'torso'; choose a tip"),
+        ("iris_simple", "no joint moves below the link 'iris__base_link'"),
+        ("ur3", "holds no <link>"),
+    ],
+)
+def test_why_some_urdfs_do_not_load(name, reason):
+    path = next(path for path in FILES if path.stem == name)
+    with pytest.raises(FtforceError, match=reason):
+        load_robot(path)
+
+
+READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyonic_hands.urdf"}]
+
+
+@pytest.mark.parametrize("path", READABLE, ids=lambda path: "/".join(path.parts[-3:]))
+def test_every_tip_candidate_can_be_chosen(path):
+    tips = tip_candidates(read_urdf(path))
+    for tip, count in tips.items():
+        robot = load_robot(path, tip=tip)
+        assert robot.tip == tip
+        assert robot.n + sum(len(joint.followers) for joint in robot.joints) >= count
+
+
+@pytest.mark.parametrize(
+    "path",
+    [*READABLE, known_robots()["dh5"].urdf],
+    ids=lambda path: "/".join(path.parts[-3:]),
+)
+def test_the_stripped_model_is_pinocchios(path):
+    """What we write anew from what we checked is the robot that the file describes."""
+    tree = read_urdf(path)
+    theirs, ours = reference(path), full_model(tree)
+    restore_names(ours, tree)
+    assert sorted(ours.names) == sorted(theirs.names)
+    frames = [sorted((frame.name, str(frame.type)) for frame in model.frames)
+              for model in (ours, theirs)]  # fmt: skip
+    assert frames[0] == frames[1]
+    for i, name in enumerate(ours.names):
+        j = theirs.getJointId(name)
+        assert ours.joints[i].shortname() == theirs.joints[j].shortname()
+        assert ours.names[ours.parents[i]] == theirs.names[theirs.parents[j]]
+        np.testing.assert_allclose(
+            ours.jointPlacements[i].homogeneous, theirs.jointPlacements[j].homogeneous, atol=1e-14
+        )
+        np.testing.assert_allclose(
+            ours.inertias[i].toDynamicParameters(),
+            theirs.inertias[j].toDynamicParameters(),
+            atol=1e-12,
+        )
+
+
+def test_nothing_is_printed_by_the_way():
+    """Pinocchio's library writes on stderr; a fresh process shows whether it gets through."""
+    program = (
+        "import sys\nfrom pathlib import Path\nimport ftforce\n"
+        "for path in sys.argv[1:]:\n"
+        "    try:\n        ftforce.load_robot(Path(path))\n"
+        "    except ftforce.FtforceError:\n        pass\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, FILES)],
+        capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

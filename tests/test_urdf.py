@@ -1,0 +1,510 @@
+"""URDFs: what is taken, what is refused and in which words, and what Pinocchio is given."""
+
+import math
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from ftforce.errors import URDFError
+from ftforce.load import full_model, load_robot, restore_names
+from ftforce.urdf import MOST_IN_A_ROW, UrdfTree
+from ftforce.urdf_reader import MOST_LINKS, read_urdf
+from urdfs import LIMIT, LINKS, arm, followed, j2, joint, link, mimic, parts_of_arm, robot, write
+
+
+@pytest.fixture
+def read(tmp_path):
+    return lambda urdf, name="arm.urdf": read_urdf(write(tmp_path, urdf, name=name))
+
+
+def limit(**bounds):
+    return "<limit " + " ".join(f'{key}="{value}"' for key, value in bounds.items()) + "/>"
+
+
+def without(part, text):
+    changed = text.replace(part, "")
+    assert changed != text
+    return changed
+
+
+# ---- what is taken ---------------------------------------------------------------------------
+
+
+def test_everything_that_is_stated_is_read(read):
+    tree = read(arm(j3=followed(3, "j1", -2, 0.5, kind="prismatic")))
+    assert (tree.name, tree.root) == ("arm", "base")
+    assert tuple(tree.links) == LINKS
+    assert tuple(tree.joints) == ("j1", "j2", "j3", "j4")
+    body = tree.links["l2"]
+    assert (body.mass, body.xyz, body.rpy) == (2.0, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert body.inertia == (0.1, 0.0, 0.0, 0.1, 0.0, 0.1)
+    second, third = tree.joints["j2"], tree.joints["j3"]
+    assert (second.type, second.parent, second.child) == ("revolute", "l1", "l2")
+    assert (second.xyz, second.rpy, second.axis) == ((0.1, 0.2, 0.3), (0.3, 0.2, 0.1), (0, 1, 0))
+    assert (second.lower, second.upper, second.effort, second.velocity) == (-1, 2, 10, 3)
+    assert second.mimic is None
+    assert third.type == "prismatic"
+    assert (third.mimic.leader, third.mimic.multiplier, third.mimic.offset) == ("j1", -2, 0.5)
+
+
+def test_what_is_not_stated_has_the_urdfs_defaults(read):
+    bare = '<joint name="j1" type="continuous"><parent link="base"/><child link="l1"/></joint>'
+    first = read(robot(link("base", ""), link("l1", "<inertial/>"), bare)).joints["j1"]
+    assert (first.xyz, first.rpy, first.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
+    assert (first.lower, first.upper, first.effort, first.velocity) == (None, None, None, None)
+    empty = read(j2(limit="<limit/>", more="<origin/><mimic joint='j1'/>")).joints["j2"]
+    assert (empty.lower, empty.upper, empty.effort, empty.velocity) == (0, 0, None, None)
+    assert (empty.mimic.multiplier, empty.mimic.offset) == (1, 0)
+    half = read(j2(limit=limit(upper=1.5, effort=0))).joints["j2"]
+    assert (half.lower, half.upper, half.effort) == (0, 1.5, 0)
+
+
+def test_bodies_may_be_stated_in_part(read):
+    texts = ("", "<inertial/>", "<inertial><mass/></inertial>",
+             '<inertial><mass value="0"/></inertial>')  # fmt: skip
+    for text, mass in zip(texts, (None, None, None, 0.0), strict=True):
+        assert read(arm(l2=link("l2", text))).links["l2"].mass == mass
+
+
+@pytest.mark.parametrize(
+    ("axis", "unit"),
+    [
+        ("0 0 7", (0, 0, 1)),
+        ("-0.001 0 0", (-1, 0, 0)),
+        ("3 0 4", (0.6, 0, 0.8)),
+        ("1 1e-12 0", (1, 1e-12, 0)),
+        ("1e9 1e9 0", (math.sqrt(0.5), math.sqrt(0.5), 0)),
+    ],
+)
+def test_axes_are_made_unit_vectors(read, axis, unit):
+    assert read(j2(axis=axis)).joints["j2"].axis == pytest.approx(unit, abs=1e-15)
+
+
+def test_a_fixed_joint_needs_no_axis(read):
+    assert read(j2("fixed", axis="0 0 0", limit="")).joints["j2"].type == "fixed"
+
+
+def test_limits_may_be_placeholders_of_any_size(read):
+    huge = read(j2(limit=limit(lower=-1e308, upper=3.4e38, effort=1e16, velocity=1e300)))
+    second = huge.joints["j2"]
+    assert (second.lower, second.upper, second.effort) == (-1e308, 3.4e38, 1e16)
+
+
+def test_order_in_the_file_does_not_matter(read):
+    parts = parts_of_arm()
+    upside_down = read(robot(*reversed(parts.values())))
+    assert [joint.name for joint in upside_down.path_to("tool")] == ["j1", "j2", "j3", "j4"]
+    assert upside_down.root == "base"
+    assert tuple(upside_down.links) == tuple(reversed(LINKS))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "関節 ж",
+        "[red]x[/red]",
+        "[/]",
+        "<b>&amp;",
+        "a'b\"c",
+        " x ",
+        "2",
+        "a,b",
+        "universe",
+        "x" * 5000,
+    ],
+)
+def test_names_may_be_nearly_anything(read, name):
+    escaped = name.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    tree = read(
+        arm(
+            l2=link(escaped),
+            j2=joint(escaped, "l1", escaped),
+            j3=joint("j3", escaped, "l3", more=mimic(escaped)),
+        )
+    )
+    assert [one.name for one in tree.path_to("tool")] == ["j1", name, "j3", "j4"]
+    assert tree.joints[name].child == name
+    assert tree.joints["j3"].mimic.leader == name
+
+
+def test_the_robots_name_is_the_files_if_it_has_none(read):
+    nameless = arm().replace(' name="arm"', "", 1)
+    assert read(nameless, "my arm.urdf").name == "my arm"
+    assert read(arm().replace('"arm"', '" x "', 1)).name == "x"
+    assert read(arm().replace('"arm"', '"a&#10;b&#x9b;"', 1)).name == "a?b?"
+
+
+def test_what_is_not_ours_is_left_unread(read):
+    mesh = '<visual><geometry><mesh filename="package://none/x.dae"/></geometry></visual>'
+    text = arm(
+        '<transmission name="t"><joint name="j9"/><link name="l9"/></transmission>',
+        '<gazebo reference="l1"><link name="l1"/></gazebo><material name="red"/>',
+        l1=link("l1", mesh + "<collision/>"),
+        j1=joint("j1", "base", "l1", more='<calibration rising="x"/><dynamics damping="y"/>'),
+    )
+    assert len(read(text).links) == 5
+
+
+def test_namespaces_comments_and_instructions(read):
+    declared = ' xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:g="urn:gazebo"'
+    commented = "<!-- <xacro:macro/> -->" + arm().replace("><", "><!-- ${x} --><?x y?><")
+    for text in (
+        arm().replace(">", f"{declared}>", 1),
+        arm().replace(">", ' xmlns="http://www.ros.org">', 1),
+        arm("<g:link/>").replace(">", f"{declared}>", 1),
+        commented,
+    ):
+        assert len(read(text).joints) == 4
+
+
+def test_ten_megabytes_are_read(read):
+    assert len(read(arm("<gazebo><p a='1'/></gazebo>" * 400_000)).joints) == 4
+
+
+# ---- what is refused -------------------------------------------------------------------------
+
+XACRO = r"is xacro, a macro language; turn it into a URDF first: `xacro FILE\.xacro > FILE\.urdf`"
+ROBOT = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+LOOSE = (link("base"), link("l1"))
+MALFORMED = {
+    "xacro": (f'{ROBOT}<xacro:property name="a" value="1"/></robot>', XACRO),
+    "xacro, old": (ROBOT.replace("www", "wiki") + "<link name='a'/><xacro:x/></robot>", XACRO),
+    "xacro, inside": (f"{ROBOT}<link name='a'><xacro:body/></link></robot>", XACRO),
+    "xacro, undeclared": ("<robot><xacro:include filename='a'/></robot>", XACRO),
+    "xacro, rest of": (
+        j2(xyz="${x} 0 0"),
+        r"joint 'j2': origin xyz '\$\{x\} 0 0' is not a number \(a \$\{…\} is left from xacro\)",
+    ),
+    "SDF": ("<sdf><model/></sdf>", "is no URDF: its root element is <sdf>, not <robot>"),
+    "MuJoCo": ("<mujoco/>", "root element is <mujoco>"),
+    "nested": (f"<x>{arm()}</x>", "root element is <x>"),
+    "prefix": ('<u:Robot xmlns:u="u"/>', "root element is <Robot>"),
+    "undeclared prefix": ("<robot><a:b/></robot>", "is not well-formed XML .unbound prefix"),
+    "robot in robot": (f"<robot>{arm()}</robot>", "holds no <link>"),
+    "no links": ("<robot/>", "holds no <link>"),
+    "capitals": (arm().replace("link", "Link"), "holds no <link>"),
+    "link without name": (arm("<link/>"), "a <link> has no name"),
+    "joint without name": (arm(j2=joint(" ", "l1", "l2")), "a <joint> has no name"),
+    "line break": (arm(link("a&#10;b")), r"link name 'a\\nb' holds characters that cannot be pri"),
+    "escape": (arm(j2=joint("a&#x9b;31m", "l1", "l2")), r"joint name 'a\\x9b31m' holds characters"),
+    "turned": (arm(j2=joint("\u202ea", "l1", "l2")), r"joint name '\\u202ea' holds characters"),
+    "two links": (arm(link("l2")), "two links are named 'l2'; names must be unique"),
+    "two joints": (
+        arm(link("x"), joint("j2", "tool", "x")),
+        "two joints are named 'j2'; names must be unique",
+    ),
+    "no parent": (
+        arm(j2=without('<parent link="l1"/>', joint("j2", "l1", "l2"))),
+        r"""joint 'j2': <parent link="…"/> is missing""",
+    ),
+    "empty child": (arm(j2=joint("j2", "l1", "")), r"joint 'j2': <child link=\"…\"/> is missing"),
+    "lost parent": (
+        arm(j2=joint("j2", "l11", "l2")),
+        "joint 'j2': its parent link 'l11' does not exist; did you mean 'l1'?",
+    ),
+    "lost child": (
+        arm(j4=joint("j4", "l3", "gripper")),
+        "joint 'j4': its child link 'gripper' does not exist$",
+    ),
+    "two roots": (arm(link("x")), r"has 2 root links \(base, x\); a URDF has one"),
+    "no joints": (robot(*LOOSE), r"has 2 root links \(base, l1\)"),
+    "ring": (
+        robot(*LOOSE, joint("i", "base", "l1"), joint("j", "l1", "base")),
+        "has no root link: its joints form a loop",
+    ),
+    "ring apart": (
+        robot(*LOOSE, link("x"), joint("i", "l1", "x"), joint("j", "x", "l1")),
+        "the links l1, x form a loop apart from the root 'base'",
+    ),
+    "own child": (
+        robot(*LOOSE, joint("j", "l1", "l1")),
+        "the links l1 form a loop apart from the root 'base'",
+    ),
+    "closed loop": (
+        arm(joint("again", "l1", "tool")),
+        "link 'tool' hangs on two joints, 'j4' and 'again'; a URDF is a tree and cannot hold cl",
+    ),
+    "type": (
+        j2("Revolut"),
+        r"joint 'j2': unknown type 'Revolut'; there is: .*, planar; did you mean 'revolute'\?",
+    ),
+    "no type": (arm().replace(' type="revolute"', "", 1), "joint 'j1': unknown type ''"),
+    "other type": (j2("spherical"), "joint 'j2': unknown type 'spherical'; there is: revolute"),
+    "zero axis": (j2(axis="0 0 0"), "joint 'j2': its axis is zero; give a direction, e.g. 0 0 1"),
+    "nearly zero axis": (j2(axis="0 1e-7 0"), "joint 'j2': its axis is zero"),
+    "vanishing axis": (j2(axis="5e-324 5e-324 0"), "joint 'j2': its axis is zero"),
+    "zero axis, sliding": (j2("prismatic", axis="0 0 0"), "its axis is zero"),
+    "zero axis, free": (j2("continuous", axis="-0 0 0"), "its axis is zero"),
+    "zero axis, planar": (j2("planar", axis="0 0 0"), "its axis is zero"),
+    "NaN axis": (j2(axis="nan 0 1"), "joint 'j2': axis 'nan 0 1' is not finite"),
+    "axis too long": (j2(axis="0 0 1 0"), "joint 'j2': axis '0 0 1 0': 3 numbers needed, got 4"),
+    "commas": (j2(axis="0,0,1"), "joint 'j2': axis '0,0,1' is not a number"),
+    "endless axis": (j2(axis="1e308 1e308 0"), "joint 'j2': axis '1e308 1e308 0' is too large"),
+    "infinite origin": (j2(xyz="0 -inf 0"), "joint 'j2': origin xyz '0 -inf 0' is not finite"),
+    "huge origin": (j2(xyz="0 0 1e20"), "joint 'j2': origin xyz '0 0 1e20' is too large"),
+    "short origin": (j2(rpy="0 0"), "joint 'j2': origin rpy '0 0': 3 numbers needed, got 2"),
+    "empty origin": (j2(xyz=""), "joint 'j2': origin xyz '': 3 numbers needed, got 0"),
+    "no limit": (
+        j2(limit=""),
+        r"""j2': a revolute joint needs <limit lower="…" upper="…"/> \(or type continuous\)""",
+    ),
+    "no limit, sliding": (
+        j2("prismatic", limit=""),
+        r"""joint 'j2': a prismatic joint needs <limit lower="…" upper="…"/>$""",
+    ),
+    "swapped limits": (
+        j2(limit=limit(lower=1, upper=-1)),
+        "joint 'j2': lower limit 1 is above upper limit -1$",
+    ),
+    "half a limit": (
+        j2(limit=limit(lower=1)),
+        r"joint 'j2': lower limit 1 is above upper limit 0 \(a bound that is not given is 0\)",
+    ),
+    "infinite limit": (
+        j2(limit=limit(lower="-inf", upper="inf")),
+        "joint 'j2': limit lower '-inf' is not finite",
+    ),
+    "limit no number": (
+        j2(limit=limit(lower="pi", upper=1)),
+        "joint 'j2': limit lower 'pi' is not a number",
+    ),
+    "negative effort": (
+        j2(limit=limit(lower=0, upper=1, effort=-5)),
+        "joint 'j2': effort limit -5 is negative; 0 means unknown",
+    ),
+    "negative velocity": (
+        j2("continuous", limit=limit(velocity=-5)),
+        "joint 'j2': velocity limit -5 is negative; 0 means unknown",
+    ),
+    "NaN effort": (
+        j2("fixed", limit=limit(effort="nan")),
+        "joint 'j2': limit effort 'nan' is not finite",
+    ),
+    "negative mass": (
+        arm().replace('<mass value="2"/>', '<mass value="-2"/>', 1),
+        "link 'base': mass -2 kg is negative",
+    ),
+    "infinite mass": (
+        arm().replace('<mass value="2"/>', '<mass value="inf"/>', 1),
+        "link 'base': mass 'inf' is not finite",
+    ),
+    "huge mass": (arm().replace('value="2"', 'value="1e30"', 1), "link 'base': mass '1e30' is too"),
+    "no mass": (arm().replace('value="2"', 'value=""', 1), "mass '': 1 number needed, got 0"),
+    "NaN inertia": (
+        arm().replace('iyz="0"', 'iyz="nan"', 1),
+        "link 'base': inertia iyz 'nan' is not finite",
+    ),
+    "mimics nobody": (
+        j2(more="<mimic/>"),
+        r"""joint 'j2': <mimic joint="…"/> names no joint""",
+    ),
+    "mimics a stranger": (
+        j2(more=mimic("j11")),
+        r"joint 'j2' mimics 'j11', which does not exist; did you mean 'j1'\?",
+    ),
+    "mimics a fixed joint": (
+        arm(j1=joint("j1", "base", "l1", "fixed"), j2=followed(2, "j1")),
+        "joint 'j2' mimics 'j1', which is fixed",
+    ),
+    "mimics a floating joint": (
+        arm(j1=joint("j1", "base", "l1", "floating"), j2=followed(2, "j1")),
+        "joint 'j2' mimics 'j1', which is floating",
+    ),
+    "mimics itself": (arm(j2=followed(2, "j2")), "the joints j2 mimic each other in a circle"),
+    "mimics in a circle": (
+        arm(j2=followed(2, "j3"), j3=followed(3, "j4"), j4=followed(4, "j3")),
+        "the joints j2, j3, j4 mimic each other in a circle",
+    ),
+    "mimics without a factor": (
+        arm(j2=followed(2, "j1", "nan")),
+        "joint 'j2': mimic multiplier 'nan' is not finite",
+    ),
+    "mimics more and more": (
+        arm(j2=followed(2, "j1", 1e5), j3=followed(3, "j2", 1e5)),
+        "joint 'j3': its mimic multipliers grow beyond all bounds",
+    ),
+}
+
+
+@pytest.mark.parametrize(("urdf", "message"), MALFORMED.values(), ids=MALFORMED)
+def test_malformed_files(read, tmp_path, urdf, message):
+    with pytest.raises(URDFError, match=message) as caught:
+        read(urdf)
+    assert caught.value.path == str(tmp_path / "arm.urdf")
+    assert "\n" not in str(caught.value)
+    assert len(caught.value.reason) < 300
+
+
+def test_a_xacro_is_known_by_its_name_too(read):
+    with pytest.raises(URDFError, match=XACRO):
+        read(arm(), "arm.urdf.xacro")
+
+
+# ---- followers -------------------------------------------------------------------------------
+
+
+def test_followers_of_followers_follow_the_first_leader(read):
+    tree = read(arm(j2=followed(2, "j1", -3, 0.2), j4=followed(4, "j2", 2, 0.1)))
+    fourth = tree.joints["j4"].mimic
+    assert (fourth.leader, fourth.multiplier) == ("j1", -6)
+    assert fourth.offset == pytest.approx(2 * 0.2 + 0.1)
+    backwards = read(arm(j1=followed(1, "j2", 2), j2=followed(2, "j4", 3, 1)))
+    assert backwards.joints["j1"].mimic.leader == "j4"
+    assert (backwards.joints["j1"].mimic.multiplier, backwards.joints["j1"].mimic.offset) == (6, 2)
+    assert tuple(backwards.joints) == ("j1", "j2", "j3", "j4")
+
+
+def test_a_long_chain_of_followers_takes_no_time(read):
+    count = MOST_LINKS - 2
+    rays = [joint(f"r{i}", "l1", f"x{i}", more=mimic(f"r{i + 1}")) for i in range(count - 1)]
+    tree = read(
+        robot(
+            *LOOSE,
+            *(link(f"x{i}", "") for i in range(count)),
+            *rays,
+            joint("j1", "base", "l1"),
+            joint(f"r{count - 1}", "l1", f"x{count - 1}"),
+        )
+    )
+    assert {joint.mimic.leader for joint in tree.joints.values() if joint.mimic} == {
+        f"r{count - 1}"
+    }
+
+
+# ---- the tree --------------------------------------------------------------------------------
+
+
+def test_the_tree_knows_what_is_above_and_below(read):
+    tree = read(arm(link("x"), link("y"), joint("jx", "l2", "x"), joint("jy", "x", "y", "fixed")))
+    assert [one.name for one in tree.path_to("y")] == ["j1", "j2", "jx", "jy"]
+    assert tree.path_to("base") == ()
+    assert {one.name for one in tree.below("l2")} == {"j3", "j4", "jx", "jy"}
+    below = [one.name for one in tree.below("base")]
+    assert sorted(below) == sorted(tree.joints)
+    assert all(
+        below.index(one.name) < below.index(child.name)
+        for one in tree.joints.values()
+        for child in tree.child_joints[one.child]
+    )
+
+
+def test_a_tree_cannot_be_changed(read):
+    tree = read(arm())
+    with pytest.raises(TypeError):
+        tree.links["l9"] = tree.links["l1"]
+    with pytest.raises(AttributeError):
+        tree.root = "l1"
+
+
+# ---- Pinocchio -------------------------------------------------------------------------------
+
+
+def test_pinocchio_gets_every_number_to_the_last_digit(read, tmp_path):
+    number = 0.1 + 0.2
+    text = arm(
+        l3=link("l3", f'<inertial><mass value="{number}"/></inertial>'),
+        j2=joint("j2", "l1", "l2", xyz=f"{number} 1e-7 {1 / 3}", rpy=f"{2 / 3} 1e9 -1e-300"),
+    )
+    tree = read(text)
+    theirs = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    ours = full_model(tree)
+    restore_names(ours, tree)
+    assert list(ours.names) == list(theirs.names)
+    for mine, other in zip(ours.jointPlacements, theirs.jointPlacements, strict=True):
+        np.testing.assert_array_equal(mine.homogeneous, other.homogeneous)
+    for mine, other in zip(ours.inertias, theirs.inertias, strict=True):
+        np.testing.assert_array_equal(mine.toDynamicParameters(), other.toDynamicParameters())
+    np.testing.assert_array_equal(ours.lowerPositionLimit, theirs.lowerPositionLimit)
+
+
+def test_names_are_codes_for_pinocchio_and_come_back(read):
+    tree = read(arm(l1=link("universe"), j1=joint("tool", "base", "universe"),
+                    j2=joint("universe", "universe", "l2")))  # fmt: skip
+    assert "tool" not in tree.to_xml()
+    assert "universe" not in tree.to_xml()
+    model = full_model(tree)
+    restore_names(model, tree)
+    assert list(model.names) == ["universe", "tool", "universe", "j3", "j4"]
+    bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    assert bodies == ["base", "universe", "l2", "l3", "tool"]
+
+
+def test_what_pinocchio_finds_is_told_with_what_it_prints(read, monkeypatch, capfd):
+    tree = read(arm())
+    no_limits = j2(limit="")
+    monkeypatch.setattr(UrdfTree, "to_xml", lambda _: no_limits)
+    with pytest.raises(URDFError, match=r"arm\.urdf: Pinocchio cannot read it: ") as caught:
+        full_model(tree)
+    assert "Joint [j2] is of type REVOLUTE but it does not specify limits" in str(caught.value)
+    assert "does not contain a valid URDF" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+def row(count, moving):
+    """Return a URDF with so many links in a row, the first joints moving."""
+    joints = [
+        joint(f"j{i}", f"l{i}", f"l{i + 1}", "revolute" if i < moving else "fixed")
+        for i in range(count - 1)
+    ]
+    return robot(*(link(f"l{i}") for i in range(count)), *joints)
+
+
+def test_links_in_a_row_have_an_end(read):
+    assert len(read(row(MOST_IN_A_ROW, 4)).links) == MOST_IN_A_ROW
+    with pytest.raises(URDFError, match=f"has {MOST_IN_A_ROW + 1} links in a row; at most"):
+        read(row(MOST_IN_A_ROW + 1, 4))
+    with pytest.raises(URDFError, match="holds 9000 links; at most 5000 are read"):
+        read(row(9000, 4))
+
+
+def test_the_longest_row_fits_into_a_small_stack(tmp_path):
+    path = write(tmp_path, row(MOST_IN_A_ROW, 4))
+    program = (
+        "import threading, ftforce, pinocchio, rich\n"
+        "def work():\n"
+        f"    print(ftforce.load_robot({str(path)!r}).n)\n"
+        "threading.stack_size(512 * 1024)\n"
+        "thread = threading.Thread(target=work)\n"
+        "thread.start(); thread.join()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "4\n", "")
+
+
+def test_many_links_side_by_side(tmp_path):
+    count = MOST_LINKS - 2
+    rays = [joint(f"r{i}", "l1", f"x{i}") for i in range(count)]
+    links = [link(f"x{i}") for i in range(count)]
+    robot_ = load_robot(
+        write(tmp_path, robot(*LOOSE, joint("j1", "base", "l1"), *links, *rays)), tip="x7"
+    )
+    assert robot_.names == ("j1", "r7")
+    assert len(robot_.held) == count - 1
+
+
+def test_robots_are_read_in_threads_at_once(tmp_path, capfd):
+    good, bad = write(tmp_path, arm()), write(tmp_path, arm(j2=LIMIT), name="bad.urdf")
+    found = []
+
+    def work():
+        for _ in range(20):
+            found.append(load_robot(good).n)
+            with pytest.raises(URDFError):
+                load_robot(bad)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [4] * 80
+    os.write(2, b"still here")
+    assert capfd.readouterr().err == "still here"
