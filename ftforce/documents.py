@@ -6,7 +6,7 @@ import math
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ftforce import words
+from ftforce import metrics, words
 from ftforce.analysis import Analysis
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
@@ -56,6 +56,7 @@ def _analysis(analysis: Analysis) -> Document:
             "sigma_min": reduced.healthy.s[-1],
             "sigma_min_after": reduced.damaged.s[-1],
             "margin": analysis.margin,
+            "condition_number_after": finite(metrics.condition_number(reduced)),
             "relative_manipulability": finite(analysis.relative_manipulability),
             "lost_directions": analysis.lost_directions.tolist(),
             "force_error_per_torque": finite(analysis.force_error),

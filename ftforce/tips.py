@@ -84,15 +84,18 @@ def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
 def tip_candidates(tree: UrdfTree) -> dict[str, int]:
     """Return links that could be a tip, with the number of moving joints above them, most first.
 
-    A candidate is where a moving part of the tree ends: below it nothing moves, or several parts
-    do.
+    A candidate is the end of a part that moves (below it nothing does), or a link that carries
+    several moving parts, such as a hand with its fingers.
     """
     counts: dict[str, int] = {}
     for link in tree.links:
+        above = sum(joint.type in MOVING for joint in tree.path_to(link))
         joint = tree.parent_joint.get(link)
-        if joint is not None and joint.type in MOVING and len(_moving_children(tree, link)) != 1:
-            end = _follow_fixed(tree, link)
-            counts[end] = sum(j.type in MOVING for j in tree.path_to(end))
+        below = len(_moving_children(tree, link))
+        if above and below > 1:
+            counts[link] = above
+        elif joint is not None and joint.type in MOVING and not below:
+            counts[_follow_fixed(tree, link)] = above
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
