@@ -16,6 +16,7 @@ Vector: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
+_FLOAT = np.dtype(np.float64)  # NumPy has one object for it: an identity costs the least
 _THIN_U_FULL_V = int(DecompositionOptions.ComputeThinU | DecompositionOptions.ComputeFullV)
 
 
@@ -64,7 +65,7 @@ def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
         array = np.array(value)
     except ValueError:
         raise InputError(f"{name} needs numbers, got {value!r}") from None
-    if array.dtype == np.float64:
+    if array.dtype is _FLOAT:
         return array
     if array.dtype.kind not in "iuf":
         raise InputError(f"{name} needs numbers, got {value!r}")
@@ -145,8 +146,11 @@ class Svd:
 
     def solve(self, x: Vector, rank: int) -> Vector:
         """Return A† x with the first ``rank`` singular values, shape (n,)."""
-        y: Vector = x.dot(self.U[:, :rank]) / self.s[:rank]
-        v: Vector = (self.A.T.dot(self.U[:, :rank]) / self.s[:rank]).dot(y)  # V = Aᵀ U / s
+        # With V of its own decomposition: Aᵀ U / s would lose the digits that a small s costs.
+        decomposition = ColPivHhJacobiSVD(self.A.T, _THIN_U_FULL_V)
+        U, V = decomposition.matrixV(), decomposition.matrixU()
+        y = x.dot(U.reshape(len(x), -1)[:, :rank]) / self.s[:rank]
+        v: Vector = V.reshape(len(V), -1)[:, :rank].dot(y)
         return v
 
     def project(self, x: Vector, rank: int) -> Vector:

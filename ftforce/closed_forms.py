@@ -163,7 +163,8 @@ def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL
     0.0
     """
     J, mask = check_core_input(J, locked)
-    check_tolerances(rtol, max(rtol, RTOL))
+    if rtol != RTOL:
+        check_tolerances(rtol, max(rtol, RTOL))
     tau = as_vector(tau, J.shape[1], "tau", "one torque per column of J")
     reduced = reduce(J, mask, rtol)
     change = force_jump(reduced, exerted_force(reduced, tau))

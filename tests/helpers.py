@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 import tempfile
 import warnings
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -42,6 +45,18 @@ def arrays_in(result, name="result"):
     elif is_dataclass(result) and not isinstance(result, Robot):
         for field in fields(result):
             yield from arrays_in(getattr(result, field.name), f"{name}.{field.name}")
+
+
+@contextmanager
+def eager_threads():
+    """Yield four threads that take turns as often as they can."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            yield pool
+    finally:
+        sys.setswitchinterval(usual)
 
 
 # ---- Jacobians -------------------------------------------------------------------------------
@@ -193,6 +208,20 @@ def load_text(urdf, srdf=None, **options):
         if srdf is not None:
             path.with_suffix(".srdf").write_text(srdf)
         return load_robot(path, **options)
+
+
+def stretched(little):
+    """Return an arm and a posture in which joint 4 alone serves the radial direction well."""
+    y = {"axis": (0, 1, 0)}
+    arm = load_text(
+        serial_urdf(
+            ("revolute", {"xyz": (0, 0, 0.2)}),
+            ("revolute", y),
+            ("revolute", {"xyz": (0.4, 0, 0), **y}),
+            ("revolute", {"xyz": (0.3, 0, 0.2), **y}),
+        ).replace("0.11 0.05 0.03", "0.1 0.0 -0.2")
+    )
+    return arm, [0.3, 0.2, little, 0.0]
 
 
 lengths = st.integers(-25, 25).map(lambda x: x / 50)  # m; a rod is as long as it is thick

@@ -3,7 +3,6 @@
 import copy
 import math
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
@@ -13,7 +12,15 @@ import ftforce
 from ftforce import Task, Verdict, analyze
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.kinematics import frame_jacobian, tip_pose
-from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf
+from helpers import (
+    KNOWN,
+    arrays_in,
+    assert_close,
+    eager_threads,
+    load_text,
+    serial_urdf,
+    stretched,
+)
 
 FORCE = [80.0, 50.0, 10.0]
 DUPLICATES = [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
@@ -28,20 +35,6 @@ def dh5():
 @pytest.fixture(scope="module")
 def panda():
     return ftforce.load_robot("panda")
-
-
-def stretched(little):
-    """Return an arm and a posture in which joint 4 alone serves the radial direction well."""
-    y = {"axis": (0, 1, 0)}
-    arm = load_text(
-        serial_urdf(
-            ("revolute", {"xyz": (0, 0, 0.2)}),
-            ("revolute", y),
-            ("revolute", {"xyz": (0.4, 0, 0), **y}),
-            ("revolute", {"xyz": (0.3, 0, 0.2), **y}),
-        ).replace("0.11 0.05 0.03", "0.1 0.0 -0.2")
-    )
-    return arm, [0.3, 0.2, little, 0.0]
 
 
 # ---- what is given ---------------------------------------------------------------------------
@@ -252,6 +245,8 @@ def test_shapes_and_laws_for_known_robots(name):
     assert result.velocity.tip_after.shape == (6,)
     assert result.is_proved()
     assert_close(result.force.before + result.force.unsupported, wrench)
+    assert_close(result.velocity.tip_before, result.J @ np.ones(arm.n))
+    assert_close(result.velocity.tip_after, result.J @ result.velocity.after, tol=1e-7)
 
 
 def test_a_given_force_and_the_torques_for_it_give_the_same(panda):
@@ -633,7 +628,7 @@ def test_threads_do_not_disturb_each_other(panda):
         return np.concatenate([result.force.before, result.force.jump, result.torque.after])
 
     alone = [solve(q) for q in postures]
-    with ThreadPoolExecutor(4) as pool:
+    with eager_threads() as pool:
         together = list(pool.map(solve, postures))
     np.testing.assert_array_equal(alone, together)
 

@@ -1,7 +1,6 @@
 """The checks at the border, and the singular value decomposition that decides ranks."""
 
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import given, settings
 from ftforce.arrays import Svd, as_vector, check_finite, read_only
 from ftforce.errors import DimensionError, InputError
 from ftforce.reduced import reduce
-from helpers import RATIOS, assert_close, jacobians, with_singular_values
+from helpers import RATIOS, assert_close, eager_threads, jacobians, with_singular_values
 
 SHAPES = [(1, 1), (1, 5), (3, 1), (3, 2), (3, 3), (3, 7), (6, 5), (6, 7), (2, 12)]
 
@@ -182,7 +181,7 @@ def test_threads_do_not_disturb_each_other():
     rng = np.random.default_rng(0)
     matrices = [rng.normal(size=(3, 7)) for _ in range(400)]
     alone = [decomposed(A)[1].U for A in matrices]
-    with ThreadPoolExecutor(4) as pool:
+    with eager_threads() as pool:
         together = list(pool.map(lambda A: decomposed(A)[1].U, matrices))
     np.testing.assert_array_equal(alone, together)
 

@@ -18,6 +18,7 @@ from urdfs import (
     arm,
     end_effector,
     followed,
+    full_device,
     hand,
     j2,
     joint,
@@ -319,7 +320,6 @@ def test_wrong_command_lines(arguments, message):
         ("none/out.json", "No such file or directory"),
         ("arm.urdf/out.json", "Not a directory"),
         ("x" * 300 + ".json", "File name too long"),
-        ("/dev/full", "No space left on device"),
     ],
 )
 def test_outputs_that_cannot_be_written(good, monkeypatch, command, output, reason):
@@ -329,6 +329,14 @@ def test_outputs_that_cannot_be_written(good, monkeypatch, command, output, reas
     assert line.startswith(f"{output}: cannot be written")
     assert reason in line
     assert names_in(good.parent) == ["arm.srdf", "arm.urdf", "folder"]
+
+
+def test_a_full_device(good, tmp_path_factory):
+    device = full_device(tmp_path_factory.mktemp("devices"))
+    for command in COMMANDS:
+        line = refused(command, good, "-o", device)
+        assert line == f"{device}: cannot be written (No space left on device)"
+    assert device.is_char_device()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

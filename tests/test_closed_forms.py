@@ -121,6 +121,15 @@ def test_every_shape(shape):
     assert result.U.shape == (shape[1],)
 
 
+def test_a_decomposition_answers_also_after_the_next_one():
+    rng = np.random.default_rng(3)
+    first, second = rng.normal(size=(2, 3, 6))
+    tau, mask = rng.normal(size=6), np.zeros(6, dtype=bool)
+    one, other = reduce(first, mask), reduce(second, mask)
+    for reduced in (one, other, one, other):
+        assert_close(exerted_force(reduced, tau), np.linalg.pinv(reduced.J.T) @ tau)
+
+
 def test_a_jacobian_of_zeros():
     result = remap(np.zeros((2, 3)), [1, 2, 3], locking(2))
     assert_close(result.F, 0.0)
@@ -234,6 +243,13 @@ def test_a_tampered_result_cannot_prove_itself(result, name, tamper):
 
 def test_another_force_is_no_force_of_these_torques(result):
     assert not replace(result, tau=result.tau + J.T @ [0.1, 0.0]).is_proved()
+
+
+def test_a_jump_that_is_not_the_least_is_found(result):
+    # Every other law holds: no healthy joint feels a force along what is lost.
+    more = np.array([1.0, -1.0])
+    larger = replace(result, F_after=result.F_after + more, jump=result.jump - more)
+    assert not larger.is_proved()
 
 
 def test_residuals_are_relative():

@@ -13,7 +13,7 @@ import ftforce
 from ftforce import Verdict, analyze, census
 from ftforce.errors import InputError
 from ftforce.kinematics import tip_pose
-from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf
+from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf, stretched
 
 FORCE = [80.0, 50.0, 10.0]
 LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
@@ -122,6 +122,15 @@ def test_joints_come_most_critical_first(dh5):
         assert joint.not_tolerated == sum(r.verdict is Verdict.NOT_TOLERATED for r in own)
         assert joint.borderline == sum(r.verdict is Verdict.BORDERLINE for r in own)
         assert_close(joint.mean_relative_jump, np.mean([r.relative_jump for r in own]), scale=1)
+
+
+def test_borderline_sets_make_a_joint_critical_too():
+    arm, q = stretched(1e-3)
+    result = census(arm, q)
+    found = [(joint.not_tolerated, joint.borderline) for joint in result.joints]
+    assert found == sorted(found, reverse=True)
+    assert (0, 1) in found
+    assert (0, 0) in found
 
 
 def test_of_equally_critical_joints_the_smaller_margin_comes_first(panda):

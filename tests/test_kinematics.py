@@ -1,7 +1,6 @@
 """Tip pose and Jacobians: closed forms, axes, rows, and that results stay what they are."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +11,16 @@ from ftforce.dh import DHTable
 from ftforce.kinematics import frame_jacobian, task_jacobian, tip_pose
 from ftforce.registry import robots_folder
 from ftforce.task import Task
-from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
+from helpers import (
+    KNOWN,
+    assert_close,
+    eager_threads,
+    joint,
+    load_text,
+    serial_urdf,
+    srdf_of,
+    urdf_of,
+)
 
 PLANAR = serial_urdf(
     ("revolute", {}),
@@ -122,7 +130,7 @@ def test_threads_do_not_disturb_each_other():
     arm = ftforce.load_robot("kinova")
     postures = np.random.default_rng(1).uniform(-3, 3, size=(200, arm.n))
     alone = [(frame_jacobian(arm, q), *tip_pose(arm, q)) for q in postures]
-    with ThreadPoolExecutor(4) as pool:
+    with eager_threads() as pool:
         together = pool.map(lambda q: (frame_jacobian(arm, q), *tip_pose(arm, q)), postures)
     for one, other in zip(alone, together, strict=True):
         for a, b in zip(one, other, strict=True):

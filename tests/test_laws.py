@@ -154,6 +154,11 @@ def test_measures_agree_with_each_other(case):
     reduced = reduce(case.J, case.locked)
     lost = lost_directions(reduced)
     assert len(lost) == max(reduced.rank - reduced.rank_after, 0)
+    assert_close(lost @ lost.T, np.eye(len(lost)))
+    assert_close(lost @ reduced.K, 0.0, scale=reduced.sigma_max or 1.0, tol=2 * RTOL)
+    if is_clear(case.J, case.locked):
+        lacking = np.linalg.svd(case.J)[0][:, reduced.rank :]
+        assert_close(lost @ lacking, 0.0, scale=1.0, tol=1e-6)
     assert 0.0 <= margin(reduced) <= 1.0 + 1e-12
     assert (margin(reduced) > RTOL) == (reduced.rank_after == reduced.m)
     if reduced.rank == reduced.m:
@@ -212,7 +217,7 @@ def test_velocity_jump_has_the_projector_of_the_force_jump(case):
     reduced = reduce(case.J, case.locked)
     change = velocity_remap(reduced, case.v)
     x_S = case.J[:, case.locked] @ case.v[case.locked]
-    scale = np.linalg.norm(case.J, 2) * norm(case.v) or 1.0
+    scale = np.linalg.norm(case.J, 2) * (norm(case.v) + norm(change.after)) or 1.0
     kept = reduced.damaged.project(x_S, reduced.rank_after)
     assert_close(change.jump, kept - x_S, scale=scale)
     assert_close(change.tip_before, case.J @ case.v, scale=scale)

@@ -16,12 +16,12 @@ from helpers import assert_close, diagonal, orthogonal, seeds, with_singular_val
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
 
 
-def with_spectrum(*ratios, seed=0):
+def with_spectrum(*ratios, seed=0, scale=1.0):
     """Return an arm that loses joints and keeps these singular values, in units of σ_max(J)."""
     m, rng = len(ratios), np.random.default_rng(seed)
     K = with_singular_values(rng, m, m + 2, np.array(ratios))
     lost = math.sqrt(1.0 - ratios[0] ** 2) * orthogonal(rng, m)
-    return reduce(np.hstack([lost, K]), np.arange(2 * m + 2) < m)
+    return reduce(scale * np.hstack([lost, K]), np.arange(2 * m + 2) < m)
 
 
 # ---- measures --------------------------------------------------------------------------------
@@ -248,11 +248,12 @@ powers = st.floats(-8.0, 0.0).map(lambda x: 10.0**x) | st.just(0.0)
     ratios=st.lists(powers, min_size=1, max_size=4),
     parts=st.lists(powers, min_size=4, max_size=4),
     wary=st.sampled_from([RTOL, 1e-4, WARY, 0.5]),
+    scale=st.sampled_from([1.0, 1e-3, 1e3]),
     seed=st.integers(0, 100),
 )
 @settings(deadline=None, max_examples=150)
-def test_verdict_by_trying_every_tolerance(ratios, parts, wary, seed):
-    reduced = with_spectrum(*sorted(ratios, reverse=True), seed=seed)
+def test_verdict_by_trying_every_tolerance(ratios, parts, wary, scale, seed):
+    reduced = with_spectrum(*sorted(ratios, reverse=True), seed=seed, scale=scale)
     F = reduced.damaged.U @ np.array([1.0, *parts][: reduced.m])
     U, s, _ = np.linalg.svd(reduced.K)
     s, share = s / reduced.sigma_max, (U.T @ F) ** 2 / (F @ F)

@@ -221,6 +221,19 @@ def test_velocities_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
     assert_close(change.jump, 0.0, scale=np.linalg.norm(v))
 
 
+@pytest.mark.parametrize("ratio", [1e-2, 1e-4, 2e-6])
+def test_high_joint_velocities_still_keep_the_velocity_of_the_tip(ratio):
+    # K† by way of V = KᵀU/σ would be wrong here by 1e-16/ratio² instead of 1e-16/ratio.
+    rng = np.random.default_rng(16)
+    worst = 0.0
+    for _ in range(20):
+        K = with_singular_values(rng, 3, 5, np.array([1.0, 0.7, ratio]))
+        J, v = np.hstack([0.1 * rng.normal(size=(3, 1)), K]), rng.normal(size=6)
+        change = velocity_remap(reduce(J, np.arange(6) == 0), v)
+        worst = max(worst, np.linalg.norm(J @ change.after - J @ v))
+    assert worst < 1e-14 / ratio
+
+
 # ---- kinematics ------------------------------------------------------------------------------
 
 

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
 from ftforce import load_robot
 
 BODY = (
@@ -85,6 +91,26 @@ def write(folder, urdf, srdf=None, name="arm.urdf"):
         if content is not None:
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return folder / name
+
+
+def full_device(folder):
+    """Return a device on which every write fails, as on a full disk.
+
+    Root could replace the machine's own ``/dev/full`` if what is tested were broken, so root gets
+    one in the folder.
+    """
+    device = Path("/dev/full")
+    if not device.is_char_device():
+        pytest.skip("no such device here")
+    if os.access(device.parent, os.W_OK):
+        number = device.stat().st_rdev
+        device = folder / "full"
+        try:
+            os.mknod(device, stat.S_IFCHR | 0o666, number)
+            device.write_bytes(b"")
+        except OSError:
+            pytest.skip("devices cannot be made or used here")
+    return device
 
 
 def load(folder, urdf, srdf=None, **options):
