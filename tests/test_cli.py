@@ -353,6 +353,20 @@ def test_errors_are_one_line_and_debug_shows_more():
                            catch_exceptions=False)  # fmt: skip
 
 
+def test_a_mistake_of_ours_is_no_traceback(monkeypatch):
+    def fail(*_, **__):
+        raise KeyError("elbow")
+
+    monkeypatch.setattr("ftforce.analysis.analyze", fail)
+    result = run("analyze", DH5, status=1)
+    assert result.stderr == (
+        "error: a mistake in ftforce, please report it (KeyError('elbow')); "
+        "--debug shows where it happened\n"
+    )
+    with pytest.raises(KeyError):
+        CliRunner().invoke(cli.app, ["analyze", DH5, "--debug"], catch_exceptions=False)
+
+
 def test_interruption_is_no_traceback():
     @common.guarded
     def command() -> None:

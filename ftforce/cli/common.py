@@ -105,12 +105,12 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
-        except typer.Exit:
+        except (typer.Exit, typer.Abort, typer.BadParameter):
             raise
-        except FtforceError as error:
+        except Exception as error:  # a user never meets a traceback, not even of our own mistakes
             if debug:
                 raise
-            typer.echo(f"error: {error}", err=True)
+            typer.echo(f"error: {_reason(error)}", err=True)
             raise typer.Exit(1) from None
 
     signature = inspect.signature(command)
@@ -119,6 +119,12 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {**command.__annotations__, "debug": _Debug}
     return run
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, FtforceError):
+        return str(error)
+    return f"a mistake in ftforce, please report it ({error!r}); --debug shows where it happened"
 
 
 def numbers(text: str | None, option: str) -> list[float] | None:
