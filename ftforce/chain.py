@@ -28,7 +28,7 @@ class Follower:
     offset: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Chain:
     """The part of a tree that is analysed.
 

@@ -24,7 +24,7 @@ class FaultMode(StrEnum):
     """The brake holds the joint and its motor commands nothing (the paper's fault)."""
 
 
-@dataclass(frozen=True, slots=True, order=True)
+@dataclass(frozen=True, slots=True)
 class Fault:
     """One failed joint.
 
@@ -54,7 +54,9 @@ class FaultSet:
         InputError
             A joint fails twice, or an index is negative.
         """
-        object.__setattr__(self, "faults", tuple(sorted(self.faults)))
+        object.__setattr__(
+            self, "faults", tuple(sorted(self.faults, key=lambda fault: fault.joint))
+        )
         if any(fault.joint < 0 for fault in self.faults):
             raise InputError("joint indices count from 0")
         for one, other in zip(self.faults, self.faults[1:], strict=False):

@@ -14,7 +14,6 @@ from ftforce.arrays import Vector, read_only
 from ftforce.chain import Chain, Follower, choose_chain, leaders_of
 from ftforce.coordinates import Coordinates
 from ftforce.errors import UnknownNameError, URDFError, listed
-from ftforce.registry import find_robot, known_robots
 from ftforce.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.srdf import Srdf, read_srdf
 from ftforce.stderr import captured_stderr
@@ -112,6 +111,8 @@ def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
     """Return the known robot of this name, or ``None`` if the source is a path."""
     if not isinstance(source, str) or os.sep in source or Path(source).suffix:
         return None
+    from ftforce.registry import find_robot, known_robots  # a path needs none of it
+
     if source not in known_robots() and os.path.lexists(source):
         return None
     return find_robot(source)

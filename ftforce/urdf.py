@@ -68,7 +68,7 @@ class UrdfLink:
     inertia: Numbers
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class UrdfTree:
     """A URDF whose numbers are finite and whose joints form one tree.
 

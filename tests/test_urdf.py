@@ -143,7 +143,7 @@ def test_what_is_not_ours_is_left_unread(read):
     mesh = '<visual><geometry><mesh filename="package://none/x.dae"/></geometry></visual>'
     text = arm(
         '<transmission name="t"><joint name="j9"/><link name="l9"/></transmission>',
-        '<gazebo reference="l1"><link name="l1"/></gazebo><material name="red"/>',
+        '<gazebo reference="l1"><link name="l1"/></gazebo><material name="red"/><xacro_was_here/>',
         l1=link("l1", mesh + "<collision/>"),
         j1=joint("j1", "base", "l1", more='<calibration rising="x"/><dynamics damping="y"/>'),
     )
@@ -185,6 +185,7 @@ MALFORMED = {
     "nested": (f"<x>{arm()}</x>", "root element is <x>"),
     "prefix": ('<u:Robot xmlns:u="u"/>', "root element is <Robot>"),
     "undeclared prefix": ("<robot><a:b/></robot>", "is not well-formed XML .unbound prefix"),
+    "broken, once xacro": ("<robot><!-- <xacro:a/> -->", "is not well-formed XML .no element"),
     "robot in robot": (f"<robot>{arm()}</robot>", "holds no <link>"),
     "no links": ("<robot/>", "holds no <link>"),
     "capitals": (arm().replace("link", "Link"), "holds no <link>"),
@@ -353,6 +354,7 @@ def test_followers_of_followers_follow_the_first_leader(read):
     fourth = tree.joints["j4"].mimic
     assert (fourth.leader, fourth.multiplier) == ("j1", -6)
     assert fourth.offset == pytest.approx(2 * 0.2 + 0.1)
+    assert read(arm(j2=followed(2, "j1", 0))).joints["j2"].mimic.multiplier == 0
     backwards = read(arm(j1=followed(1, "j2", 2), j2=followed(2, "j4", 3, 1)))
     assert backwards.joints["j1"].mimic.leader == "j4"
     assert (backwards.joints["j1"].mimic.multiplier, backwards.joints["j1"].mimic.offset) == (6, 2)

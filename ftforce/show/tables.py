@@ -86,7 +86,7 @@ def warning_lines(warnings: Iterable[str]) -> Text | None:
     return Text("\n".join(lines), style="yellow") if lines else None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Components:
     """Names and units of a vector's components, and which of them share a norm.
 

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
+FTFORCE = str(Path(sys.executable).with_name("ftforce"))
 DH5 = Path(__file__).parents[2] / "robots" / "dh5.urdf"
 GROUP = "whole command, goal for analyze: 1.4 times the imports"
 COMMANDS = {
     "imports": [sys.executable, "-c", "import pinocchio, numpy, typer, rich"],
-    "analyze": [sys.executable, "-m", "ftforce", "analyze", str(DH5), "--locked", "2,4"],
-    "help": [sys.executable, "-m", "ftforce", "--help"],
+    "analyze": [FTFORCE, "analyze", str(DH5), "--locked", "2,4"],
+    "help": [FTFORCE, "--help"],
 }
 
 
