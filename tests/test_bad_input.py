@@ -204,16 +204,16 @@ def test_joints_that_cannot_be_locked(good, joints, message):
     assert refused("analyze", good, "--locked", joints).startswith(message)
 
 
+NUMBERS = "needs numbers separated by commas, e.g. 1,2.5,-3"
 VALUES = {
     "q short": (["--q", "1,2"], f"q needs 4 numbers, got 2 numbers: one per joint, {CHAIN}"),
-    "q empty": (["--q", ""], "q needs 4 numbers, got 0 numbers"),
-    "q NaN": (["--q", "0,nan,0,0"], "q holds nan at position 2; numbers must be finite"),
-    "q endless": (["--q", "0,0,0,1e400"], "q holds inf at position 4; numbers must be finite"),
+    "q empty": (["--q", ""], f"--q {NUMBERS}; got none"),
+    "q NaN": (["--q", "0,nan,0,0"], f"--q {NUMBERS}; 'nan' is not finite"),
+    "q endless": (["--q", "0,0,0,1e400"], f"--q {NUMBERS}; '1e400' is not finite"),
     "q huge": (["--q", "0,0,0,1e308"], "q holds numbers too large to compute with"),
-    "q words": (
-        ["--q", "a,b,c,d"],
-        "--q needs numbers separated by commas, e.g. 1,2.5,-3; got 'a'",
-    ),
+    "q words": (["--q", "a,b,c,d"], f"--q {NUMBERS}; 'a' is not a number"),
+    "q of Python": (["--q", "1_0,0,0,0"], f"--q {NUMBERS}; '1_0' is not a number"),
+    "q in other digits": (["--q", "٣,0,0,0"], f"--q {NUMBERS}; '٣' is not a number"),
     "q twice": (["--q", "0,0,0,0", "--posture", "home"], "give either q or a posture, not both"),
     "posture": (
         ["--posture", "hme"],
@@ -239,12 +239,14 @@ VALUES = {
         ["--force", "1,2,3", "--task", "wrench"],
         "force needs 6 numbers, got 3 numbers: fx, fy, fz, mx, my, mz of the task 'wrench'",
     ),
-    "force NaN": (["--force", "nan,0,0"], "force holds nan at position 1; numbers must be finite"),
+    "force NaN": (["--force", "nan,0,0"], f"--force {NUMBERS}; 'nan' is not finite"),
+    "force empty": (["--force", ""], f"--force {NUMBERS}; got none"),
+    "force of commas": (["--force", " ,, "], f"--force {NUMBERS}; got none"),
     "torque": (
         ["--torque", "1,2,3"],
         f"torque needs 4 numbers, got 3 numbers: one per joint, {CHAIN}",
     ),
-    "torque inf": (["--torque", "0,0,0,inf"], "torque holds inf at position 4; numbers must be"),
+    "torque inf": (["--torque", "0,0,0,-inf"], f"--torque {NUMBERS}; '-inf' is not finite"),
 }
 
 
@@ -260,7 +262,8 @@ def test_values_out_of_place(good, command, options, message):
     ("options", "message"),
     [
         (["--velocity", "1,2"], "velocity needs 4 numbers, got 2 numbers: one per joint"),
-        (["--velocity", "1,2,3,nan"], "velocity holds nan at position 4"),
+        (["--velocity", "1,2,3,nan"], f"--velocity {NUMBERS}; 'nan' is not finite"),
+        (["--velocity", ""], f"--velocity {NUMBERS}; got none"),
     ],
 )
 def test_velocities_out_of_place(good, options, message):

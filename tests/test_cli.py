@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import ftforce
 from ftforce import cli
 from ftforce.cli import common
+from urdfs import full_device
 
 DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
 PAPER = ["--force", "80,50,10", "--posture", "paper"]
@@ -382,7 +383,8 @@ def test_interruption_is_no_traceback():
 @pytest.mark.parametrize("text", ["1,x,3", "1,,x", "one"])
 def test_vectors_are_numbers(text):
     result = run("analyze", DH5, "--force", text, status=1)
-    assert "--force needs numbers separated by commas" in result.stderr
+    assert "--force needs numbers separated by commas, e.g. 1,2.5,-3; '" in result.stderr
+    assert "is not a number" in result.stderr
 
 
 def test_blanks_separate_numbers_too():
@@ -409,6 +411,74 @@ def test_a_reader_that_leaves_early_is_no_error():
     )
     assert done.stdout.startswith(b"fault_set,locked")
     assert done.stderr == b""
+
+
+PRINTING = [
+    ("--help",),
+    ("--version",),
+    ("analyze", "--help"),
+    (),
+    ("analyze", DH5),
+    ("analyze", DH5, "--format", "json"),
+    ("census", DH5, "--format", "csv"),
+    ("inspect", DH5),
+    ("replicate",),
+]
+
+
+@pytest.mark.parametrize("arguments", PRINTING, ids=" ".join)
+@pytest.mark.parametrize("buffered", ["", "1"], ids=["buffered", "unbuffered"])
+def test_a_full_standard_output_is_one_line(tmp_path, arguments, buffered):
+    device = full_device(tmp_path)
+    command = [sys.executable, "-m", "ftforce", *arguments]
+    environment = {**os.environ, "PYTHONUNBUFFERED": buffered}
+    with device.open("wb") as output:
+        done = subprocess.run(
+            command, stdout=output, stderr=subprocess.PIPE, env=environment, check=False, timeout=60
+        )
+    reason = "standard output cannot be written (No space left on device)"
+    assert done.stderr.decode() == f"error: {reason}\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.parametrize("arguments", PRINTING, ids=" ".join)
+def test_a_closed_standard_output_is_one_line(arguments):
+    program = ["sh", "-c", '"$0" -m ftforce "$@" >&-', sys.executable, *arguments]
+    done = subprocess.run(program, capture_output=True, check=False, timeout=60)
+    assert done.stderr == b"error: standard output cannot be written (it is closed)\n"
+    assert done.returncode == 1
+
+
+def test_a_note_that_cannot_be_printed_leaves_the_result(tmp_path):
+    file = tmp_path / "result.json"
+    program = ["sh", "-c", '"$0" -m ftforce "$@" >&-', sys.executable]
+    done = subprocess.run(
+        [*program, "analyze", DH5, "-o", str(file)], capture_output=True, check=False, timeout=60
+    )
+    assert done.stderr == b"error: standard output cannot be written (it is closed)\n"
+    assert json.loads(file.read_text(encoding="utf-8"))["robot"]["name"] == "dh5"
+
+
+def test_a_full_standard_error_is_no_traceback(tmp_path):
+    with full_device(tmp_path).open("wb") as errors:
+        for arguments in (("analyze",), ("analyze", DH5, "--locked", "9")):
+            done = subprocess.run(
+                [sys.executable, "-m", "ftforce", *arguments],
+                stdout=subprocess.PIPE, stderr=errors, check=False, timeout=60,
+            )  # fmt: skip
+            assert (done.returncode, done.stdout) == (1, b"")
+
+
+def test_debug_shows_where_printing_failed(tmp_path):
+    with full_device(tmp_path).open("wb") as output:
+        for arguments in (("analyze", "--help"), ("analyze", DH5)):
+            done = subprocess.run(
+                [sys.executable, "-m", "ftforce", *arguments, "--debug"],
+                stdout=output, stderr=subprocess.PIPE, check=False, timeout=60,
+            )  # fmt: skip
+            assert b"Traceback" in done.stderr
+            assert b"No space left on device" in done.stderr
+            assert done.returncode == 1
 
 
 def test_a_terminal_without_unicode_still_shows_the_answer():

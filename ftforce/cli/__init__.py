@@ -4,6 +4,7 @@ What a command needs is imported when it runs, so ``ftforce --help`` answers at 
 """
 
 import sys
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -14,6 +15,7 @@ from ftforce.cli.census import census
 from ftforce.cli.common import guarded
 from ftforce.cli.dh import dh
 from ftforce.cli.inspect import inspect
+from ftforce.cli.printing import prepare_streams, reason_of, silence
 from ftforce.cli.replicate import replicate
 from ftforce.cli.robots import robots
 
@@ -44,7 +46,13 @@ def top(
 
 def main() -> None:
     """Run the command line."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a terminal that cannot show Ω shows ? instead
-            stream.reconfigure(errors="replace")
-    app()
+    prepare_streams()
+    try:
+        app()
+    except OSError as problem:  # from help and version; a command sees to its own output
+        if "--debug" in sys.argv:
+            raise
+        silence()
+        with suppress(OSError):  # it may have been stderr that failed
+            typer.echo(f"error: {reason_of(problem)}", err=True)
+        sys.exit(1)

@@ -5,7 +5,7 @@ Exit status: 0 done, 1 the input is wrong, 2 the command line itself is, 130 int
 
 import functools
 import inspect
-import os
+import math
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ftforce.cli.printing import printing, say, silence
 from ftforce.errors import FtforceError, InputError
 
 if TYPE_CHECKING:
@@ -99,9 +100,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
         try:
             command(*args, **kwargs)
-            sys.stdout.flush()
         except BrokenPipeError:  # the reader, `head` for one, has seen enough
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            silence()
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
@@ -128,24 +128,25 @@ def _reason(error: Exception) -> str:
 
 
 def numbers(text: str | None, option: str) -> list[float] | None:
-    """Read numbers separated by commas or blanks.
+    """Read numbers separated by commas or blanks, as strictly as those of a URDF.
 
     Raises
     ------
     InputError
-        Something in it is no number.
+        There is none, or something in it is no finite number.
     """
     if text is None:
         return None
-    values = []
-    for word in text.replace(",", " ").split():
-        try:
-            values.append(float(word))
-        except ValueError:
-            raise InputError(
-                f"{option} needs numbers separated by commas, e.g. 1,2.5,-3; got {word!r}"
-            ) from None
-    return values
+    from ftforce.source import read_numbers
+
+    wanted = f"{option} needs numbers separated by commas, e.g. 1,2.5,-3"
+    words = text.replace(",", " ").split()
+    if not words:
+        raise InputError(f"{wanted}; got none")
+    try:
+        return [read_numbers(word, 1, math.inf)[0] for word in words]
+    except ValueError as problem:
+        raise InputError(f"{wanted}; {problem}") from None
 
 
 def refuse_force_and_torque(force: str | None, torque: str | None) -> None:
@@ -191,7 +192,8 @@ def emit(
     if chosen is Format.TABLE and output is None:
         from rich.console import Console
 
-        Console().print(shown)
+        with printing():
+            Console().print(shown)
         return
     if chosen is Format.TABLE and output is not None:
         content = _picture(shown, output, title)
@@ -202,11 +204,12 @@ def emit(
         for warning in warnings:
             typer.echo(f"warning: {warning}", err=True)
     if output is None:
-        sys.stdout.write(content)
+        with printing():
+            sys.stdout.write(content)
     else:
         from ftforce.source import write_whole
 
-        typer.echo(f"wrote {write_whole(output, content)}")
+        say(f"wrote {write_whole(output, content)}")
 
 
 def _form_of(output: Path | None) -> Format:

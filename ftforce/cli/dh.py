@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from ftforce.cli.printing import say
+
 
 def dh(
     table: Annotated[
@@ -31,4 +33,4 @@ def dh(
     urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))
     postures = ", ".join(arm.postures) or "none"
     joints = "1 joint" if len(arm.rows) == 1 else f"{len(arm.rows)} joints"
-    typer.echo(f"wrote {urdf} and {srdf}: {joints}, tip {TIP!r}, postures: {postures}")
+    say(f"wrote {urdf} and {srdf}: {joints}, tip {TIP!r}, postures: {postures}")
