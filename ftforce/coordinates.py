@@ -69,3 +69,14 @@ class Coordinates:
             return J
         folded: Matrix = J.dot(self.G)
         return folded
+
+    def fold_torque(self, torque: Vector) -> Vector:
+        """Return the chain's torques of the model's, Gᵀ τ, shape (n,): followers load leaders."""
+        if self.is_identity:
+            return torque.copy()  # it is a view of Pinocchio's workspace
+        folded: Vector = torque.dot(self.G)
+        return folded
+
+    def rate(self, v: Vector) -> Vector:
+        """Return the model's velocities or accelerations of the chain's, G v, shape (nv,)."""
+        return v if self.is_identity else self.G.dot(v)

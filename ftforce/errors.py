@@ -6,10 +6,12 @@
     ├── InputError (ValueError)      a value given by the caller is malformed
     │   ├── DimensionError           a vector or matrix of the wrong shape
     │   └── UnknownNameError         a joint, tip, posture, robot … that does not exist
+    ├── SolverError                  a numerical solver gave up; please report it
     └── FileError                    something is wrong with a file; carries its path
         ├── URDFError
         ├── SRDFError
         ├── DHTableError
+        ├── LimitsError              a file of torque limits
         └── OutputError              a result could not be written
 
 A fault that cannot be tolerated is an answer, not an error: it is reported in the result.
@@ -76,6 +78,10 @@ class UnknownNameError(InputError):
         super().__init__(message)
 
 
+class SolverError(FtforceError):
+    """A numerical solver gave up on a problem that has an answer; please report it."""
+
+
 class FileError(FtforceError):
     """Something is wrong with a file.
 
@@ -102,6 +108,10 @@ class SRDFError(FileError):
 
 class DHTableError(FileError):
     """A DH table that cannot be read or is inconsistent."""
+
+
+class LimitsError(FileError):
+    """A file of torque limits that cannot be read or does not fit the robot."""
 
 
 class OutputError(FileError):

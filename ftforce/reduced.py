@@ -2,6 +2,10 @@
 
 Columns of locked joints are zeroed rather than dropped: range, projector and singular values are
 the same, and every vector keeps one number per joint.
+
+A joint without torque (free-swinging) cannot balance anything: of the forces in the range of K
+only those are left that need no torque at it, ``J_kᵀ F' = 0`` apart from its weight. So K is
+projected onto the complement of the swinging columns, and every law that holds for K goes on.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Mask, Matrix, Svd, as_floats, check_finite, read_only
+from ftforce.arrays import Mask, Matrix, Svd, Vector, as_floats, check_finite, read_only
 from ftforce.errors import DimensionError, InputError
 
 if TYPE_CHECKING:
@@ -24,21 +28,56 @@ WARY = 1e-2
 """Default upper end of the tolerances that are tried before a verdict counts as certain."""
 
 
+class Swinging(NamedTuple):
+    """The columns of joints without torque, decomposed.
+
+    Attributes
+    ----------
+    joints :
+        Their indices, f of them.
+    U, s, Vt :
+        Singular value decomposition of the columns J_S: (m, m), (min(m, f),) and (f, f).
+    rank :
+        Number of singular values above ``rtol · σ_max(J)``.
+    """
+
+    joints: list[int]
+    U: Matrix
+    s: Vector
+    Vt: Matrix
+    rank: int
+
+    def support(self, rnea: Vector) -> Vector:
+        """Return the smallest force that balances the joints, -(J_Sᵀ)† [rnea]_S, shape (m,)."""
+        r = self.rank
+        force: Vector = -self.U[:, :r].dot(self.Vt[:r].dot(rnea[self.joints]) / self.s[:r])
+        return force
+
+    def unbalanced(self, rnea: Vector) -> Vector:
+        """Return the torque at the joints that no force at the tip balances, shape (f,)."""
+        V = self.Vt[self.rank :]
+        torque: Vector = V.dot(rnea[self.joints]).dot(V)
+        return torque
+
+
 class ReducedJacobian(NamedTuple):
-    """Jacobian before and after joints lock, with the ranks that one tolerance gives them.
+    """Jacobian before and after joints fail, with the ranks that one tolerance gives them.
 
     Attributes
     ----------
     healthy :
         Decomposition of the weighted task Jacobian J, shape (m, n).
     damaged :
-        Decomposition of K, which is J with the columns of locked joints zeroed, shape (m, n).
+        Decomposition of K, shape (m, n): J with the columns of locked joints zeroed, and projected
+        onto the complement of the columns of joints without torque.
     locked :
         True at locked joints, shape (n,).
     rank, rank_after :
         Number of singular values above ``rtol · σ_max(J)`` of J and of K.
     rtol :
         The tolerance.
+    swinging :
+        The joints without torque; ``None`` if there are none.
     """
 
     healthy: Svd
@@ -47,6 +86,7 @@ class ReducedJacobian(NamedTuple):
     rank: int
     rank_after: int
     rtol: float
+    swinging: Swinging | None = None
 
     @property
     def J(self) -> Matrix:
@@ -55,8 +95,16 @@ class ReducedJacobian(NamedTuple):
 
     @property
     def K(self) -> Matrix:
-        """The same with the columns of locked joints zeroed, shape (m, n)."""
+        """The reduced Jacobian, shape (m, n)."""
         return self.damaged.A
+
+    @property
+    def commanding(self) -> Mask:
+        """True at the joints whose motors still give torque, shape (n,)."""
+        mask = ~self.locked
+        if self.swinging is not None:
+            mask[self.swinging.joints] = False
+        return mask
 
     @property
     def sigma_max(self) -> float:
@@ -74,20 +122,38 @@ class ReducedJacobian(NamedTuple):
         return len(self.healthy.s)
 
 
-def reduce(J: Matrix, locked: Mask, rtol: float = RTOL) -> ReducedJacobian:
+def reduce(
+    J: Matrix, locked: Mask, rtol: float = RTOL, swinging: Mask | None = None
+) -> ReducedJacobian:
     """Decompose J and K. The arguments are trusted: see `check_core_input`."""
-    return reduce_decomposed(Svd(J), locked, rtol)
+    return reduce_decomposed(Svd(J), locked, rtol, swinging)
 
 
-def reduce_decomposed(healthy: Svd, locked: Mask, rtol: float) -> ReducedJacobian:
+def reduce_decomposed(
+    healthy: Svd, locked: Mask, rtol: float, swinging: Mask | None = None
+) -> ReducedJacobian:
     """Decompose K for one of many fault sets of a Jacobian that is decomposed already."""
-    damaged = healthy
+    lost = rtol * healthy.s[0]  # all ranks are judged by the healthy arm
+    damaged, columns = healthy, None
     if True in locked.tolist():
         K = healthy.A.copy()
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
         damaged = Svd(read_only(K), left_only=True)
-    lost = rtol * healthy.s[0]  # both ranks are judged by the healthy arm
-    return ReducedJacobian(healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol)
+    if swinging is not None:
+        columns = _swinging(healthy.A, swinging, lost)
+        U = columns.U[:, columns.rank :]
+        K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K
+        np.copyto(K, 0.0, where=swinging)
+        damaged = Svd(read_only(K), left_only=True)
+    return ReducedJacobian(
+        healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol, columns
+    )
+
+
+def _swinging(J: Matrix, mask: Mask, lost: float) -> Swinging:
+    joints = np.flatnonzero(mask).tolist()
+    U, s, Vt = np.linalg.svd(J[:, joints])
+    return Swinging(joints, U, s, Vt, int(np.count_nonzero(s > lost)))
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:

@@ -1,0 +1,227 @@
+"""The forces F' that a damaged arm can hold at its tip (docs/theory/limits).
+
+Motors, brakes and joints without torque each say something about ``τ = rnea + JᵀF'``:
+
+    F' in range(K)                        what motors can command (the reading *commanded*)
+    [rnea]_k + J_kᵀ F' = 0                 a joint k without torque
+    -limit_i ≤ [rnea]_i + J_iᵀ F' ≤ limit_i   a motor or a brake whose limit is known
+
+The first two make a plane, ``F' = F₀ + Z z``, and the third cuts a polytope out of it. In the
+reading *held* the first is dropped: a load that is there already is carried by the locks.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector
+from ftforce.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from ftforce.reduced import ReducedJacobian
+
+
+class Reading(StrEnum):
+    """What a lock is taken for."""
+
+    COMMANDED = "commanded"
+    """Only what the motors that are left can make (the paper's reading)."""
+    HELD = "held"
+    """Also what locks carry of a load that is there already, up to their brakes' limits."""
+
+    @classmethod
+    def parse(cls, reading: str) -> Reading:
+        """Return the reading of this name.
+
+        Raises
+        ------
+        UnknownNameError
+            There is no such reading.
+        """
+        try:
+            return cls(reading)
+        except ValueError:
+            raise UnknownNameError("reading of a lock", reading, list(cls)) from None
+
+
+class FeasibleForces(NamedTuple):
+    """The set ``{F₀ + Z z : lower ≤ rows (F₀ + Z z) ≤ upper}`` in weighted task coordinates.
+
+    Attributes
+    ----------
+    F0 :
+        Smallest force that balances the joints without torque, shape (m,).
+    Z :
+        Orthonormal basis of the plane, square to ``F0``, shape (m, d).
+    rows :
+        J_iᵀ of the joints whose limit is known, shape (k, m).
+    lower, upper :
+        Bounds on J_iᵀ F', which is the limit without weight and motion, shape (k,).
+    joints :
+        Indices of these joints.
+    unbalanced :
+        Torque at the joints without torque that no force at the tip balances, relative to the
+        arm's weight and motion; 0 is ideal.
+    rtol :
+        What is smaller than this, relative, counts as zero.
+    scale :
+        σ_max(J).
+    """
+
+    F0: Vector
+    Z: Matrix
+    rows: Matrix
+    lower: Vector
+    upper: Vector
+    joints: list[int]
+    unbalanced: float
+    rtol: float
+    scale: float
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether some force at the tip balances the joints without torque."""
+        return self.unbalanced <= self.rtol
+
+
+class Reach(NamedTuple):
+    """How far a ray ``s·d``, s ≥ 0, lies inside the feasible forces.
+
+    Attributes
+    ----------
+    least, most :
+        The interval of s; ``most`` is infinite if no known limit ends it, and smaller than
+        ``least`` if nothing of the ray lies inside.
+    stops :
+        Indices of the joints whose limits end it.
+    """
+
+    least: float
+    most: float
+    stops: tuple[int, ...] = ()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no part of the ray is feasible."""
+        return self.most < self.least
+
+
+NOTHING = Reach(0.0, -1.0)
+
+
+def feasible_forces(
+    reduced: ReducedJacobian,
+    rnea: Vector,
+    largest: Vector | None,
+    reading: Reading = Reading.COMMANDED,
+) -> FeasibleForces:
+    """Return the forces that can be held.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    rnea :
+        Torques for weight and motion after the fault, shape (n,).
+    largest :
+        Largest torque of each motor, or brake of a locked joint, NaN where unknown, shape (n,);
+        ``None`` counts none.
+    reading :
+        What a lock is taken for.
+    """
+    swinging = reduced.swinging
+    F0, unbalanced = np.zeros(reduced.m), 0.0
+    if swinging is not None:
+        F0 = swinging.support(rnea)
+        unbalanced = _ratio(_norm(swinging.unbalanced(rnea)), _norm(rnea))
+    if reading is Reading.COMMANDED:
+        Z = reduced.damaged.U[:, : reduced.rank_after]
+    else:
+        Z = np.eye(reduced.m) if swinging is None else swinging.U[:, swinging.rank :]
+    scale = reduced.sigma_max
+    if largest is None:
+        none = np.zeros(0)
+        return FeasibleForces(
+            F0, Z, np.zeros((0, reduced.m)), none, none, [], unbalanced, reduced.rtol, scale
+        )
+    known = largest > 0.0  # NaN is unknown; 0 is a joint without torque, which is in F0 and Z
+    joints = known.nonzero()[0]
+    rows = reduced.J.T[joints]
+    weight, limit = rnea[joints], largest[joints]
+    return FeasibleForces(
+        F0, Z, rows, -limit - weight, limit - weight, joints.tolist(), unbalanced, reduced.rtol,
+        scale,
+    )  # fmt: skip
+
+
+def projected(feasible: FeasibleForces, F: Vector) -> Vector:
+    """Return the force of the plane that is closest to F: the closed form without limits."""
+    Z = feasible.Z
+    nearest: Vector = feasible.F0 + Z.dot(F.dot(Z))
+    return nearest
+
+
+def reach(feasible: FeasibleForces, d: Vector) -> Reach:
+    """Return how far ``s·d``, s ≥ 0, is feasible: a ratio test, no solver.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    d :
+        Direction in weighted task coordinates, shape (m,).
+    """
+    if not feasible.stands_still:
+        return NOTHING
+    least, most = _on_plane(feasible, d)
+    if most < least or not feasible.joints:
+        return Reach(least, most)
+    lever = feasible.rows.dot(d)
+    size = feasible.rtol * feasible.scale * _norm(d)
+    stops: tuple[int, ...] = ()
+    ends = []
+    rows = zip(feasible.joints, lever.tolist(), feasible.lower.tolist(), feasible.upper.tolist(),
+               strict=True)  # fmt: skip
+    for joint, x, lower, upper in rows:
+        if abs(x) <= size:  # the force does not load this joint: only its weight and motion do
+            if lower > 0.0 or upper < 0.0:
+                return NOTHING
+            continue
+        first, last = (lower / x, upper / x) if x > 0.0 else (upper / x, lower / x)
+        least = max(least, first)
+        ends.append((last, joint))
+    if ends:
+        nearest = min(end for end, _ in ends)
+        if nearest < most:
+            most = nearest
+            stops = tuple(j for end, j in ends if end <= nearest + 1e-9 * abs(nearest))
+    return Reach(least, most, stops)
+
+
+def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
+    """Return the interval of s for which ``s·d`` lies in the plane ``F₀ + Z z``."""
+    Z, F0 = feasible.Z, feasible.F0
+    offset = math.sqrt(F0.dot(F0))
+    if Z.shape[1] == len(d) and offset == 0.0:
+        return 0.0, math.inf
+    beyond = d - Z.dot(d.dot(Z))
+    size = _norm(beyond)
+    if size <= feasible.rtol * _norm(d):
+        return (0.0, math.inf) if offset == 0.0 else (0.0, -1.0)
+    if offset == 0.0:
+        return 0.0, 0.0
+    s = float(F0.dot(beyond)) / (size * size)
+    miss = _norm(s * beyond - F0)
+    return (s, s) if s >= 0.0 and miss <= feasible.rtol * offset else (0.0, -1.0)
+
+
+def _norm(x: Vector) -> float:
+    return math.sqrt(x.dot(x))
+
+
+def _ratio(x: float, scale: float) -> float:
+    return x / scale if scale > 0.0 else 0.0

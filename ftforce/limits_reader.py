@@ -1,0 +1,154 @@
+"""Where torque limits come from: the URDF, a TOML or CSV file, or nowhere."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ftforce.arrays import read_only
+from ftforce.errors import DimensionError, InputError, LimitsError
+from ftforce.limits import Limits
+from ftforce.source import read_numbers, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from ftforce.robot import Robot
+
+URDF, NONE = "urdf", "none"
+COLUMNS = ("joint", "effort", "brake")
+_KIND = "a TOML or CSV file of limits (joint, effort, brake)"
+
+LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
+_Entry: TypeAlias = "tuple[str, Mapping[str, Any]]"  # where it stands, and what it says
+
+
+def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
+    """Return the limits that count.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    limits :
+        ``urdf``, the path of a TOML or CSV file, `Limits`, or ``none`` (``None``) to count none.
+
+    Raises
+    ------
+    LimitsError
+        The file cannot be read, names a joint that the arm lacks, or has a limit that is not
+        positive.
+    InputError
+        Limits of another number of joints.
+    """
+    if limits is None or limits == NONE:
+        return None
+    if isinstance(limits, Limits):
+        if len(limits.effort) != robot.n:
+            raise DimensionError("limits", (robot.n,), limits.effort.shape, robot.numbered())
+        return limits
+    if limits == URDF:
+        return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
+    if not isinstance(limits, (str, os.PathLike)):
+        raise InputError(f"limits are 'urdf', 'none', a file or ftforce.limits.Limits, got {limits!r}")
+    return read_limits(robot, limits)
+
+
+def read_limits(robot: Robot, path: str | os.PathLike[str]) -> Limits:
+    """Read the limits of a robot's joints from a TOML or CSV file.
+
+    A joint, or a column, that the file leaves out is unknown, whatever the URDF says.
+
+    Raises
+    ------
+    LimitsError
+        As `choose_limits`.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in {".toml", ".csv"}:
+        raise LimitsError(path, f"needs 'urdf', 'none' or {_KIND}, with the ending .toml or .csv")
+    text = read_text(path, LimitsError, _KIND)
+    try:
+        entries = _toml_entries(text) if ending == ".toml" else _csv_entries(text)
+        return _fill(robot, entries, str(path))
+    except InputError as problem:
+        raise LimitsError(path, str(problem)) from None
+
+
+def _fill(robot: Robot, entries: Iterable[_Entry], source: str) -> Limits:
+    effort, brake = np.full(robot.n, np.nan), np.full(robot.n, np.nan)
+    seen: dict[int, str] = {}
+    for where, entry in entries:
+        for key in entry:
+            if key not in COLUMNS:
+                raise InputError(f"{where}: unknown entry {key!r}; there is: {', '.join(COLUMNS)}")
+        if "joint" not in entry:
+            raise InputError(f"{where}: names no joint")
+        i = robot.index(entry["joint"])
+        if i in seen:
+            raise InputError(f"{where}: joint {i + 1} ({robot.names[i]}) was given in {seen[i]}")
+        seen[i] = where
+        effort[i] = _limit(entry.get("effort"), f"{where}: effort of {robot.names[i]}")
+        brake[i] = _limit(entry.get("brake"), f"{where}: brake of {robot.names[i]}")
+    if not seen:
+        raise InputError(f"holds no limit; it needs {', '.join(COLUMNS)} for each joint")
+    return Limits(read_only(effort), read_only(brake), source)
+
+
+def _limit(value: object, what: str) -> float:
+    """Return a limit, NaN for nothing."""
+    if value is None or (isinstance(value, str) and not value.strip()):
+        return math.nan
+    if isinstance(value, str):
+        try:
+            value = read_numbers(value, 1)[0]
+        except ValueError as problem:
+            raise InputError(f"{what}: {problem}; leave it out if it is unknown") from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise InputError(f"{what} needs a positive number, N·m or N, got {value!r}")
+    if value <= 0.0:
+        hint = "leave it out if it is unknown" if value == 0.0 else "limits count both ways"
+        raise InputError(f"{what} needs a positive number, N·m or N, got {value:g}; {hint}")
+    return float(value)
+
+
+def _toml_entries(text: str) -> list[_Entry]:
+    """Return the entries of ``[[joint]]`` tables, or of one table per joint with its name."""
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"is not TOML: {problem}") from None
+    entries: list[_Entry] = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            entries.append((f"[{key}]", {"joint": key, **value}))
+        elif isinstance(value, list) and all(isinstance(one, dict) for one in value):
+            entries += [(f"[[{key}]] number {i}", one) for i, one in enumerate(value, start=1)]
+        else:
+            raise InputError(
+                f"{key!r} is no table; give each joint one, e.g. [elbow] with effort = 87 and "
+                "brake = 120 (N·m) below it"
+            )
+    return entries
+
+
+def _csv_entries(text: str) -> list[_Entry]:
+    rows = list(csv.reader(text.splitlines(), strict=False, skipinitialspace=True))
+    header = [cell.strip().lower() for cell in rows[0]] if rows else []
+    if "joint" not in header or len(set(header)) < len(header) or not set(header) <= set(COLUMNS):
+        raise InputError(f"needs the header {','.join(COLUMNS)} (brake may be missing), "
+                         f"got {','.join(header)}")  # fmt: skip
+    entries: list[_Entry] = []
+    for line, row in enumerate(rows[1:], start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(header):
+            raise InputError(f"line {line}: needs {len(header)} cells, got {len(row)}")
+        entries.append((f"line {line}", dict(zip(header, row, strict=True))))
+    return entries
