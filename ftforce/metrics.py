@@ -126,9 +126,12 @@ def _answers_for_all(reduced: ReducedJacobian, wary: float) -> set[bool]:
 
 def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
     """Return the set of answers that the tolerances from rtol to wary give for one force."""
-    size = float(F.dot(F))
-    if size == 0.0:
+    largest = max(map(abs, F.tolist()))
+    if largest == 0.0:
         return {True}
+    if not 1e-100 < largest < 1e100:  # its square could vanish or overflow
+        F = F / largest
+    size = float(F.dot(F))
     share = [c * c / size for c in F.dot(reduced.damaged.U).tolist()]  # of ‖F̂‖², per left vector
     scale = reduced.sigma_max
     # Between neighbouring σ_i the jump is the same for all t, and t is allowed to be anything
@@ -149,12 +152,19 @@ def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vec
     """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, each joint's share in the tip's force (Table 2), shape (n,)."""
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
-    return _over(np.linalg.norm(columns, axis=1) * np.abs(tau), float(np.linalg.norm(F)))
+    return _over(_norm(np.array(columns), axis=1) * np.abs(tau), float(_norm(F)))
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
     """Return ‖J_k v_k‖/‖J v‖, each joint's share in the tip's velocity (Table 2), shape (n,)."""
-    return _over(np.linalg.norm(J * v, axis=0), float(np.linalg.norm(J @ v)))
+    return _over(_norm(J * v, axis=0), float(_norm(J @ v)))
+
+
+def _norm(A: Matrix, axis: int | None = None) -> Vector:
+    """Return the norm; a power of two, which rounds nothing, keeps the squares in range."""
+    _, exponents = np.frexp(np.abs(A).max(axis=axis, keepdims=True))
+    norms = np.asarray(np.linalg.norm(np.ldexp(A, -exponents), axis=axis))
+    return np.ldexp(norms, exponents.reshape(norms.shape))
 
 
 def _over(values: Vector, scale: float) -> Vector:

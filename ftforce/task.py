@@ -19,6 +19,7 @@ Axes = Literal["tool", "world"]
 AXES: tuple[str, ...] = get_args(Axes)
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as Pinocchio has it
 DEFAULT_LENGTH = 1.0
+SHORTEST, LONGEST = 1e-6, 1e6  # m; beyond, forces or moments would be lost in rounding
 _SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
 
 
@@ -38,7 +39,7 @@ class Task:
         ``tool``: axes of the tip frame (the paper's); ``world``: axes of the robot's root, at the
         tip point.
     length :
-        Characteristic length L in m.
+        Characteristic length L in m, from 1e-6 to 1e6.
     """
 
     components: tuple[str, ...] = COMPONENTS[:3]
@@ -51,7 +52,7 @@ class Task:
         Raises
         ------
         InputError
-            No, unknown or repeated components, unknown axes, or a length that is not positive.
+            No, unknown or repeated components, unknown axes, or a length that is no tool's.
         """
         for name in self.components:
             if name not in COMPONENTS:
@@ -60,8 +61,11 @@ class Task:
             raise InputError(f"the task {','.join(self.components)!r} needs each component once")
         if self.axes not in AXES:
             raise UnknownNameError("axes", str(self.axes), AXES)
-        if not (np.isfinite(self.length) and self.length > 0.0):
-            raise InputError(f"the characteristic length must be positive (m), got {self.length}")
+        if not SHORTEST <= self.length <= LONGEST:  # nor is NaN
+            raise InputError(
+                f"the characteristic length must lie between {SHORTEST:g} and {LONGEST:g} m, "
+                f"got {self.length}"
+            )
 
     @classmethod
     def parse(

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 MOST_LINKS = 5_000  # far above any robot; Pinocchio takes a second for them
 SHORTEST_AXIS = 1e-6  # what is shorter is a zero with rounding errors
+SMALLEST_STEP = 1e-50  # of an origin, m or rad; torques through less make forces beyond all sizes
+SMALLEST_MOMENT = 1e-12  # kg·m², of 1 mg at 1 mm; a negative one that is smaller is rounding
 
+_DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3 = (0.0, 0.0, 0.0)
 _LIMITED = frozenset({"revolute", "prismatic"})
 _Named = TypeVar("_Named", UrdfLink, UrdfJoint)
@@ -102,10 +105,17 @@ class _Reader:
             return UrdfLink(name, None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
         mass = self.number(inertial.find("mass"), "value", f"{where}: mass")
         if mass is not None and mass < 0.0:
-            raise self.error(f"{where}: mass {mass:g} kg is negative")
-        matrix = inertial.find("inertia")
-        moments = [self.number(matrix, key, f"{where}: inertia {key}") or 0.0 for key in MOMENTS]
-        return UrdfLink(name, mass, *self.origin(inertial, where), tuple(moments))
+            raise self.error(f"{where}: mass {mass:g} kg is negative; give 0 or more")
+        moments = self.moments(inertial.find("inertia"), where)
+        return UrdfLink(name, mass, *self.origin(inertial, where), moments)
+
+    def moments(self, matrix: Element | None, where: str) -> Numbers:
+        values = [self.number(matrix, key, f"{where}: inertia {key}") or 0.0 for key in MOMENTS]
+        for key, value in zip(MOMENTS, values, strict=True):
+            if key in _DIAGONAL and value < -SMALLEST_MOMENT:
+                what = f"{where}: inertia {key} {value:g} kg·m²"
+                raise self.error(f"{what} is negative; give 0 or more")
+        return tuple(values)
 
     def joint(self, element: Element) -> UrdfJoint:
         name = self.name(element, "joint")
@@ -146,8 +156,11 @@ class _Reader:
         found = element.find("origin")
         if found is None:
             return _ZERO3, _ZERO3
-        xyz = self.numbers(found.get("xyz", "0 0 0"), 3, f"{where}: origin xyz")
-        return xyz, self.numbers(found.get("rpy", "0 0 0"), 3, f"{where}: origin rpy")
+        xyz, rpy = (
+            self.numbers(found.get(key, "0 0 0"), 3, f"{where}: origin {key}")
+            for key in ("xyz", "rpy")
+        )
+        return _without_traces(xyz), _without_traces(rpy)
 
     def axis(self, element: Element, kind: str, where: str) -> Numbers:
         found = element.find("axis")
@@ -209,3 +222,7 @@ class _Reader:
         except ValueError as problem:
             hint = " (a ${…} is left from xacro)" if "$" in text else ""
             raise self.error(f"{what} {problem}{hint}") from None
+
+
+def _without_traces(numbers: Numbers) -> Numbers:
+    return tuple(x if abs(x) >= SMALLEST_STEP else 0.0 * x for x in numbers)  # zeros keep signs

@@ -180,7 +180,7 @@ def test_vectors_that_are_no_numbers(dh5, name, bad, message):
             "force needs 6 numbers, got 3 numbers: fx, fy, fz, mx",
         ),
         ({"axes": "base"}, "no axes 'base'; there is: tool, world"),
-        ({"task": "wrench", "length": 0}, "characteristic length must be positive"),
+        ({"task": "wrench", "length": 0}, "characteristic length must lie between 1e-06 and"),
         ({"rtol": 0}, "rtol must lie between 1e-14 and 1, got 0"),
         ({"rtol": np.nan}, "rtol must lie between 1e-14 and 1, got nan"),
         ({"rtol": 0.5}, "wary must lie between rtol = 0.5 and 1, got 0.01"),

@@ -126,7 +126,7 @@ FILES = {
         j2(limit='<limit lower="1" upper="0"/>'),
         "joint 'j2': lower limit 1 is above upper limit 0",
     ),
-    "mass": (arm().replace('value="2"', 'value="-2"', 1), "link 'base': mass -2 kg is negative"),
+    "mass": (arm().replace('value="2"', 'value="-2"', 1), "link 'base': mass -2 kg is negative; "),
     "circle": (arm(j2=followed(2, "j2")), "the joints j2 mimic each other in a circle"),
     "type": (j2("screw"), "joint 'j2': unknown type 'screw'; there is: revolute, continuous"),
     "branches": (
@@ -205,6 +205,7 @@ def test_joints_that_cannot_be_locked(good, joints, message):
 
 
 NUMBERS = "needs numbers separated by commas, e.g. 1,2.5,-3"
+LENGTH = "the characteristic length must lie between 1e-06 and 1e+06 m"
 VALUES = {
     "q short": (["--q", "1,2"], f"q needs 4 numbers, got 2 numbers: one per joint, {CHAIN}"),
     "q empty": (["--q", ""], f"--q {NUMBERS}; got none"),
@@ -230,8 +231,10 @@ VALUES = {
     "axes": (["--axes", "tol"], "no axes 'tol'; there is: tool, world; did you mean 'tool'?"),
     "task": (["--task", "fq"], "no task component 'fq'; there is: force, moment, wrench, fx, fy"),
     "task twice": (["--task", "fx,fx"], "the task 'fx,fx' needs each component once"),
-    "length": (["--length", "0"], "the characteristic length must be positive (m), got 0.0"),
-    "length NaN": (["--length", "nan"], "the characteristic length must be positive (m), got nan"),
+    "length": (["--length", "0"], f"{LENGTH}, got 0.0"),
+    "length NaN": (["--length", "nan"], f"{LENGTH}, got nan"),
+    "length tiny": (["--length", "1e-320", "--task", "wrench"], f"{LENGTH}, got 1e-320"),
+    "length huge": (["--length", "1e300", "--task", "wrench"], f"{LENGTH}, got 1e+300"),
     "rtol": (["--rtol", "2"], "rtol must lie between 1e-14 and 1, got 2.0"),
     "wary": (["--wary", "1e-9"], "wary must lie between rtol = 1e-06 and 1, got 1e-09"),
     "force": (["--force", "1,2"], "force needs 3 numbers, got 2 numbers: fx, fy, fz of the task"),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ftforce import metrics
 from ftforce.metrics import Verdict
 from ftforce.reduced import RTOL, WARY, reduce
-from helpers import assert_close, diagonal, orthogonal, seeds, with_singular_values
+from helpers import assert_close, diagonal, jacobians, orthogonal, seeds, with_singular_values
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
 
@@ -206,6 +206,51 @@ def test_a_direction_that_the_healthy_arm_lacks_is_not_asked_for():
 
 def test_no_force_is_tolerated():
     assert metrics.verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), WARY) is TOLERATED
+
+
+@pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e-160, 1e150, 1e200])
+def test_the_size_of_a_force_does_not_matter_to_the_verdict(scale):
+    for direction in ([1.0, 0.0], [0.0, 1.0], [0.005, 1.0], [1.0, 1.0]):
+        F = np.array(direction)
+        for reduced in (diagonal(1, 1, locked=[0]), diagonal(1, 1e-4), diagonal(3, 2)):
+            expected = metrics.verdict(reduced, F, WARY)
+            assert metrics.verdict(reduced, scale * F, WARY) is expected
+
+
+@given(jacobians(), seeds)
+@settings(deadline=None, max_examples=60)
+def test_shares_are_the_same_numbers_in_every_unit(J, seed):
+    """A power of two rounds nothing, so even the last bit is the same; plain norms agree too."""
+    rng = np.random.default_rng(seed)
+    tau, v, F = (rng.normal(size=size) for size in (J.shape[1], J.shape[1], J.shape[0]))
+    one = reduce(J, np.zeros(J.shape[1], dtype=bool))
+    shares = metrics.velocity_contributions(J, v)
+    forces = metrics.force_contributions(one, tau, F)
+    if np.any(J @ v):
+        plain = np.linalg.norm(J * v, axis=0) / np.linalg.norm(J @ v)
+        np.testing.assert_array_equal(shares, plain)
+    units = np.eye(len(tau))
+    columns = [one.healthy.solve_transposed(unit, one.rtol) for unit in units]
+    plain = np.linalg.norm(columns, axis=1) * np.abs(tau) / np.linalg.norm(F)
+    np.testing.assert_array_equal(forces, plain)
+    for power in (-700, 400):
+        np.testing.assert_array_equal(metrics.velocity_contributions(np.ldexp(J, power), v), shares)
+        np.testing.assert_array_equal(
+            metrics.force_contributions(one, tau, np.ldexp(F, power)), np.ldexp(forces, -power)
+        )
+
+
+def test_shares_of_a_tiny_arm_are_those_of_its_large_copy():
+    def shares(size):
+        J = size * np.array([[1.0, 0.2, 0.0], [0.0, 0.8, 0.5]])
+        tau, v = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
+        reduced = reduce(J, np.zeros(3, dtype=bool))
+        F = reduced.healthy.solve_transposed(tau, RTOL)
+        forces = metrics.force_contributions(reduced, tau, F)
+        return np.concatenate([forces, metrics.velocity_contributions(J, v)])
+
+    for size in (1e-200, 1e-160, 1e160, 1e200):
+        assert_close(shares(size), shares(1.0))
 
 
 def test_wary_moves_the_border():

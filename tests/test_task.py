@@ -6,6 +6,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+import ftforce
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.task import Task
 from helpers import assert_close
@@ -87,6 +88,17 @@ def test_nothing_is_weighed_without_moments_or_with_one_metre(task):
     assert task.weigh_jacobian(J) is J
 
 
+@pytest.mark.parametrize("length", [1e-6, 1e6])
+def test_lengths_at_the_ends_are_computed_with(length):
+    arm = ftforce.load_robot("panda")
+    result = ftforce.analyze(
+        arm, locked=[2], force=[1, 2, 3, 4, 5, 6], task="wrench", length=length
+    )
+    assert np.isfinite(result.force.after).all()
+    assert np.isfinite(result.torque.after).all()
+    assert result.is_proved()
+
+
 def test_weights_do_not_touch_what_they_weigh():
     task, J, F = Task.parse("wrench", length=2.0), np.ones((6, 2)), np.ones(6)
     task.weigh_jacobian(J)
@@ -133,10 +145,13 @@ def test_unknown_words_are_answered_with_the_known_ones(given, message):
         ({"task": "fx,fx"}, "'fx,fx' needs each component once"),
         ({"task": "force,fy"}, "needs each component once"),
         ({"task": []}, "needs each component once"),
-        ({"length": 0}, r"must be positive \(m\), got 0"),
-        ({"length": -0.1}, r"must be positive \(m\), got -0.1"),
-        ({"length": np.inf}, "must be positive"),
-        ({"length": np.nan}, "must be positive"),
+        ({"length": 0}, r"must lie between 1e-06 and 1e\+06 m, got 0"),
+        ({"length": -0.1}, r"must lie between 1e-06 and 1e\+06 m, got -0.1"),
+        ({"length": 0.99e-6}, "must lie between"),
+        ({"length": 1.01e6}, "must lie between"),
+        ({"length": 1e-320}, "must lie between"),
+        ({"length": np.inf}, "must lie between"),
+        ({"length": np.nan}, "must lie between"),
     ],
 )
 def test_malformed_tasks(given, message):

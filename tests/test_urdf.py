@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -10,10 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from ftforce import analyze, census, to_dict
 from ftforce.errors import URDFError
 from ftforce.load import full_model, load_robot, restore_names
-from ftforce.urdf import MOST_IN_A_ROW, UrdfTree
+from ftforce.urdf import MOMENTS, MOST_IN_A_ROW, UrdfTree
 from ftforce.urdf_reader import MOST_LINKS, read_urdf
+from helpers import load_text, serial_urdf
 from urdfs import LIMIT, LINKS, arm, followed, j2, joint, link, mimic, parts_of_arm, robot, write
 
 
@@ -69,6 +72,33 @@ def test_bodies_may_be_stated_in_part(read):
              '<inertial><mass value="0"/></inertial>')  # fmt: skip
     for text, mass in zip(texts, (None, None, None, 0.0), strict=True):
         assert read(arm(l2=link("l2", text))).links["l2"].mass == mass
+
+
+def test_products_and_rounded_zeros_of_inertia_may_be_negative(read):
+    for key, value in (("ixy", "-0.01"), ("izz", "-5e-20"), ("ixx", "-0.0")):
+        text = re.sub(f'{key}="[^"]*"', f'{key}="{value}"', arm(), count=1)
+        moments = read(text).links["base"].inertia
+        assert moments[MOMENTS.index(key)] == float(value)
+
+
+@pytest.mark.parametrize("trace", ["1e-51", "-1e-200", "5e-324"])
+def test_traces_in_an_origin_are_zeros(read, trace):
+    second = read(j2(xyz=f"{trace} 0.2 {trace}", rpy=f"0 {trace} 1e-50")).joints["j2"]
+    assert (second.xyz, second.rpy) == ((0.0, 0.2, 0.0), (0.0, 0.0, 1e-50))
+
+
+@pytest.mark.parametrize("trace", [1e-300, 1e-200, 1e-160, 1e-49])
+def test_an_arm_of_traces_makes_no_forces_beyond_all_sizes(trace):
+    """Their squares would overflow, with a warning, which is an error here."""
+    ends = {"xyz": (trace, trace, 0), "rpy": (trace, 0, 0)}
+    steps = [("revolute", {**ends, "axis": axis}) for axis in np.eye(3)[[2, 1, 0]]]
+    tiny = load_text(serial_urdf(*steps).replace("0.11 0.05 0.03", f"{trace} {trace} {trace}"))
+    q = [0.1, 0.2, 0.3]
+    for options in ({"force": [1, 2, 3]}, {"torque": [1, 2, 3]}, {"velocity": [1, 2, 3]}):
+        result = analyze(tiny, q, locked=2, **options)
+        assert result.is_proved()
+        assert to_dict(result)["locked"] == ["j2"]
+    assert len(census(tiny, q, torque=[1, 2, 3]).sets) == 3
 
 
 @pytest.mark.parametrize(
@@ -288,7 +318,7 @@ MALFORMED = {
     ),
     "negative mass": (
         arm().replace('<mass value="2"/>', '<mass value="-2"/>', 1),
-        "link 'base': mass -2 kg is negative",
+        "link 'base': mass -2 kg is negative; give 0 or more$",
     ),
     "infinite mass": (
         arm().replace('<mass value="2"/>', '<mass value="inf"/>', 1),
@@ -300,6 +330,17 @@ MALFORMED = {
         arm().replace('iyz="0"', 'iyz="nan"', 1),
         "link 'base': inertia iyz 'nan' is not finite",
     ),
+    "infinite inertia": (
+        arm().replace('izz="0.1"', 'izz="inf"', 1),
+        "link 'base': inertia izz 'inf' is not finite",
+    ),
+    **{
+        f"negative {key}": (
+            arm().replace(f'{key}="0.1"', f'{key}="-0.1"', 1),
+            f"link 'base': inertia {key} -0.1 kg·m² is negative; give 0 or more$",
+        )
+        for key in ("ixx", "iyy", "izz")
+    },
     "mimics nobody": (
         j2(more="<mimic/>"),
         r"""joint 'j2': <mimic joint="…"/> names no joint""",
