@@ -9,40 +9,42 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce import metrics
-from ftforce.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.arrays import Matrix, Vector, read_only
+from ftforce.bounded import BoundedRemap, remap_inside
 from ftforce.changes import (
     ForceChange,
-    TipLoad,
+    Impact,
+    RneaChange,
     TorqueChange,
     VelocityChange,
     change_of_load,
     change_of_velocity,
     changes_of_unit_forces,
+    impact_of_lock,
 )
-from ftforce.closed_forms import (
-    PROOF_TOLERANCE,
-    Jump,
-    exerted_force,
-    force_residuals,
-    supported_force,
-)
+from ftforce.closed_forms import PROOF_TOLERANCE, Jump, force_residuals
+from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
-from ftforce.errors import InputError
-from ftforce.faults import FaultSet
+from ftforce.dynamics import Payload, mass_matrix
+from ftforce.faults import FaultMode, FaultSet
 from ftforce.kinematics import task_jacobian
+from ftforce.limits import Limits
+from ftforce.limits_reader import URDF, choose_limits
+from ftforce.named_faults import named_faults
 from ftforce.posture import Posture, choose_posture
 from ftforce.reduced import RTOL, WARY, ReducedJacobian, check_tolerances, reduce
 from ftforce.task import Axes, Task
+from ftforce.verdicts import judge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
+    from ftforce.limits_reader import LimitsLike
     from ftforce.metrics import Verdict
+    from ftforce.named_faults import Joints, WeakJoints
     from ftforce.robot import Robot
-
-_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,21 +53,28 @@ class Analysis(Displayed):
 
     Attributes
     ----------
-    robot, task, posture, faults :
-        What was analysed.
+    robot, task, posture, faults, conditions, limits, inverse :
+        What was analysed; ``limits`` is ``None`` if none are counted.
     J :
         Task Jacobian, unweighted, in the task's axes, shape (m, n).
     reduced :
         Weighted Jacobians before and after, with ranks.
     wary :
         Largest tolerance that was tried for the verdict.
+    rnea :
+        Torques for weight and motion.
     force, torque :
         Their change; ``None`` if neither a force nor torques were given.
     unit_forces :
-        The change for a force of 1 N (1 N·m) along each task axis, and the torques for it, if
-        neither a force nor torques were given.
+        The change for a force of 1 N (1 N·m) along each task axis, and the torques for it (weight
+        and limits apart), if neither a force nor torques were given.
+    bounded :
+        The remap inside limits or with joints without torque, for the force or, if none was
+        given, for none at the tip; ``None`` where the closed form says all.
     velocity :
         Its change; ``None`` if none was given.
+    impact :
+        Velocities right after the lock; ``None`` without a velocity, a lock or masses.
     verdict :
         For the given force; for all forces if none was given.
     """
@@ -74,19 +83,35 @@ class Analysis(Displayed):
     task: Task
     posture: Posture
     faults: FaultSet
+    conditions: Conditions
+    limits: Limits | None
+    inverse: Inverse
     J: Matrix
     reduced: ReducedJacobian
     wary: float
+    rnea: RneaChange
     force: ForceChange | None
     torque: TorqueChange | None
     unit_forces: tuple[tuple[ForceChange, TorqueChange], ...]
+    bounded: BoundedRemap | None
     velocity: VelocityChange | None
+    impact: Impact | None
     verdict: Verdict
 
     @property
     def locked(self) -> tuple[str, ...]:
         """Names of the locked joints."""
-        return tuple(self.robot.names[i] for i in self.faults.joints)
+        return tuple(self.robot.names[i] for i in self.faults.in_mode(FaultMode.LOCKED))
+
+    @property
+    def modes(self) -> dict[str, FaultMode]:
+        """How each failed joint fails, by name."""
+        return {self.robot.names[fault.joint]: fault.mode for fault in self.faults.faults}
+
+    @property
+    def can_stand_still(self) -> bool:
+        """Whether motors, brakes and some force at the tip can hold the arm after the fault."""
+        return self.bounded is None or self.bounded.F_after is not None
 
     @property
     def margin(self) -> float:
@@ -137,8 +162,12 @@ class Analysis(Displayed):
             ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF,
             no healthy joint feels the jump; ``statics``: U - KᵀF_after;
             ``unchanged``: healthy torques keep their value when the torques were JᵀF. Without a
-            force, the largest over the unit forces.
+            force, the largest over the unit forces. With limits or joints without torque instead
+            those of the quadratic program: ``equality``, ``limit``, ``optimality``; none if
+            nothing is feasible.
         """
+        if self.bounded is not None:
+            return self.bounded.residuals()
         pairs = self.unit_forces
         if self.force is not None and self.torque is not None:
             pairs = ((self.force, self.torque),)
@@ -154,10 +183,17 @@ def analyze(
     robot: Robot,
     q: ArrayLike | Posture | None = None,
     *,
-    locked: Iterable[int | str] | str | int = (),
+    locked: Joints = (),
+    free: Joints = (),
+    weak: WeakJoints = (),
     force: ArrayLike | None = None,
     torque: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    inverse: Inverse = "euclidean",
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -165,7 +201,7 @@ def analyze(
     rtol: float = RTOL,
     wary: float = WARY,
 ) -> Analysis:
-    """Say what locked joints do to the force at the tip, and which torques to command now.
+    """Say what faults do to the force at the tip, and which torques to command now.
 
     Parameters
     ----------
@@ -173,15 +209,27 @@ def analyze(
         The arm.
     q :
         Joint positions along the chain, rad or m, shape (n,). Without: ``posture``.
-    locked :
-        Locked joints: numbers from 1, names, or a boolean mask of shape (n,).
+    locked, free :
+        Joints that a brake holds, and joints that swing freely: numbers from 1, names, or a
+        boolean mask of shape (n,).
+    weak :
+        Joints with a share of their largest torque, ``{3: 0.5}`` or ``"3:0.5"``.
     force :
         Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,).
     torque :
         Motor torques meant for the tip's force (weight and motion taken off), N·m, shape (n,),
         instead of a force. Without either: every unit force.
-    velocity :
-        Joint velocities before the fault, rad/s or m/s, shape (n,).
+    velocity, acceleration :
+        Of the joints before the fault, rad or m, per s and per s², shape (n,).
+    gravity :
+        In the root's axes, m/s², shape (3,); the model's if not given.
+    payload :
+        Mass at the tip in kg, or ``(mass, (x, y, z))`` with its place in the tip's axes, m.
+    limits :
+        Torque limits that count: ``urdf``, a TOML or CSV file, `ftforce.limits.Limits`, or
+        ``none``. If not given: ``urdf`` where a joint is weak, else ``none``.
+    inverse :
+        How given torques are split into force and self-motion: ``euclidean`` or ``dynamic``.
     task :
         ``force``, ``moment``, ``wrench``, or components such as ``fx,fz,my``.
     length :
@@ -199,6 +247,8 @@ def analyze(
     ------
     InputError
         A malformed value; the message says what would have been valid.
+    LimitsError
+        The file of limits cannot be read or does not fit the robot.
 
     Examples
     --------
@@ -211,91 +261,126 @@ def analyze(
     check_tolerances(rtol, wary)
     wanted = Task.parse(task, axes, length)
     place = choose_posture(robot, q, posture)
-    faults = FaultSet.locked(robot.indices(locked))
+    faults = named_faults(robot, locked, free, weak)
+    conditions = Conditions.of(
+        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    )
+    counted = choose_limits(robot, limits_for(faults, limits))
     J = task_jacobian(robot, place.q, wanted)
-    reduced = reduce(read_only(wanted.weigh_jacobian(J)), faults.mask(robot.n), rtol)
-    load = tip_load(robot, reduced, wanted, force, torque)
-    change = None if load is None else change_of_load(reduced, wanted, load)
-    hint = f"one per joint, {robot.numbered()}"
-    v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
+    mask, swinging = faults.mask(robot.n), faults.swinging_mask(robot.n)
+    reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, swinging)
+    rnea = rnea_change(robot, place.q, conditions, mask)
+    M = mass_matrix_for(robot, place.q, conditions, inverse)
+    load = tip_load(robot, reduced, wanted, force, torque, M)
+    F = None if load is None else load.F
+    largest = None if counted is None else counted.largest_torques(faults)
+    bounded = None
+    if largest is not None or swinging is not None:
+        asked = np.zeros(wanted.m) if F is None else F
+        bounded = remap_inside(reduced, asked, rnea.after, largest)
+    change = None if load is None else change_of_load(reduced, wanted, load, rnea, bounded)
+    v = conditions.velocity
     return Analysis(
         robot=robot,
         task=wanted,
         posture=place,
         faults=faults,
+        conditions=conditions,
+        limits=counted,
+        inverse=inverse,
         J=read_only(J),
         reduced=reduced,
         wary=wary,
+        rnea=rnea,
         force=change[0] if change else None,
         torque=change[1] if change else None,
         unit_forces=() if change else changes_of_unit_forces(reduced, wanted),
+        bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, wanted, v),
-        verdict=metrics.verdict(reduced, None if load is None else load.F, wary),
+        impact=_impact(robot, place, conditions, reduced, wanted, J),
+        verdict=judge(reduced, F, wary, bounded, largest),
     )
 
 
-def tip_load(
+def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
+    """Return the limits that are meant if none were named: a weak joint is nothing without."""
+    return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits
+
+
+def _impact(
     robot: Robot,
+    place: Posture,
+    conditions: Conditions,
     reduced: ReducedJacobian,
     task: Task,
-    force: ArrayLike | None,
-    torque: ArrayLike | None,
-) -> TipLoad | None:
-    """Return what the healthy arm exerts, F̂ = J J† F or (Jᵀ)† τ; ``None`` if nothing was given.
-
-    Raises
-    ------
-    InputError
-        Both were given, or a vector is malformed.
-    """
-    if force is not None and torque is not None:
-        raise InputError("give either a force or torques, not both")
-    if force is not None:
-        names = ", ".join(task.components)
-        requested = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
-        wanted = task.weigh_force(requested)
-        F = supported_force(reduced, wanted)
-        return TipLoad(_without_rounding(F, F, wanted), requested, None)
-    if torque is not None:
-        tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
-        F = exerted_force(reduced, tau)
-        return TipLoad(_without_rounding(F, F.dot(reduced.J), tau), None, tau)
-    return None
-
-
-def _without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
-    """Return F, or zero if the part of the request that it stands for is only rounding.
-
-    Otherwise the verdict would judge the direction of rounding errors.
-    """
-    return F if part.dot(part) > (_ROUNDING * _ROUNDING) * whole.dot(whole) else np.zeros_like(F)
+    J: Matrix,
+) -> Impact | None:
+    v = conditions.velocity
+    if v is None or robot.mass == 0.0 or not reduced.locked.any():
+        return None
+    M = mass_matrix(robot, place.q, conditions.payload)
+    return impact_of_lock(reduced, task, J, M, v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:
     reduced, task = analysis.reduced, analysis.task
+    assert force.after is not None and force.jump is not None and torque.after is not None
     weighted = Jump(*map(task.weigh_force, (force.before, force.after, force.jump)))
     laws = force_residuals(reduced, torque.after, weighted)
-    healthy = ~reduced.locked
-    change = (torque.after + torque.self_motion - torque.before)[healthy]
+    change = (torque.after + torque.self_motion - torque.before)[~reduced.locked]
     scale = float(np.linalg.norm(torque.before))
     laws["unchanged"] = float(np.linalg.norm(change)) / scale if scale > 0.0 else 0.0
     return laws
 
 
 def _doubts(analysis: Analysis) -> list[str]:
-    reduced, robot = analysis.reduced, analysis.robot
+    reduced = analysis.reduced
     doubts = []
     if reduced.rank < reduced.m:
         doubts.append(
             f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
             f"'{analysis.task}' in this posture"
         )
-    if analysis.torque is not None:
-        for joint, torque in zip(robot.joints, analysis.torque.after.tolist(), strict=True):
-            if joint.effort is not None and abs(torque) > joint.effort * (1.0 + 1e-9):
-                doubts.append(
-                    f"joint {joint.number} {joint.name} would need "
-                    f"{abs(torque) / joint.effort:.0%} of its effort limit of "
-                    f"{joint.effort:g} {joint.torque_unit}"
-                )
+    if not analysis.rnea.is_known:
+        missing = "weight" if analysis.rnea.motion_before is not None else "weight and motion"
+        doubts.append(
+            f"the URDF has no masses: the {missing} of the arm {'is' if missing == 'weight' else 'are'} "
+            "missing from the torques"
+        )
+    if analysis.limits is None:
+        return doubts + _beyond_limits(analysis)
+    return doubts + _unjudged(analysis, analysis.limits)
+
+
+def _beyond_limits(analysis: Analysis) -> list[str]:
+    """Name the motors that would have to give more than they can, where limits do not count."""
+    doubts = [
+        f"joint {fault.joint + 1} {analysis.robot.names[fault.joint]} is weak, but no limits are "
+        "counted: it counts as healthy"
+        for fault in analysis.faults.faults
+        if fault.mode is FaultMode.WEAK and not fault.has_no_torque
+    ]
+    torque = analysis.torque
+    if torque is None or torque.after is None:
+        return doubts
+    needed = torque.after if torque.total_after is None else torque.total_after
+    for joint, value in zip(analysis.robot.joints, needed.tolist(), strict=True):
+        if joint.effort is not None and abs(value) > joint.effort * (1.0 + 1e-9):
+            doubts.append(
+                f"joint {joint.number} {joint.name} would need "
+                f"{abs(value) / joint.effort:.0%} of its effort limit of "
+                f"{joint.effort:g} {joint.torque_unit} (limits are not counted)"
+            )
     return doubts
+
+
+def _unjudged(analysis: Analysis, limits: Limits) -> list[str]:
+    """Name the weak joints whose limit is unknown."""
+    return [
+        f"joint {fault.joint + 1} {analysis.robot.names[fault.joint]} is weak, but its limit is "
+        "unknown: it counts as none"
+        for fault in analysis.faults.faults
+        if fault.mode is FaultMode.WEAK
+        and not fault.has_no_torque
+        and np.isnan(limits.effort[fault.joint])
+    ]

@@ -107,7 +107,8 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
     if not feasible.stands_still:
         return Nearest(F, None, none)
     wanted = F.dot(feasible.Z)
-    closed = feasible.F0 + feasible.Z.dot(wanted)
+    whole = len(wanted) == len(F)  # Z is a basis of all forces, and F₀ is zero
+    closed = F if whole else feasible.F0 + feasible.Z.dot(wanted)
     if not feasible.joints or _is_within(feasible, closed):
         return Nearest(F, closed, none)  # no limit binds: the closed form
     z = _solve(feasible, wanted, none)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ftforce.errors import InputError, listed
+from ftforce.errors import InputError, listed, printable
 from ftforce.tips import choose_base, choose_tip, links_above, moving_path, tip_candidates
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def choose_chain(
     leaders = leaders_of(tree, moving_path(tree, base_link, tip_link))
     if not leaders:
         raise InputError(
-            f"{tree.path}: no joint moves the tip {tip_link!r} against the base {base_link!r}; "
+            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} against the base {base_link!r}; "
             f"tips to choose from: {listed(tip_candidates(tree))}"
         )
     followers = _followers(tree, leaders)
@@ -103,7 +103,7 @@ def choose_chain(
     moving -= {joint.name for joint in tree.path_to(base_link)}
     if len(moving) > MOST_JOINTS:
         raise InputError(
-            f"{tree.path}: {len(moving)} joints move between {base_link!r} and {tip_link!r}; "
+            f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and {tip_link!r}; "
             f"at most {MOST_JOINTS} can be analysed"
         )
     return Chain(

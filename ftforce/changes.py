@@ -9,10 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.arrays import Vector, read_only
-from ftforce.closed_forms import force_jump, remapped_torque, supported_force, velocity_remap
+from ftforce.bounded import remap_inside
+from ftforce.closed_forms import (
+    force_jump,
+    remapped_torque,
+    supported_force,
+    velocity_after_impact,
+    velocity_remap,
+)
 
 if TYPE_CHECKING:
-    from ftforce.closed_forms import Jump
+    from ftforce.arrays import Matrix
+    from ftforce.bounded import BoundedRemap
     from ftforce.reduced import ReducedJacobian
     from ftforce.task import Task
 
@@ -37,6 +45,32 @@ class TipLoad:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class RneaChange:
+    """Torques for weight and motion before and after, N·m (N if prismatic), shape (n,).
+
+    Attributes
+    ----------
+    gravity :
+        For the weight, the same before and after; ``None`` if the URDF has no masses.
+    motion_before, motion_after :
+        For the motion; ``None`` if the arm moves and the URDF has no masses.
+    before, after :
+        What is counted: the sum, and of what is unknown nothing.
+    """
+
+    gravity: Vector | None
+    motion_before: Vector | None
+    motion_after: Vector | None
+    before: Vector
+    after: Vector
+
+    @property
+    def is_known(self) -> bool:
+        """Whether nothing is missing."""
+        return self.gravity is not None and self.motion_before is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ForceChange:
     """Force at the tip before and after the fault; N for forces, N·m for moments, shape (m,).
 
@@ -49,7 +83,7 @@ class ForceChange:
     before :
         Force the healthy arm exerts, F̂.
     after :
-        Force the healthy joints can still command.
+        Force that can still be held; ``None`` if the arm cannot stand still with any.
     jump :
         ΔF = before - after.
     jump_norm :
@@ -61,32 +95,64 @@ class ForceChange:
     requested: Vector | None
     unsupported: Vector
     before: Vector
-    after: Vector
-    jump: Vector
+    after: Vector | None
+    jump: Vector | None
     jump_norm: float | None
     moment_jump_norm: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TorqueChange:
-    """Force part of the motor torques, N·m (N for prismatic joints), shape (n,).
+    """Motor torques, N·m (N for prismatic joints), shape (n,).
+
+    What is after the fault is ``None`` if the arm cannot stand still; totals are ``None`` too if
+    the URDF has no masses.
 
     Attributes
     ----------
-    before :
-        Motor torques before the fault.
-    after :
-        Motor torques to command now, U; 0 at locked joints.
+    before, after :
+        The force part, Jᵀ F; after the fault 0 at locked joints. At a joint without torque it is
+        what balances the joint's weight and motion.
+    total_before, total_after :
+        What the motors must give: force part, weight and motion. After the fault 0 at joints that
+        are locked or without torque.
     brake_load :
-        What each lock has to carry, J_Sᵀ F_after; 0 at healthy joints.
+        What each lock has to carry, weight and motion included; 0 at other joints.
     self_motion :
         Part of ``before`` that exerts no static force but moves the arm; 0 if a force was given.
     """
 
     before: Vector
-    after: Vector
-    brake_load: Vector
+    after: Vector | None
+    total_before: Vector | None
+    total_after: Vector | None
+    brake_load: Vector | None
     self_motion: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Impact:
+    """Velocities right after joints locked, before any controller acts.
+
+    Attributes
+    ----------
+    after :
+        Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints.
+    tip_after :
+        Velocity of the tip, m/s and rad/s, shape (m,).
+    jump :
+        ``tip_after`` minus the tip's velocity before.
+    jump_norm :
+        Norm of the jump's linear components, m/s; ``None`` if the task has none.
+    angular_jump_norm :
+        Norm of its angular components, rad/s; ``None`` if the task has none.
+    """
+
+    after: Vector
+    tip_after: Vector
+    jump: Vector
+    jump_norm: float | None
+    angular_jump_norm: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,16 +183,40 @@ class VelocityChange:
 
 
 def change_of_load(
-    reduced: ReducedJacobian, task: Task, load: TipLoad
+    reduced: ReducedJacobian, task: Task, load: TipLoad, rnea: RneaChange, bounded: BoundedRemap | None
 ) -> tuple[ForceChange, TorqueChange]:
-    """Return what becomes of a load at the tip, and of the torques that hold it."""
-    jump = force_jump(reduced, load.F)
+    """Return what becomes of a load at the tip, and of the torques that hold it.
+
+    Parameters
+    ----------
+    reduced, task :
+        The decomposed Jacobians and the task.
+    load :
+        What the tip exerts before the fault.
+    rnea :
+        Torques for weight and motion.
+    bounded :
+        The remap inside limits, or with joints without torque; ``None`` takes the closed form.
+    """
     carried: Vector = load.F.dot(reduced.J)
     before = carried if load.tau is None else load.tau
-    return _force_change(task, jump, load.requested), TorqueChange(
+    if bounded is None:
+        closed = force_jump(reduced, load.F)
+        F_after, jump = closed.F_after, closed.jump
+        after = remapped_torque(reduced, load.F)
+    else:
+        F_after, jump = bounded.F_after, bounded.jump
+        if F_after is None or jump is None:
+            return _no_change(task, load, before, carried, rnea)
+        after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
+    known = rnea.is_known
+    total = rnea.after + F_after.dot(reduced.J)
+    return _force_change(task, load, F_after, jump), TorqueChange(
         before=read_only(before),
-        after=read_only(remapped_torque(reduced, load.F)),
-        brake_load=read_only(np.where(reduced.locked, jump.F_after.dot(reduced.J), 0.0)),
+        after=read_only(after),
+        total_before=read_only(before + rnea.before) if known else None,
+        total_after=read_only(np.where(reduced.commanding, total, 0.0)) if known else None,
+        brake_load=read_only(np.where(reduced.locked, total, 0.0)),
         self_motion=read_only(before - carried),
     )
 
@@ -134,11 +224,15 @@ def change_of_load(
 def changes_of_unit_forces(
     reduced: ReducedJacobian, task: Task
 ) -> tuple[tuple[ForceChange, TorqueChange], ...]:
-    """Return the same for a force of 1 N (1 N·m) along each task axis."""
+    """Return the same for a force of 1 N (1 N·m) along each task axis, weight and limits apart."""
     changes = []
+    nothing = read_only(np.zeros(reduced.n))
+    rnea = RneaChange(None, None, None, nothing, nothing)
     for unit in np.eye(task.m):
         F = supported_force(reduced, task.weigh_force(unit))
-        changes.append(change_of_load(reduced, task, TipLoad(F, read_only(unit.copy()), None)))
+        load = TipLoad(F, read_only(unit.copy()), None)
+        bounded = None if reduced.swinging is None else remap_inside(reduced, F, nothing, None)
+        changes.append(change_of_load(reduced, task, load, rnea, bounded))
     return tuple(changes)
 
 
@@ -158,19 +252,46 @@ def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> Veloc
     )
 
 
-def _force_change(task: Task, weighted: Jump, requested: Vector | None) -> ForceChange:
-    before = read_only(task.unweigh_force(weighted.F))
-    jump = read_only(task.unweigh_force(weighted.jump))
+def impact_of_lock(
+    reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector
+) -> Impact:
+    """Return the velocities right after the lock; J is the unweighted task Jacobian."""
+    after = velocity_after_impact(M, reduced.locked, v)
+    jump = read_only(J.dot(after - v))
+    linear, angular = split_norms(task, jump)
+    return Impact(read_only(after), read_only(J.dot(after)), jump, linear, angular)
+
+
+def _force_change(task: Task, load: TipLoad, F_after: Vector, jump: Vector) -> ForceChange:
+    before = read_only(task.unweigh_force(load.F))
+    jump = read_only(task.unweigh_force(jump))
     linear, angular = split_norms(task, jump)
     return ForceChange(
-        requested=requested,
-        unsupported=read_only(np.zeros(task.m) if requested is None else requested - before),
+        requested=load.requested,
+        unsupported=_unsupported(task, load.requested, before),
         before=before,
-        after=read_only(task.unweigh_force(weighted.F_after)),
+        after=read_only(task.unweigh_force(F_after)),
         jump=jump,
         jump_norm=linear,
         moment_jump_norm=angular,
     )
+
+
+def _no_change(
+    task: Task, load: TipLoad, before: Vector, carried: Vector, rnea: RneaChange
+) -> tuple[ForceChange, TorqueChange]:
+    """Return the changes where nothing after the fault is feasible."""
+    F = read_only(task.unweigh_force(load.F))
+    unsupported = _unsupported(task, load.requested, F)
+    total = read_only(before + rnea.before) if rnea.is_known else None
+    force = ForceChange(load.requested, unsupported, F, None, None, None, None)
+    return force, TorqueChange(
+        read_only(before), None, total, None, None, read_only(before - carried)
+    )
+
+
+def _unsupported(task: Task, requested: Vector | None, before: Vector) -> Vector:
+    return read_only(np.zeros(task.m) if requested is None else requested - before)
 
 
 def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Vector, as_vector, read_only
+from ftforce.arrays import Mask, Matrix, Svd, Vector, as_vector, read_only
 from ftforce.display import Displayed
 from ftforce.reduced import RTOL, ReducedJacobian, check_core_input, check_tolerances, reduce
 
@@ -183,6 +183,42 @@ def exerted_force(reduced: ReducedJacobian, tau: Vector) -> Vector:
     return reduced.healthy.solve_transposed(tau, reduced.rtol)
 
 
+def dynamically_exerted_force(reduced: ReducedJacobian, tau: Vector, M: Matrix) -> Vector:
+    """Return the force that torques exert at a tip that cannot move, while the arm may.
+
+    It is ``F̂ = (J M⁻¹ Jᵀ)⁻¹ J M⁻¹ τ``, the dynamically consistent inverse (Khatib 1987): what is
+    left of τ accelerates the arm along its self-motion and not the tip. For ``τ = JᵀF`` both
+    inverses give F.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    tau :
+        Motor torques without weight and motion, shape (n,).
+    M :
+        Mass matrix, positive definite, shape (n, n).
+    """
+    U = reduced.healthy.U[:, : reduced.rank]
+    J = U.T.dot(reduced.J)  # only the directions that the arm has
+    over_M = np.linalg.solve(M, np.column_stack([J.T, tau]))
+    F: Vector = U.dot(np.linalg.solve(J.dot(over_M[:, :-1]), J.dot(over_M[:, -1])))
+    return F
+
+
+def velocity_after_impact(M: Matrix, locked: Mask, v: Vector) -> Vector:
+    """Return the joint velocities right after joints locked, before any controller acts.
+
+    The impact is inelastic and leaves the momentum of the other joints alone:
+    ``v_H⁺ = v_H + M_HH⁻¹ M_HS v_S`` (docs/theory/velocity), 0 at locked joints; shape (n,).
+    """
+    after = np.where(locked, 0.0, v)
+    if locked.any() and not locked.all():
+        H = ~locked
+        after[H] += np.linalg.solve(M[np.ix_(H, H)], M[np.ix_(H, locked)].dot(v[locked]))
+    return after
+
+
 def supported_force(reduced: ReducedJacobian, F: Vector) -> Vector:
     """Return the part of F that the healthy arm can exert, F̂ = J J† F."""
     return F if reduced.rank == reduced.m else reduced.healthy.project(F, reduced.rank)
@@ -203,12 +239,18 @@ def remapped_torque(reduced: ReducedJacobian, F: Vector) -> Vector:
 
 
 def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
-    """Return Appendix A's remap: Δv_H = K† x_S, ΔẊ = (K K† - I) x_S with x_S = Σ J_k v_k."""
-    r = reduced.rank_after
+    """Return Appendix A's remap: Δv_H = K† x_S, ΔẊ = (K K† - I) x_S with x_S = Σ J_k v_k.
+
+    H are the joints with motors that give torque: one without goes on as it moves.
+    """
+    damaged, r = reduced.damaged, reduced.rank_after
+    if reduced.swinging is not None:
+        damaged = Svd(np.where(reduced.commanding, reduced.J, 0.0), left_only=True)
+        r = damaged.rank(reduced.rtol * reduced.sigma_max)
     v_healthy = np.where(reduced.locked, 0.0, v)
     x_S = reduced.J.dot(v - v_healthy)
-    after = v_healthy + np.where(reduced.locked, 0.0, reduced.damaged.solve(x_S, r))
-    jump = np.zeros(reduced.m) if r == reduced.m else -reduced.damaged.beyond(x_S, r)
+    after = v_healthy + np.where(reduced.commanding, damaged.solve(x_S, r), 0.0)
+    jump = np.zeros(reduced.m) if r == reduced.m else -damaged.beyond(x_S, r)
     tip = reduced.J.dot(v)
     return VelocityRemap(
         v, read_only(after), read_only(tip), read_only(tip + jump), read_only(jump)

@@ -88,14 +88,14 @@ class FileError(FtforceError):
     Attributes
     ----------
     path :
-        The file.
+        The file; the message shows it with line breaks and the like escaped.
     reason :
         What is wrong with it and what would have been valid.
     """
 
     def __init__(self, path: str | PathLike[str], reason: str) -> None:
         self.path, self.reason = str(path), reason
-        super().__init__(f"{self.path}: {reason}")
+        super().__init__(f"{printable(self.path)}: {reason}")
 
 
 class URDFError(FileError):
@@ -116,6 +116,11 @@ class LimitsError(FileError):
 
 class OutputError(FileError):
     """A result could not be written; nothing was left behind."""
+
+
+def printable(text: object) -> str:
+    r"""Return a text, a path mostly, on one line: what cannot be printed is shown as ``\n``."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
 
 
 def closest(name: object, available: Iterable[str]) -> str | None:

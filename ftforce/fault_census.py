@@ -4,31 +4,43 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, get_args
+
+import numpy as np
 
 from ftforce import metrics
-from ftforce.analysis import tip_load
-from ftforce.arrays import Svd, Vector, read_only
-from ftforce.changes import split_norms
+from ftforce.arrays import Svd, Vector, as_vector, read_only
+from ftforce.bounded import BoundedRemap, remap_inside
+from ftforce.changes import RneaChange, split_norms
 from ftforce.closed_forms import force_jump
+from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
-from ftforce.errors import InputError
-from ftforce.faults import FaultSet, count_fault_sets, fault_sets
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
+from ftforce.feasible import Reading, feasible_forces, reach, weakest_direction
 from ftforce.kinematics import task_jacobian
+from ftforce.limits import Limits
+from ftforce.limits_reader import URDF, choose_limits
 from ftforce.metrics import Verdict
 from ftforce.posture import Posture, choose_posture
-from ftforce.reduced import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.reduced import RTOL, WARY, ReducedJacobian, check_tolerances, reduce_decomposed
 from ftforce.task import Axes, Task
+from ftforce.verdicts import judge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
+    from ftforce.dynamics import Payload
+    from ftforce.limits_reader import LimitsLike
     from ftforce.robot import Robot
 
 MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep keeps no single sets
 
+RankBy = Literal["jump", "capability"]
+
+_RANKINGS: tuple[str, ...] = get_args(RankBy)
 _SEVERITY = {Verdict.NOT_TOLERATED: 0, Verdict.BORDERLINE: 1, Verdict.TOLERATED: 2}
 
 
@@ -40,6 +52,24 @@ class Progress(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SetCapability:
+    """The largest force that can be held with one fault set, N (N·m for a moment alone).
+
+    Attributes
+    ----------
+    commanded, held :
+        In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
+        stand still.
+    stops :
+        Indices of the joints whose limits end what can be commanded.
+    """
+
+    commanded: float
+    held: float
+    stops: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SetReport:
     """What one fault set does.
 
@@ -48,15 +78,26 @@ class SetReport:
     faults :
         The set.
     after, jump :
-        Force still commanded and force jump, N and N·m, shape (m,); ``None`` without a force.
+        Force that can still be held and force jump, N and N·m, shape (m,); ``None`` without a
+        force, or if the arm cannot stand still.
     jump_norm, moment_jump_norm :
         Norms of the jump's forces (N) and moments (N·m); ``None`` where there are none.
     relative_jump :
-        ‖ΔF‖/‖F̂‖, weighted; without a force 1 if a direction is lost.
+        ‖ΔF‖/‖F̂‖, weighted; without a force 1 if a direction is lost; 1 if the arm cannot stand
+        still.
     rank_after, rank_lost :
         Rank of K, and how much less it is than J's.
     sigma_min_after, margin, relative_manipulability :
         Smallest singular value of K; over σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
+    can_stand_still :
+        Whether motors, brakes and some force at the tip can hold the arm.
+    share :
+        Largest share of the force that keeps its direction; ``None`` without limits and joints
+        without torque, without a force, or if there is none.
+    binding :
+        Indices of joints at their limits.
+    capability :
+        ``None`` unless the census ranks by it.
     verdict :
         As for one analysis.
     """
@@ -72,6 +113,10 @@ class SetReport:
     sigma_min_after: float
     margin: float
     relative_manipulability: float
+    can_stand_still: bool
+    share: float | None
+    binding: tuple[int, ...]
+    capability: SetCapability | None
     verdict: Verdict
 
 
@@ -105,10 +150,16 @@ class Census(Displayed):
 
     Attributes
     ----------
-    robot, task, posture :
-        What was analysed.
+    robot, task, posture, conditions, limits :
+        What was analysed; ``limits`` is ``None`` if none are counted.
+    mode :
+        How the joints fail.
     largest :
         Size of the largest sets.
+    rank_by :
+        What the sets are sorted by.
+    direction :
+        Of the capability, in the task's axes, shape (m,); ``None`` for the weakest.
     rtol, wary :
         Tolerances.
     requested, before :
@@ -124,7 +175,12 @@ class Census(Displayed):
     robot: Robot
     task: Task
     posture: Posture
+    conditions: Conditions
+    limits: Limits | None
+    mode: FaultMode
     largest: int
+    rank_by: RankBy
+    direction: Vector | None
     rtol: float
     wary: float
     requested: Vector | None
@@ -145,8 +201,17 @@ def census(
     q: ArrayLike | Posture | None = None,
     *,
     faults: int = 1,
+    mode: FaultMode | str = FaultMode.LOCKED,
     force: ArrayLike | None = None,
     torque: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    inverse: Inverse = "euclidean",
+    rank_by: RankBy = "jump",
+    direction: ArrayLike | None = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -155,22 +220,34 @@ def census(
     wary: float = WARY,
     progress: Progress | None = None,
 ) -> Census:
-    """Analyse every set of up to ``faults`` locked joints in one posture (eq. 12-13).
+    """Analyse every set of up to ``faults`` failed joints in one posture (eq. 12-13).
 
     Parameters
     ----------
-    robot, q, force, torque, task, length, axes, posture, rtol, wary :
+    robot, q, force, torque, velocity, acceleration, gravity, payload, inverse :
+        As in `ftforce.analyze`.
+    task, length, axes, posture, rtol, wary :
         As in `ftforce.analyze`.
     faults :
         Size of the largest sets.
+    mode :
+        ``locked`` or ``free``.
+    limits :
+        As in `ftforce.analyze`; if not given the URDF's where the ranking needs them, else none.
+    rank_by :
+        ``jump``, or ``capability``: the force that can still be held.
+    direction :
+        Direction of the capability, in the task's axes, shape (m,); the force's if not given, and
+        without a force the weakest of each set.
     progress :
         Called after every set.
 
     Returns
     -------
     :
-        The sets, worst first: not tolerated, then borderline, then tolerated; the larger jump
-        first, and without a jump the smaller margin.
+        The sets, worst first. By jump: not tolerated, then borderline, then tolerated; the larger
+        jump first, and without a jump the smaller margin. By capability: the smallest commanded
+        force first, then the smallest held one.
 
     Raises
     ------
@@ -186,31 +263,72 @@ def census(
     """
     check_tolerances(rtol, wary)
     _check_size(robot, faults)
+    how = _checked_mode(mode)
+    if rank_by not in _RANKINGS:
+        raise UnknownNameError("ranking", rank_by, _RANKINGS)
     wanted = Task.parse(task, axes, length)
     place = choose_posture(robot, q, posture)
+    conditions = Conditions.of(
+        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    )
+    by_capability = rank_by == "capability"
+    counted = choose_limits(robot, URDF if limits is None and by_capability else limits)
     healthy = Svd(wanted.weigh_jacobian(task_jacobian(robot, place.q, wanted)))
-    whole = reduce_decomposed(healthy, FaultSet().mask(robot.n), rtol)
-    load = tip_load(robot, whole, wanted, force, torque)
+    nothing = FaultSet().mask(robot.n)
+    whole = reduce_decomposed(healthy, nothing, rtol)
+    M = mass_matrix_for(robot, place.q, conditions, inverse)
+    load = tip_load(robot, whole, wanted, force, torque, M)
     F = None if load is None else load.F
+    ray = _direction(wanted, direction, F)
+    case = _Case(
+        robot, wanted, place, conditions, counted, healthy, whole,
+        rnea_change(robot, place.q, conditions, nothing), F, by_capability, ray, rtol, wary,
+    )  # fmt: skip
     total = count_fault_sets(robot.n, faults)
     reports = []
-    for done, fault_set in enumerate(fault_sets(robot.n, faults), start=1):
-        reports.append(_report(healthy, fault_set, wanted, F, rtol=rtol, wary=wary))
+    for done, fault_set in enumerate(fault_sets(robot.n, faults, how), start=1):
+        reports.append(_report(case, fault_set))
         if progress is not None:
             progress(done, total)
     return Census(
         robot=robot,
         task=wanted,
         posture=place,
+        conditions=conditions,
+        limits=counted,
+        mode=how,
         largest=faults,
+        rank_by=rank_by,
+        direction=ray if by_capability else None,
         rtol=rtol,
         wary=wary,
         requested=None if load is None else load.requested,
         before=None if F is None else read_only(wanted.unweigh_force(F)),
         rank=whole.rank,
-        sets=tuple(sorted(reports, key=_badness)),
+        sets=tuple(sorted(reports, key=_weakness if by_capability else _badness)),
         joints=_rank_joints(robot, reports),
     )
+
+
+def _checked_mode(mode: FaultMode | str) -> FaultMode:
+    how = FaultMode.parse(mode)
+    if how is FaultMode.WEAK:
+        raise InputError("a census takes locked or free joints; ask analyze about weak ones")
+    return how
+
+
+def _direction(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
+    """Return the capability's direction, unweighted and of unit length; ``None`` if open."""
+    if direction is not None:
+        names = ", ".join(task.components)
+        vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
+        if not vector.any():
+            raise InputError("the direction needs a component that is not zero")
+        return read_only(vector / task.size(vector))
+    if F is None or not F.any():
+        return None
+    plain = task.unweigh_force(F)
+    return read_only(plain / task.size(plain))
 
 
 def _check_size(robot: Robot, faults: int) -> None:
@@ -224,34 +342,105 @@ def _check_size(robot: Robot, faults: int) -> None:
         )
 
 
-def _report(
-    healthy: Svd, faults: FaultSet, task: Task, F: Vector | None, *, rtol: float, wary: float
-) -> SetReport:
-    reduced = reduce_decomposed(healthy, faults.mask(healthy.A.shape[1]), rtol)
-    rank_lost = reduced.rank - reduced.rank_after
-    after = jump = linear = angular = None
-    relative = float(rank_lost > 0)
-    if F is not None:
-        change = force_jump(reduced, F)
-        after = read_only(task.unweigh_force(change.F_after))
-        jump = read_only(task.unweigh_force(change.jump))
-        linear, angular = split_norms(task, jump)
-        size = math.sqrt(F.dot(F))
-        relative = change.jump_norm / size if size > 0.0 else 0.0
+class _Case(NamedTuple):
+    """What all sets of a census share."""
+
+    robot: Robot
+    task: Task
+    posture: Posture
+    conditions: Conditions
+    limits: Limits | None
+    healthy: Svd
+    whole: ReducedJacobian
+    rnea: RneaChange
+    F: Vector | None
+    by_capability: bool
+    direction: Vector | None
+    rtol: float
+    wary: float
+
+    def rnea_after(self, faults: FaultSet) -> Vector:
+        if not self.conditions.moves:
+            return self.rnea.after
+        mask = faults.mask(self.robot.n)
+        return rnea_change(self.robot, self.posture.q, self.conditions, mask).after
+
+
+def _report(case: _Case, faults: FaultSet) -> SetReport:
+    n, task, F = case.robot.n, case.task, case.F
+    swinging = faults.swinging_mask(n)
+    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, swinging)
+    largest = None if case.limits is None else case.limits.largest_torques(faults)
+    bounded, rnea = None, case.rnea.after
+    if largest is not None or swinging is not None:
+        rnea = case.rnea_after(faults)
+        asked = np.zeros(task.m) if F is None else F
+        bounded = remap_inside(reduced, asked, rnea, largest)
+    after, jump = _outcome(reduced, F, bounded)
+    can_stand_still = bounded is None or bounded.F_after is not None
+    linear, angular = (None, None) if jump is None else split_norms(task, task.unweigh_force(jump))
     return SetReport(
         faults=faults,
-        after=after,
-        jump=jump,
+        after=None if after is None else read_only(task.unweigh_force(after)),
+        jump=None if jump is None else read_only(task.unweigh_force(jump)),
         jump_norm=linear,
         moment_jump_norm=angular,
-        relative_jump=relative,
+        relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
         rank_after=reduced.rank_after,
-        rank_lost=rank_lost,
+        rank_lost=reduced.rank - reduced.rank_after,
         sigma_min_after=reduced.damaged.s[-1],
         margin=metrics.margin(reduced),
         relative_manipulability=metrics.relative_manipulability(reduced),
-        verdict=metrics.verdict(reduced, F, wary),
+        can_stand_still=can_stand_still,
+        share=None if bounded is None or F is None else bounded.share,
+        binding=() if bounded is None else bounded.binding,
+        capability=_capability(case, reduced, rnea, largest) if case.by_capability else None,
+        verdict=judge(reduced, F, case.wary, bounded, largest),
     )
+
+
+def _outcome(
+    reduced: ReducedJacobian, F: Vector | None, bounded: BoundedRemap | None
+) -> tuple[Vector | None, Vector | None]:
+    """Return force after and jump, weighted; ``None`` without a force or if nothing is feasible."""
+    if F is None:
+        return None, None
+    if bounded is not None:
+        return bounded.F_after, bounded.jump
+    change = force_jump(reduced, F)
+    return change.F_after, change.jump
+
+
+def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | None) -> float:
+    if F is None or jump is None:
+        return float(reduced.rank_after < reduced.rank)
+    size = math.sqrt(F.dot(F))
+    return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
+
+
+def _capability(
+    case: _Case, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
+) -> SetCapability:
+    task, amounts, stops = case.task, [], []
+    for reading in Reading:
+        feasible = feasible_forces(reduced, rnea, largest, reading)
+        if case.direction is None:
+            space = case.whole.healthy.U[:, : case.whole.rank]
+            worst = weakest_direction(feasible, space)
+            ray, size = worst.reach, task.size(task.unweigh_force(worst.direction))
+        else:
+            ray, size = reach(feasible, task.weigh_force(case.direction)), 1.0
+        amounts.append(math.nan if ray.is_empty else ray.most * size)
+        stops.append(ray.stops)
+    return SetCapability(amounts[0], amounts[1], stops[0])
+
+
+def _weakness(report: SetReport) -> tuple[float, ...]:
+    """Sort key: the smallest capability first; an arm that cannot stand still before all."""
+    found = report.capability
+    assert found is not None
+    commanded, held = (-1.0 if math.isnan(x) else x for x in (found.commanded, found.held))
+    return round(commanded, 9), round(held, 9), len(report.faults), *report.faults.joints
 
 
 def _badness(report: SetReport) -> tuple[float, ...]:
@@ -259,7 +448,7 @@ def _badness(report: SetReport) -> tuple[float, ...]:
     jump = round(report.relative_jump, 9)
     size = len(report.faults) if jump > 0.0 else 0
     return (
-        _SEVERITY[report.verdict], -jump, -report.rank_lost, size, round(report.margin, 9),
+        _SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size, round(report.margin, 9),
         *report.faults.joints,
     )  # fmt: skip
 

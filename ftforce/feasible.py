@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from ftforce.reduced import ReducedJacobian
 
 
+_ROUNDING = 1e-12  # a torque smaller than this, relative to the arm's, is none
+
+
 class Reading(StrEnum):
     """What a lock is taken for."""
 
@@ -88,6 +91,21 @@ class FeasibleForces(NamedTuple):
         return self.unbalanced <= self.rtol
 
 
+class Weakest(NamedTuple):
+    """The direction in which the least force can be held.
+
+    Attributes
+    ----------
+    direction :
+        Unit vector in weighted task coordinates, shape (m,).
+    reach :
+        How far it goes.
+    """
+
+    direction: Vector
+    reach: Reach
+
+
 class Reach(NamedTuple):
     """How far a ray ``s·d``, s ≥ 0, lies inside the feasible forces.
 
@@ -136,8 +154,10 @@ def feasible_forces(
     swinging = reduced.swinging
     F0, unbalanced = np.zeros(reduced.m), 0.0
     if swinging is not None:
-        F0 = swinging.support(rnea)
-        unbalanced = _ratio(_norm(swinging.unbalanced(rnea)), _norm(rnea))
+        weight = _norm(rnea)
+        if _norm(rnea[swinging.joints]) > _ROUNDING * weight:
+            F0 = swinging.support(rnea)
+            unbalanced = _norm(swinging.unbalanced(rnea)) / weight
     if reading is Reading.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
@@ -156,13 +176,6 @@ def feasible_forces(
         F0, Z, rows, -limit - weight, limit - weight, joints.tolist(), unbalanced, reduced.rtol,
         scale,
     )  # fmt: skip
-
-
-def projected(feasible: FeasibleForces, F: Vector) -> Vector:
-    """Return the force of the plane that is closest to F: the closed form without limits."""
-    Z = feasible.Z
-    nearest: Vector = feasible.F0 + Z.dot(F.dot(Z))
-    return nearest
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
@@ -202,6 +215,37 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     return Reach(least, most, stops)
 
 
+def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
+    """Return the direction of a space in which the smallest force ends the feasible ones.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    space :
+        Orthonormal basis of the directions that count, shape (m, r), r ≥ 1.
+    """
+    if not feasible.stands_still or feasible.F0.any():  # no force at all is not among them
+        return Weakest(space[:, 0], NOTHING)
+    missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
+    U, s, Vt = np.linalg.svd(missing)
+    if s[0] > feasible.rtol:  # a direction of which nothing is left
+        return Weakest(space.dot(Vt[0]), Reach(0.0, 0.0))
+    levers = feasible.rows.dot(space)
+    size = np.sqrt(np.einsum("ij,ij->i", levers, levers))
+    loaded = size > feasible.rtol * feasible.scale
+    if not loaded.any():
+        return Weakest(space[:, 0], Reach(0.0, math.inf))
+    # The closest of the planes ``J_iᵀ F = bound``, both bounds of every joint.
+    distance = np.where(
+        loaded, np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0), math.inf
+    )
+    i = int(np.argmin(distance))
+    sign = 1.0 if feasible.upper[i] <= -feasible.lower[i] else -1.0
+    direction = sign * space.dot(levers[i] / size[i])
+    return Weakest(direction, reach(feasible, direction))
+
+
 def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
     """Return the interval of s for which ``s·d`` lies in the plane ``F₀ + Z z``."""
     Z, F0 = feasible.Z, feasible.F0
@@ -221,7 +265,3 @@ def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
 
 def _norm(x: Vector) -> float:
     return math.sqrt(x.dot(x))
-
-
-def _ratio(x: float, scale: float) -> float:
-    return x / scale if scale > 0.0 else 0.0

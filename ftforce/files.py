@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ftforce.documents import to_dict
-from ftforce.errors import InputError
+from ftforce.errors import InputError, printable
 from ftforce.rows import to_rows
 from ftforce.source import write_whole
 
@@ -36,7 +36,7 @@ def save(result: Analysis | Census | Robot | Replication, path: str | PathLike[s
     """
     form = Path(path).suffix.lower().removeprefix(".")
     if form not in FORMATS:
-        raise InputError(f"{path}: the name must end in .json or .csv")
+        raise InputError(f"{printable(path)}: the name must end in .json or .csv")
     return write_whole(path, to_text(result, form))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
@@ -163,6 +164,11 @@ class Task:
     def unweigh_velocity(self, x: Vector) -> Vector:
         """Velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
         return x if self.weights is None else x / self.weights
+
+    def size(self, F: Vector) -> float:
+        """Return the norm of the force components, N, or if they are zero of the moments, N·m."""
+        forces = F[list(self.force_rows)]
+        return math.sqrt(forces.dot(forces)) or math.sqrt(F.dot(F))
 
     def __str__(self) -> str:
         """Return the shorthand, or the components."""

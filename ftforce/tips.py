@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.errors import InputError, UnknownNameError, listed, printable
 from ftforce.urdf import MOVING
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
     """
     for kind, link in (("base link", base), ("tip link", tip)):
         if link is not None and link not in tree.links:
-            raise UnknownNameError(kind, link, tree.links, f"in {tree.path}")
+            raise UnknownNameError(kind, link, tree.links, f"in {printable(tree.path)}")
     if tip is not None:
         return tip, GIVEN
     start = tree.root if base is None else base
@@ -42,7 +42,7 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
             return usable[0], what
         if len(usable) > 1:
             raise InputError(
-                f"{srdf.path} names several {what}s; choose one as the tip (--tip): "
+                f"{printable(srdf.path)} names several {what}s; choose one as the tip (--tip): "
                 f"{listed(usable)}"
             )
     return _before_branching(tree, start)
@@ -115,9 +115,9 @@ def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
         link = children[0].child
     if not moved:
         if not children:
-            raise InputError(f"{tree.path}: no joint moves below the link {start!r}")
+            raise InputError(f"{printable(tree.path)}: no joint moves below the link {start!r}")
         raise InputError(
-            f"{tree.path}: the tree branches into several moving parts at the link {link!r}; "
+            f"{printable(tree.path)}: the tree branches into several moving parts at the link {link!r}; "
             f"choose a tip (--tip): {_counted(tip_candidates(tree))}"
         )
     tip = _follow_fixed(tree, link) if not children else link

@@ -478,9 +478,9 @@ def test_warnings_of_the_posture_come_through(dh5):
 def test_torques_beyond_the_effort_limits_are_warned_about(dh5):
     result = analyze(dh5, locked=3, force=np.array(FORCE) * 6.0)
     assert result.warnings == (
-        "joint 1 joint1 would need 140% of its effort limit of 150 N·m",
-        "joint 4 joint4 would need 150% of its effort limit of 40 N·m",
-        "joint 5 joint5 would need 120% of its effort limit of 20 N·m",
+        "joint 1 joint1 would need 140% of its effort limit of 150 N·m (limits are not counted)",
+        "joint 4 joint4 would need 150% of its effort limit of 40 N·m (limits are not counted)",
+        "joint 5 joint5 would need 120% of its effort limit of 20 N·m (limits are not counted)",
     )
 
 
@@ -489,7 +489,7 @@ def test_an_unknown_effort_limit_is_never_exceeded():
     result = analyze(arm, [0.1, 0.2], force=[900, 900, 900])
     (warning,) = [w for w in result.warnings if "effort" in w]
     assert warning.startswith("joint 2 j2 would need")
-    assert warning.endswith("5 N")
+    assert warning.endswith("of 5 N (limits are not counted)")
 
 
 # ---- results that prove and keep themselves --------------------------------------------------

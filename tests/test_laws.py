@@ -4,6 +4,7 @@ import math
 from itertools import combinations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -318,7 +319,14 @@ def test_laws_of_a_force_at_the_tip(case, seed, data):
     assert_close(torque.before, result.J.T @ force.before, scale=norm(F))
     mask = result.faults.mask(arm.n)
     assert_close(torque.after, np.where(mask, 0.0, torque.before), scale=norm(F))
-    assert_close(torque.brake_load, np.where(mask, result.J.T @ force.after, 0.0), scale=norm(F))
+    still = np.zeros(arm.model.nv)
+    weight = arm.coordinates.G.T @ pin.rnea(
+        arm.model, arm.model.createData(), arm.to_model(np.array(q)), still, still
+    )
+    scale = norm(F) + norm(weight)
+    assert_close(torque.brake_load, np.where(mask, weight + result.J.T @ force.after, 0.0), scale=scale)
+    assert_close(torque.total_before, weight + torque.before, scale=scale)
+    assert_close(torque.total_after, np.where(mask, 0.0, weight + torque.after), scale=scale)
     assert_close(torque.self_motion, 0.0)
     assert result.is_proved(), dict(result.residuals())
     if not locked:

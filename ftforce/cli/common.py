@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ftforce.cli.printing import printing, say, silence
-from ftforce.errors import FtforceError, InputError
+from ftforce.errors import FtforceError, InputError, printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -209,7 +209,7 @@ def emit(
     else:
         from ftforce.source import write_whole
 
-        say(f"wrote {write_whole(output, content)}")
+        say(f"wrote {printable(write_whole(output, content))}")
 
 
 def _form_of(output: Path | None) -> Format:

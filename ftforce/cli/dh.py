@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from ftforce.cli.printing import say
+from ftforce.errors import printable
 
 
 def dh(
@@ -33,4 +34,5 @@ def dh(
     urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))
     postures = ", ".join(arm.postures) or "none"
     joints = "1 joint" if len(arm.rows) == 1 else f"{len(arm.rows)} joints"
-    say(f"wrote {urdf} and {srdf}: {joints}, tip {TIP!r}, postures: {postures}")
+    files = f"{printable(urdf)} and {printable(srdf)}"
+    say(f"wrote {files}: {joints}, tip {TIP!r}, postures: {postures}")

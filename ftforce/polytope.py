@@ -1,0 +1,193 @@
+"""The force polytope: vertices and faces of the forces that an arm can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, product
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, read_only
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ftforce.feasible import FeasibleForces
+
+MOST_CORNERS = 2_000_000  # intersections of planes; some seconds and 500 MB
+_CHUNK = 20_000
+_NEAR = 1e-9  # relative to the limits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polytope:
+    """The convex set of forces that can be held.
+
+    Attributes
+    ----------
+    vertices :
+        Corners, N (N·m), in the task's axes, shape (k, m); none if nothing can be held.
+    faces :
+        Corners of each face as row numbers of ``vertices``. In a polytope of three dimensions
+        they go round the face; a flat one of two dimensions is its own only face; one of more
+        dimensions has them in rising order.
+    dimension :
+        Of the set: 0 for a point, 1 for a segment, 2 for a flat polygon …
+    unlimited :
+        Orthonormal directions (in weighted task coordinates) in which no known limit ends the
+        set, rows, shape (u, m). The corners are those of the set square to them.
+    """
+
+    vertices: Matrix
+    faces: tuple[tuple[int, ...], ...]
+    dimension: int
+    unlimited: Matrix
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no force can be held at all."""
+        return len(self.vertices) == 0
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether limits end it in every direction."""
+        return len(self.unlimited) == 0
+
+
+def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> Polytope:
+    """Return the corners and faces of the feasible forces.
+
+    Every choice of d of the planes ``J_iᵀ F = bound`` meets in one point of the d-dimensional
+    set; the corners are those points that respect all the other limits.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces, weighted.
+    weights :
+        Row weights of the task; ``None`` where all are 1.
+
+    Raises
+    ------
+    InputError
+        There are too many planes.
+    """
+    m = len(feasible.F0)
+    nothing = Polytope(read_only(np.zeros((0, m))), (), 0, read_only(np.zeros((0, m))))
+    if not feasible.stands_still:
+        return nothing
+    A = feasible.rows.dot(feasible.Z)
+    offset = feasible.rows.dot(feasible.F0)
+    lower, upper = feasible.lower - offset, feasible.upper - offset
+    lever = np.sqrt(np.einsum("ij,ij->i", A, A))
+    loaded = lever > feasible.rtol * feasible.scale
+    if (upper[~loaded] < 0.0).any() or (lower[~loaded] > 0.0).any():
+        return nothing
+    A, size = A[loaded] / lever[loaded, None], lever[loaded]
+    lower, upper = lower[loaded] / size, upper[loaded] / size
+    basis, unlimited = _limited_space(A, feasible.rtol)
+    corners = _corners(A @ basis, lower, upper)
+    if not len(corners):
+        return nothing
+    Z = feasible.Z @ basis
+    vertices = feasible.F0 + corners @ Z.T
+    if weights is not None:
+        vertices = vertices * weights
+    return Polytope(
+        read_only(vertices),
+        tuple(_faces(A @ basis, lower, upper, corners)),
+        basis.shape[1],
+        read_only((feasible.Z @ unlimited).T),
+    )
+
+
+def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
+    """Return bases of the directions that limits end, and of those that none does."""
+    d = A.shape[1]
+    if not len(A):
+        return np.zeros((d, 0)), np.eye(d)
+    _, s, Vt = np.linalg.svd(A)
+    rank = int(np.count_nonzero(s > rtol * s[0]))
+    return Vt[:rank].T, Vt[rank:].T
+
+
+def _corners(A: Matrix, lower: Vector, upper: Vector) -> Matrix:
+    """Return the distinct corners of ``lower ≤ A z ≤ upper``, rows of A of length one."""
+    k, d = A.shape
+    if d == 0:
+        return np.zeros((1, 0))
+    if comb(k, d) * 2**d > MOST_CORNERS:
+        raise InputError(
+            f"{k} joints with limits make {comb(k, d) * 2**d:,} intersections in {d} dimensions; "
+            f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
+        )
+    slack = _NEAR * float(np.abs([lower, upper]).max())
+    sides = np.array(list(product((False, True), repeat=d)))
+    found: list[Matrix] = []
+    for chosen in _chunks(k, d):
+        planes = A[chosen]  # (c, d, d)
+        independent = np.abs(np.linalg.det(planes)) > 1e-9
+        planes, rows = planes[independent], chosen[independent]
+        bounds = np.where(sides[:, None, :], upper[rows], lower[rows])  # (sides, c, d)
+        points = np.linalg.solve(planes, bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
+        points = points.reshape(-1, d)
+        torque = points @ A.T
+        inside = ((torque <= upper + slack) & (torque >= lower - slack)).all(axis=1)
+        found.append(points[inside])
+    return _distinct(np.concatenate(found), slack)
+
+
+def _chunks(k: int, d: int) -> Iterator[Matrix]:
+    rows: list[tuple[int, ...]] = []
+    for chosen in combinations(range(k), d):
+        rows.append(chosen)
+        if len(rows) == _CHUNK:
+            yield np.array(rows)
+            rows = []
+    if rows:
+        yield np.array(rows)
+
+
+def _distinct(points: Matrix, slack: float) -> Matrix:
+    """Return the points without repetitions: more than d planes may meet in one corner."""
+    kept: list[Vector] = []
+    for point in points[np.lexsort(np.round(points / (1e3 * slack)).T[::-1])]:
+        if not kept or np.min(np.linalg.norm(np.array(kept) - point, axis=1)) > 1e3 * slack:
+            kept.append(point)
+    return np.array(kept).reshape(-1, points.shape[1])
+
+
+def _faces(
+    A: Matrix, lower: Vector, upper: Vector, corners: Matrix
+) -> Iterator[tuple[int, ...]]:
+    d = corners.shape[1]
+    if d <= 2:
+        if len(corners) >= 2:
+            yield _around(corners, np.arange(len(corners)))
+        return
+    slack = 1e4 * _NEAR * float(np.abs([lower, upper]).max())
+    seen = set()
+    torque = corners @ A.T
+    for bound in (upper, lower):
+        for on in (np.abs(torque - bound) <= slack).T:
+            members = np.flatnonzero(on)
+            if len(members) < d or frozenset(members.tolist()) in seen:
+                continue  # it touches the set in an edge or corner only
+            spread = corners[members] - corners[members].mean(axis=0)
+            if np.linalg.matrix_rank(spread, tol=slack) < d - 1:
+                continue
+            seen.add(frozenset(members.tolist()))
+            yield _around(corners, members) if d == 3 else tuple(members.tolist())
+
+
+def _around(corners: Matrix, members: Vector) -> tuple[int, ...]:
+    """Return the corners of a flat polygon in the order in which they go round it."""
+    points = corners[members] - corners[members].mean(axis=0)
+    plane = np.linalg.svd(points, full_matrices=False)[2][:2]
+    if len(plane) < 2:  # a segment
+        return tuple(np.argsort(points[:, 0]).tolist())
+    x, y = plane @ points.T
+    return tuple(members[np.argsort(np.arctan2(y, x))].tolist())

@@ -1,0 +1,101 @@
+"""The verdict for every fault mode, with weight and limits (docs/theory/verdict)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ftforce.bounded import nearest_force
+from ftforce.feasible import feasible_forces
+from ftforce.metrics import Verdict, verdict
+from ftforce.reduced import reduce_decomposed
+
+if TYPE_CHECKING:
+    from ftforce.arrays import Vector
+    from ftforce.bounded import BoundedRemap
+    from ftforce.feasible import FeasibleForces
+    from ftforce.reduced import ReducedJacobian
+
+
+def judge(
+    reduced: ReducedJacobian,
+    F: Vector | None,
+    wary: float,
+    bounded: BoundedRemap | None = None,
+    largest: Vector | None = None,
+) -> Verdict:
+    """Judge a fault set for a force, or for every force that the healthy arm can exert.
+
+    One tolerance t decides what is lost, what counts as no jump, ‖ΔF‖ ≤ t·‖F̂‖, and which torque
+    counts as balanced at a joint without torque. The verdict is `BORDERLINE` if not every t from
+    ``reduced.rtol`` to ``wary`` gives the same answer.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Force F̂ that the healthy arm exerts, shape (m,); ``None`` asks about all of them: then
+        limits are asked only whether the arm can carry itself.
+    wary :
+        Largest tolerance tried.
+    bounded :
+        The remap inside limits, or with joints without torque; ``None`` if there is neither.
+    largest :
+        Largest torques that it was made with.
+    """
+    if bounded is None:
+        return verdict(reduced, F, wary)
+    answers = _answers(reduced, F, wary, bounded, largest)
+    if len(answers) > 1:
+        return Verdict.BORDERLINE
+    return Verdict.TOLERATED if True in answers else Verdict.NOT_TOLERATED
+
+
+def _answers(
+    reduced: ReducedJacobian,
+    F: Vector | None,
+    wary: float,
+    bounded: BoundedRemap,
+    largest: Vector | None,
+) -> set[bool]:
+    doubtful = _doubtful(reduced, wary)
+    starts = [reduced.rtol, *doubtful]
+    mask = None
+    if reduced.swinging is not None:
+        mask = ~(reduced.commanding | reduced.locked)
+    answers = set()
+    for start, end in zip(starts, [*doubtful, wary], strict=True):
+        here, feasible = reduced, bounded.feasible
+        if start != reduced.rtol:
+            here = reduce_decomposed(reduced.healthy, reduced.locked, start, mask)
+            feasible = feasible_forces(here, bounded.rnea, largest)
+        jump = _relative_jump(feasible, bounded.nearest.F, bounded.rnea)
+        if F is None and here.rank_after < reduced.rank:
+            jump = math.inf  # a direction is lost
+        answers |= {feasible.unbalanced <= t and jump <= t for t in (start, end)}
+    return answers
+
+
+def _doubtful(reduced: ReducedJacobian, wary: float) -> list[float]:
+    """Return the tolerances between rtol and wary at which a rank changes."""
+    scale = reduced.sigma_max
+    values = list(reduced.damaged.s)
+    if reduced.swinging is not None:
+        values += reduced.swinging.s.tolist()
+    lowest, highest = reduced.rtol * scale, wary * scale
+    return sorted({s / scale for s in values if lowest < s <= highest})
+
+
+def _relative_jump(feasible: FeasibleForces, F: Vector, rnea: Vector) -> float:
+    """Return ‖ΔF‖/‖F̂‖; without a force, the support that is needed in relation to the weight."""
+    F_after = nearest_force(feasible._replace(unbalanced=0.0), F).F_after
+    if F_after is None:
+        return math.inf
+    jump = math.sqrt((F - F_after).dot(F - F_after))
+    if jump == 0.0:
+        return 0.0
+    if F.any():
+        return jump / math.sqrt(F.dot(F))
+    weight = math.sqrt(rnea.dot(rnea))
+    return jump * feasible.scale / weight if weight > 0.0 else math.inf
