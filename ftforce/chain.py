@@ -95,16 +95,16 @@ def choose_chain(
     leaders = leaders_of(tree, moving_path(tree, base_link, tip_link))
     if not leaders:
         raise InputError(
-            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} against the base {base_link!r}; "
-            f"tips to choose from: {listed(tip_candidates(tree))}"
+            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} against the base "
+            f"{base_link!r}; tips to choose from: {listed(tip_candidates(tree))}"
         )
     followers = _followers(tree, leaders)
     moving = {*leaders, *(one.name for all_of in followers.values() for one in all_of)}
     moving -= {joint.name for joint in tree.path_to(base_link)}
     if len(moving) > MOST_JOINTS:
         raise InputError(
-            f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and {tip_link!r}; "
-            f"at most {MOST_JOINTS} can be analysed"
+            f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and "
+            f"{tip_link!r}; at most {MOST_JOINTS} can be analysed"
         )
     return Chain(
         tree, tip_link, tip_source, base_link, base_source, tuple(leaders.values()), followers,

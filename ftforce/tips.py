@@ -117,8 +117,8 @@ def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
         if not children:
             raise InputError(f"{printable(tree.path)}: no joint moves below the link {start!r}")
         raise InputError(
-            f"{printable(tree.path)}: the tree branches into several moving parts at the link {link!r}; "
-            f"choose a tip (--tip): {_counted(tip_candidates(tree))}"
+            f"{printable(tree.path)}: the tree branches into several moving parts at the link "
+            f"{link!r}; choose a tip (--tip): {_counted(tip_candidates(tree))}"
         )
     tip = _follow_fixed(tree, link) if not children else link
     branches = "last link" if not children else "last link before several moving parts"

@@ -318,6 +318,18 @@ def test_output_follows_the_ending(tmp_path, ending):
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
 
 
+def test_file_names_are_shown_on_one_line(tmp_path):
+    made = tmp_path / "a\nb"
+    result = run("dh", str(Path(DH5).with_suffix(".toml")), "-o", f"{made}.urdf")
+    assert result.stdout.startswith(f"wrote {tmp_path}/a\\nb.urdf and {tmp_path}/a\\nb.srdf: ")
+    assert result.stdout.count("\n") == 1
+    result = run("analyze", f"{made}.urdf", "-o", f"{made}.json")
+    assert result.stdout == f"wrote {tmp_path}/a\\nb.json\n"
+    result = run("analyze", f"{made}.json", status=1)
+    assert result.stderr.startswith(f"error: {tmp_path}/a\\nb.json: is not well-formed XML")
+    assert result.stderr.count("\n") == 1
+
+
 def test_format_wins_over_the_ending(tmp_path):
     file = tmp_path / "result.txt"
     run("analyze", DH5, "--locked", "3", "-o", str(file), "--format", "json")

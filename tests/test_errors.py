@@ -1,0 +1,75 @@
+"""Errors: what their messages show, and what they carry as data."""
+
+from pathlib import Path
+
+import pytest
+
+import ftforce
+from ftforce.errors import (
+    DHTableError,
+    FileError,
+    FtforceError,
+    InputError,
+    OutputError,
+    SRDFError,
+    URDFError,
+    printable,
+)
+from urdfs import arm, chain, joint, link, robot, write
+
+FILE_ERRORS = (FileError, URDFError, SRDFError, DHTableError, OutputError)
+
+
+@pytest.mark.parametrize("error", FILE_ERRORS)
+@pytest.mark.parametrize(
+    ("path", "shown"),
+    [
+        ("a\nb.urdf", r"a\nb.urdf"),
+        ("a\r\tb", r"a\r\tb"),
+        ("\x1b[31mred", r"\x1b[31mred"),
+        ("a\x85b\u2028c", r"a\x85b\u2028c"),  # line breaks of Unicode
+        ("\u202egpj.urdf", r"\u202egpj.urdf"),  # turns the rest around
+        ("\udcff.urdf", r"\udcff.urdf"),  # a byte that is no UTF-8
+        ("\0", r"\x00"),
+        ("a b/関節 ж.urdf", "a b/関節 ж.urdf"),
+        ("C:\\new\\arm.urdf", "C:\\new\\arm.urdf"),
+    ],
+)
+def test_a_path_is_shown_on_one_line_and_kept_as_it_is(error, path, shown):
+    caught = error(path, "is wrong")
+    assert str(caught) == f"{shown}: is wrong"
+    assert (caught.path, caught.reason) == (path, "is wrong")
+    assert error(Path("x"), "is wrong").path == "x"
+    str(caught).encode()  # a terminal can show it
+
+
+BAD_NAME = "a\nb\x1b.urdf"
+WRONG = {
+    "no URDF": ("<robot>", None, {}),
+    "no tip": (arm(), None, {"tip": "nobody"}),
+    "tip is root": (arm(), None, {"tip": "base"}),
+    "branches": (arm(link("x"), joint("y", "base", "x")), None, {}),
+    "nothing moves": (robot(link("base")), None, {}),
+    "chains": (arm(), robot(chain("base", "l1"), chain("base", "l2")), {}),
+    "SRDF": (arm(), "<robot>", {}),
+}
+
+
+@pytest.mark.parametrize(("urdf", "srdf", "options"), WRONG.values(), ids=WRONG)
+def test_every_message_about_a_file_is_one_line(tmp_path, urdf, srdf, options):
+    path = write(tmp_path, urdf, srdf, name=BAD_NAME)
+    with pytest.raises(FtforceError) as caught:
+        ftforce.load_robot(path, **options)
+    assert printable(path.stem) in str(caught.value)
+    assert str(caught.value).isprintable()
+    if isinstance(caught.value, FileError):
+        assert Path(caught.value.path).stem == path.stem
+
+
+def test_an_output_with_a_line_break_in_its_name(tmp_path):
+    arm_ = ftforce.load_robot("dh5")
+    with pytest.raises(InputError, match=r"a\\nb\.txt: the name must end in \.json or \.csv"):
+        ftforce.save(ftforce.analyze(arm_), "a\nb.txt")
+    with pytest.raises(OutputError, match=r"/a\\nb/c\.json: cannot be written") as caught:
+        ftforce.save(ftforce.analyze(arm_), tmp_path / "a\nb" / "c.json")
+    assert caught.value.path == str(tmp_path / "a\nb" / "c.json")
