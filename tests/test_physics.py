@@ -1,0 +1,354 @@
+"""What is predicted meets rigid-body dynamics: the arm in MuJoCo, its tip pinned to the world.
+
+Predictions are written out in NumPy here, from Pinocchio's Jacobian, weight and mass matrix; what
+happens is read off the simulation (`physics`). Joints are given by index, from 0.
+"""
+
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import ftforce
+import physics
+from ftforce.kinematics import frame_jacobian, tip_pose
+from helpers import KNOWN, assert_close, serial_urdf
+from urdfs import joint, link, load
+
+EXACT = 1e-7  # nothing but rounding: MuJoCo 4 gives 2e-15, some before it 1e-8
+STRENGTH = 40.0  # N, typical of the forces
+AGREES = 5e-5  # of the force; 1e-8 is seen, or 4e-6 where a direction is almost lost
+AT_REST = 5e-5  # rad/s² and rad
+IMPACT = 1e-4  # of the velocities: those of a brake that needs 2 µs
+RTOL = 1e-6  # of σ_max(J): directions that are weaker are lost
+
+# Joints that slide and turn without end are locked too, and others are held, far from 0.
+HELD = '<limit lower="0.4" upper="1" effort="1" velocity="1"/>'
+SLIDING = serial_urdf(
+    ("revolute", {"xyz": (0, 0, 0.3)}),
+    ("continuous", {"xyz": (0.1, 0, 0.1), "rpy": (0.3, 0.2, 0.1), "axis": (0, 1, 0)}),
+    ("prismatic", {"xyz": (0.3, 0, 0.1), "rpy": (0.1, -0.4, 0.2), "axis": (0.6, 0, 0.8)}),
+    ("revolute", {"xyz": (0.2, 0.1, 0), "axis": (0, 1, 0)}),
+    ("revolute", {"xyz": (0.2, 0, 0.1), "axis": (1, 0, 0)}),
+).replace(
+    "</robot>",
+    link("upper limb")
+    + link("lower limb")
+    + joint("slides out", "l2", "upper limb", "prismatic", axis="0 3 4", limit=HELD)
+    + joint("turns", "upper limb", "lower limb", "revolute", axis="0 2 0", limit=HELD)
+    + "</robot>",
+)
+
+
+class Case(NamedTuple):
+    """An arm in a posture, a force at its tip, and what Pinocchio knows of it."""
+
+    arm: Any
+    q: Any
+    F: Any
+    J: Any  # of the force, in tool axes
+    g: Any  # what carries the weight
+    M: Any
+
+
+class Prediction(NamedTuple):
+    """A force, and the torques, weight included, of the motors that hold it."""
+
+    force: Any
+    torque: Any
+
+
+@pytest.fixture(scope="module", params=["dh5", "panda", "ur5", "sliding"])
+def arm(request, tmp_path_factory):
+    if request.param == "sliding":
+        return load(tmp_path_factory.mktemp("sliding"), SLIDING, tip="tool")
+    return ftforce.load_robot(request.param)
+
+
+@pytest.fixture(params=[1, 2, 3])
+def case(arm, request):
+    """A posture far from singular ones, within the limits, and a force."""
+    rng = np.random.default_rng(request.param)
+    while True:
+        q = rng.uniform(np.maximum(arm.lower, -3.0), np.minimum(arm.upper, 3.0))
+        J = frame_jacobian(arm, q, "tool")[:3]
+        if np.linalg.cond(J) < 10.0:
+            return Case(arm, q, rng.normal(scale=STRENGTH, size=3), J, weight(arm, q), mass(arm, q))
+
+
+def weight(arm, q):
+    """Return the torques that carry the weight, from Pinocchio."""
+    return pin.computeGeneralizedGravity(arm.model, arm.data, arm.to_model(q)).copy()
+
+
+def mass(arm, q):
+    """Return the mass matrix, from Pinocchio."""
+    M = pin.crba(arm.model, arm.data, arm.to_model(q))
+    return np.triu(M) + np.triu(M, 1).T
+
+
+def others(case, *indices):
+    return [i for i in range(case.arm.n) if i not in indices]
+
+
+def some_sets(n, rng):
+    """Return every single joint, and some sets of two and three."""
+    larger = [list(combinations(range(n), size)) for size in (2, 3)]
+    drawn = [sets[i] for sets in larger for i in rng.permutation(len(sets))[:5]]
+    return [*((i,) for i in range(n)), *drawn]
+
+
+# ---- predictions -----------------------------------------------------------------------------
+
+
+def supported(A, J):
+    """Return an orthonormal basis of range(A)."""
+    left, s, _ = np.linalg.svd(A, full_matrices=False)
+    return left[:, s > RTOL * np.linalg.norm(J, 2)]
+
+
+def predicted_locked(case, locked):
+    """Brakes hold: F' = K K† F, and the motors as before."""
+    basis = supported(case.J[:, others(case, *locked)], case.J)
+    force = basis @ (basis.T @ case.F)
+    torque = case.g + case.J.T @ force
+    torque[list(locked)] = 0.0
+    return Prediction(force, torque)
+
+
+def predicted_free(case, free):
+    """Joints swing: the nearest force at which they carry the weight without a motor."""
+    S = list(free)
+    lacking = case.J[:, S].T @ case.F + case.g[S]
+    force = case.F - np.linalg.pinv(case.J[:, S].T) @ lacking
+    torque = case.g + case.J.T @ force
+    torque[S] = 0.0
+    return Prediction(force, torque)
+
+
+def predicted_mixed(case, locked, free):
+    """Both: the nearest force in range(K) at which free joints carry the weight without a motor.
+
+    A free joint can move, so its column of J lies in range(K), and the second step stays there.
+    """
+    inside = case._replace(F=predicted_locked(case, locked).force)
+    force, torque = predicted_free(inside, free)
+    torque[list(locked)] = 0.0
+    return Prediction(force, torque)
+
+
+def predicted_moving(case, torque):
+    """Torques that do not balance: the force of an arm that starts to move, tip pinned."""
+    through = np.linalg.solve(case.M, case.J.T).T  # J M⁻¹
+    return np.linalg.solve(through @ case.J.T, through @ (torque - case.g))
+
+
+def predicted_impact(case, v, locked):
+    """Joints stop at once: v_H⁺ = v_H + M_HH⁻¹ M_HS v_S."""
+    S, H = list(locked), others(case, *locked)
+    after = np.zeros(case.arm.n)
+    after[H] = v[H] + np.linalg.solve(case.M[np.ix_(H, H)], case.M[np.ix_(H, S)] @ v[S])
+    return after
+
+
+def can_stand_still(case, locked, free):
+    """Return whether free joints can be balanced clearly, by a force that is not huge."""
+    A = supported(case.J[:, others(case, *locked)], case.J).T @ case.J[:, list(free)]
+    if len(A) < len(free) or np.linalg.svd(A, compute_uv=False)[-1] < 0.05:
+        return False
+    return np.linalg.norm(predicted_mixed(case, locked, free).force) < 5 * STRENGTH
+
+
+def missing(case, free):
+    """Return the torques that free joints do not give any more."""
+    return np.abs(case.g + case.J.T @ case.F)[list(free)]
+
+
+def assert_holds(case, prediction, *, locked=(), **options):
+    """Apply the predicted torques: the pin feels the predicted force, and nothing moves."""
+    seen = physics.pinned(case.arm, case.q, prediction.torque, locked=locked, **options)
+    scale = np.linalg.norm(case.F)
+    assert_close(seen.force, prediction.force, scale=scale, tol=AGREES)
+    assert_close(seen.acceleration, 0.0, scale=1.0, tol=AT_REST)
+    assert seen.drift < AT_REST
+    # Brakes carry what motors do not: the weight, and their part of the force.
+    assert_close(seen.load, case.g + case.J.T @ prediction.force, scale=scale, tol=AGREES)
+
+
+# ---- the oracle itself -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("torque", "payload", "wanted"),
+    [
+        (0.0, None, 9.81),  # a tip of 1 kg rests on the pin
+        (5.0, None, 9.81 + 5.0 / 2.0),
+        (-30.0, None, 9.81 - 30.0 / 2.0),
+        (0.0, physics.Payload(3.0), 9.81 + 3.0 * 9.81),
+        (0.0, physics.Payload(3.0, (1.0, 0.0, 0.0)), 9.81 + 3.0 * 9.81 * 3.0 / 2.0),
+    ],
+)
+def test_the_pin_by_hand(tmp_path, torque, payload, wanted):
+    """A lever of 2 m along x turns about y and pushes downwards, that is, along the tool's -y."""
+    urdf = serial_urdf(("revolute", {"axis": (0, 1, 0)}))
+    end = '<origin xyz="0.11 0.05 0.03" rpy="0.0 0.0 0.0"/>'
+    assert end in urdf
+    turned = urdf.replace(end, '<origin xyz="2 0 0" rpy="1.5707963267948966 0 0"/>')
+    lever = load(tmp_path, turned, tip="tool")
+    seen = physics.pinned(lever, [0.0], [torque], payload=payload)
+    assert_close(seen.force, [0.0, -wanted, 0.0], tol=1e-8)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_weight_and_inverse_dynamics_against_pinocchio(name):
+    arm = ftforce.load_robot(name)
+    if any(moves.followers for moves in arm.joints):
+        pytest.skip("followers are not simulated")
+    rng = np.random.default_rng(3)
+    q = rng.uniform(np.maximum(arm.lower, -3.0), np.minimum(arm.upper, 3.0))
+    v, a = rng.normal(size=(2, arm.n))
+    assert_close(physics.inverse_dynamics(arm, q, 0.0, 0.0), weight(arm, q), tol=EXACT)
+    wanted = pin.rnea(arm.model, arm.data, arm.to_model(q), v, a)
+    assert_close(physics.inverse_dynamics(arm, q, v, a), wanted, tol=EXACT)
+
+
+def test_mass_and_the_load_of_a_force_against_pinocchio(case):
+    arm, q, g = case.arm, case.q, case.g
+    assert_close(physics.mass_matrix(arm, q), case.M, tol=EXACT)
+    W = np.array([*case.F, *(0.1 * case.F[::-1])])
+    J = frame_jacobian(arm, q, "tool")
+    assert_close(physics.inverse_dynamics(arm, q, 0.0, 0.0, force=W), g + J.T @ W, tol=EXACT)
+
+
+def test_a_locked_arm_stays_in_its_place(case):
+    arm, q = case.arm, case.q
+    R, p = tip_pose(arm, q)
+    for locked in [(), *some_sets(arm.n, np.random.default_rng(5)), range(arm.n)]:
+        tip = physics.simulate(arm, q, locked=locked).data.site(physics.TIP)
+        assert_close(tip.xpos, p, scale=1.0, tol=EXACT)
+        assert_close(tip.xmat.reshape(3, 3), R, scale=1.0, tol=EXACT)
+
+
+# ---- forces ----------------------------------------------------------------------------------
+
+
+def test_a_healthy_arm(case):
+    healthy = Prediction(case.F, case.g + case.J.T @ case.F)
+    assert_holds(case, healthy, duration=0.1)
+
+
+def test_no_gravity(case):
+    assert_holds(
+        case._replace(g=np.zeros(case.arm.n)),
+        Prediction(case.F, case.J.T @ case.F),
+        gravity=np.zeros(3),
+    )
+
+
+def test_a_healthy_arm_with_a_payload(case):
+    payload = physics.Payload(1.5, (0.05, -0.02, 0.1))
+    R, _ = tip_pose(case.arm, case.q)
+    down = R.T @ [0.0, 0.0, -1.5 * 9.81]
+    W = np.array([*down, *np.cross(payload.com, down)])
+    g = case.g - frame_jacobian(case.arm, case.q, "tool").T @ W
+    assert_holds(case._replace(g=g), Prediction(case.F, g + case.J.T @ case.F), payload=payload)
+
+
+def test_a_force_and_a_moment(case):
+    J = frame_jacobian(case.arm, case.q, "tool")
+    W, scale = np.array([*case.F, *(0.1 * case.F[::-1])]), np.linalg.norm(case.F)
+    seen = physics.pinned(case.arm, case.q, case.g + J.T @ W, weld=True)
+    assert_close(J.T @ seen.force, J.T @ W, scale=scale, tol=AGREES)
+    if case.arm.n >= 6:  # else some of it does not depend on the motors
+        assert_close(seen.force, W, scale=scale, tol=AGREES)
+        assert_close(seen.acceleration, 0.0, scale=1.0, tol=AT_REST)
+
+
+def test_locked_joints(case):
+    for locked in some_sets(case.arm.n, np.random.default_rng(11)):
+        duration = 0.1 if len(locked) == 1 else 0.0
+        assert_holds(case, predicted_locked(case, locked), locked=locked, duration=duration)
+
+
+def test_so_many_locked_joints_that_a_direction_is_lost(case):
+    pairs = list(combinations(range(case.arm.n), 2))
+    for pair in (pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[:5]):
+        locked = others(case, *pair)
+        prediction = predicted_locked(case, locked)
+        assert np.linalg.norm(prediction.force - case.F) > 0.01 * STRENGTH
+        assert_holds(case, prediction, locked=locked)
+
+
+def test_joints_that_swing_freely(case):
+    sets = some_sets(case.arm.n, np.random.default_rng(17))
+    sets = [free for free in sets if can_stand_still(case, (), free)]
+    assert {len(free) for free in sets} >= {1, 2}
+    for free in sets:
+        duration = 0.5 if len(free) == 1 else 0.0
+        assert_holds(case, predicted_free(case, free), duration=duration)
+
+
+def test_with_the_old_torques_an_arm_with_a_free_joint_drifts(case):
+    singles = ((i,) for i in range(case.arm.n) if can_stand_still(case, (), (i,)))
+    singles = [free for free in singles if missing(case, free)[0] > 1.0]
+    assert singles
+    for free in singles:
+        old = case.g + case.J.T @ case.F
+        old[list(free)] = 0.0
+        seen = physics.pinned(case.arm, case.q, old, duration=0.5)
+        assert seen.drift > 0.1
+        assert np.linalg.norm(seen.acceleration) > 0.1
+        scale = np.linalg.norm(case.F)
+        assert np.linalg.norm(seen.force - predicted_free(case, free).force) > 0.01 * scale
+        assert_close(seen.force, predicted_moving(case, old), scale=scale, tol=AGREES)
+
+
+def test_one_locked_and_one_free_joint(case):
+    pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
+    pairs = [(i, k) for i, k in pairs if can_stand_still(case, (i,), (k,))]
+    assert len(pairs) > 3
+    for i, k in (pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[:8]):
+        assert_holds(case, predicted_mixed(case, (i,), (k,)), locked=(i,))
+    assert_holds(case, predicted_mixed(case, (i,), (k,)), locked=(i,), duration=0.5)
+
+
+def test_all_joints_locked_but_two_of_which_one_is_free(case):
+    """So directions are lost, and the free joint takes another one."""
+    pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
+    pairs = [(i, k) for i, k in pairs if can_stand_still(case, others(case, i, k), (k,))]
+    assert len(pairs) > 3
+    for i, k in (pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[:8]):
+        locked = others(case, i, k)
+        assert_holds(case, predicted_mixed(case, locked, (k,)), locked=locked)
+
+
+def test_torques_of_self_motion_show_in_the_force_of_a_moving_arm(case):
+    N = np.eye(case.arm.n) - np.linalg.pinv(case.J) @ case.J
+    torque = case.g + case.J.T @ case.F + N @ np.linspace(-15.0, 20.0, case.arm.n)
+    static = np.linalg.pinv(case.J.T) @ (torque - case.g)
+    assert_close(static, case.F)  # what statics sees of them: nothing
+    moving, scale = predicted_moving(case, torque), np.linalg.norm(case.F)
+    assert np.linalg.norm(moving - static) > 0.01 * scale
+    seen = physics.pinned(case.arm, case.q, torque)
+    assert_close(seen.force, moving, scale=scale, tol=AGREES)
+    a = np.linalg.solve(case.M, torque - case.g - case.J.T @ moving)
+    assert_close(seen.acceleration, a, tol=AGREES)
+
+
+# ---- the impact ------------------------------------------------------------------------------
+
+
+def test_velocities_when_a_moving_joint_locks(case):
+    arm, rng = case.arm, np.random.default_rng(23)
+    M = physics.mass_matrix(arm, case.q)
+    for locked in some_sets(arm.n, rng):
+        v = rng.normal(size=arm.n)
+        after, tip = physics.brake(arm, case.q, v, locked)
+        wanted, scale, H = predicted_impact(case, v, locked), np.abs(v).max(), others(case, *locked)
+        assert_close(after, wanted, scale=scale, tol=IMPACT)
+        assert_close(tip, case.J @ wanted, scale=scale, tol=IMPACT)
+        # The brake's impulse acts on its own joints only, and takes energy away.
+        assert_close((M @ (after - v))[H], 0.0, scale=np.abs(M @ v).max(), tol=IMPACT)
+        assert after @ M @ after < v @ M @ v
