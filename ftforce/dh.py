@@ -1,6 +1,6 @@
-"""Denavit–Hartenberg tables: read from TOML, checked, and turned into transforms.
+"""Denavit–Hartenberg tables: checked, and turned into transforms.
 
-In here lengths are metres and angles radians; :meth:`DHTable.from_toml` converts. A malformed
+In here lengths are metres and angles radians; :mod:`ftforce.dh_reader` converts. A malformed
 value raises ``InputError`` when a row, mass model or table is built, so later code trusts them.
 This module knows nothing about URDF: that is :mod:`ftforce.generate`.
 """
@@ -9,12 +9,8 @@ from __future__ import annotations
 
 import math
 import sys
-import tomllib
 from collections import Counter
-from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, field, fields
-from itertools import chain, repeat
-from pathlib import Path
+from dataclasses import dataclass, field
 from reprlib import repr as brief
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
@@ -22,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_vector, read_only
-from ftforce.errors import DHTableError, InputError, UnknownNameError, listed
-from ftforce.source import read_text
+from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping
     from os import PathLike
+    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
@@ -76,9 +72,9 @@ class DHRow:
     link: str | None = None
 
     def __post_init__(self) -> None:
-        _check_choice(self.type, "type", JointType)
+        check_choice(self.type, "type", JointType)
         for key in ("a", "alpha", "d", "theta", "lower", "upper"):
-            _number(getattr(self, key), key)
+            check_number(getattr(self, key), key)
         for key in ("effort", "velocity", "mass"):
             _check_positive(getattr(self, key), key)
         if self.lower > self.upper:
@@ -114,8 +110,8 @@ class MassModel:
     density: float | None = None
 
     def __post_init__(self) -> None:
-        _check_choice(self.model, "model", Solid)
-        _number(self.radius, "radius")
+        check_choice(self.model, "model", Solid)
+        check_number(self.radius, "radius")
         _check_positive(self.radius, "radius")
         _check_positive(self.density, "density")
 
@@ -150,7 +146,7 @@ class DHTable:
 
     def __post_init__(self) -> None:
         _check_name(self.name, "name")
-        _check_choice(self.convention, "convention", Convention)
+        check_choice(self.convention, "convention", Convention)
         if not self.rows:
             raise InputError("rows is empty; a table needs one row per joint")
         for i, row in enumerate(self.rows, start=1):
@@ -160,8 +156,8 @@ class DHTable:
         postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
         object.__setattr__(self, "postures", MappingProxyType(postures))
 
-    @classmethod
-    def from_toml(cls, path: str | PathLike[str]) -> DHTable:
+    @staticmethod
+    def from_toml(path: str | PathLike[str]) -> DHTable:
         """Read a DH table; ``robots/dh5.toml`` shows and explains every key.
 
         Raises
@@ -169,11 +165,9 @@ class DHTable:
         DHTableError
             The file cannot be read or the table is malformed; the message names the row and key.
         """
-        text = read_text(path, DHTableError, "a DH table")
-        try:
-            return cls(**_arguments_of_table(text), source=Path(path))
-        except InputError as error:
-            raise DHTableError(path, str(error)) from None
+        from ftforce.dh_reader import read_dh_table
+
+        return read_dh_table(path)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -243,84 +237,14 @@ def _along_z(theta: float, d: float) -> Matrix:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
 
 
-def _arguments_of_table(text: str) -> dict[str, Any]:
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not TOML: {error}") from None
-    required = ("name", "convention", "units", "rows", "mass")
-    entries = _checked_keys(content, required, ("postures",))
-    with _within("units"):
-        angle = _angle_unit(entries.pop("units"))
-    with _within("mass"):
-        mass = MassModel(**_arguments(MassModel, entries["mass"], text=("model",)))
-    rows = _rows(entries["rows"], angle)
-    postures = _postures(entries.get("postures", {}), rows, angle)
-    return entries | {"rows": rows, "mass": mass, "postures": postures}
+def check_number(value: object, key: str) -> float:
+    """Return a number as a float.
 
-
-def _angle_unit(entry: object) -> Callable[[float], float]:
-    units = _checked_keys(entry, ("length", "angle"))
-    _check_choice(units["length"], "length unit", Literal["m"])
-    _check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
-    return math.radians if units["angle"] == "deg" else float
-
-
-def _rows(entries: object, angle: Callable[[float], float]) -> tuple[DHRow, ...]:
-    if not isinstance(entries, list):
-        raise InputError(f"rows needs a list with one table per joint, got {brief(entries)}")
-    rows = []
-    for i, entry in enumerate(entries, start=1):
-        with _within(f"row {i}"):
-            values = _arguments(DHRow, entry, text=("type", "joint", "link"))
-            own = ("lower", "upper", "velocity") if values["type"] == "revolute" else ()
-            angles = {key: angle(values[key]) for key in ("alpha", "theta", *own) if key in values}
-            rows.append(DHRow(**(values | angles)))
-    return tuple(rows)
-
-
-def _postures(
-    entries: object, rows: tuple[DHRow, ...], angle: Callable[[float], float]
-) -> dict[str, list[float]]:
-    if not isinstance(entries, dict):
-        raise InputError(f"postures needs a table of named lists, got {brief(entries)}")
-    postures = {}
-    units = [angle if row.type == "revolute" else float for row in rows]
-    for name, values in entries.items():
-        where = f"posture {name!r}"
-        if not isinstance(values, list):
-            raise InputError(f"{where} needs a list of numbers, got {brief(values)}")
-        # A list that is too long or too short is for DHTable to refuse.
-        with_units = zip(chain(units, repeat(float)), values, strict=False)
-        postures[name] = [unit(_number(value, where)) for unit, value in with_units]
-    return postures
-
-
-def _arguments(
-    kind: type[DHRow | MassModel], entry: object, text: tuple[str, ...]
-) -> dict[str, Any]:
-    required = [f.name for f in fields(kind) if f.default is MISSING]
-    optional = [f.name for f in fields(kind) if f.default is not MISSING]
-    values = _checked_keys(entry, required, optional)
-    return {key: value if key in text else _number(value, key) for key, value in values.items()}
-
-
-def _checked_keys(
-    entry: object, required: Sequence[str], optional: Sequence[str] = ()
-) -> dict[str, Any]:
-    if not isinstance(entry, dict):
-        raise InputError(f"needs a table with {listed(required)}; got {brief(entry)}")
-    known = (*required, *optional)
-    for key in entry:
-        if key not in known:
-            raise UnknownNameError("key", key, known)
-    for key in required:
-        if key not in entry:
-            raise InputError(f"missing key {key!r}")
-    return entry
-
-
-def _number(value: object, key: str) -> float:
+    Raises
+    ------
+    InputError
+        It is none, or not finite.
+    """
     # bool is an int in Python, but `true` is no length.
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} needs a number, got {brief(value)}")
@@ -330,11 +254,18 @@ def _number(value: object, key: str) -> float:
 
 
 def _check_positive(value: float | None, key: str) -> None:
-    if value is not None and _number(value, key) <= 0:
+    if value is not None and check_number(value, key) <= 0:
         raise InputError(f"{key} needs to be positive, got {value:g}")
 
 
-def _check_choice(value: object, kind: str, choices: Any) -> None:
+def check_choice(value: object, kind: str, choices: Any) -> None:
+    """Check that a value is one of a ``Literal``'s.
+
+    Raises
+    ------
+    UnknownNameError
+        It is not; the message lists them.
+    """
     if value not in get_args(choices):
         name = value if isinstance(value, str) else brief(value)
         raise UnknownNameError(kind, name, get_args(choices))
@@ -351,11 +282,3 @@ def _check_distinct(*names: str) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"joints and links need names of their own; {twice[0]!r} is taken twice")
-
-
-@contextmanager
-def _within(where: str) -> Iterator[None]:
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None

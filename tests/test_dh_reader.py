@@ -1,0 +1,268 @@
+"""DH tables from TOML: what is taken, and what is refused in which words."""
+
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ftforce.dh import DHRow, DHTable
+from ftforce.dh_reader import read_dh_table
+from ftforce.errors import DHTableError
+
+DH5 = Path(__file__).parents[1] / "robots" / "dh5.toml"
+
+# Every value differs, so that a mix-up shows.
+TABLE = """\
+name = "arm"
+convention = "standard"
+units = { length = "m", angle = "deg" }
+rows = [
+  { a = 0.3, alpha = 90, d = 0.1, theta = 30, type = "revolute", lower = -170, upper = 160, \
+effort = 50, velocity = 60, mass = 2.5, joint = "shoulder" },
+  { a = 0.2, alpha = -45, d = 0.4, theta = 15, type = "prismatic", lower = -0.1, upper = 0.7, \
+velocity = 0.5, link = "slide" },
+]
+[mass]
+model = "thin rod"
+radius = 0.02
+density = 1000
+[postures]
+home = [20, 0.25]
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text, encoding="utf-8"):
+        path = tmp_path / "arm.toml"
+        path.write_bytes(text.encode(encoding))
+        return DHTable.from_toml(path)
+
+    return read_text
+
+
+def test_dh5_is_table_1_of_the_paper():
+    table = DHTable.from_toml(DH5)
+    assert (table.name, table.convention) == ("dh5", "standard")
+    assert [row.a for row in table.rows] == [0.45, 0.32, 0.18, 0.12, 0.08]
+    assert [row.alpha for row in table.rows] == [0, math.pi / 2, 0, 0, 0]
+    assert [(row.d, row.theta, row.type) for row in table.rows] == [(0.05, 0, "revolute")] * 5
+    assert [(row.lower, row.upper) for row in table.rows] == [(-math.pi, math.pi)] * 5
+    np.testing.assert_array_equal(table.postures["paper"], np.radians([10, 70, 25, 65, 0]))
+
+
+def test_a_table_knows_no_file_until_it_is_asked_for_one():
+    code = (
+        "import sys, ftforce.dh\n"
+        "assert not {'tomllib', 'ftforce.dh_reader', 'ftforce.source'} & set(sys.modules)\n"
+        f"print(ftforce.dh.DHTable.from_toml({str(DH5)!r}).source)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{DH5}\n"
+    assert read_dh_table(DH5).rows == DHTable.from_toml(DH5).rows
+
+
+def test_degrees_become_radians_but_metres_stay(read):
+    turn, slide = read(TABLE).rows
+    rad = math.radians
+    assert turn == DHRow(
+        0.3, rad(90), 0.1, rad(30), "revolute", rad(-170), rad(160), 50, rad(60), 2.5, "shoulder"
+    )
+    assert slide == DHRow(
+        0.2, rad(-45), 0.4, rad(15), "prismatic", -0.1, 0.7, velocity=0.5, link="slide"
+    )
+    np.testing.assert_array_equal(read(TABLE).postures["home"], [rad(20), 0.25])
+
+
+def test_radians_stay(read):
+    in_radians = TABLE.replace('"deg"', '"rad"').replace("alpha = 90", "alpha = 1.5")
+    in_radians = in_radians.replace("lower = -170, upper = 160", "lower = -3, upper = 2.5")
+    table = read(in_radians.replace("[20, 0.25]", "[-2, 0.25]"))
+    turn = table.rows[0]
+    assert (turn.alpha, turn.theta, turn.lower, turn.upper, turn.velocity) == (1.5, 30, -3, 2.5, 60)
+    np.testing.assert_array_equal(table.postures["home"], [-2, 0.25])
+
+
+def test_names_default_to_numbers(read):
+    table = read(TABLE)
+    assert table.joint_names == ("shoulder", "joint2")
+    assert table.link_names == ("base", "link1", "slide", "tool")
+
+
+def test_what_is_not_stated_is_unknown(read):
+    assert read(TABLE).rows[1].effort is None
+    assert read(TABLE).rows[1].mass is None
+
+
+def test_postures_are_optional(read):
+    assert dict(read(TABLE[: TABLE.index("[postures]")]).postures) == {}
+
+
+def test_a_byte_order_mark_is_no_problem(read):
+    assert read(TABLE, "utf-8-sig").name == "arm"
+
+
+MALFORMED = {
+    # what is replaced in TABLE, by what, and what the message says
+    "robot name missing": ('name = "arm"\n', "", "missing key 'name'"),
+    "robot name empty": ('"arm"', '""', "name needs printable text without blanks around it"),
+    "robot name no text": ('"arm"', "7", "name needs printable text.*got 7"),
+    "robot name multi-line": ('"arm"', r'"a\nb"', "name needs printable text"),
+    "convention unknown": (
+        '"standard"',
+        '"standart"',
+        "no convention 'standart'; there is: standard, modified; did you mean 'standard'",
+    ),
+    "convention no text": ('"standard"', "1", "no convention '1'; there is: standard, modified"),
+    "convention missing": ('convention = "standard"\n', "", "missing key 'convention'"),
+    "key unknown": (
+        "convention",
+        "convencion",
+        "no key 'convencion'; there is: name, .*did you mean 'convention'",
+    ),
+    "units missing": ('units = { length = "m", angle = "deg" }', "", "missing key 'units'"),
+    "units no table": (
+        '{ length = "m", angle = "deg" }',
+        '"SI"',
+        "units: needs a table with length",
+    ),
+    "units incomplete": ('length = "m", ', "", "units: missing key 'length'"),
+    "length unit unknown": ('"m"', '"mm"', "units: no length unit 'mm'; there is: m"),
+    "angle unit unknown": ('"deg"', '"grad"', "units: no angle unit 'grad'; there is: deg, rad"),
+    "no rows": (r"rows = \[.*?\n\]", "rows = []", "rows is empty; a table needs one row per joint"),
+    "rows missing": (r"rows = \[.*?\n\]", "", "missing key 'rows'"),
+    "rows no list": (r"rows = \[.*?\n\]", "rows = 3", "rows needs a list .*got 3"),
+    "row no table": (
+        r"rows = \[.*?\n\]",
+        "rows = [1]",
+        "row 1: needs a table with a, alpha.*got 1",
+    ),
+    "row key unknown": (
+        "alpha = -45",
+        "alfa = -45",
+        "row 2: no key 'alfa'; there is: a, alpha, .*did you mean 'alpha'",
+    ),
+    "row key missing": ("theta = 15, ", "", "row 2: missing key 'theta'"),
+    "row type missing": ('type = "prismatic", ', "", "row 2: missing key 'type'"),
+    "row type unknown": (
+        '"prismatic"',
+        '"prism"',
+        "row 2: no type 'prism'; there is: revolute, prismatic",
+    ),
+    "row type no text": ('"prismatic"', "[2]", r"row 2: no type '\[2\]'"),
+    "number as text": ("a = 0.2", 'a = "0.2"', "row 2: a needs a number, got '0.2'"),
+    "number as bool": ("a = 0.2", "a = true", "row 2: a needs a number, got True"),
+    "nan": ("d = 0.4", "d = nan", "row 2: d needs a finite number, got nan"),
+    "infinite": ("upper = 0.7", "upper = inf", "row 2: upper needs a finite number, got inf"),
+    "infinite angle": ("alpha = 90", "alpha = -inf", "row 1: alpha needs a finite number"),
+    "huge integer": ("a = 0.2", "a = 1" + 400 * "0", "row 2: a needs a finite number, got 1000"),
+    "lower above upper": (
+        "lower = -170",
+        "lower = 170",
+        r"row 1: lower = 2.96706 rad \(170 deg\) exceeds upper = 2.79253 rad \(160 deg\)",
+    ),
+    "lower above upper, sliding": ("lower = -0.1", "lower = 1", "row 2: lower = 1 m exceeds"),
+    "effort zero": ("effort = 50", "effort = 0", "row 1: effort needs to be positive, got 0"),
+    "velocity negative": ("velocity = 60", "velocity = -6", "row 1: velocity needs to be positive"),
+    "mass zero": ("mass = 2.5", "mass = 0", "row 1: mass needs to be positive, got 0"),
+    "mass negative": ("mass = 2.5", "mass = -1", "row 1: mass needs to be positive, got -1"),
+    "mass unknown": ("density = 1000\n", "", "row 2: missing key 'mass' .or one 'density' in mass"),
+    "joint name empty": ('"shoulder"', '""', "row 1: joint needs printable text"),
+    "joint name blank": ('"shoulder"', '" "', "row 1: joint needs printable text"),
+    "joint name no text": ('"shoulder"', "true", "row 1: joint needs printable text.*got True"),
+    "link name control character": ('"slide"', r'"a\u0007"', "row 2: link needs printable text"),
+    "link name no XML character": ('"slide"', r'"\uffff"', "row 2: link needs printable text"),
+    "joint name twice": ('"shoulder"', '"joint2"', "names of their own; 'joint2' is taken twice"),
+    "joint named as the last one": ('"shoulder"', '"tool_joint"', "'tool_joint' is taken twice"),
+    "link name twice": ('"slide"', '"base"', "names of their own; 'base' is taken twice"),
+    "joint named as link": ('"shoulder"', '"slide"', "names of their own; 'slide' is taken twice"),
+    "mass model missing": (r"\[mass\].*?\n\[", "[", "missing key 'mass'"),
+    "mass model unknown": (
+        '"thin rod"',
+        '"rod"',
+        "mass: no model 'rod'; there is: thin rod, solid cylinder",
+    ),
+    "mass key unknown": ("radius", "radios", "mass: no key 'radios'.*did you mean 'radius'"),
+    "radius missing": ("radius = 0.02\n", "", "mass: missing key 'radius'"),
+    "radius zero": ("0.02", "0", "mass: radius needs to be positive, got 0"),
+    "radius nan": ("0.02", "nan", "mass: radius needs a finite number, got nan"),
+    "density negative": ("1000", "-1", "mass: density needs to be positive, got -1"),
+    "density bool": ("1000", "true", "mass: density needs a number, got True"),
+    "posture too short": (r"\[20, 0.25\]", "[20]", "posture 'home' needs 2 numbers, got 1 number"),
+    "posture too long": (r"\[20, 0.25\]", "[20, 0, 0]", "'home' needs 2 numbers, got 3 numbers"),
+    "posture no list": (r"\[20, 0.25\]", "20", "posture 'home' needs a list of numbers, got 20"),
+    "posture of text": (r"\[20, 0.25\]", '[20, "0"]', "posture 'home' needs a number, got '0'"),
+    "posture of bool": (r"\[20, 0.25\]", "[20, false]", "posture 'home' needs a number, got False"),
+    "posture nan": (r"\[20, 0.25\]", "[20, nan]", "posture 'home' needs a finite number, got nan"),
+    "posture outside": (
+        r"\[20, 0.25\]",
+        "[161, 0.25]",
+        r"posture 'home': shoulder = 2.80998 rad \(161 deg\) is outside its limits .*-170 deg.*160",
+    ),
+    "posture outside, sliding": (
+        r"\[20, 0.25\]",
+        "[20, -0.2]",
+        "posture 'home': joint2 = -0.2 m is outside its limits -0.1 m to 0.7 m",
+    ),
+    "posture name empty": ("home =", '"" =', "posture name needs printable text"),
+    "broken TOML": ("units = {", "units = {{", "is not TOML: .*line 3"),
+    "key twice": ('name = "arm"', 'name = "arm"\nname = "arm"', "is not TOML"),
+    "endless nesting": ('"arm"', 9999 * "[", "is not TOML"),
+    "endless integer": ("a = 0.2", "a = 1" + 9999 * "0", "is not TOML"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), MALFORMED.values(), ids=MALFORMED)
+def test_malformed_tables(read, tmp_path, old, new, message):
+    text, changes = re.subn(old, lambda _: new, TABLE, count=1, flags=re.DOTALL)
+    assert changes == 1
+    with pytest.raises(DHTableError, match=message) as caught:
+        read(text)
+    assert caught.value.path == str(tmp_path / "arm.toml")
+    assert "\n" not in str(caught.value)
+    assert len(caught.value.reason) < 300
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("postures = 3", "postures needs a table of named lists, got 3"),
+        ("postures = [[1, 2]]", "postures needs a table of named lists, got"),
+        ("mass = 2", "mass: needs a table with model, radius; got 2"),
+    ],
+)
+def test_values_where_tables_belong(read, entry, message):
+    key = entry.split()[0]
+    others = re.sub(rf"\[{key}\].*?(?=\n\[|\Z)", "", TABLE, flags=re.DOTALL)
+    with pytest.raises(DHTableError, match=re.escape(message)):
+        read(f"{entry}\n{others}")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "empty"),
+        (b" \n", "empty"),
+        (b"# only a comment", "missing key 'name'"),
+        (b"\x00\x01\x02", "binary"),
+        ("name = 'Gelenkärm'".encode("latin-1"), "not UTF-8"),
+        (bytes(range(128, 256)), "not UTF-8"),
+    ],
+)
+def test_files_that_are_no_tables(tmp_path, content, message):
+    path = tmp_path / "arm.toml"
+    path.write_bytes(content)
+    with pytest.raises(DHTableError, match=message) as caught:
+        DHTable.from_toml(path)
+    assert str(path) in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(DHTableError, match=r"none\.toml: no such file"):
+        DHTable.from_toml(tmp_path / "none.toml")
+    with pytest.raises(DHTableError, match="is a folder"):
+        DHTable.from_toml(str(tmp_path))
