@@ -113,6 +113,13 @@ class Analysis(Displayed):
         """Whether motors, brakes and some force at the tip can hold the arm after the fault."""
         return self.bounded is None or self.bounded.F_after is not None
 
+    @cached_property
+    def unknown_limits(self) -> tuple[int, ...]:
+        """Indices of the joints whose limit, of motor or of brake, counts as none."""
+        if self.limits is None:
+            return ()
+        return tuple(np.flatnonzero(np.isnan(self.limits.largest_torques(self.faults))).tolist())
+
     @property
     def margin(self) -> float:
         """σ_min(K)/σ_max(J)."""

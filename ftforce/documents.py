@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
-from ftforce import metrics, words
+from ftforce import metrics, sentences
 from ftforce.analysis import Analysis
+from ftforce.document_parts import (
+    Document,
+    arm_part,
+    capability_part,
+    conventions_part,
+    faults_part,
+    finite,
+    force_part,
+    limits_part,
+    listed,
+    posture_part,
+    rnea_part,
+    torque_part,
+    total_part,
+    velocity_part,
+)
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
+from ftforce.faults import FaultMode
+from ftforce.force_capability import Capability, capability_of
 from ftforce.replicate import ERRATA, Replication
 from ftforce.robot import Robot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
-    from ftforce.arrays import Vector
-    from ftforce.changes import ForceChange, TorqueChange, VelocityChange
     from ftforce.fault_census import SetReport
-    from ftforce.posture import Posture
-    from ftforce.task import Task
-
-Document: TypeAlias = dict[str, Any]
 
 
 @singledispatch
@@ -42,12 +53,9 @@ def to_dict(result: object) -> Document:
 @to_dict.register(Analysis)
 def _analysis(analysis: Analysis) -> Document:
     names, reduced = analysis.robot.names, analysis.reduced
-    given = (analysis.force, analysis.torque)
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
     document: Document = {
-        "robot": _arm(analysis.robot),
-        "conventions": _conventions(analysis.task, reduced.rtol, analysis.wary),
-        "posture": _posture(analysis.posture),
-        "locked": list(analysis.locked),
+        **_situation(analysis),
         "jacobian": {
             "matrix": analysis.J.tolist(),
             "rank": reduced.rank,
@@ -61,19 +69,29 @@ def _analysis(analysis: Analysis) -> Document:
             "lost_directions": analysis.lost_directions.tolist(),
             "force_error_per_torque": finite(analysis.force_error),
         },
-        "force": _force(given[0]),
-        "torque": _torque(names, analysis.faults.joints, given[1]),
-        "velocity": _velocity(names, analysis.velocity),
+        "force": force_part(analysis.force),
+        "torque": {
+            **torque_part(names, locked, analysis.torque),
+            **rnea_part(names, analysis.rnea),
+            "total": total_part(names, locked, analysis.torque),
+        },
+        "velocity": velocity_part(names, analysis.velocity, analysis.impact),
+        "limits": _limits(analysis),
+        "standing": _standing(analysis),
+        "capability": None
+        if analysis.limits is None
+        else capability_part(capability_of(analysis)),
         "verdict": analysis.verdict.value,
-        "summary": words.verdict_sentence(analysis),
+        "summary": sentences.verdict_sentence(analysis),
+        "residuals": dict(analysis.residuals()),
         "warnings": list(analysis.warnings),
     }
     if analysis.unit_forces:
         document["unit_forces"] = [
             {
                 "component": component,
-                "force": _force(force),
-                "torque": _torque(names, analysis.faults.joints, torque),
+                "force": force_part(force),
+                "torque": torque_part(names, locked, torque),
             }
             for component, (force, torque) in zip(
                 analysis.task.components, analysis.unit_forces, strict=True
@@ -82,14 +100,79 @@ def _analysis(analysis: Analysis) -> Document:
     return document
 
 
+def _situation(analysis: Analysis) -> Document:
+    return {
+        "robot": arm_part(analysis.robot),
+        "conventions": {
+            **conventions_part(
+                analysis.task, analysis.reduced.rtol, analysis.wary, analysis.conditions
+            ),
+            "inverse": analysis.inverse,
+        },
+        "posture": posture_part(analysis.posture),
+        **faults_part(analysis.robot.names, analysis.faults),
+    }
+
+
+def _limits(analysis: Analysis) -> Document | None:
+    bounded, names = analysis.bounded, analysis.robot.names
+    if analysis.limits is None or bounded is None:
+        return None
+    return {
+        **limits_part(names, analysis.limits),
+        "unknown": [names[i] for i in analysis.unknown_limits],
+        "binding": [names[j] for j in bounded.binding],
+        "share": bounded.share if analysis.force is not None else None,
+    }
+
+
+def _standing(analysis: Analysis) -> Document:
+    bounded, names = analysis.bounded, analysis.robot.names
+    support = None
+    if bounded is not None and bounded.F_after is not None and analysis.force is None:
+        support = analysis.task.unweigh_force(bounded.F_after).tolist()
+    return {
+        "can_stand_still": analysis.can_stand_still,
+        "support": support,
+        "unbalanced": {names[j]: x for j, x in sentences.unbalanced(analysis).items()},
+        "overloaded": {
+            names[j]: {"torque": x, "limit": most}
+            for j, (x, most) in sentences.overloads(analysis).items()
+        },
+    }
+
+
+@to_dict.register(Capability)
+def _capability(capability: Capability) -> Document:
+    analysis = capability.analysis
+    names = analysis.robot.names
+    limits = None
+    if analysis.limits is not None:
+        unknown = [names[i] for i in analysis.unknown_limits]
+        limits = {**limits_part(names, analysis.limits), "unknown": unknown}
+    return {
+        **_situation(analysis),
+        "limits": limits,
+        "capability": capability_part(capability),
+        "summary": sentences.capability_sentence(capability),
+        "warnings": list(analysis.warnings),
+    }
+
+
 @to_dict.register(Census)
 def _census(census: Census) -> Document:
     names = census.robot.names
     return {
-        "robot": _arm(census.robot),
-        "conventions": _conventions(census.task, census.rtol, census.wary),
-        "posture": _posture(census.posture),
+        "robot": arm_part(census.robot),
+        "conventions": conventions_part(
+            census.task, census.rtol, census.wary, census.conditions
+        ),
+        "posture": posture_part(census.posture),
         "faults": census.largest,
+        "mode": census.mode.value,
+        "rank_by": census.rank_by,
+        "direction": listed(census.direction),
+        "limits": None if census.limits is None else limits_part(names, census.limits),
         "force": {"requested": listed(census.requested), "before": listed(census.before)},
         "sets": [_set(names, report) for report in census.sets],
         "joints": [
@@ -103,89 +186,14 @@ def _census(census: Census) -> Document:
             }
             for report in census.joints
         ],
-        "summary": words.critical_joint(census),
-        "warnings": list(census.posture.warnings),
-    }
-
-
-def _arm(robot: Robot) -> Document:
-    return {
-        "name": robot.name,
-        "base": robot.base,
-        "tip": robot.tip,
-        "joints": list(robot.names),
-        "types": [joint.type for joint in robot.joints],
-    }
-
-
-def _conventions(task: Task, rtol: float, wary: float) -> Document:
-    return {
-        "axes": task.axes,
-        "task": str(task),
-        "components": list(task.components),
-        "length": task.length if task.moment_rows else None,
-        "sign": words.SIGN,
-        "units": {
-            "position": "rad (m for prismatic joints)",
-            "velocity": "rad/s (m/s for prismatic joints)",
-            "torque": "N·m (N for prismatic joints)",
-            "force": "N",
-            "moment": "N·m",
-            "length": "m",
-            "tip_velocity": "m/s, rad/s",
-            "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
-            "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
-            "lost_directions": "unit vectors of the weighted force [f; moment / length]",
-        },
-        "rtol": rtol,
-        "wary": wary,
-    }
-
-
-def _posture(posture: Posture) -> Document:
-    return {"q": posture.q.tolist(), "source": posture.source}
-
-
-def _force(force: ForceChange | None) -> Document:
-    keys = ("requested", "unsupported", "before", "after", "jump")
-    if force is None:
-        return dict.fromkeys((*keys, "jump_norm", "moment_jump_norm"))
-    vectors = {key: listed(getattr(force, key)) for key in keys}
-    return {
-        **vectors,
-        "jump_norm": force.jump_norm,
-        "moment_jump_norm": force.moment_jump_norm,
-    }
-
-
-def _torque(names: Sequence[str], locked: Iterable[int], torque: TorqueChange | None) -> Document:
-    if torque is None:
-        return {"before": None, "after": None, "brake_load": None, "self_motion": None}
-    return {
-        "before": _by_name(names, torque.before),
-        "after": _by_name(names, torque.after),
-        "brake_load": {names[i]: float(torque.brake_load[i]) for i in locked},
-        "self_motion": _by_name(names, torque.self_motion),
-    }
-
-
-def _velocity(names: Sequence[str], velocity: VelocityChange | None) -> Document | None:
-    if velocity is None:
-        return None
-    return {
-        "before": _by_name(names, velocity.before),
-        "after": _by_name(names, velocity.after),
-        "tip_before": velocity.tip_before.tolist(),
-        "tip_after": velocity.tip_after.tolist(),
-        "jump": velocity.jump.tolist(),
-        "jump_norm": velocity.jump_norm,
-        "angular_jump_norm": velocity.angular_jump_norm,
+        "summary": sentences.critical_joint(census),
+        "warnings": list(census.warnings),
     }
 
 
 def _set(names: Sequence[str], report: SetReport) -> Document:
     return {
-        "locked": [names[i] for i in report.faults.joints],
+        **faults_part(names, report.faults),
         "jacobian": {
             "rank_after": report.rank_after,
             "rank_lost": report.rank_lost,
@@ -199,28 +207,24 @@ def _set(names: Sequence[str], report: SetReport) -> Document:
             "jump_norm": report.jump_norm,
             "moment_jump_norm": report.moment_jump_norm,
         },
+        "can_stand_still": report.can_stand_still,
+        "share": report.share,
+        "binding": [names[j] for j in report.binding],
+        "capability": None
+        if report.capability is None
+        else {
+            "commanded": finite(report.capability.commanded),
+            "held": finite(report.capability.held),
+            "stops": [names[j] for j in report.capability.stops],
+        },
         "verdict": report.verdict.value,
     }
-
-
-def finite(x: float) -> float | None:
-    """Return a number, or ``None`` where it is infinite or undefined."""
-    return x if math.isfinite(x) else None
-
-
-def listed(vector: Vector | None) -> list[float] | None:
-    """Return a vector as a list, or ``None``."""
-    return None if vector is None else vector.tolist()
-
-
-def _by_name(names: Sequence[str], vector: Vector) -> dict[str, float]:
-    return dict(zip(names, vector.tolist(), strict=True))
 
 
 @to_dict.register(Robot)
 def _robot(robot: Robot) -> Document:
     return {
-        **_arm(robot),
+        **arm_part(robot),
         "base_source": robot.base_source,
         "tip_source": robot.tip_source,
         "limits": {

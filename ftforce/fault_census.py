@@ -15,7 +15,7 @@ from ftforce.changes import RneaChange, split_norms
 from ftforce.closed_forms import force_jump
 from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
 from ftforce.feasible import Reading, feasible_forces, reach, weakest_direction
 from ftforce.kinematics import task_jacobian
@@ -188,6 +188,24 @@ class Census(Displayed):
     rank: int
     sets: tuple[SetReport, ...]
     joints: tuple[JointReport, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the answer doubtful."""
+        doubts = list(self.posture.warnings)
+        matters = self.limits is not None or self.mode is FaultMode.FREE
+        if matters and not self.is_weight_known:
+            doubts.append("the URDF has no masses: the weight of the arm is missing")
+        if self.limits is not None:
+            unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
+            if unknown:
+                doubts.append(f"unknown effort limits count as none: {listed(unknown)}")
+        return tuple(doubts)
+
+    @property
+    def is_weight_known(self) -> bool:
+        """Whether the URDF has masses, or nothing weighs."""
+        return self.robot.mass > 0.0 or not (self.conditions.gravity.any() or self.conditions.moves)
 
     def worst_manipulability(self, size: int = 1) -> tuple[float, float]:
         """Return the smallest ρ over sets of one size, and the bound no posture can exceed."""

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 
     from ftforce.analysis import Analysis
     from ftforce.fault_census import Census
+    from ftforce.force_capability import Capability
     from ftforce.replicate import Replication
     from ftforce.robot import Robot
 
 FORMATS = ("json", "csv")
 
 
-def save(result: Analysis | Census | Robot | Replication, path: str | PathLike[str]) -> Path:
+def save(result: Analysis | Capability | Census | Robot | Replication, path: str | PathLike[str]) -> Path:
     """Write a result to a ``.json`` or ``.csv`` file, whole or not at all.
 
     Raises

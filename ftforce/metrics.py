@@ -163,8 +163,9 @@ def velocity_contributions(J: Matrix, v: Vector) -> Vector:
 def _norm(A: Matrix, axis: int | None = None) -> Vector:
     """Return the norm; a power of two, which rounds nothing, keeps the squares in range."""
     _, exponents = np.frexp(np.abs(A).max(axis=axis, keepdims=True))
-    norms = np.asarray(np.linalg.norm(np.ldexp(A, -exponents), axis=axis))
-    return np.ldexp(norms, exponents.reshape(norms.shape))
+    scaled = np.asarray(np.linalg.norm(np.ldexp(A, -exponents), axis=axis))
+    norms: Vector = np.ldexp(scaled, exponents.reshape(scaled.shape))
+    return norms
 
 
 def _over(values: Vector, scale: float) -> Vector:

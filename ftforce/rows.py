@@ -5,10 +5,15 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+
 from ftforce.analysis import Analysis
-from ftforce.documents import finite
+from ftforce.document_parts import finite
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
+from ftforce.faults import FaultMode
+from ftforce.feasible import Reading
+from ftforce.force_capability import Amount, Capability
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
 
@@ -16,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ftforce.arrays import Vector
+    from ftforce.fault_census import SetReport
 
 Row: TypeAlias = tuple[Any, ...]
 
@@ -45,17 +51,21 @@ def _analysis(analysis: Analysis) -> list[Row]:
 def _census(census: Census) -> list[Row]:
     task = census.task
     header = (
-        "fault_set", "locked", "size", "verdict", "jump_norm [N]", "moment_jump_norm [N·m]",
+        "fault_set", "locked", "free", "size", "verdict", "jump_norm [N]", "moment_jump_norm [N·m]",
         *(f"jump_{name} [{unit}]" for name, unit in zip(task.components, task.units, strict=True)),
         "margin", "relative_manipulability", "rank_after", "rank_lost",
-        "axes", "task", "length [m]", "rtol", "wary",
+        "can_stand_still", "share", "binding", "commanded", "held",
+        "axes", "task", "length [m]", "limits", "rtol", "wary",
     )  # fmt: skip
-    conventions = (task.axes, str(task), task.length if task.moment_rows else "", census.rtol,
-                   census.wary)  # fmt: skip
+    source = "none" if census.limits is None else census.limits.source
+    conventions = (task.axes, str(task), task.length if task.moment_rows else "", source,
+                   census.rtol, census.wary)  # fmt: skip
+    names = census.robot.names
     rows = [
         (
             str(report.faults),
-            " ".join(census.robot.names[i] for i in report.faults.joints),
+            " ".join(names[i] for i in report.faults.in_mode(FaultMode.LOCKED)),
+            " ".join(names[i] for i in report.faults.in_mode(FaultMode.FREE)),
             len(report.faults),
             report.verdict.value,
             report.jump_norm,
@@ -65,10 +75,46 @@ def _census(census: Census) -> list[Row]:
             finite(report.relative_manipulability),
             report.rank_after,
             report.rank_lost,
+            report.can_stand_still,
+            report.share,
+            " ".join(names[j] for j in report.binding),
+            *_capability_cells(report),
             *conventions,
         )
         for report in census.sets
     ]
+    return [header, *rows]
+
+
+def _capability_cells(report: SetReport) -> tuple[Any, Any]:
+    if report.capability is None:
+        return "", ""
+    return finite(report.capability.commanded), finite(report.capability.held)
+
+
+@to_rows.register(Capability)
+def _capability(capability: Capability) -> list[Row]:
+    task = capability.analysis.task
+    names = capability.analysis.robot.names
+    header = (
+        "quantity", "unit", "when", "reading", "most", "least", "end", "stops",
+        *(f"direction_{name}" for name in task.components),
+    )  # fmt: skip
+
+    def row(name: str, unit: str, when: str, reading: str, amount: Amount) -> Row:
+        stops = " ".join(names[j] for j in amount.stops)
+        direction = amount.direction.tolist() or [""] * task.m
+        most, least = finite(amount.most), finite(amount.least)
+        return (name, unit, when, reading, most, least, amount.end.value, stops, *direction)
+
+    rows = [
+        row(report.name, report.unit, when, reading.value, amounts[reading])
+        for report in (*capability.directions, capability.weakest)
+        for when, amounts in (("before", report.before), ("after", report.after))
+        for reading in Reading
+    ]
+    loads = zip(("before", "after"), capability.payload, strict=True)
+    rows += [row("payload", "kg", when, "held", amount) for when, amount in loads]
     return [header, *rows]
 
 
@@ -99,13 +145,18 @@ def _replication(result: Replication) -> list[Row]:
 
 
 def _convention_rows(analysis: Analysis) -> list[Row]:
-    task, reduced = analysis.task, analysis.reduced
+    task, reduced, limits = analysis.task, analysis.reduced, analysis.limits
+    gravity, payload = analysis.conditions.gravity.tolist(), analysis.conditions.payload
     return [
         ("convention", "robot", "", analysis.robot.name, "", ""),
         ("convention", "tip", "", analysis.robot.tip, "", ""),
         ("convention", "axes", "", task.axes, "", ""),
         ("convention", "task", "", str(task), "", ""),
         ("convention", "length", "m", task.length if task.moment_rows else "", "", ""),
+        ("convention", "limits", "", "none" if limits is None else limits.source, "", ""),
+        *(("convention", f"gravity_{axis}", "m/s²", g, "", "")
+          for axis, g in zip("xyz", gravity, strict=True)),
+        ("convention", "payload", "kg", 0.0 if payload is None else payload.mass, "", ""),
         ("convention", "rtol", "", reduced.rtol, "", ""),
         ("convention", "wary", "", analysis.wary, "", ""),
         ("verdict", "verdict", "", "", analysis.verdict.value, ""),
@@ -123,30 +174,50 @@ def _healthy_margin(analysis: Analysis) -> float:
 
 def _joint_rows(analysis: Analysis) -> list[Row]:
     robot = analysis.robot
+    faults = {fault.joint: fault for fault in analysis.faults.faults}
     rows: list[Row] = []
     for joint, q in zip(robot.joints, analysis.posture.q.tolist(), strict=True):
         rows.append(("position", joint.name, joint.unit, q, q, 0.0))
     for joint in robot.joints:
-        state = "locked" if joint.name in analysis.locked else "healthy"
-        rows.append(("state", joint.name, "", "healthy", state, ""))
-    if (torque := analysis.torque) is not None:
-        units = [joint.torque_unit for joint in robot.joints]
+        fault = faults.get(joint.number - 1, "healthy")
+        rows.append(("state", joint.name, "", "healthy", str(fault), ""))
+    units = [joint.torque_unit for joint in robot.joints]
+    rnea, torque = analysis.rnea, analysis.torque
+    rows += _changes("gravity", robot.names, units, rnea.gravity, rnea.gravity)
+    rows += _changes("motion", robot.names, units, rnea.motion_before, rnea.motion_after)
+    if torque is not None:
         rows += _changes("torque", robot.names, units, torque.before, torque.after)
-        for i in analysis.faults.joints:
-            rows.append(
-                ("brake_load", robot.names[i], units[i], "", float(torque.brake_load[i]), "")
-            )
+        after = torque.total_after
+        if after is not None:  # what a lock carries is its brake's
+            after = np.where(analysis.reduced.locked, np.nan, after)
+        rows += _changes("total", robot.names, units, torque.total_before, after)
+        if torque.brake_load is not None:
+            for i in analysis.faults.in_mode(FaultMode.LOCKED):
+                load = float(torque.brake_load[i])
+                rows.append(("brake_load", robot.names[i], units[i], "", load, ""))
     if (velocity := analysis.velocity) is not None:
         units = [f"{joint.unit}/s" for joint in robot.joints]
         rows += _changes("velocity", robot.names, units, velocity.before, velocity.after)
+        if (impact := analysis.impact) is not None:
+            rows += _changes("velocity at impact", robot.names, units, velocity.before,
+                             impact.after)  # fmt: skip
     return rows
 
 
 def _changes(
-    quantity: str, names: Sequence[str], units: Sequence[str], before: Vector, after: Vector
+    quantity: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    before: Vector | None,
+    after: Vector | None,
 ) -> list[Row]:
-    values = zip(names, units, before.tolist(), after.tolist(), strict=True)
-    return [(quantity, name, unit, b, a, a - b) for name, unit, b, a in values]
+    """Return one row per name; what is unknown stays empty."""
+    rows = []
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        b = None if before is None else finite(float(before[i]))
+        a = None if after is None else finite(float(after[i]))
+        rows.append((quantity, name, unit, b, a, None if b is None or a is None else a - b))
+    return rows
 
 
 def _tip_rows(analysis: Analysis) -> list[Row]:
@@ -162,4 +233,7 @@ def _tip_rows(analysis: Analysis) -> list[Row]:
     if (velocity := analysis.velocity) is not None:
         names, units = task.velocity_components, task.velocity_units
         rows += _changes("tip velocity", names, units, velocity.tip_before, velocity.tip_after)
+    if velocity is not None and (impact := analysis.impact) is not None:
+        rows += _changes("tip velocity at impact", names, units, velocity.tip_before,
+                         impact.tip_after)  # fmt: skip
     return rows

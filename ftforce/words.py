@@ -1,4 +1,4 @@
-"""Results in plain words: lost directions and verdicts, for tables and files alike."""
+"""Numbers, directions and amounts in plain words, for tables and files alike."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.metrics import Verdict
-
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
-    from ftforce.changes import ForceChange
-    from ftforce.fault_census import Census
+    from ftforce.robot import Robot
     from ftforce.task import Task
 
 SIGN = (
-    "force is what the robot exerts on its environment; tau = rnea(q, v, a) + J^T F; torques here "
-    "are the force part J^T F, without weight and motion"
+    "force is what the robot exerts on its environment; tau = rnea(q, v, a) + J^T F; torques are "
+    "the force part J^T F, apart from gravity, motion, total and brake_load"
 )
 
 NEGLIGIBLE = 1e-9  # N or N·m: rounding
@@ -93,71 +89,11 @@ def is_noticeable(vector: Vector) -> bool:
     return bool(np.any(np.abs(vector) > NEGLIGIBLE))
 
 
-def verdict_sentence(analysis: Analysis) -> str:
-    """Say the verdict in one plain sentence, or a few."""
-    subject = _subject(analysis.locked)
-    if analysis.force is None:
-        return f"{_headline(analysis.verdict)}: {subject}, {_about_all_forces(analysis)}."
-    about = _about_one_force(analysis, analysis.force)
-    sentence = f"{_headline(analysis.verdict)}: {subject}, {about}."
-    unsupported = analysis.force.unsupported
-    if is_noticeable(unsupported):
-        missing = amounts(analysis.task, unsupported)
-        sentence += f" Even the healthy arm cannot exert {missing} of the request here."
-    return sentence
+def percent(share: float) -> str:
+    """Write a share so that neither 0 nor all of it is claimed wrongly."""
+    return f"{100.0 * share:.3g}%" if 1e-9 < share < 1.0 else f"{share:.0%}"
 
 
-def _headline(verdict: Verdict) -> str:
-    return verdict.value.capitalize()
-
-
-def _subject(names: Sequence[str]) -> str:
-    return f"with {joined(names)} locked" if names else "with no joint locked"
-
-
-def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
-    before, jump = (amounts(analysis.task, vector) for vector in (force.before, force.jump))
-    if analysis.verdict is Verdict.TOLERATED:
-        return f"the healthy joints keep the whole {before} at the tip"
-    if analysis.verdict is Verdict.BORDERLINE:
-        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
-        return (
-            f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
-            f"{analysis.wary:g} gives another answer (margin {ratio(analysis.margin)})"
-        )
-    return (
-        f"{jump} of {before} can no longer be commanded by any motor; along the lost directions "
-        f"the arm cannot move, and its brakes and links carry what load there is"
-    )
-
-
-def _about_all_forces(analysis: Analysis) -> str:
-    lost = lost_directions(analysis.task, list(analysis.lost_directions))
-    if analysis.verdict is Verdict.TOLERATED:
-        return "every force that the healthy arm can exert here is kept"
-    if analysis.verdict is Verdict.BORDERLINE:
-        return (
-            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether "
-            f"it counts depends on the tolerance, {analysis.reduced.rtol:g} to {analysis.wary:g}"
-        )
-    return f"no motor can command {lost} any more; forces square to that are kept"
-
-
-def critical_joint(census: Census) -> str:
-    """Say which joint is the critical one."""
-    worst, robot = census.joints[0], census.robot
-    name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
-    for count, verdict in (
-        (worst.not_tolerated, Verdict.NOT_TOLERATED),
-        (worst.borderline, Verdict.BORDERLINE),
-    ):
-        if count:
-            share = "all" if count == worst.sets else f"{count} of"
-            return (
-                f"Critical joint: {name}. Of the fault sets that hold it, {share} "
-                f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
-            )
-    return (
-        f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "
-        f"{ratio(worst.alone.margin)}, when it fails alone."
-    )
+def torque_of(robot: Robot, joint: int, torque: float) -> str:
+    """Say a torque of a joint (index from 0) with its unit, without its sign."""
+    return f"{size(abs(torque))} {robot.joints[joint].torque_unit}"

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from ftforce import words
+from ftforce import sentences, words
+from ftforce.feasible import Reading
+from ftforce.show.analysis import conditions_facts, limits_in_words
 from ftforce.show.tables import (
     TitledTable,
     defined,
@@ -22,7 +24,7 @@ from ftforce.words import number, ratio, size
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from ftforce.fault_census import Census
+    from ftforce.fault_census import Census, SetReport
 
 MOST_SETS = 40
 """How many fault sets a census table shows, worst first."""
@@ -35,8 +37,8 @@ def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
         _sets(census, most),
         _critical_joints(census),
         facts(_bounds(census)),
-        warning_lines(census.posture.warnings),
-        Text(words.critical_joint(census), style="bold"),
+        warning_lines(census.warnings),
+        Text(sentences.critical_joint(census), style="bold"),
     )
 
 
@@ -53,6 +55,8 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         ("Axes", f"{task.axes}: vectors are in the axes of {words.axes_in_words(task)}"),
         ("Task", f"{task} ({', '.join(task.components)}){length}"),
         ("Posture", census.posture.source),
+        *conditions_facts(census.conditions),
+        ("Limits", limits_in_words(census.limits, (), robot)),
         ("Force", force),
         ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
     ]
@@ -65,24 +69,56 @@ def _sets(census: Census, most: int) -> TitledTable:
         jumps.append("jump\n[N]")
     if forced and task.moment_rows:
         jumps.append("jump\n[N·m]")
+    shared = forced and any(report.share is not None for report in census.sets)
+    ranked = [r.value for r in Reading] if census.rank_by == "capability" else []
+    order = "least capability first" if ranked else "worst first"
     result = table(
-        f"Fault sets, locked, worst first ({len(census.sets)} of 1 to {census.largest} joints)",
-        "locked", "verdict", *jumps, "margin", "ρ", "rank\nlost", left=2,
+        f"Fault sets, {census.mode}, {order} ({len(census.sets)} of 1 to {census.largest} joints)",
+        census.mode.value, "verdict", *jumps, *(["share\n[%]"] if shared else []), *ranked,
+        "margin", "ρ", "rank\nlost", left=2,
     )  # fmt: skip
     for report in census.sets[:most]:
-        sizes = (report.jump_norm, report.moment_jump_norm)
-        rho = report.relative_manipulability
+        norms = [report.jump_norm] * bool(forced and task.force_rows)
+        norms += [report.moment_jump_norm] * bool(forced and task.moment_rows)
+        share = "–" if report.share is None else f"{100.0 * report.share:.0f}"
+        falls = "" if report.can_stand_still else "*"
         result.add_row(
-            str(report.faults),
+            "{" + ", ".join(str(i + 1) for i in report.faults.joints) + "}" + falls,
             verdict_text(report.verdict),
-            *(size(norm) for norm in sizes if norm is not None),
+            *("–" if norm is None else size(norm) for norm in norms),
+            *([share] if shared else []),
+            *_capability_cells(report),
             ratio(report.margin),
-            defined(rho),
+            defined(report.relative_manipulability),
             str(report.rank_lost),
         )
-    if len(census.sets) > most:
-        result.caption = f"… and {len(census.sets) - most} more; --format csv writes all"
+    result.caption = _caption(census, most)
     return result
+
+
+def _capability_cells(report: SetReport) -> list[str]:
+    found = report.capability
+    if found is None:
+        return []
+    return [
+        "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, 1)
+        for x in (found.commanded, found.held)
+    ]
+
+
+def _caption(census: Census, most: int) -> str:
+    notes = []
+    if not all(report.can_stand_still for report in census.sets[:most]):
+        notes.append("* the arm cannot stand still")
+    if census.rank_by == "capability":
+        where = "in the weakest direction of each set"
+        if census.direction is not None:
+            where = f"along ({', '.join(number(x) for x in census.direction.tolist())})"
+        unit = "N" if census.task.force_rows else "N·m"
+        notes.append(f"commanded, held: largest force {where} [{unit}]")
+    if len(census.sets) > most:
+        notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
+    return "\n".join(notes)
 
 
 def _critical_joints(census: Census) -> TitledTable:

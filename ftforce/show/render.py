@@ -10,9 +10,11 @@ from rich.text import Text
 from ftforce.analysis import Analysis
 from ftforce.closed_forms import Remap
 from ftforce.fault_census import Census
+from ftforce.force_capability import Capability
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
 from ftforce.show.analysis import analysis_view
+from ftforce.show.capability import capability_view
 from ftforce.show.census import census_view
 from ftforce.show.remap import remap_view
 from ftforce.show.replication import replication_view
@@ -29,6 +31,7 @@ def render(result: object) -> RenderableType:
 
 
 render.register(Analysis, analysis_view)
+render.register(Capability, capability_view)
 render.register(Census, census_view)
 render.register(Remap, remap_view)
 render.register(Replication, replication_view)

@@ -11,6 +11,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from ftforce.faults import Fault, FaultMode
 from ftforce.metrics import Verdict
 from ftforce.words import number, ratio, size
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from ftforce.arrays import Vector
 
-_DIFFERENCES = ("jump", "unsupported")  # small ones matter
+_DIFFERENCES = ("jump", "jump ", "unsupported")  # small ones matter
 
 VERDICT_STYLE = {
     Verdict.TOLERATED: "bold green",
@@ -125,9 +126,21 @@ def verdict_text(verdict: Verdict) -> Text:
     return Text(verdict.value, style=VERDICT_STYLE[verdict])
 
 
-def state_text(locked: bool) -> Text:
+_FAULT_STYLE = {
+    FaultMode.LOCKED: "bold red",
+    FaultMode.FREE: "bold magenta",
+    FaultMode.WEAK: "bold yellow",
+}
+
+
+def fault_text(fault: Fault | None) -> Text:
     """Return a joint's state in words and colour."""
-    return Text("locked", style="bold red") if locked else Text("healthy")
+    return Text("healthy") if fault is None else Text(str(fault), style=_FAULT_STYLE[fault.mode])
+
+
+def state_text(locked: bool) -> Text:
+    """Return the state of a joint that is locked or healthy in words and colour."""
+    return fault_text(Fault(0) if locked else None)
 
 
 def defined(x: float) -> str:

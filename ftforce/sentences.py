@@ -1,0 +1,248 @@
+"""Verdicts in plain sentences, for tables and files alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ftforce.faults import FaultMode
+from ftforce.feasible import Reading
+from ftforce.force_capability import End
+from ftforce.metrics import Verdict
+from ftforce.words import (
+    amounts,
+    is_noticeable,
+    joined,
+    lost_directions,
+    number,
+    percent,
+    ratio,
+    size,
+    torque_of,
+)
+
+if TYPE_CHECKING:
+    from ftforce.analysis import Analysis
+    from ftforce.changes import ForceChange
+    from ftforce.fault_census import Census
+    from ftforce.force_capability import Amount, Capability
+    from ftforce.robot import Robot
+
+
+def verdict_sentence(analysis: Analysis) -> str:
+    """Say the verdict in one plain sentence, or a few."""
+    about = _about(analysis)
+    sentence = f"{_headline(analysis.verdict)}: {faults_in_words(analysis)}, {about}."
+    if analysis.force is not None and is_noticeable(analysis.force.unsupported):
+        missing = amounts(analysis.task, analysis.force.unsupported)
+        sentence += f" Even the healthy arm cannot exert {missing} of the request here."
+    return sentence
+
+
+def _headline(verdict: Verdict) -> str:
+    return verdict.value.capitalize()
+
+
+def faults_in_words(analysis: Analysis) -> str:
+    """Say which joints fail, and how: ``with elbow and wrist locked, hand free``."""
+    names = analysis.robot.names
+    parts = []
+    for mode in FaultMode:
+        joints = [fault for fault in analysis.faults.faults if fault.mode is mode]
+        if joints and mode is FaultMode.WEAK:
+            parts += [f"{names[f.joint]} at {f.factor:.0%} of its torque" for f in joints]
+        elif joints:
+            parts.append(f"{joined(names[f.joint] for f in joints)} {mode}")
+    return f"with {joined(parts)}" if parts else "with every joint healthy"
+
+
+def _about(analysis: Analysis) -> str:
+    if not analysis.can_stand_still:
+        return _about_falling(analysis)
+    if analysis.force is None:
+        return _about_all_forces(analysis)
+    return _about_one_force(analysis, analysis.force)
+
+
+def _about_falling(analysis: Analysis) -> str:
+    """Say why nothing holds the arm."""
+    bounded, robot = analysis.bounded, analysis.robot
+    assert bounded is not None
+    components = ", ".join(analysis.task.components)
+    if not bounded.feasible.stands_still:
+        torques = [
+            f"{robot.names[j]} with {torque_of(robot, j, x)}"
+            for j, x in unbalanced(analysis).items()
+        ]
+        return (
+            f"the arm cannot stand still: weight and motion turn {joined(torques)}, and no force "
+            f"at the tip ({components}) balances that"
+        )
+    loads = [
+        f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
+        for j, (x, most) in overloads(analysis).items()
+    ]
+    return (
+        f"the arm cannot even carry itself: weight and motion take {joined(loads)}, and no force "
+        f"at the tip ({components}) relieves the arm enough"
+    )
+
+
+def unbalanced(analysis: Analysis) -> dict[int, float]:
+    """Return the torques at joints without torque that no force at the tip balances, by index."""
+    swinging = analysis.reduced.swinging
+    if swinging is None or analysis.bounded is None or analysis.bounded.feasible.stands_still:
+        return {}
+    torque = swinging.unbalanced(analysis.rnea.after)
+    return dict(zip(swinging.joints, torque.tolist(), strict=True))
+
+
+def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
+    """Return torque for weight and motion, and limit, of the joints that these overload.
+
+    With joints without torque the least force that balances them is at the tip.
+    """
+    if analysis.bounded is None or analysis.limits is None:
+        return {}
+    F0 = analysis.bounded.feasible.F0
+    torque = analysis.rnea.after + F0.dot(analysis.reduced.J)
+    largest = analysis.limits.largest_torques(analysis.faults)
+    return {j: (float(torque[j]), float(largest[j])) for j in analysis.bounded.overloaded}
+
+
+def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
+    assert force.jump is not None
+    before, jump = (amounts(analysis.task, vector) for vector in (force.before, force.jump))
+    if analysis.verdict is Verdict.TOLERATED:
+        within = " within the limits" if analysis.limits is not None else ""
+        return f"the healthy joints keep the whole {before} at the tip{within}"
+    if analysis.verdict is Verdict.BORDERLINE:
+        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
+        return (
+            f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
+            f"{analysis.wary:g} gives another answer (margin {ratio(analysis.margin)})"
+        )
+    if analysis.bounded is None:
+        return (
+            f"{jump} of {before} can no longer be commanded by any motor; along the lost "
+            f"directions the arm cannot move, and its brakes and links carry what load there is"
+        )
+    return f"{jump} of {before} can no longer be held: {'; '.join(_reasons(analysis))}"
+
+
+def _reasons(analysis: Analysis) -> list[str]:
+    """Say why a force cannot be held with joints without torque, or inside limits."""
+    bounded, names = analysis.bounded, analysis.robot.names
+    assert bounded is not None
+    reasons = []
+    if analysis.reduced.swinging is not None:
+        joints = [names[j] for j in analysis.reduced.swinging.joints]
+        verb = "swings and gives" if len(joints) == 1 else "swing and give"
+        reasons.append(f"{joined(joints)} {verb} no torque")
+    if len(analysis.lost_directions):
+        lost = lost_directions(analysis.task, list(analysis.lost_directions))
+        reasons.append(f"no motor can command {lost}")
+    if bounded.binding:
+        joints = [names[j] for j in bounded.binding]
+        reasons.append(
+            f"{joined(joints)} {'is at its limit' if len(joints) == 1 else 'are at their limits'}"
+        )
+    if bounded.share is not None and bounded.nearest.F.any():
+        reasons.append(f"in its own direction {percent(bounded.share)} of the force can be held")
+    return reasons
+
+
+def _about_all_forces(analysis: Analysis) -> str:
+    lost = lost_directions(analysis.task, list(analysis.lost_directions))
+    support = _support(analysis)
+    if analysis.verdict is Verdict.TOLERATED:
+        apart = ", as far as the limits allow" if analysis.limits is not None else ""
+        return f"every force that the healthy arm can exert here is kept{apart}"
+    if analysis.verdict is Verdict.BORDERLINE:
+        return (
+            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether "
+            f"it counts depends on the tolerance, {analysis.reduced.rtol:g} to {analysis.wary:g}"
+        )
+    if not len(analysis.lost_directions):
+        return support.removeprefix("; ")
+    return f"no motor can command {lost} any more; forces square to that are kept{support}"
+
+
+def _support(analysis: Analysis) -> str:
+    """Say that the tip must be supported for the arm to stand still, if it must."""
+    bounded, task = analysis.bounded, analysis.task
+    if bounded is None or bounded.F_after is None or analysis.force is not None:
+        return ""
+    support = task.unweigh_force(bounded.F_after)
+    if not is_noticeable(support):
+        return ""
+    parts = zip(support.tolist(), task.components, task.units, strict=True)
+    listed = ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)
+    return f"; the arm stands still only while the tip presses on its environment with {listed}"
+
+
+def critical_joint(census: Census) -> str:
+    """Say which joint is the critical one."""
+    worst, robot = census.joints[0], census.robot
+    name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
+    for count, verdict in (
+        (worst.not_tolerated, Verdict.NOT_TOLERATED),
+        (worst.borderline, Verdict.BORDERLINE),
+    ):
+        if count:
+            share = "all" if count == worst.sets else f"{count} of"
+            return (
+                f"Critical joint: {name}. Of the fault sets that hold it, {share} "
+                f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
+            )
+    return (
+        f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "
+        f"{ratio(worst.alone.margin)}, when it fails alone."
+    )
+
+
+def capability_sentence(capability: Capability) -> str:
+    """Say what is left of the weakest direction and of the payload."""
+    analysis = capability.analysis
+    before, after = (
+        amounts[Reading.COMMANDED]
+        for amounts in (capability.weakest.before, capability.weakest.after)
+    )
+    unit = capability.weakest.unit
+    sentence = f"{faults_in_words(analysis).capitalize()}, "
+    if math.isnan(after.most):
+        sentence += f"the arm cannot hold itself ({end_in_words(analysis, after)})"
+    else:
+        sentence += (
+            f"the motors can command {amount_in_words(after, unit)} in every direction that the "
+            f"healthy arm has ({amount_in_words(before, unit)} before)"
+        )
+    loads = (amount_in_words(x, "kg") for x in capability.payload)
+    healthy, damaged = loads
+    return f"{sentence}; the tip carries {damaged} ({healthy} before)."
+
+
+def amount_in_words(amount: Amount, unit: str) -> str:
+    """Say an amount: nothing, a number, or no limit that is known."""
+    if math.isnan(amount.most):
+        return "nothing"
+    if math.isinf(amount.most):
+        return f"any {'payload' if unit == 'kg' else 'force'} (no limit is known)"
+    return f"{size(amount.most)} {unit}"
+
+
+def end_in_words(analysis: Analysis, amount: Amount) -> str:
+    """Say what ends an amount."""
+    names = [analysis.robot.names[j] for j in amount.stops]
+    if amount.end is End.NOTHING:
+        return "no known limit"
+    if amount.end is End.WEIGHT:
+        return f"weight overloads {joined(names)}" if names else "weight"
+    if amount.end is End.FAULT:
+        return f"fault of {joined(names)}" if names else "the arm lacks it"
+    locked = set(analysis.faults.in_mode(FaultMode.LOCKED))
+    words = (
+        f"{'brake of ' if j in locked else ''}{name}"
+        for j, name in zip(amount.stops, names, strict=True)
+    )
+    return joined(words)
