@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
@@ -11,12 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from ftforce.arrays import Vector, read_only
-from ftforce.chain import Chain, Follower, choose_chain, leaders_of
-from ftforce.coordinates import Coordinates
-from ftforce.errors import UnknownNameError, URDFError, listed
+from ftforce.chain import Chain, choose_chain, leaders_of
+from ftforce.errors import UnknownNameError, listed
+from ftforce.model import coordinates_of, reduced_model, restore_names
+from ftforce.posture import usable_posture
 from ftforce.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.srdf import Srdf, read_srdf
-from ftforce.stderr import captured_stderr
 from ftforce.tips import GIVEN, moving_path, tip_candidates
 from ftforce.urdf import HELD, MOVING
 from ftforce.urdf_reader import read_urdf
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ftforce.registry import KnownRobot
-    from ftforce.urdf import UrdfJoint, UrdfTree
+    from ftforce.urdf import UrdfJoint
 
 PLACEHOLDER = 1e4  # theory §5: from here on a limit is a placeholder, not a motor's
 
@@ -52,7 +53,8 @@ def load_robot(
     base :
         Base link. Without it: the registry's; the SRDF chain's; else the root.
     posture :
-        Named posture at which the joints outside the chain are fixed.
+        Named posture at which the joints outside the chain are fixed; without it the one that is
+        analysed when none is named.
 
     Returns
     -------
@@ -80,13 +82,15 @@ def load_robot(
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
         raise UnknownNameError("posture", posture, [*postures, *BUILT_IN_POSTURES])
     preferred = (known.posture,) if known and known.posture in postures else tuple(postures)
-    usual = known.posture if known else next(iter(preferred), "")
-    held = _held(chain, states.get(posture or usual, {}))
-    model = _reduced_model(chain, held)
-    coordinates = _coordinates(chain, model)
+    # A known robot's posture may place joints outside a chain that it does not place itself.
+    fallback = known.posture if known else ""
+    first = next(iter(preferred), fallback) if posture is None else posture
+    held = _held(chain, states.get(first, {}))
+    model = reduced_model(chain, held)
+    coordinates = coordinates_of(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
     restore_names(model, tree)
-    return Robot(
+    robot = Robot(
         name=known.name if known else tree.name,
         path=tree.path,
         tip=chain.tip,
@@ -105,6 +109,10 @@ def load_robot(
         mass=sum(inertia.mass for inertia in model.inertias.tolist()[1:]),
         notes=(*_chain_notes(chain, srdf, known), *notes),
     )
+    if posture is not None:
+        return robot
+    places = {name: _held(chain, states.get(name, {})) for name in (*preferred, fallback)}
+    return _held_by_default(robot, chain, places, fallback)
 
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
@@ -198,78 +206,37 @@ def _held(chain: Chain, state: Mapping[str, float]) -> dict[str, float]:
     return held
 
 
+def _held_by_default(
+    robot: Robot, chain: Chain, places: Mapping[str, dict[str, float]], fallback: str
+) -> Robot:
+    """Return the arm with the joints outside the chain where the default posture has them.
+
+    They move neither its singularities nor its limits, so they can be placed afterwards.
+
+    Parameters
+    ----------
+    robot, chain :
+        The arm, with those joints where its first preferred posture has them.
+    places :
+        Where each posture has them.
+    fallback :
+        The posture that counts for them where none of the preferred ones can be the default.
+    """
+    if all(held == robot.held for held in places.values()):
+        return robot  # the usual case, in which nothing has to be tried
+    name, _ = usable_posture(robot)
+    held = places[fallback if name is None else name]
+    if held == robot.held:
+        return robot
+    model = reduced_model(chain, held)
+    restore_names(model, chain.tree)
+    return replace(robot, model=model, held=MappingProxyType(held))
+
+
 def _nearest_to_zero(joint: UrdfJoint) -> float:
     if joint.lower is None or joint.upper is None:
         return 0.0
     return min(max(0.0, joint.lower), joint.upper)
-
-
-def _reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
-    """Return Pinocchio's model, in codes for names, with every joint outside the chain fixed."""
-    full = full_model(chain.tree)
-    codes = chain.tree.joint_codes()
-    q = pin.neutral(full)  # floating and planar roots stay at their neutral pose
-    for name, value in held.items():
-        joint = full.joints[full.getJointId(codes[name])]
-        if joint.nq == 1:
-            q[joint.idx_q] = value
-        else:
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
-    moving = {codes[name] for name in chain.moving}
-    fixed = [i for i in range(1, full.njoints) if full.names[i] not in moving]
-    return pin.buildReducedModel(full, fixed, q)
-
-
-def full_model(tree: UrdfTree) -> pin.Model:
-    """Return Pinocchio's model of the whole tree, named by codes (see `UrdfTree.to_xml`).
-
-    Raises
-    ------
-    URDFError
-        Pinocchio finds something wrong that we did not.
-    """
-    try:
-        with captured_stderr() as printed:
-            return pin.buildModelFromXML(tree.to_xml())
-    except (ValueError, RuntimeError) as problem:
-        reason = " ".join(f"{printed} {problem}".split())
-        raise URDFError(tree.path, f"Pinocchio cannot read it: {reason}") from None
-
-
-def restore_names(model: pin.Model, tree: UrdfTree) -> None:
-    """Give joints and frames of a model made from `UrdfTree.to_xml` the URDF's names."""
-    codes = (*tree.link_codes().items(), *tree.joint_codes().items())
-    names = {code: name for name, code in codes}
-    model.name = tree.name
-    for i in range(1, model.njoints):
-        model.names[i] = names[model.names[i]]
-    for frame in model.frames:
-        frame.name = names.get(frame.name, frame.name)
-
-
-def _coordinates(chain: Chain, model: pin.Model) -> Coordinates:
-    codes = chain.tree.joint_codes()
-    G = np.zeros((model.nv, len(chain.leaders)))
-    offset = np.zeros(model.nv)
-    for column, leader in enumerate(chain.leaders):
-        moved = [Follower(leader.name, 1.0, 0.0), *chain.followers[leader.name]]
-        for joint in moved:
-            if joint.name in chain.moving:
-                row = model.joints[model.getJointId(codes[joint.name])].idx_v
-                G[row, column], offset[row] = joint.multiplier, joint.offset
-    plain = [joint for joint in model.joints.tolist()[1:] if joint.nq == 1]
-    circle = [joint for joint in model.joints.tolist()[1:] if joint.nq == 2]
-    same = model.nq == model.nv == len(chain.leaders) and np.array_equal(G, np.eye(model.nv))
-    return Coordinates(
-        G=read_only(G),
-        offset=read_only(offset),
-        plain_v=np.array([joint.idx_v for joint in plain], dtype=np.intp),
-        plain_q=np.array([joint.idx_q for joint in plain], dtype=np.intp),
-        circle_v=np.array([joint.idx_v for joint in circle], dtype=np.intp),
-        circle_q=np.array([joint.idx_q for joint in circle], dtype=np.intp),
-        nq=model.nq,
-        is_identity=bool(same),
-    )
 
 
 def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str]:

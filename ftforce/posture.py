@@ -108,15 +108,29 @@ def _named(robot: Robot, name: str) -> Posture:
     raise UnknownNameError("posture", name, [*robot.postures, *BUILT_IN_POSTURES])
 
 
-def _default(robot: Robot) -> Posture:
+def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
+    """Return the first preferred posture that is no bad default, and why those before it are.
+
+    Returns
+    -------
+    :
+        Its name, ``None`` if there is none; and a remark on each posture that was skipped.
+    """
     skipped: list[str] = []
     for name in robot.preferred:
         q = robot.postures[name]
         problem = "outside the limits" if _outside(robot, q) else ""
         problem = problem or ("singular" if is_singular(robot, q) else "")
         if not problem:
-            return Posture(q, f"posture '{name}'" + _in_brackets(skipped))
+            return name, skipped
         skipped.append(f"'{name}' is {problem}")
+    return None, skipped
+
+
+def _default(robot: Robot) -> Posture:
+    name, skipped = usable_posture(robot)
+    if name is not None:
+        return Posture(robot.postures[name], f"posture '{name}'" + _in_brackets(skipped))
     q = mid_range(robot)
     if not is_singular(robot, q):
         return Posture(q, "mid-range" + _in_brackets(skipped))

@@ -1,16 +1,18 @@
 """From files to robots: what counts as a joint, what is held, and where."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from ftforce import load_robot
+from ftforce import known_robots, load_robot
 from ftforce.chain import MOST_JOINTS
 from ftforce.errors import InputError, UnknownNameError, URDFError
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.posture import choose_posture
+from helpers import load_text, srdf_of
 from urdfs import (
     LINKS,
     arm,
@@ -211,6 +213,73 @@ def test_joints_outside_are_held_at_the_posture(tmp_path):
         UnknownNameError, match=r"no posture 'opn'; there is: home, open, mid-range"
     ):
         held(posture="opn")
+
+
+STRAIGHT = {"j1": 0.3, "j2": 0, "j3": 0, "j4": 0}
+BENT = {"j1": 0.3, "j2": 0.4, "j3": 0.5, "j4": 0.2}
+
+
+def headed(srdf_states=(), **options):
+    """Load an arm in a vertical plane, straight at zero, whose first link carries a head."""
+    straight = {"xyz": "0.4 0 0", "rpy": "0 0 0"}
+    joints = {
+        f"j{i}": joint(f"j{i}", *ends, **straight)
+        for i, ends in enumerate(pairwise(LINKS), start=1)
+    }
+    neck = joint("neck", "l1", "head", xyz="0 0 0.5", rpy="0 0 0")
+    srdf = srdf_of(**dict(srdf_states)) if srdf_states else None
+    return load_text(arm(link("head"), neck, **joints), srdf, **{"tip": "tool", **options})
+
+
+DEFAULTS = {
+    # states in the order of the SRDF, the default and where it has the neck
+    "first": ({"a": {**BENT, "neck": 0.6}, "b": {**BENT, "neck": 0.9}}, "a", 0.6),
+    "first is singular": ({"a": {**STRAIGHT, "neck": 0.6}, "b": {**BENT, "neck": 0.9}}, "b", 0.9),
+    "first is outside": (
+        {"a": {**BENT, "j1": 9, "neck": 0.6}, "b": {**BENT, "neck": 0.9}},
+        "b",
+        0.9,
+    ),
+    "second has no neck": ({"a": {**STRAIGHT, "neck": 0.6}, "b": BENT}, "b", 0.0),
+    "first has no arm": ({"a": {"neck": 0.6}, "b": {**BENT, "neck": 0.9}}, "b", 0.9),
+    "none will do": ({"a": {**STRAIGHT, "neck": 0.6}}, "mid-range", 0.0),
+}
+
+
+@pytest.mark.parametrize(("states", "default", "neck"), DEFAULTS.values(), ids=DEFAULTS)
+def test_joints_outside_are_held_where_the_default_posture_has_them(states, default, neck):
+    """Their weight hangs on the arm: the default is the same as its posture by name."""
+    found, named = headed(states), headed(states, posture=default)
+    place = choose_posture(found)
+    assert f"'{default}'" in place.source or place.source.startswith(default)
+    assert found.held == named.held == {"neck": neck}
+    weights = [
+        pin.computeGeneralizedGravity(one.model, one.data, place.q).copy()
+        for one in (found, named, headed({"other": {**BENT, "neck": neck + 1.1}}))
+    ]
+    np.testing.assert_array_equal(weights[0], weights[1])
+    assert abs(weights[0][0] - weights[2][0]) > 0.1
+    assert list(found.model.names) == list(named.model.names)
+    assert_consistent(found, place.q)
+
+
+def test_joints_above_the_base_are_held_where_the_default_posture_has_them():
+    """They turn the chain against the root, in whose axes a result may be wanted."""
+    states = {"a": STRAIGHT, "b": {**BENT, "j1": 0.9}}
+    found = headed(states, base="l1")
+    place = choose_posture(found)
+    assert place.source == "posture 'b' ('a' is singular)"
+    assert found.held == {"j1": 0.9, "neck": 0.0}
+    whole = frame_jacobian(headed(), np.array([0.9, *place.q]), "world")
+    np.testing.assert_allclose(frame_jacobian(found, place.q, "world"), whole[:, 1:], atol=1e-14)
+
+
+def test_a_known_robots_posture_holds_what_is_outside_another_chain():
+    known, right = known_robots()["baxter_left"], load_robot("baxter_left", tip="right_gripper")
+    (untucked,) = known.postures.values()
+    held = [right.held[name] for name in load_robot(known.name).names]
+    np.testing.assert_array_equal(held, untucked)
+    assert choose_posture(right).source == "mid-range"
 
 
 def test_joints_that_cannot_be_zero_are_held_at_the_nearest_limit(tmp_path):

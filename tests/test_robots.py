@@ -13,7 +13,7 @@ import pytest
 from ftforce import known_robots, load_robot
 from ftforce.errors import FtforceError, InputError, URDFError
 from ftforce.kinematics import frame_jacobian
-from ftforce.load import full_model, restore_names
+from ftforce.model import full_model, restore_names
 from ftforce.posture import choose_posture, is_singular
 from ftforce.reduced import WARY
 from ftforce.tips import tip_candidates

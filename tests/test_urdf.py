@@ -13,7 +13,8 @@ import pytest
 
 from ftforce import analyze, census, to_dict
 from ftforce.errors import URDFError
-from ftforce.load import full_model, load_robot, restore_names
+from ftforce.load import load_robot
+from ftforce.model import full_model, restore_names
 from ftforce.urdf import MOMENTS, MOST_IN_A_ROW, UrdfTree
 from ftforce.urdf_reader import MOST_LINKS, read_urdf
 from helpers import load_text, serial_urdf
