@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ftforce.fault_census import Census, census
     from ftforce.faults import Fault, FaultMode, FaultSet
     from ftforce.files import save
+    from ftforce.force_capability import capability
     from ftforce.generate import write_robot
     from ftforce.load import load_robot
     from ftforce.metrics import Verdict
@@ -43,6 +44,7 @@ _HOMES = {
     "Task": "task",
     "Verdict": "metrics",
     "analyze": "analysis",
+    "capability": "force_capability",
     "census": "fault_census",
     "known_robots": "registry",
     "load_robot": "load",
@@ -65,6 +67,7 @@ __all__ = [
     "Task",
     "Verdict",
     "analyze",
+    "capability",
     "census",
     "known_robots",
     "load_robot",

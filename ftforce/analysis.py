@@ -25,10 +25,10 @@ from ftforce.changes import (
 from ftforce.closed_forms import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
+from ftforce.doubts import beyond_limits, lacking_rank, missing_masses, overload, unjudged
 from ftforce.dynamics import Payload, mass_matrix
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.kinematics import task_jacobian
-from ftforce.limits import Limits
 from ftforce.limits_reader import URDF, choose_limits
 from ftforce.named_faults import named_faults
 from ftforce.posture import Posture, choose_posture
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.limits import Limits
     from ftforce.limits_reader import LimitsLike
     from ftforce.metrics import Verdict
     from ftforce.named_faults import Joints, WeakJoints
@@ -158,7 +159,15 @@ class Analysis(Displayed):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What makes the answer doubtful: limits exceeded, and so on."""
-        return (*self.posture.warnings, *_doubts(self))
+        found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
+        found += missing_masses(self.rnea)
+        if self.limits is None:
+            found += beyond_limits(self.robot, self.faults, self.torque)
+        else:
+            found += unjudged(self.robot, self.faults, self.limits)
+        if self.force is not None and self.can_stand_still and self.bounded is not None:
+            found += overload(self.robot, self.bounded.overloaded)
+        return tuple(found)
 
     def residuals(self) -> Mapping[str, float]:
         """Return how far the result is from the laws it must keep, relative; 0 is ideal.
@@ -278,7 +287,7 @@ def analyze(
     reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, swinging)
     rnea = rnea_change(robot, place.q, conditions, mask)
     M = mass_matrix_for(robot, place.q, conditions, inverse)
-    load = tip_load(robot, reduced, wanted, force, torque, M)
+    load = tip_load(robot, reduced, wanted, force, torque, M=M)
     F = None if load is None else load.F
     largest = None if counted is None else counted.largest_torques(faults)
     bounded = None
@@ -304,7 +313,7 @@ def analyze(
         unit_forces=() if change else changes_of_unit_forces(reduced, wanted),
         bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, wanted, v),
-        impact=_impact(robot, place, conditions, reduced, wanted, J),
+        impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
         verdict=judge(reduced, F, wary, bounded, largest),
     )
 
@@ -316,8 +325,9 @@ def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
 
 def _impact(
     robot: Robot,
-    place: Posture,
+    q: Vector,
     conditions: Conditions,
+    *,
     reduced: ReducedJacobian,
     task: Task,
     J: Matrix,
@@ -325,69 +335,17 @@ def _impact(
     v = conditions.velocity
     if v is None or robot.mass == 0.0 or not reduced.locked.any():
         return None
-    M = mass_matrix(robot, place.q, conditions.payload)
-    return impact_of_lock(reduced, task, J, M, v)
+    return impact_of_lock(reduced, task, J, mass_matrix(robot, q, conditions.payload), v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:
     reduced, task = analysis.reduced, analysis.task
-    assert force.after is not None and force.jump is not None and torque.after is not None
+    assert force.after is not None
+    assert force.jump is not None
+    assert torque.after is not None
     weighted = Jump(*map(task.weigh_force, (force.before, force.after, force.jump)))
     laws = force_residuals(reduced, torque.after, weighted)
     change = (torque.after + torque.self_motion - torque.before)[~reduced.locked]
     scale = float(np.linalg.norm(torque.before))
     laws["unchanged"] = float(np.linalg.norm(change)) / scale if scale > 0.0 else 0.0
     return laws
-
-
-def _doubts(analysis: Analysis) -> list[str]:
-    reduced = analysis.reduced
-    doubts = []
-    if reduced.rank < reduced.m:
-        doubts.append(
-            f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
-            f"'{analysis.task}' in this posture"
-        )
-    if not analysis.rnea.is_known:
-        missing = "weight" if analysis.rnea.motion_before is not None else "weight and motion"
-        doubts.append(
-            f"the URDF has no masses: the {missing} of the arm {'is' if missing == 'weight' else 'are'} "
-            "missing from the torques"
-        )
-    if analysis.limits is None:
-        return doubts + _beyond_limits(analysis)
-    return doubts + _unjudged(analysis, analysis.limits)
-
-
-def _beyond_limits(analysis: Analysis) -> list[str]:
-    """Name the motors that would have to give more than they can, where limits do not count."""
-    doubts = [
-        f"joint {fault.joint + 1} {analysis.robot.names[fault.joint]} is weak, but no limits are "
-        "counted: it counts as healthy"
-        for fault in analysis.faults.faults
-        if fault.mode is FaultMode.WEAK and not fault.has_no_torque
-    ]
-    torque = analysis.torque
-    if torque is None or torque.after is None:
-        return doubts
-    needed = torque.after if torque.total_after is None else torque.total_after
-    for joint, value in zip(analysis.robot.joints, needed.tolist(), strict=True):
-        if joint.effort is not None and abs(value) > joint.effort * (1.0 + 1e-9):
-            doubts.append(
-                f"joint {joint.number} {joint.name} would need "
-                f"{abs(value) / joint.effort:.0%} of its effort limit of "
-                f"{joint.effort:g} {joint.torque_unit} (limits are not counted)"
-            )
-    return doubts
-
-
-def _unjudged(analysis: Analysis, limits: Limits) -> list[str]:
-    """Name the weak joints whose limit is unknown."""
-    return [
-        f"joint {fault.joint + 1} {analysis.robot.names[fault.joint]} is weak, but its limit is "
-        "unknown: it counts as none"
-        for fault in analysis.faults.faults
-        if fault.mode is FaultMode.WEAK
-        and not fault.has_no_torque
-        and np.isnan(limits.effort[fault.joint])
-    ]

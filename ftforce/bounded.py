@@ -90,7 +90,9 @@ class Nearest(NamedTuple):
         torque = feasible.rows.dot(self.F_after)
         near = SLACK * (feasible.upper - feasible.lower)
         at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
-        return tuple(j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound)
+        return tuple(
+            j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound
+        )
 
 
 def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
@@ -145,7 +147,8 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     if z is None:
         return None
     multipliers[loaded] = y * unit
-    return z * unit
+    solution: Vector = z * unit
+    return solution
 
 
 def _quadratic_program(

@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.arrays import Vector, read_only
 from ftforce.bounded import remap_inside
 from ftforce.closed_forms import (
+    Jump,
     force_jump,
     remapped_torque,
     supported_force,
@@ -183,7 +184,11 @@ class VelocityChange:
 
 
 def change_of_load(
-    reduced: ReducedJacobian, task: Task, load: TipLoad, rnea: RneaChange, bounded: BoundedRemap | None
+    reduced: ReducedJacobian,
+    task: Task,
+    load: TipLoad,
+    rnea: RneaChange,
+    bounded: BoundedRemap | None,
 ) -> tuple[ForceChange, TorqueChange]:
     """Return what becomes of a load at the tip, and of the torques that hold it.
 
@@ -200,18 +205,21 @@ def change_of_load(
     """
     carried: Vector = load.F.dot(reduced.J)
     before = carried if load.tau is None else load.tau
-    if bounded is None:
-        closed = force_jump(reduced, load.F)
-        F_after, jump = closed.F_after, closed.jump
-        after = remapped_torque(reduced, load.F)
-    else:
-        F_after, jump = bounded.F_after, bounded.jump
-        if F_after is None or jump is None:
-            return _no_change(task, load, before, carried, rnea)
+    outcome = (
+        force_jump(reduced, load.F)
+        if bounded is None
+        else None if bounded.F_after is None
+        else Jump(load.F, bounded.F_after, load.F - bounded.F_after)
+    )  # fmt: skip
+    if outcome is None:
+        return _no_change(task, load, before, carried, rnea)
+    F_after = outcome.F_after
+    after = remapped_torque(reduced, load.F)
+    if bounded is not None:
         after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
     known = rnea.is_known
     total = rnea.after + F_after.dot(reduced.J)
-    return _force_change(task, load, F_after, jump), TorqueChange(
+    return _force_change(task, load, F_after, outcome.jump), TorqueChange(
         before=read_only(before),
         after=read_only(after),
         total_before=read_only(before + rnea.before) if known else None,
@@ -252,9 +260,7 @@ def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> Veloc
     )
 
 
-def impact_of_lock(
-    reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector
-) -> Impact:
+def impact_of_lock(reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector) -> Impact:
     """Return the velocities right after the lock; J is the unweighted task Jacobian."""
     after = velocity_after_impact(M, reduced.locked, v)
     jump = read_only(J.dot(after - v))

@@ -82,16 +82,16 @@ class Conditions:
             A malformed value.
         """
         hint = f"one per joint, {robot.numbered()}"
+        v, a = (
+            None if x is None else as_vector(x, robot.n, name, hint)
+            for x, name in ((velocity, "velocity"), (acceleration, "acceleration"))
+        )
         own = gravity is None
-        return cls(
-            model_gravity(robot) if gravity is None else as_vector(
-                gravity, 3, "gravity", "x, y, z in m/s², in the root's axes"
-            ),
-            own,
-            read_payload(payload),
-            None if velocity is None else as_vector(velocity, robot.n, "velocity", hint),
-            None if acceleration is None else as_vector(acceleration, robot.n, "acceleration", hint),
-        )  # fmt: skip
+        if gravity is not None:
+            gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in the root's axes")
+        else:
+            gravity = model_gravity(robot)
+        return cls(gravity, own, read_payload(payload), v, a)
 
     @property
     def moves(self) -> bool:
@@ -158,9 +158,12 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
     if locked.any():
         v, a = (np.where(locked, 0.0, x) for x in (v, a))
         after = motion_torque(robot, q, v, a, conditions.payload)
-    shown = (before, after) if known else (None, None)
     return RneaChange(
-        gravity, *shown, read_only(counted + before), read_only(counted + after)
+        gravity,
+        before if known else None,
+        after if known else None,
+        read_only(counted + before),
+        read_only(counted + after),
     )
 
 
@@ -170,6 +173,7 @@ def tip_load(
     task: Task,
     force: ArrayLike | None,
     torque: ArrayLike | None,
+    *,
     M: Matrix | None = None,
 ) -> TipLoad | None:
     """Return what the healthy arm exerts, F̂ = J J† F or (Jᵀ)† τ; ``None`` if nothing was given.
@@ -203,9 +207,7 @@ def tip_load(
     return None
 
 
-def mass_matrix_for(
-    robot: Robot, q: Vector, conditions: Conditions, inverse: str
-) -> Matrix | None:
+def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: str) -> Matrix | None:
     """Return the mass matrix that an inverse needs; ``None`` for the Euclidean one.
 
     Raises

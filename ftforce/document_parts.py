@@ -168,14 +168,10 @@ def by_name(names: Sequence[str], vector: Vector | None) -> dict[str, float | No
     return {name: finite(x) for name, x in zip(names, vector.tolist(), strict=True)}
 
 
-def faults_part(names: Sequence[str], faults: FaultSet) -> Document:
-    """Return which joints fail, and how."""
+def modes_part(names: Sequence[str], faults: FaultSet) -> Document:
+    """Return how the failed joints fail."""
     weak = {names[f.joint]: f.factor for f in faults.faults if f.mode is FaultMode.WEAK}
-    return {
-        "locked": [names[i] for i in faults.in_mode(FaultMode.LOCKED)],
-        "modes": {names[f.joint]: f.mode.value for f in faults.faults},
-        "weak_factors": weak,
-    }
+    return {"modes": {names[f.joint]: f.mode.value for f in faults.faults}, "weak_factors": weak}
 
 
 def limits_part(names: Sequence[str], limits: Limits) -> Document:

@@ -12,11 +12,11 @@ from ftforce.document_parts import (
     arm_part,
     capability_part,
     conventions_part,
-    faults_part,
     finite,
     force_part,
     limits_part,
     listed,
+    modes_part,
     posture_part,
     rnea_part,
     torque_part,
@@ -33,7 +33,7 @@ from ftforce.robot import Robot
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ftforce.fault_census import SetReport
+    from ftforce.set_reports import SetReport
 
 
 @singledispatch
@@ -54,6 +54,7 @@ def to_dict(result: object) -> Document:
 def _analysis(analysis: Analysis) -> Document:
     names, reduced = analysis.robot.names, analysis.reduced
     locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    limited = analysis.limits is not None
     document: Document = {
         **_situation(analysis),
         "jacobian": {
@@ -76,13 +77,12 @@ def _analysis(analysis: Analysis) -> Document:
             "total": total_part(names, locked, analysis.torque),
         },
         "velocity": velocity_part(names, analysis.velocity, analysis.impact),
-        "limits": _limits(analysis),
-        "standing": _standing(analysis),
-        "capability": None
-        if analysis.limits is None
-        else capability_part(capability_of(analysis)),
         "verdict": analysis.verdict.value,
         "summary": sentences.verdict_sentence(analysis),
+        **modes_part(names, analysis.faults),
+        "limits": _limits(analysis),
+        "standing": _standing(analysis),
+        "capability": capability_part(capability_of(analysis)) if limited else None,
         "residuals": dict(analysis.residuals()),
         "warnings": list(analysis.warnings),
     }
@@ -110,7 +110,7 @@ def _situation(analysis: Analysis) -> Document:
             "inverse": analysis.inverse,
         },
         "posture": posture_part(analysis.posture),
-        **faults_part(analysis.robot.names, analysis.faults),
+        "locked": list(analysis.locked),
     }
 
 
@@ -152,6 +152,7 @@ def _capability(capability: Capability) -> Document:
         limits = {**limits_part(names, analysis.limits), "unknown": unknown}
     return {
         **_situation(analysis),
+        **modes_part(names, analysis.faults),
         "limits": limits,
         "capability": capability_part(capability),
         "summary": sentences.capability_sentence(capability),
@@ -164,9 +165,7 @@ def _census(census: Census) -> Document:
     names = census.robot.names
     return {
         "robot": arm_part(census.robot),
-        "conventions": conventions_part(
-            census.task, census.rtol, census.wary, census.conditions
-        ),
+        "conventions": conventions_part(census.task, census.rtol, census.wary, census.conditions),
         "posture": posture_part(census.posture),
         "faults": census.largest,
         "mode": census.mode.value,
@@ -183,6 +182,9 @@ def _census(census: Census) -> Document:
                 "not_tolerated": report.not_tolerated,
                 "borderline": report.borderline,
                 "mean_relative_jump": report.mean_relative_jump,
+                "least_capability": None
+                if report.least_capability is None
+                else finite(report.least_capability),
             }
             for report in census.joints
         ],
@@ -193,7 +195,8 @@ def _census(census: Census) -> Document:
 
 def _set(names: Sequence[str], report: SetReport) -> Document:
     return {
-        **faults_part(names, report.faults),
+        "locked": [names[i] for i in report.faults.in_mode(FaultMode.LOCKED)],
+        **modes_part(names, report.faults),
         "jacobian": {
             "rank_after": report.rank_after,
             "rank_lost": report.rank_lost,

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, get_args
+from typing import TYPE_CHECKING, Literal, Protocol, get_args
 
 import numpy as np
 
 from ftforce import metrics
 from ftforce.arrays import Svd, Vector, as_vector, read_only
-from ftforce.bounded import BoundedRemap, remap_inside
-from ftforce.changes import RneaChange, split_norms
-from ftforce.closed_forms import force_jump
 from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
 from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.feasible import Reading, feasible_forces, reach, weakest_direction
 from ftforce.kinematics import task_jacobian
-from ftforce.limits import Limits
 from ftforce.limits_reader import URDF, choose_limits
 from ftforce.metrics import Verdict
 from ftforce.posture import Posture, choose_posture
-from ftforce.reduced import RTOL, WARY, ReducedJacobian, check_tolerances, reduce_decomposed
+from ftforce.reduced import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.set_reports import SetReport, SharedCase, report_set
 from ftforce.task import Axes, Task
-from ftforce.verdicts import judge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -33,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.dynamics import Payload
+    from ftforce.limits import Limits
     from ftforce.limits_reader import LimitsLike
     from ftforce.robot import Robot
 
@@ -52,75 +48,6 @@ class Progress(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SetCapability:
-    """The largest force that can be held with one fault set, N (N·m for a moment alone).
-
-    Attributes
-    ----------
-    commanded, held :
-        In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
-        stand still.
-    stops :
-        Indices of the joints whose limits end what can be commanded.
-    """
-
-    commanded: float
-    held: float
-    stops: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SetReport:
-    """What one fault set does.
-
-    Attributes
-    ----------
-    faults :
-        The set.
-    after, jump :
-        Force that can still be held and force jump, N and N·m, shape (m,); ``None`` without a
-        force, or if the arm cannot stand still.
-    jump_norm, moment_jump_norm :
-        Norms of the jump's forces (N) and moments (N·m); ``None`` where there are none.
-    relative_jump :
-        ‖ΔF‖/‖F̂‖, weighted; without a force 1 if a direction is lost; 1 if the arm cannot stand
-        still.
-    rank_after, rank_lost :
-        Rank of K, and how much less it is than J's.
-    sigma_min_after, margin, relative_manipulability :
-        Smallest singular value of K; over σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
-    can_stand_still :
-        Whether motors, brakes and some force at the tip can hold the arm.
-    share :
-        Largest share of the force that keeps its direction; ``None`` without limits and joints
-        without torque, without a force, or if there is none.
-    binding :
-        Indices of joints at their limits.
-    capability :
-        ``None`` unless the census ranks by it.
-    verdict :
-        As for one analysis.
-    """
-
-    faults: FaultSet
-    after: Vector | None
-    jump: Vector | None
-    jump_norm: float | None
-    moment_jump_norm: float | None
-    relative_jump: float
-    rank_after: int
-    rank_lost: int
-    sigma_min_after: float
-    margin: float
-    relative_manipulability: float
-    can_stand_still: bool
-    share: float | None
-    binding: tuple[int, ...]
-    capability: SetCapability | None
-    verdict: Verdict
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class JointReport:
     """How critical one joint is.
 
@@ -134,6 +61,9 @@ class JointReport:
         How many sets hold the joint, and how many of them are not tolerated or borderline.
     mean_relative_jump :
         Mean of ‖ΔF‖/‖F̂‖ over the sets that hold the joint.
+    least_capability :
+        The smallest force that can be commanded over them, NaN if the arm cannot stand still with
+        one of them; ``None`` unless the census ranks by it.
     """
 
     joint: int
@@ -142,6 +72,7 @@ class JointReport:
     not_tolerated: int
     borderline: int
     mean_relative_jump: float
+    least_capability: float | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -295,17 +226,17 @@ def census(
     nothing = FaultSet().mask(robot.n)
     whole = reduce_decomposed(healthy, nothing, rtol)
     M = mass_matrix_for(robot, place.q, conditions, inverse)
-    load = tip_load(robot, whole, wanted, force, torque, M)
+    load = tip_load(robot, whole, wanted, force, torque, M=M)
     F = None if load is None else load.F
     ray = _direction(wanted, direction, F)
-    case = _Case(
+    case = SharedCase(
         robot, wanted, place, conditions, counted, healthy, whole,
         rnea_change(robot, place.q, conditions, nothing), F, by_capability, ray, rtol, wary,
     )  # fmt: skip
     total = count_fault_sets(robot.n, faults)
     reports = []
     for done, fault_set in enumerate(fault_sets(robot.n, faults, how), start=1):
-        reports.append(_report(case, fault_set))
+        reports.append(report_set(case, fault_set))
         if progress is not None:
             progress(done, total)
     return Census(
@@ -324,7 +255,7 @@ def census(
         before=None if F is None else read_only(wanted.unweigh_force(F)),
         rank=whole.rank,
         sets=tuple(sorted(reports, key=_weakness if by_capability else _badness)),
-        joints=_rank_joints(robot, reports),
+        joints=_rank_joints(robot, reports, by_capability),
     )
 
 
@@ -360,99 +291,6 @@ def _check_size(robot: Robot, faults: int) -> None:
         )
 
 
-class _Case(NamedTuple):
-    """What all sets of a census share."""
-
-    robot: Robot
-    task: Task
-    posture: Posture
-    conditions: Conditions
-    limits: Limits | None
-    healthy: Svd
-    whole: ReducedJacobian
-    rnea: RneaChange
-    F: Vector | None
-    by_capability: bool
-    direction: Vector | None
-    rtol: float
-    wary: float
-
-    def rnea_after(self, faults: FaultSet) -> Vector:
-        if not self.conditions.moves:
-            return self.rnea.after
-        mask = faults.mask(self.robot.n)
-        return rnea_change(self.robot, self.posture.q, self.conditions, mask).after
-
-
-def _report(case: _Case, faults: FaultSet) -> SetReport:
-    n, task, F = case.robot.n, case.task, case.F
-    swinging = faults.swinging_mask(n)
-    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, swinging)
-    largest = None if case.limits is None else case.limits.largest_torques(faults)
-    bounded, rnea = None, case.rnea.after
-    if largest is not None or swinging is not None:
-        rnea = case.rnea_after(faults)
-        asked = np.zeros(task.m) if F is None else F
-        bounded = remap_inside(reduced, asked, rnea, largest)
-    after, jump = _outcome(reduced, F, bounded)
-    can_stand_still = bounded is None or bounded.F_after is not None
-    linear, angular = (None, None) if jump is None else split_norms(task, task.unweigh_force(jump))
-    return SetReport(
-        faults=faults,
-        after=None if after is None else read_only(task.unweigh_force(after)),
-        jump=None if jump is None else read_only(task.unweigh_force(jump)),
-        jump_norm=linear,
-        moment_jump_norm=angular,
-        relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
-        rank_after=reduced.rank_after,
-        rank_lost=reduced.rank - reduced.rank_after,
-        sigma_min_after=reduced.damaged.s[-1],
-        margin=metrics.margin(reduced),
-        relative_manipulability=metrics.relative_manipulability(reduced),
-        can_stand_still=can_stand_still,
-        share=None if bounded is None or F is None else bounded.share,
-        binding=() if bounded is None else bounded.binding,
-        capability=_capability(case, reduced, rnea, largest) if case.by_capability else None,
-        verdict=judge(reduced, F, case.wary, bounded, largest),
-    )
-
-
-def _outcome(
-    reduced: ReducedJacobian, F: Vector | None, bounded: BoundedRemap | None
-) -> tuple[Vector | None, Vector | None]:
-    """Return force after and jump, weighted; ``None`` without a force or if nothing is feasible."""
-    if F is None:
-        return None, None
-    if bounded is not None:
-        return bounded.F_after, bounded.jump
-    change = force_jump(reduced, F)
-    return change.F_after, change.jump
-
-
-def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | None) -> float:
-    if F is None or jump is None:
-        return float(reduced.rank_after < reduced.rank)
-    size = math.sqrt(F.dot(F))
-    return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
-
-
-def _capability(
-    case: _Case, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
-) -> SetCapability:
-    task, amounts, stops = case.task, [], []
-    for reading in Reading:
-        feasible = feasible_forces(reduced, rnea, largest, reading)
-        if case.direction is None:
-            space = case.whole.healthy.U[:, : case.whole.rank]
-            worst = weakest_direction(feasible, space)
-            ray, size = worst.reach, task.size(task.unweigh_force(worst.direction))
-        else:
-            ray, size = reach(feasible, task.weigh_force(case.direction)), 1.0
-        amounts.append(math.nan if ray.is_empty else ray.most * size)
-        stops.append(ray.stops)
-    return SetCapability(amounts[0], amounts[1], stops[0])
-
-
 def _weakness(report: SetReport) -> tuple[float, ...]:
     """Sort key: the smallest capability first; an arm that cannot stand still before all."""
     found = report.capability
@@ -466,12 +304,14 @@ def _badness(report: SetReport) -> tuple[float, ...]:
     jump = round(report.relative_jump, 9)
     size = len(report.faults) if jump > 0.0 else 0
     return (
-        _SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size, round(report.margin, 9),
-        *report.faults.joints,
+        _SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size,
+        round(report.margin, 9), *report.faults.joints,
     )  # fmt: skip
 
 
-def _rank_joints(robot: Robot, reports: list[SetReport]) -> tuple[JointReport, ...]:
+def _rank_joints(
+    robot: Robot, reports: list[SetReport], by_capability: bool
+) -> tuple[JointReport, ...]:
     joints = []
     for i in range(robot.n):
         own = [report for report in reports if i in report.faults.joints]
@@ -484,16 +324,26 @@ def _rank_joints(robot: Robot, reports: list[SetReport]) -> tuple[JointReport, .
                 not_tolerated=verdicts.count(Verdict.NOT_TOLERATED),
                 borderline=verdicts.count(Verdict.BORDERLINE),
                 mean_relative_jump=math.fsum(r.relative_jump for r in own) / len(own),
+                least_capability=_least(own) if by_capability else None,
             )
         )
-    return tuple(
-        sorted(
-            joints,
-            key=lambda j: (
-                -j.not_tolerated,
-                -j.borderline,
-                -round(j.mean_relative_jump, 9),
-                j.alone.margin,
-            ),
-        )
-    )
+    return tuple(sorted(joints, key=_feebleness if by_capability else _criticality))
+
+
+def _least(reports: list[SetReport]) -> float:
+    """Return the smallest commanded force, NaN (nothing holds the arm) before any."""
+    amounts = [report.capability.commanded for report in reports if report.capability is not None]
+    return math.nan if any(map(math.isnan, amounts)) else min(amounts)
+
+
+def _criticality(joint: JointReport) -> tuple[float, ...]:
+    mean = round(joint.mean_relative_jump, 9)
+    return -joint.not_tolerated, -joint.borderline, -mean, joint.alone.margin
+
+
+def _feebleness(joint: JointReport) -> tuple[float, ...]:
+    """Sort key: what is left when the joint fails alone, then with others."""
+    least = joint.least_capability
+    assert least is not None
+    alone = _weakness(joint.alone)
+    return *alone[:2], -1.0 if math.isnan(least) else round(least, 9), joint.joint

@@ -178,9 +178,7 @@ class FaultSet:
         return "{" + ", ".join(words) + "}"
 
 
-def fault_sets(
-    n: int, largest: int, mode: FaultMode = FaultMode.LOCKED
-) -> Iterator[FaultSet]:
+def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iterator[FaultSet]:
     """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13)."""
     for size in range(1, largest + 1):
         for joints in combinations(range(n), size):

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector
 from ftforce.errors import UnknownNameError
 
 if TYPE_CHECKING:
+    from ftforce.arrays import Matrix, Vector
     from ftforce.reduced import ReducedJacobian
 
 
@@ -168,13 +168,12 @@ def feasible_forces(
         return FeasibleForces(
             F0, Z, np.zeros((0, reduced.m)), none, none, [], unbalanced, reduced.rtol, scale
         )
-    known = largest > 0.0  # NaN is unknown; 0 is a joint without torque, which is in F0 and Z
-    joints = known.nonzero()[0]
-    rows = reduced.J.T[joints]
-    weight, limit = rnea[joints], largest[joints]
+    # NaN is unknown; 0 is a joint without torque, which is in F0 and Z.
+    joints = (largest > 0.0).nonzero()[0]
+    weights, limit = rnea[joints], largest[joints]
     return FeasibleForces(
-        F0, Z, rows, -limit - weight, limit - weight, joints.tolist(), unbalanced, reduced.rtol,
-        scale,
+        F0, Z, reduced.J.T[joints], -limit - weights, limit - weights, joints.tolist(),
+        unbalanced, reduced.rtol, scale,
     )  # fmt: skip
 
 
@@ -228,9 +227,11 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     if not feasible.stands_still or feasible.F0.any():  # no force at all is not among them
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
-    U, s, Vt = np.linalg.svd(missing)
-    if s[0] > feasible.rtol:  # a direction of which nothing is left
-        return Weakest(space.dot(Vt[0]), Reach(0.0, 0.0))
+    _, s, Vt = np.linalg.svd(missing)
+    if s[0] > feasible.rtol:  # a direction of which nothing is left, either way along it
+        direction = space.dot(Vt[0])
+        largest = direction[int(np.argmax(np.abs(direction)))]
+        return Weakest(math.copysign(1.0, largest) * direction, Reach(0.0, 0.0))
     levers = feasible.rows.dot(space)
     size = np.sqrt(np.einsum("ij,ij->i", levers, levers))
     loaded = size > feasible.rtol * feasible.scale

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 FORMATS = ("json", "csv")
 
 
-def save(result: Analysis | Capability | Census | Robot | Replication, path: str | PathLike[str]) -> Path:
+def save(
+    result: Analysis | Capability | Census | Robot | Replication, path: str | PathLike[str]
+) -> Path:
     """Write a result to a ``.json`` or ``.csv`` file, whole or not at all.
 
     Raises

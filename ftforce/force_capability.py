@@ -31,11 +31,9 @@ from ftforce.reduced import reduce_decomposed
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from ftforce.arrays import Matrix
     from ftforce.posture import Posture
     from ftforce.reduced import ReducedJacobian
     from ftforce.robot import Robot
-    from ftforce.task import Task
 
 
 class End(StrEnum):
@@ -145,7 +143,9 @@ class Capability(Displayed):
                     feasible, read_only(plain / size), worst.reach, size, after=after
                 )
         before, after_ = ({r: found[late, r] for r in Reading} for late in (False, True))
-        return DirectionReport("weakest", task.units[0] if task.force_rows else "N·m", before, after_)
+        return DirectionReport(
+            "weakest", task.units[0] if task.force_rows else "N·m", before, after_
+        )
 
     @cached_property
     def payload(self) -> tuple[Amount, Amount]:
@@ -293,9 +293,15 @@ def capability(
     Examples
     --------
     >>> import ftforce
-    >>> result = ftforce.capability(ftforce.load_robot("panda"), locked=[2])
-    >>> up = result.directions[4].after["held"]
-    >>> round(up.most, 1), up.stops
+    >>> arm = ftforce.load_robot("panda")
+    >>> result = ftforce.capability(arm, locked=[2, 4])
+    >>> push = result.directions[4]
+    >>> push.name, round(push.before["commanded"].most), round(push.after["held"].most)
+    ('+fz', 162, 162)
+    >>> push.after["commanded"].most, push.after["commanded"].end.value
+    (0.0, 'fault')
+    >>> round(result.payload[1].most, 1), [arm.names[j] for j in result.payload[1].stops]
+    (11.3, ['panda_joint6'])
     """
     return capability_of(analyze(robot, q, limits=limits, **case), direction)
 
@@ -317,4 +323,3 @@ def capability_of(analysis: Analysis, direction: ArrayLike | None = None) -> Cap
     if size == 0.0:
         raise InputError("the direction needs a component that is not zero")
     return Capability(analysis, read_only(vector / size))
-

@@ -37,9 +37,7 @@ class Limits:
     source: str = "given"
 
     @classmethod
-    def of(
-        cls, effort: ArrayLike, brake: ArrayLike | None = None, source: str = "given"
-    ) -> Limits:
+    def of(cls, effort: ArrayLike, brake: ArrayLike | None = None, source: str = "given") -> Limits:
         """Check limits and wrap them.
 
         Parameters

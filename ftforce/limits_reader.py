@@ -56,7 +56,9 @@ def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
     if limits == URDF:
         return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
     if not isinstance(limits, (str, os.PathLike)):
-        raise InputError(f"limits are 'urdf', 'none', a file or ftforce.limits.Limits, got {limits!r}")
+        raise InputError(
+            f"limits are 'urdf', 'none', a file or ftforce.limits.Limits, got {limits!r}"
+        )
     return read_limits(robot, limits)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations, product
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,11 @@ from ftforce.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from ftforce.feasible import FeasibleForces
+
+Indices: TypeAlias = "NDArray[np.intp]"
 
 MOST_CORNERS = 2_000_000  # intersections of planes; some seconds and 500 MB
 _CHUNK = 20_000
@@ -160,9 +164,7 @@ def _distinct(points: Matrix, slack: float) -> Matrix:
     return np.array(kept).reshape(-1, points.shape[1])
 
 
-def _faces(
-    A: Matrix, lower: Vector, upper: Vector, corners: Matrix
-) -> Iterator[tuple[int, ...]]:
+def _faces(A: Matrix, lower: Vector, upper: Vector, corners: Matrix) -> Iterator[tuple[int, ...]]:
     d = corners.shape[1]
     if d <= 2:
         if len(corners) >= 2:
@@ -183,7 +185,7 @@ def _faces(
             yield _around(corners, members) if d == 3 else tuple(members.tolist())
 
 
-def _around(corners: Matrix, members: Vector) -> tuple[int, ...]:
+def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
     """Return the corners of a flat polygon in the order in which they go round it."""
     points = corners[members] - corners[members].mean(axis=0)
     plane = np.linalg.svd(points, full_matrices=False)[2][:2]

@@ -214,7 +214,7 @@ def _remaps(
 ) -> Iterator[Check]:
     for locked, torques, jump in columns:
         result = with_locked(locked)
-        if result.torque is None or result.force is None:
+        if result.torque is None or result.torque.after is None or result.force is None:
             continue
         name = "{" + ", ".join(map(str, locked)) + "}"
         after = result.torque.after.tolist()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ftforce.arrays import Vector
-    from ftforce.fault_census import SetReport
+    from ftforce.set_reports import SetReport
 
 Row: TypeAlias = tuple[Any, ...]
 

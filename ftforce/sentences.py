@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from ftforce.changes import ForceChange
     from ftforce.fault_census import Census
     from ftforce.force_capability import Amount, Capability
-    from ftforce.robot import Robot
 
 
 def verdict_sentence(analysis: Analysis) -> str:
@@ -78,14 +77,20 @@ def _about_falling(analysis: Analysis) -> str:
             f"the arm cannot stand still: weight and motion turn {joined(torques)}, and no force "
             f"at the tip ({components}) balances that"
         )
+    return (
+        f"the arm cannot even carry itself: {overload_in_words(analysis)}, and no force "
+        f"at the tip ({components}) relieves the arm enough"
+    )
+
+
+def overload_in_words(analysis: Analysis) -> str:
+    """Say which joints weight and motion overload, by how much; empty if none."""
+    robot = analysis.robot
     loads = [
         f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
-    return (
-        f"the arm cannot even carry itself: weight and motion take {joined(loads)}, and no force "
-        f"at the tip ({components}) relieves the arm enough"
-    )
+    return f"weight and motion take {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
@@ -178,13 +183,26 @@ def _support(analysis: Analysis) -> str:
         return ""
     parts = zip(support.tolist(), task.components, task.units, strict=True)
     listed = ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)
-    return f"; the arm stands still only while the tip presses on its environment with {listed}"
+    overload = overload_in_words(analysis)
+    return (
+        f"; {f'{overload}; ' if overload else ''}the arm stands still only while the tip presses "
+        f"on its environment with {listed}"
+    )
 
 
 def critical_joint(census: Census) -> str:
     """Say which joint is the critical one."""
     worst, robot = census.joints[0], census.robot
     name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
+    if (found := worst.alone.capability) is not None:
+        unit = "N" if census.task.force_rows else "N·m"
+        where = "in its weakest direction" if census.direction is None else "in the direction"
+        left = "the arm cannot hold itself"
+        if not math.isnan(found.commanded):
+            left = "no limit is known that ends what the motors command"
+        if math.isfinite(found.commanded):
+            left = f"the motors can command {size(found.commanded)} {unit} {where}"
+        return f"Critical joint: {name}. When it fails alone, {left}."
     for count, verdict in (
         (worst.not_tolerated, Verdict.NOT_TOLERATED),
         (worst.borderline, Verdict.BORDERLINE),
@@ -209,9 +227,11 @@ def capability_sentence(capability: Capability) -> str:
         for amounts in (capability.weakest.before, capability.weakest.after)
     )
     unit = capability.weakest.unit
-    sentence = f"{faults_in_words(analysis).capitalize()}, "
+    sentence = f"W{faults_in_words(analysis)[1:]}, "  # names keep their capitals
     if math.isnan(after.most):
         sentence += f"the arm cannot hold itself ({end_in_words(analysis, after)})"
+    elif after.most == 0.0:
+        sentence += "no motor can command a force along the weakest direction"
     else:
         sentence += (
             f"the motors can command {amount_in_words(after, unit)} in every direction that the "

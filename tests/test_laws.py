@@ -324,7 +324,9 @@ def test_laws_of_a_force_at_the_tip(case, seed, data):
         arm.model, arm.model.createData(), arm.to_model(np.array(q)), still, still
     )
     scale = norm(F) + norm(weight)
-    assert_close(torque.brake_load, np.where(mask, weight + result.J.T @ force.after, 0.0), scale=scale)
+    assert_close(
+        torque.brake_load, np.where(mask, weight + result.J.T @ force.after, 0.0), scale=scale
+    )
     assert_close(torque.total_before, weight + torque.before, scale=scale)
     assert_close(torque.total_after, np.where(mask, 0.0, weight + torque.after), scale=scale)
     assert_close(torque.self_motion, 0.0)

@@ -11,6 +11,7 @@ import typer
 
 from ftforce import __version__
 from ftforce.cli.analyze import analyze
+from ftforce.cli.capability import capability
 from ftforce.cli.census import census
 from ftforce.cli.common import guarded
 from ftforce.cli.dh import dh
@@ -25,7 +26,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for command in (analyze, census, inspect, robots, dh, replicate):
+for command in (analyze, census, capability, inspect, robots, dh, replicate):
     app.command()(guarded(command))
 
 

@@ -1,17 +1,20 @@
 """``ftforce analyze``: one posture, one fault set."""
 
-from typing import Annotated
-
-import typer
-
 from ftforce.cli.common import (
+    Acceleration,
     AxesOption,
     Base,
     Degrees,
     Force,
     FormatOption,
+    Free,
+    Gravity,
+    InverseOption,
     Length,
+    LimitsOption,
+    Locked,
     Output,
+    PayloadOption,
     Positions,
     PostureName,
     RobotArgument,
@@ -19,7 +22,9 @@ from ftforce.cli.common import (
     TaskOption,
     Tip,
     Torque,
+    Velocity,
     Wary,
+    Weak,
     emit,
     load,
     numbers,
@@ -29,19 +34,20 @@ from ftforce.cli.common import (
 
 def analyze(
     robot: RobotArgument,
-    locked: Annotated[
-        list[str] | None,
-        typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names, by commas."),
-    ] = None,
+    locked: Locked = None,
+    free: Free = None,
+    weak: Weak = None,
     q: Positions = None,
     posture: PostureName = None,
     deg: Degrees = False,
     force: Force = None,
     torque: Torque = None,
-    velocity: Annotated[
-        str | None,
-        typer.Option(metavar="V1,V2,…", help="Joint velocities before the fault, rad/s or m/s."),
-    ] = None,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    gravity: Gravity = None,
+    payload: PayloadOption = None,
+    limits: LimitsOption = None,
+    inverse: InverseOption = "euclidean",
     task: TaskOption = "force",
     length: Length = None,
     axes: AxesOption = "tool",
@@ -52,7 +58,7 @@ def analyze(
     form: FormatOption = None,
     output: Output = None,
 ) -> None:
-    """Say what locked joints do to the force at the tool, and which torques to command now.
+    """Say what faults do to the force at the tool, and which torques to command now.
 
     Without --force or --torque: the same for every unit force, and which directions are lost.
     """
@@ -67,12 +73,19 @@ def analyze(
         arm,
         place,
         locked=",".join(locked or ()),
+        free=",".join(free or ()),
+        weak=",".join(weak or ()),
         force=numbers(force, "--force"),
         torque=numbers(torque, "--torque"),
         velocity=numbers(velocity, "--velocity"),
+        acceleration=numbers(acceleration, "--acceleration"),
+        gravity=numbers(gravity, "--gravity"),
+        payload=payload,
+        limits=limits,
+        inverse=inverse,  # type: ignore[arg-type] # checked there, with a message that lists them
         task=task,
         length=length,
-        axes=axes,  # type: ignore[arg-type] # checked there, with a message that lists them
+        axes=axes,  # type: ignore[arg-type] # likewise
         rtol=rtol,
         wary=wary,
     )

@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ftforce.cli.common import (
+    Acceleration,
     AxesOption,
     Base,
     Degrees,
+    Direction,
     Force,
     FormatOption,
+    Gravity,
+    InverseOption,
     Length,
+    LimitsOption,
     Output,
+    PayloadOption,
     Positions,
     PostureName,
     RobotArgument,
@@ -22,6 +28,7 @@ from ftforce.cli.common import (
     TaskOption,
     Tip,
     Torque,
+    Velocity,
     Wary,
     emit,
     load,
@@ -40,11 +47,28 @@ PATIENCE = 1.0  # s without a progress bar
 def census(
     robot: RobotArgument,
     faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1,
+    mode: Annotated[
+        str, typer.Option(metavar="locked|free", help="How the joints fail.")
+    ] = "locked",
+    rank_by: Annotated[
+        str,
+        typer.Option(
+            metavar="jump|capability",
+            help="What the sets are sorted by: the force jump, or the force that can be held.",
+        ),
+    ] = "jump",
+    direction: Direction = None,
     q: Positions = None,
     posture: PostureName = None,
     deg: Degrees = False,
     force: Force = None,
     torque: Torque = None,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    gravity: Gravity = None,
+    payload: PayloadOption = None,
+    limits: LimitsOption = None,
+    inverse: InverseOption = "euclidean",
     task: TaskOption = "force",
     length: Length = None,
     axes: AxesOption = "tool",
@@ -56,7 +80,7 @@ def census(
     form: FormatOption = None,
     output: Output = None,
 ) -> None:
-    """Analyse every set of up to --faults locked joints, worst first, and rank the joints."""
+    """Analyse every set of up to --faults failed joints, worst first, and rank the joints."""
     refuse_force_and_torque(force, torque)
     from ftforce import fault_census
     from ftforce.posture import choose_posture
@@ -69,11 +93,20 @@ def census(
             arm,
             place,
             faults=faults,
+            mode=mode,
             force=numbers(force, "--force"),
             torque=numbers(torque, "--torque"),
+            velocity=numbers(velocity, "--velocity"),
+            acceleration=numbers(acceleration, "--acceleration"),
+            gravity=numbers(gravity, "--gravity"),
+            payload=payload,
+            limits=limits,
+            inverse=inverse,  # type: ignore[arg-type] # checked there, with a message
+            rank_by=rank_by,  # type: ignore[arg-type] # likewise
+            direction=numbers(direction, "--direction"),
             task=task,
             length=length,
-            axes=axes,  # type: ignore[arg-type] # checked there, with a message that lists them
+            axes=axes,  # type: ignore[arg-type] # likewise
             rtol=rtol,
             wary=wary,
             progress=progress,
@@ -84,7 +117,7 @@ def census(
         form=form,
         output=output,
         title=f"ftforce census {arm.name}",
-        warnings=result.posture.warnings,
+        warnings=result.warnings,
     )
 
 

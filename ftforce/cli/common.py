@@ -63,6 +63,62 @@ Torque = Annotated[
         help="Instead of a force: motor torques meant for it, N·m, without weight and motion.",
     ),
 ]
+Locked = Annotated[
+    list[str] | None,
+    typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names, by commas."),
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option(metavar="4", help="Free-swinging joints: neither motor nor brake gives torque."),
+]
+Weak = Annotated[
+    list[str] | None,
+    typer.Option(metavar="3:0.5", help="Weak joints, with the share of their torque that is left."),
+]
+Velocity = Annotated[
+    str | None,
+    typer.Option(metavar="V1,V2,…", help="Joint velocities before the fault, rad/s or m/s."),
+]
+Acceleration = Annotated[
+    str | None,
+    typer.Option(metavar="A1,A2,…", help="Joint accelerations before the fault, rad/s² or m/s²."),
+]
+Gravity = Annotated[
+    str | None,
+    typer.Option(
+        metavar="GX,GY,GZ",
+        help="Gravity in the root's axes, m/s²; without it the model's. 0,0,0 in space.",
+    ),
+]
+PayloadOption = Annotated[
+    str | None,
+    typer.Option(
+        "--payload",
+        metavar="KG[@X,Y,Z]",
+        help="Mass at the tip, kg, and its place in tool axes, m.",
+    ),
+]
+LimitsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--limits",
+        metavar="urdf|FILE|none",
+        help="Torque limits that count: the URDF's or a TOML or CSV file's (joint,effort,brake).",
+        show_default="none; urdf where they are needed",
+    ),
+]
+InverseOption = Annotated[
+    str,
+    typer.Option(
+        "--inverse",
+        metavar="euclidean|dynamic",
+        help="How --torque is split into force and self-motion.",
+    ),
+]
+Direction = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,Z", help="A direction of force, in the task's axes."),
+]
 TaskOption = Annotated[
     str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
 ]

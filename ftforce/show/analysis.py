@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ftforce.analysis import Analysis
+    from ftforce.arrays import Vector
     from ftforce.bounded import BoundedRemap
     from ftforce.changes import ForceChange
     from ftforce.conditions import Conditions
@@ -73,9 +74,14 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
         *conditions_facts(analysis.conditions),
-        ("Limits", limits_in_words(analysis.limits, analysis.unknown_limits, robot)),
+        ("Limits", _limits(analysis)),
         ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
     ]
+
+
+def _limits(analysis: Analysis) -> str:
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    return limits_in_words(analysis.limits, analysis.unknown_limits, analysis.robot, locked)
 
 
 def _faults(robot: Robot, faults: FaultSet) -> tuple[str, str]:
@@ -96,12 +102,17 @@ def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
     return facts
 
 
-def limits_in_words(limits: Limits | None, unknown: tuple[int, ...], robot: Robot) -> str:
+def limits_in_words(
+    limits: Limits | None, unknown: tuple[int, ...], robot: Robot, locked: tuple[int, ...]
+) -> str:
     """Say which limits count, and which are unknown."""
     if limits is None:
         return "not counted (--limits urdf counts them)"
-    missing = listed(robot.names[i] for i in unknown)
-    return f"{limits.source}" + (f"; unknown, count as none: {missing}" if unknown else "")
+    motors = [robot.names[i] for i in unknown if i not in locked]
+    brakes = [robot.names[i] for i in unknown if i in locked]
+    missing = [f"motors of {listed(motors)}"] if motors else []
+    missing += [f"brakes of {listed(brakes)}"] if brakes else []
+    return limits.source + (f"; unknown, count as none: {'; '.join(missing)}" if missing else "")
 
 
 def _tip(task: Task, force: ForceChange) -> TitledTable:
@@ -128,7 +139,8 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
         analysis.unit_forces, task.components, task.units, strict=True
     ):
         beyond = "*" if words.is_noticeable(force.unsupported) else ""
-        assert force.after is not None and force.jump is not None  # weight and limits are apart
+        assert force.after is not None  # weight and limits are apart
+        assert force.jump is not None
         after = [number(x, 3) for x in force.after.tolist()]
         jumps = [number(float(np.linalg.norm(force.jump[list(rows)])), 3) for _, rows in sizes]
         result.add_row(f"{name} 1 {unit}{beyond}", *after, *jumps)
@@ -188,11 +200,12 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
     return measures
 
 
-def _bare_load(analysis: Analysis) -> np.ndarray:
+def _bare_load(analysis: Analysis) -> Vector:
+    """Return the torques without a force, but for what supports joints without torque."""
     bounded, load = analysis.bounded, analysis.rnea.after
-    if bounded is None or bounded.F_after is None:
-        return load
-    return load + bounded.F_after.dot(analysis.reduced.J)
+    if bounded is not None and bounded.F_after is not None:
+        load = load + bounded.F_after.dot(analysis.reduced.J)
+    return load
 
 
 def _force_error(analysis: Analysis) -> str:

@@ -91,7 +91,9 @@ def _weakest(capability: Capability) -> TitledTable:
 
 def _payload(capability: Capability) -> TitledTable:
     already = capability.analysis.conditions.payload
-    title = "Payload [kg] that the tip can carry" + (", on top of the present one" if already else "")
+    title = "Payload [kg] that the tip can carry" + (
+        ", on top of the present one" if already else ""
+    )
     result = table(title, "when", "kg", "ends at", left=1, folded=(2,))
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
         mass = "–" if amount.most != amount.most else size(amount.most)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce import sentences, words
+from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
 from ftforce.show.analysis import conditions_facts, limits_in_words
 from ftforce.show.tables import (
@@ -24,7 +25,8 @@ from ftforce.words import number, ratio, size
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from ftforce.fault_census import Census, SetReport
+    from ftforce.fault_census import Census
+    from ftforce.set_reports import SetReport
 
 MOST_SETS = 40
 """How many fault sets a census table shows, worst first."""
@@ -56,7 +58,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         ("Task", f"{task} ({', '.join(task.components)}){length}"),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
-        ("Limits", limits_in_words(census.limits, (), robot)),
+        ("Limits", limits_in_words(census.limits, (), robot, ())),
         ("Force", force),
         ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
     ]
@@ -100,10 +102,11 @@ def _capability_cells(report: SetReport) -> list[str]:
     found = report.capability
     if found is None:
         return []
-    return [
-        "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, 1)
-        for x in (found.commanded, found.held)
-    ]
+    return [_amount(found.commanded), _amount(found.held)]
+
+
+def _amount(x: float) -> str:
+    return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, 1)
 
 
 def _caption(census: Census, most: int) -> str:
@@ -122,28 +125,39 @@ def _caption(census: Census, most: int) -> str:
 
 
 def _critical_joints(census: Census) -> TitledTable:
+    ranked = census.rank_by == "capability"
+    order = "least capability first" if ranked else "most critical first"
     result = table(
-        "Joints, most critical first", "#", "joint", "fails alone", "margin", "ρ",
-        "sets not\ntolerated", "border-\nline", "mean loss\n[%]", left=3, folded=(1,),
+        f"Joints, {order}", "#", "joint", "fails alone",
+        *(["com-\nmanded", "\nheld", "least\nof all"] if ranked else []), "margin", "ρ",
+        "sets not\ntolerated", "border-\nline", *([] if ranked else ["mean loss\n[%]"]),
+        left=3, folded=(1,),
     )  # fmt: skip
     for report in census.joints:
         alone, rho = report.alone, report.alone.relative_manipulability
+        least = report.least_capability
         result.add_row(
             str(report.joint + 1),
             census.robot.names[report.joint],
             verdict_text(alone.verdict),
+            *_capability_cells(alone),
+            *([_amount(least)] if least is not None else []),
             ratio(alone.margin),
             defined(rho),
             f"{report.not_tolerated} of {report.sets}",
             str(report.borderline),
-            f"{100.0 * report.mean_relative_jump:.1f}",
+            *([] if ranked else [f"{100.0 * report.mean_relative_jump:.1f}"]),
         )
     result.caption = "mean loss: jump over force, averaged over the sets that hold the joint"
+    if ranked:
+        result.caption = "least of all: commanded, over the sets that hold the joint"
     return result
 
 
 def _bounds(census: Census) -> list[tuple[str, str]]:
-    lines = []
+    lines: list[tuple[str, str]] = []
+    if census.mode is not FaultMode.LOCKED:
+        return lines  # the bound is one of locked joints
     for f in range(1, census.largest + 1):
         worst, bound = census.worst_manipulability(f)
         if not math.isnan(worst) and bound > 0.0:

@@ -135,7 +135,8 @@ def _unit_cell(joint: Joint, torque: TorqueChange, i: int, digits: int) -> str:
     after = "–" if torque.after is None else number(float(torque.after[i]), digits) + unit
     if after == before:
         return before
-    return f"{before}→{'0' if torque.after is not None and torque.after[i] == 0.0 else after}"
+    gone = torque.after is not None and abs(torque.after[i]) <= words.NEGLIGIBLE
+    return f"{before}→{'0' if gone else after}"
 
 
 def velocity_tables(analysis: Analysis) -> RenderableType | None:

@@ -1,0 +1,88 @@
+"""``ftforce capability``: which force and which payload can be held."""
+
+from ftforce.cli.common import (
+    Acceleration,
+    AxesOption,
+    Base,
+    Degrees,
+    Direction,
+    FormatOption,
+    Free,
+    Gravity,
+    Length,
+    LimitsOption,
+    Locked,
+    Output,
+    PayloadOption,
+    Positions,
+    PostureName,
+    RobotArgument,
+    Rtol,
+    TaskOption,
+    Tip,
+    Velocity,
+    Weak,
+    emit,
+    load,
+    numbers,
+)
+
+
+def capability(
+    robot: RobotArgument,
+    locked: Locked = None,
+    free: Free = None,
+    weak: Weak = None,
+    direction: Direction = None,
+    q: Positions = None,
+    posture: PostureName = None,
+    deg: Degrees = False,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    gravity: Gravity = None,
+    payload: PayloadOption = None,
+    limits: LimitsOption = "urdf",
+    task: TaskOption = "force",
+    length: Length = None,
+    axes: AxesOption = "tool",
+    base: Base = None,
+    tip: Tip = None,
+    rtol: Rtol = 1e-6,
+    form: FormatOption = None,
+    output: Output = None,
+) -> None:
+    """Say which force, and which payload, the arm can hold before and after a fault.
+
+    Commanded: what the motors make. Held: a load that is there already, with the locks' help.
+    """
+    from ftforce import force_capability
+    from ftforce.posture import choose_posture
+    from ftforce.show.capability import capability_view
+
+    arm = load(robot, tip, base, posture)
+    place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)
+    result = force_capability.capability(
+        arm,
+        place,
+        direction=numbers(direction, "--direction"),
+        locked=",".join(locked or ()),
+        free=",".join(free or ()),
+        weak=",".join(weak or ()),
+        velocity=numbers(velocity, "--velocity"),
+        acceleration=numbers(acceleration, "--acceleration"),
+        gravity=numbers(gravity, "--gravity"),
+        payload=payload,
+        limits=limits,
+        task=task,
+        length=length,
+        axes=axes,
+        rtol=rtol,
+    )
+    emit(
+        capability_view(result),
+        result,
+        form=form,
+        output=output,
+        title=f"ftforce capability {arm.name}",
+        warnings=result.analysis.warnings,
+    )

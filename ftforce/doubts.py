@@ -1,0 +1,78 @@
+"""What makes an answer doubtful, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.errors import listed
+from ftforce.faults import FaultMode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from ftforce.changes import RneaChange, TorqueChange
+    from ftforce.faults import FaultSet
+    from ftforce.limits import Limits
+    from ftforce.reduced import ReducedJacobian
+    from ftforce.robot import Robot
+    from ftforce.task import Task
+
+_SLACK = 1e-9  # relative: rounding is no overload
+
+
+def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
+    """Say that even the healthy arm lacks a direction of the task."""
+    if reduced.rank < reduced.m:
+        yield (
+            f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
+            f"'{task}' in this posture"
+        )
+
+
+def missing_masses(rnea: RneaChange) -> Iterator[str]:
+    """Say that weight, or weight and motion, are unknown."""
+    if not rnea.is_known:
+        what = "weight of the arm is" if rnea.motion_before is not None else (
+            "weight and motion of the arm are"
+        )  # fmt: skip
+        yield f"the URDF has no masses: {what} missing from the torques"
+
+
+def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
+    """Name what limits would say if they counted: weak joints, and motors asked for too much."""
+    for number, name in _weak(robot, faults):
+        yield f"joint {number} {name} is weak, but no limits are counted: it counts as healthy"
+    if torque is None or torque.after is None:
+        return
+    needed = torque.after if torque.total_after is None else torque.total_after
+    for joint, value in zip(robot.joints, needed.tolist(), strict=True):
+        if joint.effort is not None and abs(value) > joint.effort * (1.0 + _SLACK):
+            yield (
+                f"joint {joint.number} {joint.name} would need "
+                f"{abs(value) / joint.effort:.0%} of its effort limit of "
+                f"{joint.effort:g} {joint.torque_unit} (limits are not counted)"
+            )
+
+
+def unjudged(robot: Robot, faults: FaultSet, limits: Limits) -> Iterator[str]:
+    """Name the weak joints whose limit is unknown."""
+    for number, name in _weak(robot, faults):
+        if np.isnan(limits.effort[number - 1]):
+            yield f"joint {number} {name} is weak, but its limit is unknown: it counts as none"
+
+
+def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
+    """Name the joints (indices) that weight and motion alone overload."""
+    if names := [robot.names[j] for j in joints]:
+        yield (
+            f"weight and motion alone overload {listed(names)}: only the force at the tip keeps "
+            "the arm still"
+        )
+
+
+def _weak(robot: Robot, faults: FaultSet) -> Iterator[tuple[int, str]]:
+    for fault in faults.faults:
+        if fault.mode is FaultMode.WEAK and not fault.has_no_torque:
+            yield fault.joint + 1, robot.names[fault.joint]
