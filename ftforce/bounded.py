@@ -128,25 +128,22 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     """Return z, ``None`` if nothing is feasible, and fill in the multipliers."""
     A = feasible.rows.dot(feasible.Z)
     lower, upper = feasible.lower, feasible.upper
-    if feasible.F0.any():
+    if feasible.F0.dot(feasible.F0):
         offset = feasible.rows.dot(feasible.F0)
         lower, upper = lower - offset, upper - offset
-    loaded: Any = slice(None)
-    levers = np.einsum("ij,ij->i", A, A)
-    if min(levers.tolist()) <= (feasible.rtol * feasible.scale) ** 2:
-        # A torque that no force changes: within its limits or not, whatever the force.
-        loaded = levers > (feasible.rtol * feasible.scale) ** 2
-        if (upper[~loaded] < 0.0).any() or (lower[~loaded] > 0.0).any():
-            return None
-        A, lower, upper = A[loaded], lower[loaded], upper[loaded]
-        if not len(A):
-            return wanted
     # In units of the limits, so that the solver's absolute tolerances become relative ones.
     unit = max(*upper.tolist(), -min(lower.tolist())) / feasible.scale
-    z, y = _quadratic_program(A, wanted / unit, lower / unit, upper / unit)
+    lower, upper = lower / unit, upper / unit
+    least = (feasible.rtol * feasible.scale) ** 2
+    for i, lever in enumerate(np.vecdot(A, A).tolist()):
+        if lever <= least:  # a torque that no force changes: within its limits or not
+            if upper[i] < 0.0 or lower[i] > 0.0:
+                return None
+            A[i], lower[i], upper[i] = 0.0, -math.inf, math.inf
+    z, y = _quadratic_program(A, wanted / unit, lower, upper)
     if z is None:
         return None
-    multipliers[loaded] = y * unit
+    np.multiply(y, unit, out=multipliers)
     solution: Vector = z * unit
     return solution
 
@@ -290,7 +287,7 @@ def bounded_remap(
     tau = as_vector(tau, n, "tau", "one torque per column of J")
     weight = np.zeros(n) if rnea is None else as_vector(rnea, n, "rnea", "one per column of J")
     largest = np.array(limits, dtype=np.float64)
-    if largest.shape != (n,) or (largest <= 0.0).any():
+    if largest.shape != (n,) or True in (largest <= 0.0).tolist():
         raise InputError(f"limits need {n} positive numbers, NaN where unknown, got {limits!r}")
     if swinging is not None:
         largest[swinging] = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from ftforce.arrays import Vector, as_vector, read_only
 from ftforce.changes import RneaChange, TipLoad
 from ftforce.closed_forms import dynamically_exerted_force, exerted_force, supported_force
-from ftforce.dynamics import Payload, mass_matrix, model_gravity, motion_torque, weight_torque
+from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.source import read_numbers
 
@@ -82,21 +82,20 @@ class Conditions:
             A malformed value.
         """
         hint = f"one per joint, {robot.numbered()}"
-        v, a = (
-            None if x is None else as_vector(x, robot.n, name, hint)
-            for x, name in ((velocity, "velocity"), (acceleration, "acceleration"))
-        )
+        v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
+        a = None if acceleration is None else as_vector(acceleration, robot.n, "acceleration", hint)
         own = gravity is None
         if gravity is not None:
             gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in the root's axes")
         else:
-            gravity = model_gravity(robot)
+            gravity = robot.gravity
         return cls(gravity, own, read_payload(payload), v, a)
 
     @property
     def moves(self) -> bool:
         """Whether anything moves before the fault."""
-        return any(x is not None and x.any() for x in (self.velocity, self.acceleration))
+        v, a = self.velocity, self.acceleration
+        return (v is not None and bool(v.any())) or (a is not None and bool(a.any()))
 
 
 def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
@@ -148,7 +147,7 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
     counted = weight_torque(robot, q, own, conditions.payload)
     known = robot.mass > 0.0
     gravity = counted if known or not conditions.gravity.any() else None
-    still = read_only(np.zeros(robot.n))
+    still = robot.at_rest
     if not conditions.moves:
         return RneaChange(gravity, still, still, counted, counted)
     v = still if conditions.velocity is None else conditions.velocity

@@ -59,11 +59,6 @@ class Payload:
         return f"{self.mass:g} kg" + (f" at ({place}) m" if self.offset.any() else "")
 
 
-def model_gravity(robot: Robot) -> Vector:
-    """Return the model's gravity in the root's axes, m/s², shape (3,)."""
-    return read_only(robot.model.gravity.linear.copy())
-
-
 def weight_torque(
     robot: Robot, q: Vector, gravity: Vector | None = None, payload: Payload | None = None
 ) -> Vector:
@@ -92,7 +87,7 @@ def weight_torque(
         J_com = pin.jacobianCenterOfMass(model, data, configuration)
         torque = -data.mass[0] * gravity.dot(robot.coordinates.fold(J_com))
     if payload is not None:
-        down = model_gravity(robot) if gravity is None else gravity
+        down = robot.gravity if gravity is None else gravity
         torque = torque - payload.mass * down.dot(payload_jacobian(robot, q, payload))
     return read_only(torque)
 

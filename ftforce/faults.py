@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
@@ -69,7 +68,7 @@ class Fault:
         InputError
             It does not lie between 0 and 1, or the joint is not weak.
         """
-        if not (math.isfinite(self.factor) and 0.0 <= self.factor <= 1.0):
+        if not 0.0 <= self.factor <= 1.0:  # NaN neither
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
                 f"(full torque), got {self.factor:g}"
@@ -104,10 +103,11 @@ class FaultSet:
         InputError
             A joint fails twice, or an index is negative.
         """
-        object.__setattr__(
-            self, "faults", tuple(sorted(self.faults, key=lambda fault: fault.joint))
-        )
-        if any(fault.joint < 0 for fault in self.faults):
+        if not self.faults:
+            return
+        ordered = tuple(sorted(self.faults, key=_joint_of))
+        object.__setattr__(self, "faults", ordered)
+        if ordered[0].joint < 0:
             raise InputError("joint indices count from 0")
         for one, other in zip(self.faults, self.faults[1:], strict=False):
             if one.joint == other.joint:
@@ -136,12 +136,12 @@ class FaultSet:
 
     def in_mode(self, mode: FaultMode) -> tuple[int, ...]:
         """Return the indices of the joints that fail in this mode."""
-        return tuple(fault.joint for fault in self.faults if fault.mode is mode)
+        return tuple([fault.joint for fault in self.faults if fault.mode is mode])
 
     @property
     def swinging(self) -> tuple[int, ...]:
         """Indices of the joints without any torque: free, or weak with factor 0."""
-        return tuple(fault.joint for fault in self.faults if fault.has_no_torque)
+        return tuple([fault.joint for fault in self.faults if fault.has_no_torque])
 
     def mask(self, n: int) -> Mask:
         """Return True at the locked joints, shape (n,).
@@ -151,9 +151,8 @@ class FaultSet:
         InputError
             A joint lies beyond the chain's n.
         """
-        for joint in self.joints:
-            if joint >= n:
-                raise InputError(f"joint {joint + 1} is out of range; the chain has {n} joints")
+        if self.faults and (last := self.faults[-1].joint) >= n:
+            raise InputError(f"joint {last + 1} is out of range; the chain has {n} joints")
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
     def swinging_mask(self, n: int) -> Mask | None:
@@ -190,8 +189,12 @@ def count_fault_sets(n: int, largest: int) -> int:
     return sum(comb(n, size) for size in range(1, largest + 1))
 
 
+def _joint_of(fault: Fault) -> int:
+    return fault.joint
+
+
 def _mask(n: int, joints: Iterable[int]) -> Mask:
-    mask = np.zeros(n, dtype=np.bool_)
+    mask = [False] * n
     for joint in joints:
         mask[joint] = True
-    return read_only(mask)
+    return read_only(np.array(mask))

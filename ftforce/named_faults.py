@@ -38,6 +38,8 @@ def named_faults(
         A joint does not exist or fails in two modes, or a factor lies outside 0 to 1.
     """
     faults = [Fault(i) for i in robot.indices(locked)]
+    if isinstance(free, tuple) and isinstance(weak, tuple) and not free and not weak:
+        return FaultSet(tuple(faults))
     faults += [Fault(i, FaultMode.FREE) for i in robot.indices(free)]
     pairs = _pairs(weak)
     robot.indices([joint for joint, _ in pairs])  # refuses a joint that is named twice

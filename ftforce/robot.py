@@ -148,6 +148,16 @@ class Robot(Displayed):
         return read_only(np.array([joint.upper for joint in self.joints]))
 
     @cached_property
+    def gravity(self) -> Vector:
+        """The model's gravity in the root's axes, m/s², shape (3,)."""
+        return read_only(self.model.gravity.linear.copy())
+
+    @cached_property
+    def at_rest(self) -> Vector:
+        """No velocity, and no acceleration, of any joint, shape (n,)."""
+        return read_only(np.zeros(self.n))
+
+    @cached_property
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
         known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)
@@ -224,6 +234,8 @@ class Robot(Displayed):
         InputError
             A joint does not exist, is named twice, or the mask has another length.
         """
+        if isinstance(joints, (str, tuple)) and not joints:
+            return ()
         if isinstance(joints, str):
             words = [joints] if joints in self.names else joints.split(",")
             given: list[int | str] = [word for word in words if word.strip()]
@@ -243,6 +255,10 @@ class Robot(Displayed):
 
     def numbered(self) -> str:
         """Return the joints as text, e.g. ``1 shoulder, 2 elbow``."""
+        return self._numbered
+
+    @cached_property
+    def _numbered(self) -> str:
         return ", ".join(f"{joint.number} {joint.name}" for joint in self.joints)
 
     def __repr__(self) -> str:

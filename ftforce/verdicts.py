@@ -66,11 +66,14 @@ def _answers(
         mask = ~(reduced.commanding | reduced.locked)
     answers = set()
     for start, end in zip(starts, [*doubtful, wary], strict=True):
-        here, feasible = reduced, bounded.feasible
+        here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
         if start != reduced.rtol:
             here = reduce_decomposed(reduced.healthy, reduced.locked, start, mask)
             feasible = feasible_forces(here, bounded.rnea, largest)
-        jump = _relative_jump(feasible, bounded.nearest.F, bounded.rnea)
+            F_after = None
+        if F_after is None:  # also where a larger tolerance takes the arm for standing still
+            F_after = nearest_force(feasible._replace(unbalanced=0.0), bounded.nearest.F).F_after
+        jump = _relative_jump(feasible, F_after, bounded)
         if F is None and here.rank_after < reduced.rank:
             jump = math.inf  # a direction is lost
         answers |= {feasible.unbalanced <= t and jump <= t for t in (start, end)}
@@ -87,15 +90,17 @@ def _doubtful(reduced: ReducedJacobian, wary: float) -> list[float]:
     return sorted({s / scale for s in values if lowest < s <= highest})
 
 
-def _relative_jump(feasible: FeasibleForces, F: Vector, rnea: Vector) -> float:
+def _relative_jump(
+    feasible: FeasibleForces, F_after: Vector | None, bounded: BoundedRemap
+) -> float:
     """Return ‖ΔF‖/‖F̂‖; without a force, the support that is needed in relation to the weight."""
-    F_after = nearest_force(feasible._replace(unbalanced=0.0), F).F_after
     if F_after is None:
         return math.inf
+    F, rnea = bounded.nearest.F, bounded.rnea
     jump = math.sqrt((F - F_after).dot(F - F_after))
     if jump == 0.0:
         return 0.0
-    if F.any():
-        return jump / math.sqrt(F.dot(F))
+    if size := math.sqrt(F.dot(F)):
+        return jump / size
     weight = math.sqrt(rnea.dot(rnea))
     return jump * feasible.scale / weight if weight > 0.0 else math.inf

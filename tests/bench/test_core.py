@@ -75,12 +75,6 @@ def test_analyze_by_hand(benchmark, arm):
     np.testing.assert_allclose(torque, expected.torque.after, atol=1e-9)
 
 
-@pytest.mark.benchmark(group="census of 28 single and double faults")
-def test_census(benchmark, arm):
-    result = benchmark(ftforce.census, arm, faults=2, force=FORCE)
-    assert len(result.sets) == 28
-
-
 @pytest.mark.benchmark(group="load a known robot, goal 50 ms each")
 @pytest.mark.parametrize("name", known_robots())
 def test_load(benchmark, name):
