@@ -10,7 +10,6 @@ import numpy as np
 
 from ftforce import metrics
 from ftforce.arrays import Matrix, Vector, read_only
-from ftforce.bounded import BoundedRemap, remap_inside
 from ftforce.changes import (
     ForceChange,
     Impact,
@@ -34,13 +33,13 @@ from ftforce.named_faults import named_faults
 from ftforce.posture import Posture, choose_posture
 from ftforce.reduced import RTOL, WARY, ReducedJacobian, check_tolerances, reduce
 from ftforce.task import Axes, Task
-from ftforce.verdicts import judge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
+    from ftforce.bounded import BoundedRemap
     from ftforce.limits import Limits
     from ftforce.limits_reader import LimitsLike
     from ftforce.metrics import Verdict
@@ -289,11 +288,15 @@ def analyze(
     M = mass_matrix_for(robot, place.q, conditions, inverse)
     load = tip_load(robot, reduced, wanted, force, torque, M=M)
     F = None if load is None else load.F
-    largest = None if counted is None else counted.largest_torques(faults)
-    bounded = None
-    if largest is not None or swinging is not None:
+    bounded, verdict = None, None
+    if counted is not None or swinging is not None:
+        from ftforce.bounded import remap_inside  # the closed form needs neither
+        from ftforce.verdicts import judge
+
+        largest = None if counted is None else counted.largest_torques(faults)
         asked = np.zeros(wanted.m) if F is None else F
         bounded = remap_inside(reduced, asked, rnea.after, largest)
+        verdict = judge(reduced, F, wary, bounded, largest)
     change = None if load is None else change_of_load(reduced, wanted, load, rnea, bounded)
     v = conditions.velocity
     return Analysis(
@@ -314,7 +317,7 @@ def analyze(
         bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, wanted, v),
         impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
-        verdict=judge(reduced, F, wary, bounded, largest),
+        verdict=verdict or metrics.verdict(reduced, F, wary),
     )
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.arrays import Vector, read_only
-from ftforce.bounded import remap_inside
 from ftforce.closed_forms import (
     Jump,
     force_jump,
@@ -239,8 +238,7 @@ def changes_of_unit_forces(
     for unit in np.eye(task.m):
         F = supported_force(reduced, task.weigh_force(unit))
         load = TipLoad(F, read_only(unit.copy()), None)
-        bounded = None if reduced.swinging is None else remap_inside(reduced, F, nothing, None)
-        changes.append(change_of_load(reduced, task, load, rnea, bounded))
+        changes.append(change_of_load(reduced, task, load, rnea, None))
     return tuple(changes)
 
 

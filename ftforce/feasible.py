@@ -51,6 +51,19 @@ class Reading(StrEnum):
             raise UnknownNameError("reading of a lock", reading, list(cls)) from None
 
 
+class End(StrEnum):
+    """What ends a capability."""
+
+    LIMIT = "limit"
+    """The torque limit of a motor or brake."""
+    FAULT = "fault"
+    """The fault itself: no motor commands this direction, or a joint without torque yields."""
+    WEIGHT = "weight"
+    """Weight and motion alone: the arm cannot carry itself."""
+    NOTHING = "nothing"
+    """No limit that is known."""
+
+
 class FeasibleForces(NamedTuple):
     """The set ``{F₀ + Z z : lower ≤ rows (F₀ + Z z) ≤ upper}`` in weighted task coordinates.
 

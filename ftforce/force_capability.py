@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from ftforce.dynamics import Payload, motion_torque, weight_torque
 from ftforce.errors import InputError
 from ftforce.faults import FaultSet
 from ftforce.feasible import (
+    End,
     FeasibleForces,
     Reach,
     Reading,
@@ -34,19 +34,6 @@ if TYPE_CHECKING:
     from ftforce.posture import Posture
     from ftforce.reduced import ReducedJacobian
     from ftforce.robot import Robot
-
-
-class End(StrEnum):
-    """What ends a capability."""
-
-    LIMIT = "limit"
-    """The torque limit of a motor or brake."""
-    FAULT = "fault"
-    """The fault itself: no motor commands this direction, or a joint without torque yields."""
-    WEIGHT = "weight"
-    """Weight and motion alone: the arm cannot carry itself."""
-    NOTHING = "nothing"
-    """No limit that is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

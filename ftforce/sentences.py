@@ -6,8 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ftforce.faults import FaultMode
-from ftforce.feasible import Reading
-from ftforce.force_capability import End
+from ftforce.feasible import End, Reading
 from ftforce.metrics import Verdict
 from ftforce.words import (
     amounts,

@@ -5,29 +5,31 @@ What a command needs is imported when it runs, so ``ftforce --help`` answers at 
 
 import sys
 from contextlib import suppress
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
 
 from ftforce import __version__
-from ftforce.cli.analyze import analyze
-from ftforce.cli.capability import capability
-from ftforce.cli.census import census
 from ftforce.cli.common import guarded
-from ftforce.cli.dh import dh
-from ftforce.cli.inspect import inspect
 from ftforce.cli.printing import prepare_streams, reason_of, silence
-from ftforce.cli.replicate import replicate
-from ftforce.cli.robots import robots
 
-app = typer.Typer(
-    name="ftforce",
-    help="What a robot arm can still do when a joint fails.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-for command in (analyze, census, capability, inspect, robots, dh, replicate):
-    app.command()(guarded(command))
+COMMANDS = ("analyze", "census", "capability", "inspect", "robots", "dh", "replicate")
+
+
+def build(*names: str) -> typer.Typer:
+    """Return the program with these commands, each a function in a module of its name."""
+    program = typer.Typer(
+        name="ftforce",
+        help="What a robot arm can still do when a joint fails.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        callback=top,
+    )
+    for name in names:
+        command = getattr(import_module(f"ftforce.cli.{name}"), name)
+        program.command(name)(guarded(command))
+    return program
 
 
 def _version(wanted: bool) -> None:
@@ -36,7 +38,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def top(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
@@ -48,8 +49,10 @@ def top(
 def main() -> None:
     """Run the command line."""
     prepare_streams()
+    # A command that is named is built alone: every other one would cost its milliseconds.
+    named = [word for word in sys.argv[1:2] if word in COMMANDS]
     try:
-        app()
+        build(*(named or COMMANDS))()
     except OSError as problem:  # from help and version; a command sees to its own output
         if "--debug" in sys.argv:
             raise
@@ -57,3 +60,11 @@ def main() -> None:
         with suppress(OSError):  # it may have been stderr that failed
             typer.echo(f"error: {reason_of(problem)}", err=True)
         sys.exit(1)
+
+
+def __getattr__(name: str) -> Any:
+    """Build the whole program for those who want it as an object."""
+    if name != "app":
+        raise AttributeError(f"module 'ftforce.cli' has no attribute {name!r}")
+    globals()[name] = build(*COMMANDS)
+    return globals()[name]
