@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.errors import InputError, listed, printable
 from ftforce.tips import choose_base, choose_tip, links_above, moving_path, tip_candidates
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 MOST_JOINTS = 100  # Pinocchio's workspace grows with their cube: 70 MB for 100, 8 GB for 500
 
 
-@dataclass(frozen=True, slots=True)
-class Follower:
+class Follower(NamedTuple):
     """A mimic joint: ``q = multiplier · q_leader + offset``."""
 
     name: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from ftforce.task import Task
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TipLoad:
+class TipLoad(NamedTuple):
     """What the tip exerts before the fault.
 
     Attributes
@@ -44,8 +43,7 @@ class TipLoad:
     tau: Vector | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RneaChange:
+class RneaChange(NamedTuple):
     """Torques for weight and motion before and after, N·m (N if prismatic), shape (n,).
 
     Attributes

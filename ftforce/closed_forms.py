@@ -107,8 +107,7 @@ class Remap(Displayed):
         return all(value <= tolerance + self.reduced.rtol for value in self.residuals().values())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VelocityRemap:
+class VelocityRemap(NamedTuple):
     """Joint velocities that keep the tip's velocity as well as they can (Appendix A).
 
     Attributes

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -29,8 +28,7 @@ Inverse = Literal["euclidean", "dynamic"]
 INVERSES: tuple[str, ...] = get_args(Inverse)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Conditions:
+class Conditions(NamedTuple):
     """What loads the joints besides the force at the tip.
 
     Attributes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
-from ftforce import metrics, sentences
+from ftforce import capability_words, metrics, sentences
 from ftforce.analysis import Analysis
 from ftforce.document_parts import (
     Document,
@@ -155,7 +155,7 @@ def _capability(capability: Capability) -> Document:
         **modes_part(names, analysis.faults),
         "limits": limits,
         "capability": capability_part(capability),
-        "summary": sentences.capability_sentence(capability),
+        "summary": capability_words.capability_sentence(capability),
         "warnings": list(analysis.warnings),
     }
 

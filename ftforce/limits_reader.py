@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -122,6 +120,8 @@ def _limit(value: object, what: str) -> float:
 
 def _toml_entries(text: str) -> list[_Entry]:
     """Return the entries of ``[[joint]]`` tables, or of one table per joint with its name."""
+    import tomllib  # only who has a file pays for it
+
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
@@ -141,6 +141,8 @@ def _toml_entries(text: str) -> list[_Entry]:
 
 
 def _csv_entries(text: str) -> list[_Entry]:
+    import csv
+
     rows = list(csv.reader(text.splitlines(), strict=False, skipinitialspace=True))
     header = [cell.strip().lower() for cell in rows[0]] if rows else []
     if "joint" not in header or len(set(header)) < len(header) or not set(header) <= set(COLUMNS):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.errors import SRDFError
 from ftforce.source import parse_xml, read_numbers, read_text
@@ -15,8 +14,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 
-@dataclass(frozen=True, slots=True)
-class Srdf:
+class Srdf(NamedTuple):
     """The part of an SRDF that a fault analysis needs.
 
     Attributes
@@ -35,7 +33,7 @@ class Srdf:
     path: str = ""
     end_effectors: tuple[str, ...] = ()
     chains: tuple[tuple[str, str], ...] = ()
-    states: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: MappingProxyType({}))
+    states: Mapping[str, Mapping[str, float]] = MappingProxyType({})
 
 
 def read_srdf(path: str | PathLike[str]) -> Srdf:

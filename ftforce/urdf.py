@@ -8,9 +8,9 @@ numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from ftforce.errors import URDFError, closest, listed
 from ftforce.source import LARGEST_NUMBER
@@ -30,8 +30,7 @@ MOST_IN_A_ROW = 150
 Numbers: TypeAlias = tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Mimic:
+class Mimic(NamedTuple):
     """``q_follower = multiplier · q_leader + offset``; the leader follows no other joint."""
 
     leader: str
@@ -39,8 +38,7 @@ class Mimic:
     offset: float
 
 
-@dataclass(frozen=True, slots=True)
-class UrdfJoint:
+class UrdfJoint(NamedTuple):
     """One joint as the URDF states it (rad, m, N·m or N; ``None`` where it states nothing)."""
 
     name: str
@@ -57,8 +55,7 @@ class UrdfJoint:
     mimic: Mimic | None
 
 
-@dataclass(frozen=True, slots=True)
-class UrdfLink:
+class UrdfLink(NamedTuple):
     """One link; ``inertia`` is ixx, ixy, ixz, iyy, iyz, izz in kg·m² about the centre of mass."""
 
     name: str
@@ -214,7 +211,7 @@ def _follow(path: str, joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJ
     offset = own.multiplier * above.offset + own.offset
     if max(abs(multiplier), abs(offset)) > LARGEST_NUMBER:
         raise URDFError(path, f"joint {joint.name!r}: its mimic multipliers grow beyond all bounds")
-    return replace(joint, mimic=Mimic(above.leader, multiplier, offset))
+    return joint._replace(mimic=Mimic(above.leader, multiplier, offset))
 
 
 def _check_ends(path: str, joint: UrdfJoint, links: Mapping[str, UrdfLink]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from ftforce import sentences, words
+from ftforce import capability_words, words
 from ftforce.feasible import Reading
 from ftforce.show.analysis import situation
 from ftforce.show.tables import TitledTable, facts, spaced, table, warning_lines
@@ -26,7 +26,7 @@ def capability_view(capability: Capability) -> RenderableType:
         _weakest(capability),
         _payload(capability),
         warning_lines(capability.analysis.warnings),
-        Text(sentences.capability_sentence(capability), style="bold"),
+        Text(capability_words.capability_sentence(capability), style="bold"),
     )
 
 
@@ -38,7 +38,7 @@ def _directions(capability: Capability) -> TitledTable:
     )  # fmt: skip
     for report in capability.directions:
         after = report.after[Reading.COMMANDED]
-        end = sentences.end_in_words(capability.analysis, after)
+        end = capability_words.end_in_words(capability.analysis, after)
         result.add_row(_name(report), report.unit, *_cells(report), end)
     result.caption = "– the arm cannot stand still with any force in this direction"
     if not _any_missing(capability.directions):
@@ -84,7 +84,7 @@ def _weakest(capability: Capability) -> TitledTable:
         for reading in Reading:
             amount = amounts[reading]
             parts = (words.number(x) for x in amount.direction.tolist())
-            end = sentences.end_in_words(capability.analysis, amount)
+            end = capability_words.end_in_words(capability.analysis, amount)
             result.add_row(when, reading.value, _cell(amount), *parts, end)
     return result
 
@@ -98,5 +98,5 @@ def _payload(capability: Capability) -> TitledTable:
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
         mass = "–" if amount.most != amount.most else size(amount.most)
         result.add_row(when, "no limit" if mass == "inf" else mass,
-                       sentences.end_in_words(capability.analysis, amount))  # fmt: skip
+                       capability_words.end_in_words(capability.analysis, amount))  # fmt: skip
     return result
