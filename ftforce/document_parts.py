@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Document: TypeAlias = dict[str, Any]
 
+MOST_DRAWN = 3  # dimensions: beyond them a polytope has thousands of corners
+
 
 def arm_part(robot: Robot) -> Document:
     """Return the chain."""
@@ -190,6 +192,25 @@ def amount_part(names: Sequence[str], amount: Amount) -> Document:
         "least": finite(amount.least),
         "end": amount.end.value,
         "stops": [names[j] for j in amount.stops],
+    }
+
+
+def polytope_part(capability: Capability) -> Document | None:
+    """Return corners and faces of the forces that can be held; ``None`` beyond 3 dimensions."""
+    if capability.analysis.task.m > MOST_DRAWN:
+        return None
+    return {
+        when: {
+            reading.value: {
+                "vertices": polytope.vertices.tolist(),
+                "faces": [list(face) for face in polytope.faces],
+                "dimension": polytope.dimension,
+                "is_bounded": polytope.is_bounded,
+            }
+            for reading in Reading
+            for polytope in [capability.polytope(after=late, reading=reading)]
+        }
+        for when, late in (("before", False), ("after", True))
     }
 
 

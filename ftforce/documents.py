@@ -17,6 +17,7 @@ from ftforce.document_parts import (
     limits_part,
     listed,
     modes_part,
+    polytope_part,
     posture_part,
     rnea_part,
     torque_part,
@@ -155,6 +156,7 @@ def _capability(capability: Capability) -> Document:
         **modes_part(names, analysis.faults),
         "limits": limits,
         "capability": capability_part(capability),
+        "polytope": polytope_part(capability),
         "summary": capability_words.capability_sentence(capability),
         "warnings": list(analysis.warnings),
     }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce import capability_words, words
+from ftforce.document_parts import MOST_DRAWN
 from ftforce.feasible import Reading
 from ftforce.show.analysis import situation
 from ftforce.show.tables import TitledTable, facts, spaced, table, warning_lines
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ftforce.force_capability import Amount, Capability, DirectionReport
+    from ftforce.polytope import Polytope
 
 
 def capability_view(capability: Capability) -> RenderableType:
@@ -25,6 +27,7 @@ def capability_view(capability: Capability) -> RenderableType:
         _directions(capability),
         _weakest(capability),
         _payload(capability),
+        _polytopes(capability),
         warning_lines(capability.analysis.warnings),
         Text(capability_words.capability_sentence(capability), style="bold"),
     )
@@ -100,3 +103,26 @@ def _payload(capability: Capability) -> TitledTable:
         result.add_row(when, "no limit" if mass == "inf" else mass,
                        capability_words.end_in_words(capability.analysis, amount))  # fmt: skip
     return result
+
+
+def _polytopes(capability: Capability) -> RenderableType | None:
+    if capability.analysis.task.m > MOST_DRAWN:
+        return None
+    lines = []
+    for when, late in (("before", False), ("after", True)):
+        for reading in Reading:
+            polytope = capability.polytope(after=late, reading=reading)
+            lines.append((f"Polytope {when}, {reading}", _polytope(polytope)))
+    return facts(lines)
+
+
+def _polytope(polytope: Polytope) -> str:
+    if polytope.is_empty:
+        return "empty: no force can be held"
+    corners, faces = len(polytope.vertices), len(polytope.faces)
+    shape = {0: "a point", 1: "a segment", 2: "a flat polygon"}.get(
+        polytope.dimension, f"{faces} faces"
+    )
+    free = len(polytope.unlimited)
+    ends = f", unlimited in {free} direction{'s' if free != 1 else ''}" if free else ""
+    return f"{corners} corner{'s' if corners != 1 else ''}, {shape}{ends}"
