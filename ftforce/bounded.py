@@ -160,8 +160,13 @@ def _quadratic_program(
     )
     if flag == _INFEASIBLE:
         return None, np.zeros(len(A))
-    if flag != _SOLVED:
-        raise SolverError(f"the quadratic program was not solved (daqp's exit flag {flag})")
+    torque = A.dot(z)
+    beyond = max((torque - upper).tolist() + (lower - torque).tolist())
+    if flag != _SOLVED or beyond > SLACK:  # checked: versions of daqp have claimed too much
+        raise SolverError(
+            f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
+            "the limits)"
+        )
     return z, info["lam"]
 
 
