@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 import ftforce
-from ftforce.bounded import bounded_remap
+from ftforce.bounded import bounded_remap, remap_inside
 from ftforce.dynamics import weight_torque
 from ftforce.faults import FaultSet
 from ftforce.feasible import feasible_forces, reach
@@ -38,6 +38,13 @@ def problem(arm):
     q = arm.postures["default"]
     J = np.array(frame_jacobian(arm, q)[:3])
     return J, weight_torque(arm, q), np.where(LOCKED, np.nan, arm.effort)
+
+
+@pytest.mark.benchmark(group="bounded remap of one set, limits binding, goal 40 us")
+def test_bounded_remap_of_checked_input(benchmark, problem):
+    J, weight, limits = problem
+    result = benchmark(lambda: remap_inside(reduce(J, LOCKED), FORCE, weight, limits))
+    assert result.binding
 
 
 @pytest.mark.benchmark(group="bounded remap of one set, limits binding, goal 40 us")
