@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ftforce.arrays import read_only
-from ftforce.errors import DimensionError, InputError, LimitsError
+from ftforce.errors import DimensionError, InputError, LimitsError, printable
 from ftforce.limits import Limits
 from ftforce.source import read_numbers, read_text
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 URDF, NONE = "urdf", "none"
 COLUMNS = ("joint", "effort", "brake")
+SMALLEST = 1e-9  # N·m or N: less is a slip, and would be lost in rounding
 _KIND = "a TOML or CSV file of limits (joint, effort, brake)"
 
 LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
@@ -53,9 +55,10 @@ def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
         return limits
     if limits == URDF:
         return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
-    if not isinstance(limits, (str, os.PathLike)):
+    if not isinstance(limits, (str, os.PathLike)) or not str(limits):
         raise InputError(
-            f"limits are 'urdf', 'none', a file or ftforce.limits.Limits, got {limits!r}"
+            f"limits are 'urdf', 'none', a TOML or CSV file or ftforce.limits.Limits, "
+            f"got {limits!r}"
         )
     return read_limits(robot, limits)
 
@@ -78,44 +81,54 @@ def read_limits(robot: Robot, path: str | os.PathLike[str]) -> Limits:
         entries = _toml_entries(text) if ending == ".toml" else _csv_entries(text)
         return _fill(robot, entries, str(path))
     except InputError as problem:
-        raise LimitsError(path, str(problem)) from None
+        raise LimitsError(path, printable(problem)) from None
 
 
 def _fill(robot: Robot, entries: Iterable[_Entry], source: str) -> Limits:
     effort, brake = np.full(robot.n, np.nan), np.full(robot.n, np.nan)
     seen: dict[int, str] = {}
     for where, entry in entries:
-        for key in entry:
-            if key not in COLUMNS:
-                raise InputError(f"{where}: unknown entry {key!r}; there is: {', '.join(COLUMNS)}")
-        if "joint" not in entry:
-            raise InputError(f"{where}: names no joint")
-        i = robot.index(entry["joint"])
+        _check_keys(where, entry)
+        try:
+            i = robot.index(entry["joint"])
+        except InputError as problem:
+            raise InputError(f"{where}: {problem}") from None
         if i in seen:
             raise InputError(f"{where}: joint {i + 1} ({robot.names[i]}) was given in {seen[i]}")
         seen[i] = where
         effort[i] = _limit(entry.get("effort"), f"{where}: effort of {robot.names[i]}")
         brake[i] = _limit(entry.get("brake"), f"{where}: brake of {robot.names[i]}")
-    if not seen:
+    if np.isnan(effort).all() and np.isnan(brake).all():
         raise InputError(f"holds no limit; it needs {', '.join(COLUMNS)} for each joint")
     return Limits(read_only(effort), read_only(brake), source)
+
+
+def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
+    for key, value in entry.items():
+        if key not in COLUMNS:
+            quotes = "; a name with a dot needs quotes" if isinstance(value, dict) else ""
+            known = ", ".join(COLUMNS)
+            raise InputError(f"{where}: unknown entry {key!r}; there is: {known}{quotes}")
+    if "joint" not in entry:
+        raise InputError(f"{where}: names no joint")
 
 
 def _limit(value: object, what: str) -> float:
     """Return a limit, NaN for nothing."""
     if value is None or (isinstance(value, str) and not value.strip()):
         return math.nan
-    if isinstance(value, str):
-        try:
-            value = read_numbers(value, 1)[0]
-        except ValueError as problem:
-            raise InputError(f"{what}: {problem}; leave it out if it is unknown") from None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise InputError(f"{what} needs a positive number, N·m or N, got {value!r}")
-    if value <= 0.0:
-        hint = "leave it out if it is unknown" if value == 0.0 else "limits count both ways"
-        raise InputError(f"{what} needs a positive number, N·m or N, got {value:g}; {hint}")
-    return float(value)
+    try:
+        limit = read_numbers(str(value), 1)[0]
+    except ValueError as problem:
+        raise InputError(f"{what}: {problem}; leave it out if it is unknown") from None
+    if limit < SMALLEST:
+        hint = f"limits below {SMALLEST:g} are not read"
+        if limit <= 0.0:
+            hint = "limits count both ways" if limit < 0.0 else "leave it out if it is unknown"
+        raise InputError(f"{what} needs a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
+    return limit
 
 
 def _toml_entries(text: str) -> list[_Entry]:
@@ -129,6 +142,11 @@ def _toml_entries(text: str) -> list[_Entry]:
     entries: list[_Entry] = []
     for key, value in content.items():
         if isinstance(value, dict):
+            if "joint" in value and key != "joint":
+                raise InputError(
+                    f"[{key}]: names a joint twice, {key!r} and {value['joint']!r}; give each "
+                    "joint one table with its name, or a [[joint]] that names it"
+                )
             entries.append((f"[{key}]", {"joint": key, **value}))
         elif isinstance(value, list) and all(isinstance(one, dict) for one in value):
             entries += [(f"[[{key}]] number {i}", one) for i, one in enumerate(value, start=1)]
@@ -143,16 +161,19 @@ def _toml_entries(text: str) -> list[_Entry]:
 def _csv_entries(text: str) -> list[_Entry]:
     import csv
 
-    rows = list(csv.reader(text.splitlines(), strict=False, skipinitialspace=True))
-    header = [cell.strip().lower() for cell in rows[0]] if rows else []
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True)
+    try:
+        rows = [(f"line {reader.line_num}", row) for row in reader if any(map(str.strip, row))]
+    except csv.Error as problem:
+        raise InputError(f"line {reader.line_num}: is not CSV: {problem}") from None
+    header = [cell.strip().lower() for cell in rows[0][1]] if rows else []
     if "joint" not in header or len(set(header)) < len(header) or not set(header) <= set(COLUMNS):
+        hint = "; commas separate cells" if len(header) == 1 else ""
         raise InputError(f"needs the header {','.join(COLUMNS)} (brake may be missing), "
-                         f"got {','.join(header)}")  # fmt: skip
+                         f"got {','.join(header)}{hint}")  # fmt: skip
     entries: list[_Entry] = []
-    for line, row in enumerate(rows[1:], start=2):
-        if not any(cell.strip() for cell in row):
-            continue
+    for line, row in rows[1:]:
         if len(row) != len(header):
-            raise InputError(f"line {line}: needs {len(header)} cells, got {len(row)}")
-        entries.append((f"line {line}", dict(zip(header, row, strict=True))))
+            raise InputError(f"{line}: needs {len(header)} cells, got {len(row)}")
+        entries.append((line, dict(zip(header, row, strict=True))))
     return entries

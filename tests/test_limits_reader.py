@@ -1,0 +1,337 @@
+"""Files of torque limits: what they may look like, and what is said of those that are no use."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.errors import DimensionError, InputError, LimitsError
+from ftforce.limits import Limits
+from ftforce.limits_reader import choose_limits, read_limits
+from urdfs import arm, joint, load
+
+NAN = math.nan
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(content, name="limits.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def refused(robot, path):
+    """Return what is said of a file, without its path."""
+    with pytest.raises(LimitsError) as caught:
+        read_limits(robot, path)
+    assert caught.value.path == str(path)
+    message = str(caught.value)
+    assert message.isprintable()  # one line, and nothing that a terminal would obey
+    return message.removeprefix(f"{path}: ")
+
+
+# ---- what can be read ------------------------------------------------------------------------
+
+SAME = {  # effort 60 and brake 70 of joint 3, effort 5.5 of joint 5
+    "plain": "joint,effort,brake\njoint3,60,70\njoint5,5.5,\n",
+    "numbers": "joint,effort,brake\n3,60,70\n5,5.5,\n",
+    "zeros before numbers": "joint,effort,brake\n03,060,70.0\n5,5.5,\n",
+    "other order": "brake,joint,effort\n70,joint3,60\n,joint5,5.5\n",
+    "capitals and blanks": " Joint , EFFORT, Brake \n joint3 , 60 ,70\n 5,\t5.5, \n",
+    "byte order mark": b"\xef\xbb\xbfjoint,effort,brake\njoint3,60,70\n5,5.5,\n",
+    "CRLF": "joint,effort,brake\r\njoint3,60,70\r\n5,5.5,\r\n",
+    "CR": "joint,effort,brake\rjoint3,60,70\r5,5.5,\r",
+    "quotes": '"joint","effort","brake"\n"joint3","60","70"\n"5", "5.5",""\n',
+    "blank lines": "\n\njoint,effort,brake\n\njoint3,60,70\n  \n,,\n5,5.5,\n\n",
+    "no line break at the end": "joint,effort,brake\njoint3,60,70\n5,5.5,",
+    "exponents": "joint,effort,brake\njoint3,6e1,+0.7E2\n5,55e-1,\n",
+    "joints without limits": "joint,effort,brake\njoint1,,\njoint3,60,70\n5,5.5,\n",
+}
+SAME_TOML = {
+    "tables": "[joint3]\neffort = 60\nbrake = 70.0\n[joint5]\neffort = 5.5\n",
+    "numbers as keys": "[3]\neffort = 60\nbrake = 70\n[5]\neffort = 5.5\n",
+    "inline": "joint3 = {effort = 60, brake = 70}\n5.effort = 5.5\n",
+    "list of tables": "[[joint]]\njoint = 3\neffort = 60\nbrake = 70\n"
+    "[[joint]]\njoint = 'joint5'\neffort = 5.5\n",
+    "both forms": "[joint3]\neffort = 60\nbrake = 70\n[[joint]]\njoint = '5'\neffort = 5.5\n",
+    "texts": "[joint3]\neffort = '60'\nbrake = ' 70 '\n[joint5]\neffort = '5.5'\nbrake = ''\n",
+    "empty table": "[joint1]\n[joint3]\neffort = 60\nbrake = 70\n[joint5]\neffort = 5.5\n",
+    "CRLF": "[joint3]\r\neffort = 60\r\nbrake = 70\r\n[joint5]\r\neffort = 5.5\r\n",
+    "byte order mark": b"\xef\xbb\xbf[3]\neffort = 60\nbrake = 70\n[5]\neffort = 5.5\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("limits.csv", x) for x in SAME.values()] + [("limits.toml", x) for x in SAME_TOML.values()],
+    ids=[*SAME, *(f"TOML, {name}" for name in SAME_TOML)],
+)
+def test_forms_of_the_same_limits(dh5, file, name, content):
+    path = file(content, name)
+    limits = read_limits(dh5, path)
+    np.testing.assert_array_equal(limits.effort, [NAN, NAN, 60.0, NAN, 5.5])
+    np.testing.assert_array_equal(limits.brake, [NAN, NAN, 70.0, NAN, NAN])
+    assert limits.source == str(path)
+    assert not limits.effort.flags.writeable
+    assert not limits.brake.flags.writeable
+
+
+@pytest.mark.parametrize("name", ["LIMITS.CSV", "my limits.v2.Csv", "[red]ä.csv"])
+def test_the_ending_counts_whatever_its_case(dh5, file, name):
+    assert read_limits(dh5, file("joint,effort\n3,60\n", name)).effort[2] == 60.0
+
+
+def test_every_digit_counts(dh5, file):
+    x = 0.1 + 0.2
+    toml, table = f"[joint3]\neffort = {x!r}\n", f"joint,effort\n3,{x!r}\n"
+    assert read_limits(dh5, file(toml, "limits.toml")).effort[2] == x
+    assert read_limits(dh5, file(table)).effort[2] == x
+
+
+def test_what_the_file_leaves_out_is_unknown_whatever_the_urdf_says(dh5, file):
+    assert not np.isnan(dh5.effort).any()
+    limits = choose_limits(dh5, file("joint,brake\njoint3,70\n"))
+    assert np.isnan(limits.effort).all()
+    np.testing.assert_array_equal(np.isnan(limits.brake), [True, True, False, True, True])
+
+
+@pytest.mark.parametrize("name", ["left.elbow", "left elbow", "a:b", "a,b", "関節", "joint", "a]"])
+def test_names_of_any_kind(tmp_path, file, name):
+    robot = load(tmp_path, arm(j2=joint(name, "l1", "l2")), tip="tool")
+    for path in (
+        file(f'joint,effort\n"{name}",7\n'),
+        file(f'["{name}"]\neffort = 7\n', "limits.toml"),
+        file(f'[[joint]]\njoint = "{name}"\neffort = 7\n', "list.toml"),
+        file("[2]\neffort = 7\n", "number.toml"),
+    ):
+        np.testing.assert_array_equal(read_limits(robot, path).effort, [NAN, 7.0, NAN, NAN])
+
+
+def test_a_table_called_joint_may_name_its_joint(dh5, file):
+    limits = read_limits(dh5, file("[joint]\njoint = 3\neffort = 60\n", "limits.toml"))
+    assert limits.effort[2] == 60.0
+
+
+# ---- what is chosen --------------------------------------------------------------------------
+
+
+def test_none_counts_none(dh5):
+    assert choose_limits(dh5, None) is None
+    assert choose_limits(dh5, "none") is None
+
+
+def test_the_urdf_knows_motors_and_no_brakes(dh5):
+    limits = choose_limits(dh5, "urdf")
+    np.testing.assert_array_equal(limits.effort, [150.0, 150.0, 80.0, 40.0, 20.0])
+    assert np.isnan(limits.brake).all()
+    assert limits.source == "urdf"
+
+
+def test_unknown_efforts_of_a_urdf_stay_unknown():
+    assert np.isnan(choose_limits(ftforce.load_robot("so101"), "urdf").effort).all()
+
+
+def test_limits_are_taken_as_they_are(dh5):
+    limits = Limits.of([1.0, 2.0, 3.0, 4.0, NAN])
+    assert choose_limits(dh5, limits) is limits
+    with pytest.raises(DimensionError, match="limits needs 5 numbers, got 3 numbers: 1 joint1"):
+        choose_limits(dh5, Limits.of([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize("limits", ["", 3, 2.5, [1, 2, 3, 4, 5], b"urdf", True], ids=repr)
+def test_what_no_limits_are(dh5, limits):
+    wanted = "limits are 'urdf', 'none', a TOML or CSV file or ftforce.limits.Limits, got "
+    with pytest.raises(InputError) as caught:
+        choose_limits(dh5, limits)
+    assert str(caught.value) == wanted + repr(limits)
+
+
+def test_limits_of_a_file_bind(dh5, file):
+    """0.5 N·m at joint 5, whose lever is 0.08 m along y, carry 6.25 N."""
+    path = file("joint,effort\njoint5,0.5\n")
+    result = ftforce.analyze(dh5, force=[0, 50, 0], limits=path, gravity=[0, 0, 0])
+    np.testing.assert_allclose(result.force.after, [0.0, 6.25, 0.0], atol=1e-9)
+    assert result.bounded.binding == (4,)
+    assert result.limits.source == str(path)
+
+
+# ---- what cannot be used ---------------------------------------------------------------------
+
+POSITIVE = "needs a positive number, N·m or N, got"
+HEADER = "needs the header joint,effort,brake (brake may be missing), got"
+KIND = "a TOML or CSV file of limits (joint, effort, brake) was expected"
+THERE_IS = "in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, joint5"
+CHAIN = "the chain has: 1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
+BAD_CSV = {
+    "unknown joint": (
+        "joint,effort\njoint1,5\nJont3,10\n",
+        f"line 3: no joint 'Jont3' {THERE_IS}; did you mean 'joint3'?",
+    ),
+    "unknown number": ("joint,effort\n9,1\n", f"line 2: joint number 9 is out of range; {CHAIN}"),
+    "number 0": ("joint,effort\n0,1\n", f"line 2: joint number 0 is out of range; {CHAIN}"),
+    "no name": ("joint,effort\n,10\n", f"line 2: no joint '' {THERE_IS}"),
+    "comment": ("joint,effort\n#joint3,10\n", f"line 2: no joint '#joint3' {THERE_IS}"),
+    "joint twice": (
+        "joint,effort\njoint3,10\n\n 3,12\n",
+        "line 4: joint 3 (joint3) was given in line 2",
+    ),
+    "negative": (
+        "joint,effort\n3,-10\n",
+        f"line 2: effort of joint3 {POSITIVE} -10; limits count both ways",
+    ),
+    "zero": (
+        "joint,effort\n3,0\n",
+        f"line 2: effort of joint3 {POSITIVE} 0; leave it out if it is unknown",
+    ),
+    "negative zero": ("joint,effort\n3,-0\n", f"line 2: effort of joint3 {POSITIVE} 0; leave it"),
+    "negative brake": ("joint,brake\n3,-1\n", f"line 2: brake of joint3 {POSITIVE} -1; limits"),
+    "tiny": (
+        "joint,effort\n3,1e-320\n",
+        f"line 2: effort of joint3 {POSITIVE} 9.99989e-321; limits below 1e-09 are not read",
+    ),
+    "huge": ("joint,effort\n3,1e300\n", "line 2: effort of joint3: '1e300' is too large; numbers"),
+    "NaN": (
+        "joint,effort\n3,nan\n",
+        "line 2: effort of joint3: 'nan' is not finite; leave it out if it is unknown",
+    ),
+    "infinity": ("joint,effort\n3,inf\n", "line 2: effort of joint3: 'inf' is not finite"),
+    "overflow": ("joint,effort\n3,1e400\n", "line 2: effort of joint3: '1e400' is not finite"),
+    "text": ("joint,effort\n3,strong\n", "line 2: effort of joint3: 'strong' is not a number"),
+    "unit": ("joint,effort\n3,10 Nm\n", "line 2: effort of joint3: '10 Nm' is not a number"),
+    "Python's": ("joint,effort\n3,1_0\n", "line 2: effort of joint3: '1_0' is not a number"),
+    "other digits": ("joint,effort\n3,٣\n", "line 2: effort of joint3: '٣' is not a number"),
+    "two numbers": ("joint,effort\n3,1 2\n", "line 2: effort of joint3: '1 2': 1 number needed"),
+    "line break in a cell": (
+        'joint,effort\n3,"1\n0"\n',
+        "line 3: effort of joint3: '1\\n0': 1 number needed, got 2",
+    ),
+    "line after a long cell": ('joint,effort\n"joint3\n",1\nx,1\n', "line 4: no joint 'x'"),
+    "open quotes": ('joint,effort\n"3,1\n', "line 2: is not CSV: unexpected end of data"),
+    "quotes inside": ('joint,effort\n"joint"3,1\n', "line 2: is not CSV: ',' expected after '\"'"),
+    "huge cell": ("joint,effort\n3," + "1" * 200_000, "line 2: is not CSV: field larger than"),
+    "semicolons": (
+        "joint;effort;brake\n3;10,5;12\n",
+        f"{HEADER} joint;effort;brake; commas separate cells",
+    ),
+    "tabs": ("joint\teffort\n3\t10\n", f"{HEADER} joint\\teffort; commas separate cells"),
+    "no header": ("joint3,10,20\n", f"{HEADER} joint3,10,20"),
+    "comment first": ("# mine\njoint,effort\n3,1\n", f"{HEADER} # mine; commas separate cells"),
+    "more columns": ("joint,effort,brake,speed\n3,1,2,3\n", f"{HEADER} joint,effort,brake,speed"),
+    "unit in the header": ("joint,effort [N·m]\n3,1\n", f"{HEADER} joint,effort [n·m]"),
+    "column twice": ("joint,effort,effort\n3,1,2\n", f"{HEADER} joint,effort,effort"),
+    "no joints": ("effort,brake\n1,2\n", f"{HEADER} effort,brake"),
+    "short line": ("joint,effort,brake\n3,10\n", "line 2: needs 3 cells, got 2"),
+    "long line": ("joint,effort\n1,1\n3,10,20\n", "line 3: needs 2 cells, got 3"),
+    "decimal commas": ("joint,effort\n3,10,5\n", "line 2: needs 2 cells, got 3"),
+    "header only": (
+        "joint,effort,brake\n",
+        "holds no limit; it needs joint, effort, brake for each joint",
+    ),
+    "joints only": ("joint\n3\n", "holds no limit; it needs"),
+    "no numbers": ("joint,effort,brake\n3,,\n4, ,\n", "holds no limit; it needs"),
+    "commas only": (",,,\n,,,\n", f"{HEADER} "),
+    "empty": ("", f"is empty; {KIND}"),
+    "blank": (" \n\t\n", f"is empty; {KIND}"),
+    "binary": (b"joint,effort\n3,\0\n", f"is a binary file; {KIND}"),
+    "Latin-1": ("joint,effort\nä,1\n".encode("latin-1"), f"is not UTF-8 text (byte 13); {KIND}"),
+    "UTF-16": ("joint,effort\n3,1\n".encode("utf-16"), f"is not UTF-8 text (byte 0); {KIND}"),
+    "TOML": ("[joint3]\neffort = 1\n", f"{HEADER} [joint3]; commas separate cells"),
+    "escapes": ("joint,effort\n\x1b[31mred,1\n", "line 2: no joint '\\x1b[31mred'"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), BAD_CSV.values(), ids=BAD_CSV)
+def test_csv_files_that_cannot_be_used(dh5, file, content, message):
+    assert refused(dh5, file(content)).startswith(message)
+
+
+TABLE = "give each joint one, e.g. [elbow] with effort = 87 and brake = 120 (N·m) below it"
+KEYS = "there is: joint, effort, brake"
+BAD_TOML = {
+    "unknown joint": (
+        "[join3]\neffort = 1\n",
+        f"[join3]: no joint 'join3' {THERE_IS}; did you mean 'joint3'?",
+    ),
+    "unknown number": (
+        "[[joint]]\njoint = 9\neffort = 1\n",
+        f"[[joint]] number 1: joint number 9 is out of range; {CHAIN}",
+    ),
+    "name and number": (
+        "[joint3]\neffort = 1\n[3]\neffort = 2\n",
+        "[3]: joint 3 (joint3) was given in [joint3]",
+    ),
+    "table and list": (
+        "[joint3]\neffort = 1\n[[joint]]\njoint = 1\n[[joint]]\njoint = 3\n",
+        "[[joint]] number 2: joint 3 (joint3) was given in [joint3]",
+    ),
+    "table twice": ("[joint3]\n[joint3]\n", "is not TOML: Cannot declare ('joint3',) twice"),
+    "joint in a table": (
+        "[elbow]\njoint = 'joint3'\neffort = 1\n",
+        "[elbow]: names a joint twice, 'elbow' and 'joint3'; give each joint one table with its ",
+    ),
+    "no joint": ("[[joint]]\neffort = 1\n", "[[joint]] number 1: names no joint"),
+    "truth as joint": (
+        "[[joint]]\njoint = true\n",
+        "[[joint]] number 1: a joint is a number from 1 to 5 or a name, got True",
+    ),
+    "fraction as joint": ("[[joint]]\njoint = 3.0\n", "[[joint]] number 1: a joint is a number "),
+    "list as joint": ("[[joint]]\njoint = [3]\n", "[[joint]] number 1: a joint is a number "),
+    "no name": ("['']\neffort = 1\n", f"[]: no joint '' {THERE_IS}"),
+    "misspelt": ("[joint3]\nefort = 1\n", f"[joint3]: unknown entry 'efort'; {KEYS}"),
+    "capitals": ("[joint3]\nEffort = 1\n", f"[joint3]: unknown entry 'Effort'; {KEYS}"),
+    "nested": (
+        "[left.joint3]\neffort = 1\n",
+        f"[left]: unknown entry 'joint3'; {KEYS}; a name with a dot needs quotes",
+    ),
+    "number": ("joint3 = 10\n", f"'joint3' is no table; {TABLE}"),
+    "numbers": ("effort = [1, 2, 3, 4, 5]\n", f"'effort' is no table; {TABLE}"),
+    "negative": ("[joint3]\nbrake = -3\n", f"[joint3]: brake of joint3 {POSITIVE} -3; limits"),
+    "zero": ("[joint3]\neffort = 0\n", f"[joint3]: effort of joint3 {POSITIVE} 0; leave it out"),
+    "NaN": ("[joint3]\neffort = nan\n", "[joint3]: effort of joint3: 'nan' is not finite; leave"),
+    "infinity": ("[joint3]\neffort = inf\n", "[joint3]: effort of joint3: 'inf' is not finite"),
+    "minus infinity": ("[joint3]\nbrake = -inf\n", "[joint3]: brake of joint3: '-inf' is not fin"),
+    "huge": ("[joint3]\neffort = 1e300\n", "[joint3]: effort of joint3: '1e+300' is too large"),
+    "tiny": ("[joint3]\neffort = 1e-300\n", f"[joint3]: effort of joint3 {POSITIVE} 1e-300; limi"),
+    "long number": (f"[joint3]\neffort = {'9' * 400}\n", "[joint3]: effort of joint3: '9999"),
+    "longer number": (f"[joint3]\neffort = {'9' * 5000}\n", "is not TOML: Exceeds the limit"),
+    "text": ("[joint3]\neffort = 'ten'\n", "[joint3]: effort of joint3: 'ten' is not a number"),
+    "truth": ("[joint3]\neffort = true\n", f"[joint3]: effort of joint3 {POSITIVE} True"),
+    "list": ("[joint3]\neffort = [10]\n", f"[joint3]: effort of joint3 {POSITIVE} [10]"),
+    "table": ("[joint3]\neffort = {a = 1}\n", f"[joint3]: effort of joint3 {POSITIVE} {{'a': 1}}"),
+    "date": ("[joint3]\neffort = 2020-01-01\n", f"[joint3]: effort of joint3 {POSITIVE} datetime"),
+    "comment only": ("# nothing\n", "holds no limit; it needs joint, effort, brake for each"),
+    "empty tables": ("[joint3]\n[joint4]\n", "holds no limit"),
+    "empty list": ("joint = []\n", "holds no limit"),
+    "cut off": ("[joint3\neffort = 1\n", "is not TOML: Expected ']' at the end of a table"),
+    "deep": ("a = " + "[" * 5000, "is not TOML: "),
+    "line break in a name": ('["a\\nb"]\neffort = 1\n', "[a\\nb]: no joint 'a\\nb'"),
+    "CSV": ("joint,effort\n3,1\n", "is not TOML: "),
+    "empty": ("", f"is empty; {KIND}"),
+    "binary": (b"[joint3]\0", f"is a binary file; {KIND}"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), BAD_TOML.values(), ids=BAD_TOML)
+def test_toml_files_that_cannot_be_used(dh5, file, content, message):
+    assert refused(dh5, file(content, "limits.toml")).startswith(message)
+
+
+@pytest.mark.parametrize("name", ["limits", "limits.txt", "limits.csv.bak", ".csv", "urdf.json"])
+def test_other_endings(dh5, file, name):
+    wanted = "needs 'urdf', 'none' or a TOML or CSV file of limits (joint, effort, brake), with "
+    assert refused(dh5, file("joint,effort\n3,1\n", name)).startswith(wanted)
+
+
+def test_paths_that_are_no_files(dh5, tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    assert refused(dh5, tmp_path / "none.toml").startswith(f"no such file; {KIND}")
+    assert refused(dh5, tmp_path / "folder.csv").startswith(f"is a folder; {KIND}")
