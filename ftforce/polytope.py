@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from ftforce.feasible import FeasibleForces
 
 Indices: TypeAlias = "NDArray[np.intp]"
+Sides: TypeAlias = "NDArray[np.bool_]"
 
 MOST_CORNERS = 2_000_000  # intersections of planes; some seconds and 500 MB
 _CHUNK = 20_000
-_NEAR = 1e-9  # relative to the limits
+_NEAR = 1e-9  # of a limit: a torque beyond it by less is within
+_AT_BOUND = 1e-7  # of a limit: a torque that is closer is at it
+_PARALLEL = 1e-12  # of the largest determinant: planes that are closer to parallel do not meet
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,19 +93,23 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     loaded = lever > feasible.rtol * feasible.scale
     if (upper[~loaded] < 0.0).any() or (lower[~loaded] > 0.0).any():
         return nothing
-    A, size = A[loaded] / lever[loaded, None], lever[loaded]
-    lower, upper = lower[loaded] / size, upper[loaded] / size
-    basis, unlimited = _limited_space(A, feasible.rtol)
-    corners = _corners(A @ basis, lower, upper)
+    A, lever = A[loaded], lever[loaded]
+    basis, unlimited = _limited_space(A / lever[:, None], feasible.rtol)
+    # In units of each limit, and of what all of them together leave in each direction: so a joint
+    # that bounds the set far away, or in a direction that others hardly load, costs no digits.
+    half = 0.5 * (upper[loaded] - lower[loaded])
+    A, lower, upper = (A @ basis) / half[:, None], lower[loaded] / half, upper[loaded] / half
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    corners, at_bounds = _corners(U, lower, upper)
     if not len(corners):
         return nothing
-    Z = feasible.Z @ basis
-    vertices = feasible.F0 + corners @ Z.T
+    corners = (corners / s) @ Vt
+    vertices = feasible.F0 + corners @ (feasible.Z @ basis).T
     if weights is not None:
         vertices = vertices * weights
     return Polytope(
         read_only(vertices),
-        tuple(_faces(A @ basis, lower, upper, corners)),
+        tuple(_faces(corners, at_bounds)),
         basis.shape[1],
         read_only((feasible.Z @ unlimited).T),
     )
@@ -118,33 +125,40 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
     return Vt[:rank].T, Vt[rank:].T
 
 
-def _corners(A: Matrix, lower: Vector, upper: Vector) -> Matrix:
-    """Return the distinct corners of ``lower ≤ A z ≤ upper``, rows of A of length one."""
+def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
+    """Return the distinct corners of ``lower ≤ A y ≤ upper``, and the bounds that meet in each.
+
+    Columns of A are orthonormal, and upper bounds lie 2 above the lower ones.
+    """
     k, d = A.shape
     if d == 0:
-        return np.zeros((1, 0))
+        return np.zeros((1, 0)), np.zeros((1, 2 * k), dtype=np.bool_)
     if comb(k, d) * 2**d > MOST_CORNERS:
         raise InputError(
             f"{k} joints with limits make {comb(k, d) * 2**d:,} intersections in {d} dimensions; "
             f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
         )
-    slack = _NEAR * float(np.abs([lower, upper]).max())
     sides = np.array(list(product((False, True), repeat=d)))
+    size = np.sqrt(np.einsum("ij,ij->i", A, A))
     found: list[Matrix] = []
     for chosen in _chunks(k, d):
-        planes = A[chosen]  # (c, d, d)
-        independent = np.abs(np.linalg.det(planes)) > 1e-9
-        planes, rows = planes[independent], chosen[independent]
+        independent = np.abs(np.linalg.det(A[chosen])) > _PARALLEL * size[chosen].prod(axis=1)
+        rows = chosen[independent]
         bounds = np.where(sides[:, None, :], upper[rows], lower[rows])  # (sides, c, d)
-        points = np.linalg.solve(planes, bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
+        points = np.linalg.solve(A[rows], bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
         points = points.reshape(-1, d)
         torque = points @ A.T
-        inside = ((torque <= upper + slack) & (torque >= lower - slack)).all(axis=1)
+        inside = ((torque <= upper + _NEAR) & (torque >= lower - _NEAR)).all(axis=1)
         found.append(points[inside])
-    return _distinct(np.concatenate(found), slack)
+    points = np.concatenate(found)
+    torque = points @ A.T
+    at_bounds = np.hstack([torque >= upper - _AT_BOUND, torque <= lower + _AT_BOUND])
+    # More than d planes may meet in one corner: it is found several times.
+    at_bounds, first = np.unique(at_bounds, axis=0, return_index=True)
+    return points[first], at_bounds
 
 
-def _chunks(k: int, d: int) -> Iterator[Matrix]:
+def _chunks(k: int, d: int) -> Iterator[Indices]:
     rows: list[tuple[int, ...]] = []
     for chosen in combinations(range(k), d):
         rows.append(chosen)
@@ -155,34 +169,21 @@ def _chunks(k: int, d: int) -> Iterator[Matrix]:
         yield np.array(rows)
 
 
-def _distinct(points: Matrix, slack: float) -> Matrix:
-    """Return the points without repetitions: more than d planes may meet in one corner."""
-    kept: list[Vector] = []
-    for point in points[np.lexsort(np.round(points / (1e3 * slack)).T[::-1])]:
-        if not kept or np.min(np.linalg.norm(np.array(kept) - point, axis=1)) > 1e3 * slack:
-            kept.append(point)
-    return np.array(kept).reshape(-1, points.shape[1])
-
-
-def _faces(A: Matrix, lower: Vector, upper: Vector, corners: Matrix) -> Iterator[tuple[int, ...]]:
+def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
+    """Yield the faces: of the sets of corners at a bound those that lie in no larger one."""
     d = corners.shape[1]
     if d <= 2:
         if len(corners) >= 2:
             yield _around(corners, np.arange(len(corners)))
         return
-    slack = 1e4 * _NEAR * float(np.abs([lower, upper]).max())
-    seen = set()
-    torque = corners @ A.T
-    for bound in (upper, lower):
-        for on in (np.abs(torque - bound) <= slack).T:
-            members = np.flatnonzero(on)
-            if len(members) < d or frozenset(members.tolist()) in seen:
-                continue  # it touches the set in an edge or corner only
-            spread = corners[members] - corners[members].mean(axis=0)
-            if np.linalg.matrix_rank(spread, tol=slack) < d - 1:
-                continue
-            seen.add(frozenset(members.tolist()))
-            yield _around(corners, members) if d == 3 else tuple(members.tolist())
+    members = np.unique(at_bounds.T, axis=0)
+    members = members[members.sum(axis=1) >= d]
+    for one in members:
+        within = (members >= one).all(axis=1).sum() - 1  # it lies in itself
+        if within:
+            continue  # this bound touches the set in an edge or a corner only
+        indices = np.flatnonzero(one)
+        yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
 
 
 def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
