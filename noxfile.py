@@ -70,9 +70,11 @@ def docs(session: nox.Session) -> None:
 @nox.session
 def examples(session: nox.Session) -> None:
     """Run the examples, and see that every picture shows what the code prints today."""
-    session.install(".")
+    session.install(".", *group("docs"))
     for script in ("paper_case.py", "your_own_jacobian.py"):
         session.run("python", f"docs/examples/{script}", env=ENVIRONMENT)
+    drawn = f"{session.create_tmp()}/fault-modes.svg"
+    session.run("python", "docs/examples/fault_modes.py", "--output", drawn, env=ENVIRONMENT)
     session.run("python", "docs/examples/pictures.py", "--check", env=ENVIRONMENT)
 
 

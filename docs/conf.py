@@ -47,6 +47,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"RenderableType|StrEnum|Protocol|NamedTuple|NDArray|ndarray"),
     (r"py:.*", r"'.*'"),
     (r"py:.*", r"Vector|Matrix|Mask|Axes|Convention|JointType|Solid|Document|Row|Indices"),
+    (r"py:.*", r"Joints|WeakJoints|LimitsLike|Inverse|RankBy|Amount\.direction"),
 ]
 
 # HTML

@@ -41,9 +41,18 @@ _JSON_PAGE = "reference/json"
 # Dictionaries by the names of joints, links or postures, and what has the keys of something else.
 _CLOSED = {
     "torque.before", "torque.after", "torque.brake_load", "torque.self_motion",
-    "velocity.before", "velocity.after", "limits", "followers", "postures", "tip_candidates",
-    "held", "joints[].alone", "unit_forces[].force", "unit_forces[].torque",
+    "torque.gravity.before", "torque.gravity.after", "torque.motion.before",
+    "torque.motion.after", "torque.total.before", "torque.total.after",
+    "velocity.before", "velocity.after", "velocity.impact.after", "limits.effort", "limits.brake",
+    "modes", "weak_factors", "standing.unbalanced", "standing.overloaded", "residuals",
+    "sets[].modes", "sets[].weak_factors", "joints[].alone",
+    "unit_forces[].force", "unit_forces[].torque",
+    "capability.directions[].after", "capability.directions[].before.held",
+    "capability.weakest.after", "capability.weakest.before.held", "capability.payload.after",
+    "polytope.after", "polytope.before.held",
 }  # fmt: skip
+_CLOSED_OF_ROBOT = {"limits", "followers", "postures", "tip_candidates", "held"}
+_SHARED = "Analysis, census and capability"
 
 
 class Commands(SphinxDirective):
@@ -53,7 +62,7 @@ class Commands(SphinxDirective):
         lines = ["| command | what it does |", "|---|---|"]
         for name, command in COMMANDS.items():
             first = inspect.getdoc(command).split("\n\n")[0].replace("\n", " ")
-            first = re.sub(r"(--[a-z]+)", r"`\1`", first)
+            first = re.sub(r"(--[a-z-]+)", r"`\1`", first)
             lines.append(f"| [`ftforce {name}`](#ftforce-{name}) | {first} |")
         return self.parse_text_to_nodes("\n".join(lines))
 
@@ -67,7 +76,7 @@ class CommandOptions(SphinxDirective):
         lines = ["| option | default | meaning |", "|---|---|---|"]
         for parameter in inspect.signature(COMMANDS[self.arguments[0]]).parameters.values():
             kind, info = get_args(parameter.annotation)
-            help_text = re.sub(r"(?<!`)(--[a-z]+)", r"`\1`", info.help)
+            help_text = re.sub(r"(?<!`)(--[a-z-]+)", r"`\1`", info.help)
             cells = (_names(parameter.name, kind, info), _default(parameter, info), help_text)
             lines.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
         return self.parse_text_to_nodes("\n".join(lines))
@@ -98,8 +107,9 @@ def check_json_page(app: Sphinx) -> None:
     text = Path(app.srcdir, "reference", "json.md").read_text("utf-8")
     sections = {part.partition("\n")[0]: _keys(part) for part in text.split("\n## ")}
     for kind, document in _documents():
-        shared = sections["Analysis and census"] if kind in {"Analysis", "Census"} else set()
-        found, written = set(_paths(document)), sections[kind] | shared
+        shared = sections[_SHARED] if kind.lower() in _SHARED.lower() else set()
+        closed = _CLOSED_OF_ROBOT if kind == "Robot" else _CLOSED
+        found, written = set(_paths(document, closed)), sections[kind] | shared
         for path in sorted(found - written):
             logger.warning("%s: the key %s is not documented", kind, path, location=_JSON_PAGE)
         for path in sorted(written - found):
@@ -122,23 +132,27 @@ def _keys(section: str) -> set[str]:
 
 def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
     arm = ftforce.load_robot("dh5")
+    case = {"limits": "urdf", "payload": 1.0}
     given = {"force": [80, 50, 10], "velocity": [0.1] * 5}
-    with_force = ftforce.to_dict(ftforce.analyze(arm, locked=[3], **given))
-    yield "Analysis", ftforce.to_dict(ftforce.analyze(arm, locked=[3])) | with_force
-    yield "Census", ftforce.to_dict(ftforce.census(arm, force=[80, 50, 10]))
+    with_force = ftforce.to_dict(ftforce.analyze(arm, locked=[3], **given, **case))
+    same_as_below = {"capability": None}
+    without = ftforce.to_dict(ftforce.analyze(arm, locked=[3]))
+    yield "Analysis", without | with_force | same_as_below
+    yield "Census", ftforce.to_dict(ftforce.census(arm, rank_by="capability", **case))
+    yield "Capability", ftforce.to_dict(ftforce.capability(arm, locked=[3], **case))
     yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
     yield "Replication", ftforce.to_dict(replicate())
 
 
-def _paths(value: Any, path: str = "") -> Iterator[str]:
+def _paths(value: Any, closed: set[str], path: str = "") -> Iterator[str]:
     """Yield the path of every key; ``[]`` is an element of a list."""
     if isinstance(value, list):
         value, path = next(iter(value), None), f"{path}[]"
-    if isinstance(value, dict) and path not in _CLOSED:
+    if isinstance(value, dict) and path not in closed:
         for key, inner in value.items():
             here = f"{path}.{key}".removeprefix(".")
             yield here
-            yield from _paths(inner, here)
+            yield from _paths(inner, closed, here)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
