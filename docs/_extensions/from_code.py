@@ -86,7 +86,7 @@ def _names(name: str, kind: Any, info: Any) -> str:
     if isinstance(info, typer.models.ArgumentInfo):
         return f"`{info.metavar or name.upper()}`"
     declared = [word for word in (info.default, *(info.param_decls or ())) if isinstance(word, str)]
-    names = " ".join(f"`{word}`" for word in declared or (f"--{name}",))
+    names = " ".join(f"`{word}`" for word in declared or ("--" + name.replace("_", "-"),))
     kind = next((part for part in get_args(kind) if part is not type(None)), kind)
     value = info.metavar or _WORDS.get(kind, "")
     if not value and isinstance(kind, type) and issubclass(kind, Enum):
@@ -97,9 +97,9 @@ def _names(name: str, kind: Any, info: Any) -> str:
 def _default(parameter: inspect.Parameter, info: Any) -> str:
     if parameter.default is parameter.empty:
         return "required"
-    if isinstance(info.show_default, str):
-        return info.show_default
-    return "" if parameter.default in (None, False) else f"`{parameter.default}`"
+    if parameter.default not in (None, False):
+        return f"`{parameter.default}`"
+    return info.show_default if isinstance(info.show_default, str) else ""
 
 
 def check_json_page(app: Sphinx) -> None:
