@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ftforce.faults import FaultMode
 from ftforce.feasible import End, Reading
 from ftforce.sentences import faults_in_words
-from ftforce.words import joined, size
+from ftforce.words import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
     from ftforce.analysis import Analysis
@@ -17,34 +17,66 @@ if TYPE_CHECKING:
 
 def capability_sentence(capability: Capability) -> str:
     """Say what is left of the weakest direction and of the payload."""
-    analysis = capability.analysis
-    before, after = (
-        amounts[Reading.COMMANDED]
-        for amounts in (capability.weakest.before, capability.weakest.after)
-    )
-    unit = capability.weakest.unit
-    sentence = f"W{faults_in_words(analysis)[1:]}, "  # names keep their capitals
+    faults = faults_in_words(capability.analysis)
+    # Only the first letter: names keep their capitals.
+    return f"W{faults[1:]}, {_about_force(capability)}; {_about_payload(capability)}."
+
+
+def _about_force(capability: Capability) -> str:
+    analysis, weakest = capability.analysis, capability.weakest
+    before, after = (x[Reading.COMMANDED] for x in (weakest.before, weakest.after))
+    everywhere = "in every direction that the healthy arm has"
+    unit = unit_of_size(analysis.task)
+    earlier = _earlier(capability, before, after, unit)
+    if math.isfinite(after.most) and after.most > 0.0:
+        return f"the motors can command {amount_in_words(after, unit)} {everywhere}{earlier}"
+    if math.isinf(after.most):
+        return f"no known limit ends the force that the motors can command{earlier}"
+    if math.isfinite(before.most) and after.most != before.most:  # no amount of the same force
+        earlier = f" (before: {amount_in_words(before, unit)} in every direction)"
     if math.isnan(after.most):
-        sentence += f"the arm cannot hold itself ({end_in_words(analysis, after)})"
-    elif after.most == 0.0:
-        sentence += "no motor can command a force along the weakest direction"
-    else:
-        sentence += (
-            f"the motors can command {amount_in_words(after, unit)} in every direction that the "
-            f"healthy arm has ({amount_in_words(before, unit)} before)"
-        )
-    loads = (amount_in_words(x, "kg") for x in capability.payload)
-    healthy, damaged = loads
-    return f"{sentence}; the tip carries {damaged} ({healthy} before)."
+        why = f"{end_in_words(analysis, after)} and " if after.end is End.WEIGHT else ""
+        if analysis.can_stand_still:
+            return f"{why}the arm stands still only with a force at the tip{earlier}"
+        return f"{why}the arm cannot stand still{earlier}"
+    lost = direction(analysis.task, analysis.task.weigh_force(after.direction))
+    return f"the motors can command no {lost}{earlier}"
+
+
+def _about_payload(capability: Capability) -> str:
+    before, after = capability.payload
+    more = " more" if capability.analysis.conditions.payload is not None else ""
+    earlier = _earlier(capability, before, after, "kg")
+    if math.isnan(after.most):
+        return f"no payload lets it stand still{earlier}"
+    if math.isinf(after.most):
+        return f"no known limit ends the payload{earlier}"
+    if after.most == 0.0:
+        return f"the tip carries no payload{earlier}"
+    return f"the tip carries {amount_in_words(after, 'kg')}{more}{earlier}"
+
+
+def _earlier(capability: Capability, before: Amount, after: Amount, unit: str) -> str:
+    if not capability.analysis.faults.faults:
+        return ""
+    then, now = (amount_in_words(amount, unit) for amount in (before, after))
+    return ", as before" if then == now else f" ({then} before)"
 
 
 def amount_in_words(amount: Amount, unit: str) -> str:
-    """Say an amount: nothing, a number, or no limit that is known."""
+    """Say an amount: nothing, a number or a range, or no limit that is known."""
     if math.isnan(amount.most):
         return "nothing"
-    if math.isinf(amount.most):
-        return f"any {'payload' if unit == 'kg' else 'force'} (no limit is known)"
-    return f"{size(amount.most)} {unit}"
+    most = "no known limit" if math.isinf(amount.most) else f"{size(amount.most)} {unit}"
+    if amount.least <= NEGLIGIBLE:
+        return most
+    return f"only {most}" if is_point(amount) else f"only {size(amount.least)} {unit} to {most}"
+
+
+def is_point(amount: Amount) -> bool:
+    """Return whether one amount alone holds the arm: with less, too, it does not stand still."""
+    least, most = amount.least, amount.most
+    return least > NEGLIGIBLE and most - least <= NEGLIGIBLE * max(1.0, most)
 
 
 def end_in_words(analysis: Analysis, amount: Amount) -> str:

@@ -17,12 +17,15 @@ from ftforce.words import (
     ratio,
     size,
     torque_of,
+    unit_of_size,
+    vector_in_words,
 )
 
 if TYPE_CHECKING:
     from ftforce.analysis import Analysis
     from ftforce.changes import ForceChange
     from ftforce.fault_census import Census
+    from ftforce.set_reports import SetReport
 
 
 def verdict_sentence(analysis: Analysis) -> str:
@@ -54,10 +57,19 @@ def faults_in_words(analysis: Analysis) -> str:
 
 def _about(analysis: Analysis) -> str:
     if not analysis.can_stand_still:
-        return _about_falling(analysis)
+        return _about_falling(analysis) + _unless(analysis)
     if analysis.force is None:
         return _about_all_forces(analysis)
     return _about_one_force(analysis, analysis.force)
+
+
+def _unless(analysis: Analysis) -> str:
+    if analysis.verdict is not Verdict.BORDERLINE:
+        return ""
+    return (
+        f" at the tolerance {analysis.reduced.rtol:g}; a tolerance up to {analysis.wary:g} gives "
+        "another answer"
+    )
 
 
 def _about_falling(analysis: Analysis) -> str:
@@ -82,12 +94,16 @@ def _about_falling(analysis: Analysis) -> str:
 
 def overload_in_words(analysis: Analysis) -> str:
     """Say which joints weight and motion overload, by how much; empty if none."""
-    robot = analysis.robot
+    robot, swinging = analysis.robot, analysis.reduced.swinging
     loads = [
         f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
-    return f"weight and motion take {joined(loads)}" if loads else ""
+    load = "weight and motion"
+    if swinging is not None:  # a force at the tip balances them, and loads the others
+        names = joined(robot.names[j] for j in swinging.joints)
+        load = f"weight, motion and the force that balances {names}"
+    return f"{load} take {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
@@ -117,7 +133,8 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
     before, jump = (amounts(analysis.task, vector) for vector in (force.before, force.jump))
     if analysis.verdict is Verdict.TOLERATED:
         within = " within the limits" if analysis.limits is not None else ""
-        return f"the healthy joints keep the whole {before} at the tip{within}"
+        keepers = "motors" if analysis.faults.in_mode(FaultMode.WEAK) else "healthy joints"
+        return f"the {keepers} keep the whole {before} at the tip{within}"
     if analysis.verdict is Verdict.BORDERLINE:
         lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
         return (
@@ -129,7 +146,13 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
             f"{jump} of {before} can no longer be commanded by any motor; along the lost "
             f"directions the arm cannot move, and its brakes and links carry what load there is"
         )
-    return f"{jump} of {before} can no longer be held: {'; '.join(_reasons(analysis))}"
+    assert force.after is not None
+    # The force may grow and turn: never "jump of before", as if the rest were kept.
+    after = amounts(analysis.task, force.after)
+    return (
+        f"the force that the motors command jumps by {jump} ({before} before, {after} after): "
+        f"{'; '.join(_reasons(analysis))}"
+    )
 
 
 def _reasons(analysis: Analysis) -> list[str]:
@@ -149,9 +172,17 @@ def _reasons(analysis: Analysis) -> list[str]:
         reasons.append(
             f"{joined(joints)} {'is at its limit' if len(joints) == 1 else 'are at their limits'}"
         )
-    if bounded.share is not None and bounded.nearest.F.any():
-        reasons.append(f"in its own direction {percent(bounded.share)} of the force can be held")
+    if bounded.nearest.F.any():
+        reasons.append(share_in_words(bounded.share))
     return reasons
+
+
+def share_in_words(share: float | None) -> str:
+    """Say which share of a force can be commanded if its direction must not change."""
+    if share is None:
+        return "with no share of the force alone does the arm stand still"
+    part = percent(share) if share > 0.0 else "nothing"
+    return f"in its own direction {part} of the force can be commanded"
 
 
 def _about_all_forces(analysis: Analysis) -> str:
@@ -191,19 +222,14 @@ def critical_joint(census: Census) -> str:
     """Say which joint is the critical one."""
     worst, robot = census.joints[0], census.robot
     name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
-    if (found := worst.alone.capability) is not None:
-        unit = "N" if census.task.force_rows else "N·m"
-        where = "in its weakest direction" if census.direction is None else "in the direction"
-        left = "the arm cannot hold itself"
-        if not math.isnan(found.commanded):
-            left = "no limit is known that ends what the motors command"
-        if math.isfinite(found.commanded):
-            left = f"the motors can command {size(found.commanded)} {unit} {where}"
-        return f"Critical joint: {name}. When it fails alone, {left}."
+    if worst.alone.capability is not None:
+        return f"Critical joint: {name}. When it fails alone, {_left(census, worst.alone)}."
     for count, verdict in (
         (worst.not_tolerated, Verdict.NOT_TOLERATED),
         (worst.borderline, Verdict.BORDERLINE),
     ):
+        if count and worst.sets == 1:
+            return f"Critical joint: {name}. Its fault is {verdict.value}."
         if count:
             share = "all" if count == worst.sets else f"{count} of"
             return (
@@ -214,3 +240,24 @@ def critical_joint(census: Census) -> str:
         f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "
         f"{ratio(worst.alone.margin)}, when it fails alone."
     )
+
+
+def _left(census: Census, report: SetReport) -> str:
+    """Say which force a fault set leaves."""
+    found = report.capability
+    assert found is not None
+    where = "in the weakest direction"
+    if census.direction is not None:
+        where = f"along {vector_in_words(census.direction)}"
+    if not report.can_stand_still:
+        return "the arm cannot stand still"
+    if math.isnan(found.commanded) and census.direction is None:
+        return "the arm stands still only with a force at the tip"
+    if math.isnan(found.commanded):
+        return f"the arm does not stand still with any force {where}"
+    if math.isinf(found.commanded):
+        return f"no known limit ends the force {where} that the motors can command"
+    if found.commanded == 0.0:
+        return f"the motors can command no force {where}"
+    unit = unit_of_size(census.task, census.direction)
+    return f"the motors can command {size(found.commanded)} {unit} {where}"

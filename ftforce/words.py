@@ -84,6 +84,18 @@ def amounts(task: Task, vector: Vector) -> str:
     return " and ".join(parts)
 
 
+def vector_in_words(vector: Vector) -> str:
+    """Write a vector's components, two decimals each."""
+    return f"({', '.join(number(x) for x in vector.tolist())})"
+
+
+def unit_of_size(task: Task, direction: Vector | None = None) -> str:
+    """Return the unit of a force's size: along a direction, or if there is none of its norm."""
+    if direction is None:
+        return "weighted N" if task.force_rows and task.moment_rows else task.units[0]
+    return "N" if direction[list(task.force_rows)].any() else "N·m"
+
+
 def is_noticeable(vector: Vector) -> bool:
     """Return whether a force is more than rounding."""
     return bool(np.any(np.abs(vector) > NEGLIGIBLE))

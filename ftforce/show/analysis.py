@@ -8,7 +8,7 @@ import numpy as np
 from rich.text import Text
 
 from ftforce import sentences, words
-from ftforce.errors import listed
+from ftforce.errors import listed, printable
 from ftforce.faults import FaultMode
 from ftforce.show.joints import (
     by_joint,
@@ -98,7 +98,8 @@ def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
     own = " (the model's)" if conditions.is_model_gravity else ""
     facts = [("Gravity", f"({gravity}) m/s² in the root's axes{own}")]
     if conditions.payload is not None:
-        facts.append(("Payload", f"{conditions.payload} in the tool's axes"))
+        place = "in the tool's axes" if conditions.payload.offset.any() else "at the tip"
+        facts.append(("Payload", f"{conditions.payload} {place}"))
     return facts
 
 
@@ -112,7 +113,8 @@ def limits_in_words(
     brakes = [robot.names[i] for i in unknown if i in locked]
     missing = [f"motors of {listed(motors)}"] if motors else []
     missing += [f"brakes of {listed(brakes)}"] if brakes else []
-    return limits.source + (f"; unknown, count as none: {'; '.join(missing)}" if missing else "")
+    unknown_ones = f"; unknown, count as none: {'; '.join(missing)}" if missing else ""
+    return printable(limits.source) + unknown_ones
 
 
 def _tip(task: Task, force: ForceChange) -> TitledTable:
@@ -172,8 +174,8 @@ def _limit_measures(analysis: Analysis, bounded: BoundedRemap) -> list[tuple[str
     if analysis.limits is not None:
         measures.append(("At its limit", ", ".join(names[j] for j in bounded.binding) or "none"))
     if analysis.force is not None and bounded.nearest.F.any():
-        share = "none" if bounded.share is None else words.percent(bounded.share)
-        measures.append(("Share in its direction", f"{share} of the force can be held"))
+        share = sentences.share_in_words(bounded.share).removeprefix("in its own direction ")
+        measures.append(("Share in its direction", share))
     return measures
 
 
@@ -195,7 +197,7 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
         measures.append(("Contributions", shown))
     if analysis.force is not None and analysis.force.requested is None:
         moved = by_unit(robot, torque.self_motion)
-        note = f"norm; exerts no force ({analysis.inverse} inverse)"
+        note = f"norm; exerts no force; {analysis.inverse} inverse"
         measures.append(("Torque into self-motion", f"{moved} ({note})"))
     return measures
 
@@ -212,7 +214,7 @@ def _force_error(analysis: Analysis) -> str:
     task = analysis.task
     if analysis.reduced.rank_after == 0:
         return "– (no direction is left)"
-    unit = "weighted N" if task.moment_rows and task.force_rows else task.units[0]
+    unit = words.unit_of_size(task)
     sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
     per = "N·m or N" if sliding else "N·m"
     return f"up to {ratio(analysis.force_error)} {unit} per {per} of torque error"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from ftforce import capability_words, words
+from ftforce.capability_words import is_point
 from ftforce.document_parts import MOST_DRAWN
 from ftforce.feasible import Reading
 from ftforce.show.analysis import situation
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 def capability_view(capability: Capability) -> RenderableType:
     """Return the tables of a capability."""
     return spaced(
-        facts(situation(capability.analysis)),
+        facts([*situation(capability.analysis), *_direction(capability)]),
         _directions(capability),
         _weakest(capability),
         _payload(capability),
@@ -33,60 +35,57 @@ def capability_view(capability: Capability) -> RenderableType:
     )
 
 
+def _direction(capability: Capability) -> list[tuple[str, str]]:
+    if capability.direction is None:
+        return []
+    return [("Direction", f"{words.vector_in_words(capability.direction)}, asked for")]
+
+
 def _directions(capability: Capability) -> TitledTable:
     result = table(
         "Largest force at the tip: commanded by the motors, or held with the locks' help",
         "direction", "unit", "before\ncommanded", "\nheld", "after\ncommanded", "\nheld",
-        "commanded force ends at", left=2, folded=(6,),
+        "after, commanded:\nends at", left=2, folded=(6,),
     )  # fmt: skip
     for report in capability.directions:
-        after = report.after[Reading.COMMANDED]
-        end = capability_words.end_in_words(capability.analysis, after)
-        result.add_row(_name(report), report.unit, *_cells(report), end)
-    result.caption = "– the arm cannot stand still with any force in this direction"
-    if not _any_missing(capability.directions):
-        result.caption = ""
-    if any(_least(amount) for report in capability.directions for amount in report.after.values()):
-        result.caption = "a range a to b: less than a does not hold the arm either"
+        end = capability_words.end_in_words(capability.analysis, report.after[Reading.COMMANDED])
+        result.add_row(report.name, report.unit, *map(_cell, _amounts(report)), end)
+    amounts = [amount for report in capability.directions for amount in _amounts(report)]
+    notes = []
+    if any(math.isnan(amount.most) for amount in amounts):
+        notes.append("– the arm does not stand still with any force in this direction")
+    if any(amount.least > words.NEGLIGIBLE for amount in amounts):
+        notes.append("only a, a to b: with less than a the arm does not stand still either")
+    result.caption = "\n".join(notes)
     return result
 
 
-def _any_missing(reports: tuple[DirectionReport, ...]) -> bool:
-    return any("–" in cell for report in reports for cell in _cells(report))
+def _amounts(report: DirectionReport) -> list[Amount]:
+    return [amounts[r] for amounts in (report.before, report.after) for r in Reading]
 
 
-def _name(report: DirectionReport) -> str:
-    if report.name != "direction":
-        return report.name
-    vector = report.before[Reading.COMMANDED].direction.tolist()
-    return f"({', '.join(words.number(x) for x in vector)})"
-
-
-def _cells(report: DirectionReport) -> list[str]:
-    return [_cell(amounts[r]) for amounts in (report.before, report.after) for r in Reading]
-
-
-def _least(amount: Amount) -> bool:
-    return amount.least > words.NEGLIGIBLE
-
-
-def _cell(amount: Amount) -> str:
-    if amount.most != amount.most:
+def _cell(amount: Amount, digits: int = 1) -> str:
+    if math.isnan(amount.most):
         return "–"
-    most = "no limit" if amount.most == float("inf") else size(amount.most, 1)
-    return f"{size(amount.least, 1)} to {most}" if _least(amount) else most
+    most = "no limit" if math.isinf(amount.most) else size(amount.most, digits)
+    if amount.least <= words.NEGLIGIBLE:
+        return most
+    return f"only {most}" if is_point(amount) else f"{size(amount.least, digits)} to {most}"
 
 
 def _weakest(capability: Capability) -> TitledTable:
     task, report = capability.analysis.task, capability.weakest
     result = table(
-        "Weakest direction", "when", "lock", f"largest\n[{report.unit}]", *task.components,
-        "ends at", left=2, folded=(3 + task.m,),
+        "Weakest direction: the one in which the least force can be held",
+        "when", "force", f"largest\n[{words.unit_of_size(task)}]", *task.components, "ends at",
+        left=2, folded=(3 + task.m,),
     )  # fmt: skip
     for when, amounts in (("before", report.before), ("after", report.after)):
         for reading in Reading:
             amount = amounts[reading]
-            parts = (words.number(x) for x in amount.direction.tolist())
+            parts = ["–"] * task.m  # none is weaker than another if none has an end
+            if math.isfinite(amount.most):
+                parts = [words.number(x) for x in amount.direction.tolist()]
             end = capability_words.end_in_words(capability.analysis, amount)
             result.add_row(when, reading.value, _cell(amount), *parts, end)
     return result
@@ -99,9 +98,10 @@ def _payload(capability: Capability) -> TitledTable:
     )
     result = table(title, "when", "kg", "ends at", left=1, folded=(2,))
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
-        mass = "–" if amount.most != amount.most else size(amount.most)
-        result.add_row(when, "no limit" if mass == "inf" else mass,
-                       capability_words.end_in_words(capability.analysis, amount))  # fmt: skip
+        end = capability_words.end_in_words(capability.analysis, amount)
+        result.add_row(when, _cell(amount, 2), end)
+    if any(math.isnan(amount.most) for amount in capability.payload):
+        result.caption = "– no payload lets the arm stand still"
     return result
 
 

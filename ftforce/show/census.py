@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce import sentences, words
+from ftforce.errors import listed
 from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
 from ftforce.show.analysis import conditions_facts, limits_in_words
@@ -38,7 +39,7 @@ def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
         facts(_census_situation(census)),
         _sets(census, most),
         _critical_joints(census),
-        facts(_bounds(census)),
+        facts(bounds) if (bounds := _bounds(census)) else None,
         warning_lines(census.warnings),
         Text(sentences.critical_joint(census), style="bold"),
     )
@@ -58,10 +59,24 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         ("Task", f"{task} ({', '.join(task.components)}){length}"),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
-        ("Limits", limits_in_words(census.limits, (), robot, ())),
+        ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
         ("Force", force),
         ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
     ]
+
+
+def _unknown_brakes(census: Census) -> str:
+    """Say which brakes are unknown, if locks count; a warning names unknown motors."""
+    if census.limits is None or census.mode is not FaultMode.LOCKED:
+        return ""
+    unknown = [
+        name
+        for name, brake in zip(census.robot.names, census.limits.brake.tolist(), strict=True)
+        if math.isnan(brake)
+    ]
+    if len(unknown) == census.robot.n:
+        return "; brakes are unknown and count as none"
+    return f"; unknown, count as none: brakes of {listed(unknown)}" if unknown else ""
 
 
 def _sets(census: Census, most: int) -> TitledTable:
@@ -110,15 +125,22 @@ def _amount(x: float) -> str:
 
 
 def _caption(census: Census, most: int) -> str:
-    notes = []
-    if not all(report.can_stand_still for report in census.sets[:most]):
+    notes, shown = [], census.sets[:most]
+    if not all(report.can_stand_still for report in shown):
         notes.append("* the arm cannot stand still")
+    if any(report.share is not None for report in census.sets):
+        notes.append("share: of the force, if its direction must not change")
+        if any(report.share is None and report.can_stand_still for report in shown):
+            notes[-1] += "; –: with no share of it alone does the arm stand still"
     if census.rank_by == "capability":
-        where = "in the weakest direction of each set"
+        where, none = "in the weakest direction of each set", "without a force"
         if census.direction is not None:
-            where = f"along ({', '.join(number(x) for x in census.direction.tolist())})"
-        unit = "N" if census.task.force_rows else "N·m"
+            where = none = f"along {words.vector_in_words(census.direction)}"
+            none = "with a force along it"
+        unit = words.unit_of_size(census.task, census.direction)
         notes.append(f"commanded, held: largest force {where} [{unit}]")
+        if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
+            notes[-1] += f"; –: the arm does not stand still {none}"
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
     return "\n".join(notes)
@@ -127,15 +149,15 @@ def _caption(census: Census, most: int) -> str:
 def _critical_joints(census: Census) -> TitledTable:
     ranked = census.rank_by == "capability"
     order = "least capability first" if ranked else "most critical first"
+    measures = ["com-\nmanded", "\nheld", "least\nof all", "margin"] if ranked else ["margin", "ρ"]
     result = table(
-        f"Joints, {order}", "#", "joint", "fails alone",
-        *(["com-\nmanded", "\nheld", "least\nof all"] if ranked else []), "margin", "ρ",
-        "sets not\ntolerated", "border-\nline", *([] if ranked else ["mean loss\n[%]"]),
+        f"Joints, {order}", "#", "joint", "fails alone", *measures,
+        "sets not\ntolerated", "border-\nline", *([] if ranked else ["mean jump\n[%]"]),
         left=3, folded=(1,),
     )  # fmt: skip
     for report in census.joints:
-        alone, rho = report.alone, report.alone.relative_manipulability
-        least = report.least_capability
+        alone, least = report.alone, report.least_capability
+        rho = [] if ranked else [defined(alone.relative_manipulability)]
         result.add_row(
             str(report.joint + 1),
             census.robot.names[report.joint],
@@ -143,14 +165,19 @@ def _critical_joints(census: Census) -> TitledTable:
             *_capability_cells(alone),
             *([_amount(least)] if least is not None else []),
             ratio(alone.margin),
-            defined(rho),
+            *rho,
             f"{report.not_tolerated} of {report.sets}",
             str(report.borderline),
             *([] if ranked else [f"{100.0 * report.mean_relative_jump:.1f}"]),
         )
-    result.caption = "mean loss: jump over force, averaged over the sets that hold the joint"
+    result.caption = "mean jump: jump over force, averaged over the sets that hold the joint"
+    if census.before is None:
+        full = "a lost direction counts as 100%"
+        result.caption = f"mean jump: over the sets that hold the joint; {full}"
     if ranked:
         result.caption = "least of all: commanded, over the sets that hold the joint"
+    elif not all(report.can_stand_still for report in census.sets):
+        result.caption += "\nan arm that cannot stand still counts as a jump of 100%"
     return result
 
 

@@ -123,7 +123,8 @@ def unit_torque_table(analysis: Analysis, *, degrees: bool) -> TitledTable:
         cells = [_unit_cell(joint, torque, i, digits) for _, torque in analysis.unit_forces]
         state = [fault_text(faults.get(i))] if few else []
         gravity = analysis.rnea.gravity
-        weight = [number(float(gravity[i])) if gravity is not None else "?"] if few else []
+        unit = " N" if joint.type == "prismatic" else ""
+        weight = [number(float(gravity[i])) + unit if gravity is not None else "?"] if few else []
         result.add_row(str(joint.number), joint.name, *state, positions[i], *cells, *weight)
     result.caption = "weight comes on top of each" if few else ""
     return result
@@ -156,6 +157,8 @@ def velocity_tables(analysis: Analysis) -> RenderableType | None:
         cells = (number(x, 4) for x in (b, *struck, a, a - b))
         name, share = joint.name, number(float(shares[i]))
         joints.add_row(str(joint.number), name, f"{joint.unit}/s", *cells, share)
+    if analysis.reduced.swinging is not None:
+        joints.caption = "a joint without torque is taken to keep its velocity"
     task = analysis.task
     norms = [("|v|", "m/s", task.force_rows), ("|w|", "rad/s", task.moment_rows)]
     components = Components(task.velocity_components, task.velocity_units, norms)

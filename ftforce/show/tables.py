@@ -60,12 +60,12 @@ class TitledTable:
 
 
 def table(title: str, *columns: str, left: int = 1, folded: Sequence[int] = (0,)) -> TitledTable:
-    """Return an empty table whose first ``left`` columns are text and the others numbers."""
+    """Return an empty table whose first ``left`` columns, and folded ones, are text."""
     body = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
     for i, column in enumerate(columns):
         body.add_column(
             Text(column),
-            justify="left" if i < left else "right",
+            justify="left" if i < left or i in folded else "right",
             overflow="fold" if i in folded else "ellipsis",
             no_wrap=i not in folded,
         )
