@@ -57,10 +57,11 @@ def case(faults: dict[str, Any]) -> Capability:
 
 
 def corners(capability: Capability, *, after: bool, reading: str) -> np.ndarray:
-    """Return the corners of the forces that can be held, in their order, shape (k, 2)."""
+    """Return the corners of the forces that can be held, round their middle, shape (k, 2)."""
     polytope = capability.polytope(after=after, reading=reading)
     assert polytope.is_bounded
-    return polytope.vertices[list(polytope.faces[0])]
+    x, z = (polytope.vertices - polytope.vertices.mean(axis=0)).T
+    return polytope.vertices[np.argsort(np.arctan2(z, x))]
 
 
 def draw(axes: Any, panel: Panel) -> None:
