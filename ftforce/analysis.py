@@ -24,8 +24,16 @@ from ftforce.changes import (
 from ftforce.closed_forms import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.display import Displayed
-from ftforce.doubts import beyond_limits, lacking_rank, missing_masses, overload, unjudged
+from ftforce.doubts import (
+    beyond_limits,
+    lacking_rank,
+    missing_masses,
+    overload,
+    unjudged,
+    unknown_impact,
+)
 from ftforce.dynamics import Payload, mass_matrix
+from ftforce.errors import InputError
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.kinematics import task_jacobian
 from ftforce.limits_reader import URDF, choose_limits
@@ -74,7 +82,7 @@ class Analysis(Displayed):
     velocity :
         Its change; ``None`` if none was given.
     impact :
-        Velocities right after the lock; ``None`` without a velocity, a lock or masses.
+        Velocities right after the lock; ``None`` without a velocity, a lock or possible masses.
     verdict :
         For the given force; for all forces if none was given.
     """
@@ -160,6 +168,8 @@ class Analysis(Displayed):
         """What makes the answer doubtful: limits exceeded, and so on."""
         found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
         found += missing_masses(self.rnea)
+        if self.velocity is not None and self.impact is None and self.rnea.is_known:
+            found += unknown_impact(self.faults)
         if self.limits is None:
             found += beyond_limits(self.robot, self.faults, self.torque)
         else:
@@ -338,7 +348,11 @@ def _impact(
     v = conditions.velocity
     if v is None or robot.mass == 0.0 or not reduced.locked.any():
         return None
-    return impact_of_lock(reduced, task, J, mass_matrix(robot, q, conditions.payload), v)
+    try:
+        M = mass_matrix(robot, q, conditions.payload)
+    except InputError:
+        return None  # nothing else needs it: a warning says so
+    return impact_of_lock(reduced, task, J, M, v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

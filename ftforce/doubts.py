@@ -40,6 +40,15 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
         yield f"the URDF has no masses: {what} missing from the torques"
 
 
+def unknown_impact(faults: FaultSet) -> Iterator[str]:
+    """Say that masses do not tell how fast the arm is right after a lock."""
+    if faults.in_mode(FaultMode.LOCKED):
+        yield (
+            "masses or inertias of the URDF are missing or impossible: velocities right after the "
+            "lock are unknown"
+        )
+
+
 def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
     """Name what limits would say if they counted: weak joints, and motors asked for too much."""
     for number, name in _weak(robot, faults):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from ftforce.robot import Robot
 
+_ROUNDING = 1e-14  # an inertia this small, relative to the arm's largest, is none
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
@@ -112,8 +114,7 @@ def motion_torque(
     weight = pin.computeGeneralizedGravity(model, data, configuration).copy()
     torque = fold.fold_torque(pin.rnea(model, data, configuration, v_model, a_model) - weight)
     if payload is not None:
-        pin.forwardKinematics(model, data, configuration, v_model, a_model)
-        acceleration = _payload_acceleration(robot, payload)
+        acceleration = payload_acceleration(robot, q, v, a, payload)
         torque = torque + payload.mass * acceleration.dot(payload_jacobian(robot, q, payload))
     return read_only(torque)
 
@@ -134,13 +135,11 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
     if payload is not None:
         J = payload_jacobian(robot, q, payload)
         M = M + payload.mass * J.T @ J
-    try:
-        np.linalg.cholesky(M)
-    except np.linalg.LinAlgError:
+    if not _is_positive_definite(M):
         raise InputError(
             f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias of "
             "its URDF are missing or impossible"
-        ) from None
+        )
     return read_only(M)
 
 
@@ -154,10 +153,11 @@ def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
     return linear
 
 
-def _payload_acceleration(robot: Robot, payload: Payload) -> Vector:
-    """Return the payload's acceleration in the root's axes, m/s², after forwardKinematics."""
-    model, data, frame = robot.model, robot.data, robot.tip_frame
+def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload) -> Vector:
+    """Return the payload's acceleration in the root's axes, m/s², shape (3,)."""
+    model, data, frame, fold = robot.model, robot.data, robot.tip_frame, robot.coordinates
     axes = pin.LOCAL_WORLD_ALIGNED
+    pin.forwardKinematics(model, data, robot.to_model(q), fold.rate(v), fold.rate(a))
     pin.updateFramePlacement(model, data, frame)
     arm = data.oMf[frame].rotation.dot(payload.offset)
     tip = pin.getFrameClassicalAcceleration(model, data, frame, axes)
@@ -166,3 +166,12 @@ def _payload_acceleration(robot: Robot, payload: Payload) -> Vector:
         tip.linear + np.cross(tip.angular, arm) + np.cross(omega, np.cross(omega, arm))
     )
     return acceleration
+
+
+def _is_positive_definite(M: Matrix) -> bool:
+    """Return whether a mass matrix is more than rounding in every direction."""
+    try:
+        L = np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return False
+    return bool((L.diagonal() ** 2 > _ROUNDING * M.diagonal().max()).all())

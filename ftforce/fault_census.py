@@ -273,11 +273,10 @@ def _direction(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vec
         vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
         if not vector.any():
             raise InputError("the direction needs a component that is not zero")
-        return read_only(vector / task.size(vector))
+        return task.direction_of(vector)
     if F is None or not F.any():
         return None
-    plain = task.unweigh_force(F)
-    return read_only(plain / task.size(plain))
+    return task.direction_of(task.unweigh_force(F))
 
 
 def _check_size(robot: Robot, faults: int) -> None:

@@ -13,7 +13,7 @@ from ftforce.analysis import Analysis, analyze
 from ftforce.arrays import Vector, as_vector, read_only
 from ftforce.bounded import overloaded
 from ftforce.display import Displayed
-from ftforce.dynamics import Payload, motion_torque, weight_torque
+from ftforce.dynamics import Payload, payload_acceleration, payload_jacobian
 from ftforce.errors import InputError
 from ftforce.faults import FaultSet
 from ftforce.feasible import (
@@ -25,8 +25,9 @@ from ftforce.feasible import (
     reach,
     weakest_direction,
 )
+from ftforce.limits import Limits
 from ftforce.polytope import Polytope, force_polytope
-from ftforce.reduced import reduce_decomposed
+from ftforce.reduced import reduce, reduce_decomposed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -44,7 +45,8 @@ class Amount:
     ----------
     direction :
         Of the force, in the task's axes, not weighted, shape (m,): its force components have the
-        norm 1, or if it has none its moments. Empty for a payload.
+        norm 1, or if it has none its moments; in the weakest direction, whose size is that of the
+        weighted force, all of it has, weighted. Empty for a payload.
     most :
         Largest amount, N (N·m for a moment alone), or kg: infinite if no known limit ends it,
         NaN if none can be held.
@@ -118,21 +120,17 @@ class Capability(Displayed):
         It is another direction before and after, and for each reading: see `Amount.direction`.
         """
         reduced, task = self.analysis.reduced, self.analysis.task
-        space = reduced.healthy.U[:, : reduced.rank]
+        space, unit = reduced.healthy.U[:, : reduced.rank], task.weighted_unit
         found = {}
         for after in (False, True):
             for reading in Reading:
                 feasible = self.feasible(after=after, reading=reading)
                 worst = weakest_direction(feasible, space)
-                plain = task.unweigh_force(worst.direction)
-                size = task.size(plain)
-                found[after, reading] = self._amount(
-                    feasible, read_only(plain / size), worst.reach, size, after=after
-                )
+                direction = task.unweigh_force(worst.direction) / unit
+                failed = self._failed(after, reading)
+                found[after, reading] = _amount(feasible, direction, worst.reach, unit, failed)
         before, after_ = ({r: found[late, r] for r in Reading} for late in (False, True))
-        return DirectionReport(
-            "weakest", task.units[0] if task.force_rows else "N·m", before, after_
-        )
+        return DirectionReport("weakest", "N" if task.force_rows else "N·m", before, after_)
 
     @cached_property
     def payload(self) -> tuple[Amount, Amount]:
@@ -145,12 +143,10 @@ class Capability(Displayed):
     def feasible(self, *, after: bool, reading: Reading = Reading.COMMANDED) -> FeasibleForces:
         """Return the forces that can be held before or after the fault, weighted."""
         analysis = self.analysis
-        limits, n = analysis.limits, analysis.robot.n
         faults = analysis.faults if after else FaultSet()
         reduced = analysis.reduced if after else self._healthy
         rnea = analysis.rnea.after if after else analysis.rnea.before
-        largest = np.full(n, np.nan) if limits is None else limits.largest_torques(faults)
-        return feasible_forces(reduced, rnea, largest, reading)
+        return feasible_forces(reduced, rnea, self._largest(faults), reading)
 
     def polytope(self, *, after: bool, reading: Reading | str = Reading.COMMANDED) -> Polytope:
         """Return vertices and faces of the forces that can be held, N (N·m), in the task's axes.
@@ -185,69 +181,69 @@ class Capability(Displayed):
             for reading in Reading:
                 feasible = self.feasible(after=after, reading=reading)
                 ray = reach(feasible, weighted)
-                by_reading[reading] = self._amount(feasible, direction, ray, 1.0, after=after)
+                failed = self._failed(after, reading)
+                by_reading[reading] = _amount(feasible, direction, ray, 1.0, failed)
             amounts.append(by_reading)
         forced = bool(direction[list(task.force_rows)].any())
         return DirectionReport(name, "N" if forced else "N·m", *amounts)
 
-    def _amount(
-        self, feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, *, after: bool
-    ) -> Amount:
-        failed = self.analysis.faults.joints if after else ()
-        direction = read_only(direction.copy())
-        if ray.is_empty:
-            stops = overloaded(feasible)
-            end = End.WEIGHT
-            if not feasible.stands_still or feasible.F0.any():
-                stops, end = failed, End.FAULT
-            return Amount(direction, math.nan, math.nan, end, stops)
-        if ray.stops:
-            return Amount(direction, ray.most * size, ray.least * size, End.LIMIT, ray.stops)
-        if math.isinf(ray.most):
-            return Amount(direction, math.inf, ray.least * size, End.NOTHING, ())
-        return Amount(direction, ray.most * size, ray.least * size, End.FAULT, failed)
-
     def _payload(self, *, after: bool) -> Amount:
-        analysis = self.analysis
-        feasible = self.feasible(after=after, reading=Reading.HELD)
-        torque = self._torque_per_kg(after=after)
-        nothing = read_only(np.zeros(0))
-        if not torque.any():
-            return Amount(nothing, math.inf, 0.0, End.NOTHING, ())
         # A mass loads the joints as a force does that has these levers: one more ratio test.
-        swinging = analysis.reduced.swinging if after else None
-        yields = () if swinging is None else tuple(
-            j for j in swinging.joints if abs(torque[j]) > feasible.rtol * np.abs(torque).max()
-        )  # fmt: skip
-        one = np.ones((1, 1))
-        rows = torque[feasible.joints].reshape(-1, 1)
-        scale = float(np.abs(torque).max())
-        line = feasible._replace(F0=np.zeros(1), Z=one, rows=rows, scale=scale)
-        ray = reach(line, np.ones(1))
-        bare = feasible.stands_still and not feasible.F0.any()
-        if not bare:
-            return Amount(nothing, math.nan, math.nan, End.FAULT, analysis.faults.joints)
-        if yields and not ray.is_empty:
-            return Amount(nothing, 0.0, 0.0, End.FAULT, yields)
-        return self._amount(feasible, nothing, ray, 1.0, after=after)
+        analysis = self.analysis
+        faults = analysis.faults if after else FaultSet()
+        n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
+        levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
+        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.swinging_mask(n))
+        feasible = feasible_forces(line, rnea, self._largest(faults), Reading.HELD)
+        ray, failed = reach(feasible, np.ones(1)), self._failed(after, Reading.HELD)
+        return _amount(feasible, np.zeros(0), ray, 1.0, failed)
+
+    def _failed(self, after: bool, reading: Reading) -> tuple[int, ...]:
+        """Return the joints whose fault, rather than a limit, can end what is held."""
+        if not after:
+            return ()
+        faults = self.analysis.faults
+        return faults.joints if reading is Reading.COMMANDED else faults.swinging
+
+    def _largest(self, faults: FaultSet) -> Vector:
+        limits = self.analysis.limits
+        if limits is None:
+            limits = Limits.of(np.full(self.analysis.robot.n, np.nan))
+        return limits.largest_torques(faults)
 
     def _torque_per_kg(self, *, after: bool) -> Vector:
         """Return the torques that one kg at the tip adds, N·m (N) per kg, shape (n,)."""
         analysis, conditions = self.analysis, self.analysis.conditions
-        robot, q, n = analysis.robot, analysis.posture.q, analysis.robot.n
+        robot, q = analysis.robot, analysis.posture.q
         offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
-        kilogram = Payload(1.0, offset)
-        torque = weight_torque(robot, q, conditions.gravity, kilogram)
-        torque = torque - weight_torque(robot, q, conditions.gravity)
+        kilogram, pull = Payload(1.0, offset), -conditions.gravity
         if conditions.moves:
-            locked = analysis.reduced.locked if after else np.zeros(n, dtype=np.bool_)
+            locked = analysis.reduced.locked & after
             v, a = (
-                np.zeros(n) if x is None else np.where(locked, 0.0, x)
+                robot.at_rest if x is None else np.where(locked, 0.0, x)
                 for x in (conditions.velocity, conditions.acceleration)
             )
-            torque = torque + motion_torque(robot, q, v, a, kilogram)
-            torque = torque - motion_torque(robot, q, v, a)
-        return torque
+            pull = pull + payload_acceleration(robot, q, v, a, kilogram)
+        J = payload_jacobian(robot, q, kilogram)
+        torque = pull.dot(J)
+        largest = float(np.linalg.norm(pull) * np.linalg.norm(J, axis=0).max())
+        return np.where(np.abs(torque) > analysis.reduced.rtol * largest, torque, 0.0)
+
+
+def _amount(
+    feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
+) -> Amount:
+    direction = read_only(direction.copy())
+    if ray.is_empty:
+        stops, end = overloaded(feasible), End.WEIGHT
+        if not feasible.stands_still or feasible.F0.any():
+            stops, end = failed, End.FAULT
+        return Amount(direction, math.nan, math.nan, end, stops)
+    if ray.stops:
+        return Amount(direction, ray.most * size, ray.least * size, End.LIMIT, ray.stops)
+    if math.isinf(ray.most):
+        return Amount(direction, math.inf, ray.least * size, End.NOTHING, ())
+    return Amount(direction, ray.most * size, ray.least * size, End.FAULT, failed)
 
 
 def capability(
@@ -306,7 +302,6 @@ def capability_of(analysis: Analysis, direction: ArrayLike | None = None) -> Cap
         return Capability(analysis)
     names = ", ".join(task.components)
     vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
-    size = task.size(vector)
-    if size == 0.0:
+    if not vector.any():
         raise InputError("the direction needs a component that is not zero")
-    return Capability(analysis, read_only(vector / size))
+    return Capability(analysis, task.direction_of(vector))

@@ -182,8 +182,7 @@ def _capability(
         feasible = feasible_forces(reduced, rnea, largest, reading)
         if case.direction is None:
             space = case.whole.healthy.U[:, : case.whole.rank]
-            worst = weakest_direction(feasible, space)
-            ray, size = worst.reach, task.size(task.unweigh_force(worst.direction))
+            ray, size = weakest_direction(feasible, space).reach, task.weighted_unit
         else:
             ray, size = reach(feasible, task.weigh_force(case.direction)), 1.0
         amounts.append(math.nan if ray.is_empty else ray.most * size)

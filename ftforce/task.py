@@ -21,6 +21,7 @@ AXES: tuple[str, ...] = get_args(Axes)
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as Pinocchio has it
 DEFAULT_LENGTH = 1.0
 SHORTEST, LONGEST = 1e-6, 1e6  # m; beyond, forces or moments would be lost in rounding
+_ROUNDING = 1e-12  # forces this small, relative to the weighted whole, are none
 _SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
 
 
@@ -165,10 +166,23 @@ class Task:
         """Velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
         return x if self.weights is None else x / self.weights
 
-    def size(self, F: Vector) -> float:
-        """Return the norm of the force components, N, or if they are zero of the moments, N·m."""
+    @property
+    def weighted_unit(self) -> float:
+        """What F̃ of norm 1 stands for: 1 N, or for a task of moments alone L N·m."""
+        return 1.0 if self.force_rows else self.length
+
+    def direction_of(self, F: Vector) -> Vector:
+        """Return F, which is not zero, with force components of norm 1, or else moments.
+
+        Forces that only rounding left of a moment are none.
+        """
         forces = F[list(self.force_rows)]
-        return math.sqrt(forces.dot(forces)) or math.sqrt(F.dot(F))
+        size, whole = math.hypot(*forces), math.hypot(*self.weigh_force(F))
+        if size > _ROUNDING * whole:
+            return read_only(F / size)
+        moment = F.copy()
+        moment[list(self.force_rows)] = 0.0
+        return read_only(moment / math.hypot(*moment))
 
     def __str__(self) -> str:
         """Return the shorthand, or the components."""

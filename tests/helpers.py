@@ -189,6 +189,14 @@ def serial_urdf(*steps):
     return urdf_of(*links, joints=joints)
 
 
+def without_masses(urdf):
+    """Return a URDF without inertials."""
+    start, end = "<inertial>", "</inertial>"
+    while start in urdf:
+        urdf = urdf[: urdf.index(start)] + urdf[urdf.index(end) + len(end) :]
+    return urdf
+
+
 def srdf_of(**states):
     """Return an SRDF with these states, each a dictionary of joint values."""
     text = "".join(

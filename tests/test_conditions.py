@@ -1,0 +1,380 @@
+"""Gravity, payload and motion as a caller gives them, and what they take of the torques."""
+
+import json
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import ftforce
+from ftforce.conditions import Conditions, mass_matrix_for, read_payload, rnea_change, tip_load
+from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.kinematics import task_jacobian
+from ftforce.limits import Limits
+from ftforce.reduced import reduce
+from ftforce.task import Task
+from helpers import assert_close, load_text, serial_urdf, without_masses
+
+MOON = [0.0, 0.0, -1.6]
+CHAIN = (
+    ("revolute", {}),
+    ("revolute", {"xyz": (0.3, 0.0, 0.1), "axis": (0, 1, 0)}),
+    ("revolute", {"xyz": (0.2, 0.1, 0.0), "axis": (1, 0, 0)}),
+)
+Q = [0.3, -0.4, 0.5]
+FORCE = [5.0, -3.0, 8.0]
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ftforce.load_robot("panda")
+
+
+@pytest.fixture(scope="module")
+def weightless():
+    return load_text(without_masses(serial_urdf(*CHAIN)))
+
+
+@pytest.fixture(scope="module")
+def no_hand():
+    """An arm whose last link has no mass."""
+    head, tail = serial_urdf(*CHAIN).split('<link name="l3">')
+    joints = tail.index("<joint")
+    return load_text(head + '<link name="l3">' + without_masses(tail[:joints]) + tail[joints:])
+
+
+# ---- what is given ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "mass", "offset"),
+    [
+        (2.5, 2.5, (0, 0, 0)),
+        (3, 3.0, (0, 0, 0)),
+        (np.float32(0.5), 0.5, (0, 0, 0)),
+        (np.int64(4), 4.0, (0, 0, 0)),
+        ("2.5", 2.5, (0, 0, 0)),
+        ("2.5@0,0,0.1", 2.5, (0, 0, 0.1)),
+        (" 2 @ 1, -2e-1 ,.3 ", 2.0, (1, -0.2, 0.3)),
+        ((2.0, [0.1, 0.2, 0.3]), 2.0, (0.1, 0.2, 0.3)),
+        ((2.0, np.array([0.1, 0.2, 0.3])), 2.0, (0.1, 0.2, 0.3)),
+        (Payload.of(7.0), 7.0, (0, 0, 0)),
+        (0, 0.0, (0, 0, 0)),
+    ],
+    ids=repr,
+)
+def test_payloads(given, mass, offset):
+    payload = read_payload(given)
+    assert payload.mass == mass
+    assert type(payload.mass) is float
+    assert_close(payload.offset, offset)
+
+
+def test_no_payload():
+    assert read_payload(None) is None
+
+
+FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (-1, "the payload's mass must be 0 kg or more, got -1"),
+        ("-1", "the payload's mass must be 0 kg or more, got -1"),
+        (math.nan, "the payload's mass must be 0 kg or more, got nan"),
+        ("nan", FORM + "'nan' is not finite"),
+        ("x", FORM + "'x' is not a number"),
+        ("", FORM + "'': 1 number needed, got 0"),
+        ("2 3", FORM + "'2 3': 1 number needed, got 2"),
+        ("2@", FORM + "'': 3 numbers needed, got 0"),
+        ("2@1,2", FORM + "'1 2': 3 numbers needed, got 2"),
+        ("2@1,2,3,4", FORM + "'1 2 3 4': 3 numbers needed, got 4"),
+        ("2@a,b,c", FORM + "'a b c' is not a number"),
+        ("2@0,0,inf", FORM + "'0 0 inf' is not finite"),
+        ("2@1@2", FORM + "'1@2' is not a number"),
+        ((2.0,), r"a payload is a mass and a place, \(mass, \(x, y, z\)\); got \(2\.0,\)"),
+        ((2.0, (1, 2)), "the payload's place needs 3 numbers, got 2 numbers: x, y, z in m"),
+        ((-2.0, (1, 2, 3)), "the payload's mass must be 0 kg or more, got -2"),
+        (True, "the payload needs a mass in kg, got True"),
+        ({}, "the payload needs a mass in kg, got {}"),
+    ],
+    ids=repr,
+)
+def test_what_is_no_payload(panda, given, message):
+    for ask in (ftforce.analyze, ftforce.census, ftforce.capability):
+        with pytest.raises(InputError, match=f"^{message}$") as caught:
+            ask(panda, payload=given)
+        assert "\n" not in str(caught.value)
+
+
+SEVEN = ", ".join(f"{k} panda_joint{k}" for k in range(1, 8))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"gravity": [0, -9.81]},
+            "gravity needs 3 numbers, got 2 numbers: x, y, z in m/s², in the root's axes",
+        ),
+        (
+            {"gravity": 9.81},
+            "gravity needs 3 numbers, got a single number: x, y, z in m/s², in the root's axes",
+        ),
+        ({"gravity": [0, 0, math.nan]}, "gravity holds nan at position 3; numbers must be finite"),
+        ({"gravity": "down"}, "gravity needs numbers, got 'down'"),
+        (
+            {"velocity": [1, 2]},
+            f"velocity needs 7 numbers, got 2 numbers: one per joint, {SEVEN}",
+        ),
+        (
+            {"acceleration": np.ones((1, 7))},
+            f"acceleration needs 7 numbers, got an array of shape 1 x 7: one per joint, {SEVEN}",
+        ),
+        (
+            {"acceleration": [0] * 6 + [math.inf]},
+            "acceleration holds inf at position 7; numbers must be finite",
+        ),
+    ],
+    ids=str,
+)
+def test_malformed_vectors(panda, options, message):
+    for ask in (ftforce.analyze, ftforce.census, ftforce.capability):
+        with pytest.raises(InputError) as caught:
+            ask(panda, **options)
+        assert str(caught.value) == message
+    if "needs" in message and "numbers, got '" not in message:
+        assert isinstance(caught.value, DimensionError)
+
+
+def test_conditions_are_checked_copies(panda):
+    v, g = np.ones(7), np.array(MOON)
+    conditions = Conditions.of(panda, velocity=v, gravity=g, payload="1@0,0,0.1")
+    v[:], g[:] = 9.0, 9.0
+    assert_close(conditions.velocity, np.ones(7))
+    assert_close(conditions.gravity, MOON)
+    assert not conditions.velocity.flags.writeable
+    assert not conditions.gravity.flags.writeable
+    assert not conditions.is_model_gravity
+    assert conditions.acceleration is None
+    plain = Conditions.of(panda)
+    assert_close(plain.gravity, [0.0, 0.0, -9.81])
+    assert plain.is_model_gravity
+    assert plain.payload is plain.velocity is None
+
+
+@pytest.mark.parametrize(
+    ("options", "moves"),
+    [
+        ({}, False),
+        ({"velocity": [0] * 7, "acceleration": [0] * 7}, False),
+        ({"velocity": [0] * 6 + [1e-9]}, True),
+        ({"acceleration": [1] + [0] * 6}, True),
+        ({"payload": 2.0, "gravity": MOON}, False),
+    ],
+    ids=str,
+)
+def test_what_moves(panda, options, moves):
+    assert Conditions.of(panda, **options).moves is moves
+
+
+# ---- before and after the lock ---------------------------------------------------------------
+
+
+def test_at_rest_nothing_changes(panda):
+    q, locked = np.full(7, 0.3), np.arange(7) == 2
+    change = rnea_change(panda, q, Conditions.of(panda, payload=2.0), locked)
+    weight = weight_torque(panda, q, payload=Payload.of(2.0))
+    for part in (change.gravity, change.before, change.after):
+        assert_close(part, weight)
+    assert_close([change.motion_before, change.motion_after], 0.0)
+    assert change.is_known
+
+
+@pytest.mark.parametrize("payload", [None, (2.0, (0.1, 0.0, 0.2))], ids=str)
+@pytest.mark.parametrize("gravity", [None, MOON], ids=str)
+def test_a_locked_joint_stands_still_and_the_others_move_on(panda, gravity, payload):
+    rng = np.random.default_rng(1)
+    q, v, a = rng.uniform(-1.0, 1.0, size=(3, 7))
+    locked = np.isin(np.arange(7), [1, 4])
+    conditions = Conditions.of(panda, velocity=v, acceleration=a, gravity=gravity, payload=payload)
+    change = rnea_change(panda, q, conditions, locked)
+    G = weight_torque(panda, q, None if gravity is None else np.array(gravity), conditions.payload)
+    still_v, still_a = np.where(locked, 0.0, v), np.where(locked, 0.0, a)
+    before = motion_torque(panda, q, v, a, conditions.payload)
+    after = motion_torque(panda, q, still_v, still_a, conditions.payload)
+    assert np.abs(before - after).max() > 0.1
+    assert_close(change.gravity, G)
+    assert_close(change.motion_before, before)
+    assert_close(change.motion_after, after)
+    assert_close(change.before, G + before)
+    assert_close(change.after, G + after)
+    for options in ({"velocity": None, "acceleration": a}, {"velocity": v, "acceleration": None}):
+        half = rnea_change(panda, q, Conditions.of(panda, payload=payload, **options), locked)
+        v_half, a_half = (
+            np.zeros(7) if x is None else np.where(locked, 0.0, x) for x in options.values()
+        )
+        wanted = motion_torque(panda, q, v_half, a_half, conditions.payload)
+        assert_close(half.motion_after, wanted)
+
+
+def test_free_and_weak_joints_go_on_moving(panda):
+    v = np.linspace(-1.0, 1.0, 7)
+    moving = ftforce.analyze(panda, free=2, weak={5: 0.5}, velocity=v, acceleration=v)
+    assert_close(moving.rnea.motion_after, moving.rnea.motion_before)
+    locked = ftforce.analyze(panda, locked=6, free=2, velocity=v, acceleration=v)
+    assert np.abs(locked.rnea.motion_after - locked.rnea.motion_before).max() > 1e-3
+
+
+def test_a_locked_leader_stops_its_followers():
+    steps = (*CHAIN, ("revolute", {"xyz": (0.2, 0, 0), "mimic": ("j2", -2.0, 0.1)}))
+    arm = load_text(serial_urdf(*steps))
+    v = np.array([1.0, 2.0, 3.0])
+    result = ftforce.analyze(arm, Q, locked="j2", velocity=v, acceleration=v, force=FORCE)
+    model_v = arm.coordinates.G @ [1.0, 0.0, 3.0]
+    assert sorted(model_v) == [0.0, 0.0, 1.0, 3.0]
+    model, q = arm.model, arm.to_model(np.array(Q))
+    wanted = arm.coordinates.G.T @ pin.rnea(model, model.createData(), q, model_v, model_v)
+    assert_close(result.rnea.after, wanted)
+    assert_close(result.torque.brake_load[1], (wanted + result.J.T @ result.force.after)[1])
+
+
+# ---- unknown masses --------------------------------------------------------------------------
+
+
+def test_an_unknown_weight_stays_unknown(weightless):
+    result = ftforce.analyze(weightless, Q, locked=2, force=FORCE)
+    assert result.rnea.gravity is None
+    assert not result.rnea.is_known
+    assert result.torque.total_before is result.torque.total_after is None
+    assert_close(result.torque.after, np.where([1, 0, 1], result.J.T @ FORCE, 0.0))
+    assert result.warnings == (
+        "the URDF has no masses: weight of the arm is missing from the torques",
+    )
+    document = ftforce.to_dict(result)
+    assert document["torque"]["total"] == {"before": None, "after": None}
+    assert document["torque"]["gravity"] == {"before": None, "after": None}
+    json.dumps(document, allow_nan=False)
+
+
+def test_an_unknown_motion_stays_unknown(weightless):
+    result = ftforce.analyze(weightless, Q, locked=2, force=FORCE, velocity=[1, 2, 3])
+    assert result.rnea.motion_before is result.rnea.motion_after is result.impact is None
+    assert result.torque.total_after is None
+    assert result.warnings == (
+        "the URDF has no masses: weight and motion of the arm are missing from the torques",
+    )
+    assert_close(result.velocity.tip_before, result.J @ [1, 2, 3])
+
+
+def test_without_gravity_no_mass_weighs(weightless):
+    result = ftforce.analyze(weightless, Q, locked=2, force=FORCE, gravity=[0, 0, 0])
+    assert result.warnings == ()
+    assert_close(result.rnea.gravity, np.zeros(3))
+    assert_close(result.torque.total_after, result.torque.after)
+    moving = ftforce.analyze(weightless, Q, force=FORCE, gravity=[0, 0, 0], velocity=[1, 2, 3])
+    assert moving.rnea.gravity is not None
+    assert moving.rnea.motion_before is None
+    assert moving.torque.total_before is None
+
+
+def test_of_an_unknown_weight_the_payload_counts(weightless):
+    limits = Limits.of([5.0, 5.0, 5.0])
+    options = {"limits": limits, "payload": 1.0}
+    result = ftforce.analyze(weightless, Q, force=[0.0, 0.0, 0.0], **options)
+    carried = weight_torque(weightless, np.array(Q), payload=Payload.of(1.0))
+    assert np.abs(carried).max() > 1.0
+    assert_close(result.rnea.before, carried)
+    assert result.rnea.gravity is None
+
+
+def test_where_masses_are_impossible_the_impact_is_unknown_and_the_rest_is_told(no_hand):
+    assert no_hand.mass == 2.0
+    result = ftforce.analyze(no_hand, Q, locked=1, velocity=[1, 2, 3], force=FORCE)
+    assert result.impact is None
+    (warning,) = result.warnings
+    assert warning.startswith("masses or inertias of the URDF are missing or impossible")
+    assert warning.endswith("velocities right after the lock are unknown")
+    assert_close(result.velocity.tip_before, result.J @ [1, 2, 3])
+    assert result.torque.total_after is not None
+    assert ftforce.to_dict(result)["velocity"]["impact"] is None
+    for options in ({"velocity": [1, 2, 3], "free": 1}, {"locked": 1}):
+        assert ftforce.analyze(no_hand, Q, force=FORCE, **options).warnings == ()
+    carrying = ftforce.analyze(no_hand, Q, locked=1, velocity=[1, 2, 3], payload="1@0.1,0.2,0.3")
+    assert carrying.impact is not None
+
+
+# ---- inverses --------------------------------------------------------------------------------
+
+
+def test_inverses_that_do_not_exist(panda):
+    for ask in (ftforce.analyze, ftforce.census):
+        with pytest.raises(UnknownNameError) as caught:
+            ask(panda, torque=[1] * 7, inverse="khatib")
+        assert str(caught.value) == "no inverse 'khatib'; there is: euclidean, dynamic"
+
+
+def test_the_dynamic_inverse_needs_masses(weightless, no_hand):
+    for ask in (ftforce.analyze, ftforce.census):
+        with pytest.raises(InputError) as caught:
+            ask(weightless, Q, torque=[1, 2, 3], inverse="dynamic")
+        assert str(caught.value) == (
+            "the dynamic inverse needs masses, and the URDF of 'arm' has none; "
+            "use the euclidean one"
+        )
+        with pytest.raises(InputError, match="mass matrix of 'arm' is not positive definite"):
+            ask(no_hand, Q, torque=[1, 2, 3], inverse="dynamic")
+
+
+def test_mass_matrices_for_inverses(panda):
+    q, conditions = np.full(7, 0.2), Conditions.of(panda, payload=(2.0, (0, 0, 0.1)))
+    assert mass_matrix_for(panda, q, conditions, "euclidean") is None
+    M = mass_matrix_for(panda, q, conditions, "dynamic")
+    assert_close(M, mass_matrix(panda, q, conditions.payload))
+
+
+def loaded(panda, task, **options):
+    q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])
+    wanted = Task.parse(task)
+    J = task_jacobian(panda, q, wanted)
+    load = tip_load(panda, reduce(J, np.zeros(7, bool)), wanted, **options)
+    return load, J, mass_matrix(panda, q)
+
+
+@pytest.mark.parametrize("task", ["force", "fz", "wrench"])
+def test_the_dynamic_inverse_by_its_definition(panda, task):
+    tau = np.linspace(-20.0, 30.0, 7)
+    _, J, M = loaded(panda, task, force=None, torque=tau)
+    load, *_ = loaded(panda, task, force=None, torque=tau, M=M)
+    # The tip is held: M a + JᵀF = τ and J a = 0.
+    m = len(J)
+    saddle = np.block([[M, J.T], [J, np.zeros((m, m))]])
+    wanted = np.linalg.solve(saddle, [*tau, *np.zeros(m)])[7:]
+    assert_close(load.F, wanted)
+    plain, *_ = loaded(panda, task, force=None, torque=tau)
+    assert np.linalg.norm(plain.F - wanted) > 1e-3 * np.linalg.norm(wanted)
+    assert_close(plain.F, np.linalg.pinv(J.T) @ tau)
+    F = np.arange(1.0, m + 1.0)
+    for inverse in (None, M):  # torques of a force: both agree
+        assert_close(loaded(panda, task, force=None, torque=J.T @ F, M=inverse)[0].F, F)
+
+
+def test_the_dynamic_inverse_where_the_arm_lacks_a_direction():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
+    result = ftforce.analyze(arm, [0.1, 0.7, 0.9], torque=[1, 2, 3], inverse="dynamic")
+    assert result.reduced.rank == 2
+    M, J = mass_matrix(arm, np.array([0.1, 0.7, 0.9])), result.J[:2]
+    saddle = np.block([[M, J.T], [J, np.zeros((2, 2))]])
+    wanted = np.linalg.solve(saddle, [1, 2, 3, 0, 0])[3:]
+    assert_close(result.force.before, [*wanted, 0.0])
+    assert_close(result.torque.self_motion, [1, 2, 3] - J.T @ wanted)
+
+
+def test_an_arm_without_rank_exerts_nothing_dynamically():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 2))
+    result = ftforce.analyze(arm, [0.1, 0.7], torque=[1, 2], inverse="dynamic", task="mx")
+    assert_close(result.force.before, [0.0])
+    assert_close(result.torque.self_motion, [1.0, 2.0])

@@ -1,0 +1,623 @@
+"""What can be held, by a ratio test, meets linear programs, the remap, and Pinocchio's torques."""
+
+import json
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import scipy
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import ftforce
+from ftforce import Verdict, analyze, capability
+from ftforce.errors import InputError
+from ftforce.faults import FaultMode
+from ftforce.feasible import End, Reading, reach
+from ftforce.force_capability import capability_of
+from ftforce.kinematics import tip_pose
+from ftforce.limits import Limits
+from helpers import (
+    KNOWN,
+    QUARTER,
+    arms,
+    arrays_in,
+    assert_close,
+    is_beyond_doubt,
+    load_text,
+    seeds,
+    serial_urdf,
+    without_masses,
+)
+
+COMMANDED, HELD = Reading
+Q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])  # of panda: nothing is special there
+PROGRAM = 1e-6  # of a linear program's numbers; its solver takes torques to 1e-7 N·m
+MOON = [0.1, -0.2, -1.6]
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ftforce.load_robot("panda")
+
+
+# ---- linear programs -------------------------------------------------------------------------
+
+
+def program(analysis, direction, reading, after):
+    """Return the least and the largest s for which s·direction is held; NaN if there is none.
+
+    Variables are s and, where motors command, torques y with K y = s·direction.
+    """
+    J, n = analysis.J, analysis.robot.n
+    faults = analysis.faults if after else ftforce.FaultSet()
+    rnea = analysis.rnea.after if after else analysis.rnea.before
+    largest = np.full(n, np.nan)
+    if analysis.limits is not None:
+        largest = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
+    lever = direction @ J
+    A, b, equal, right = [], [], [], []
+    for i in range(n):
+        row = [lever[i], *[0.0] * n]
+        mode = {fault.joint: fault for fault in faults.faults}.get(i)
+        if mode is not None and mode.has_no_torque:
+            equal.append(row)
+            right.append(-rnea[i])
+            continue
+        limit = largest[i] * (1.0 if mode is None else mode.factor)
+        if not math.isnan(limit):
+            A += [row, [-x for x in row]]
+            b += [limit - rnea[i], limit + rnea[i]]
+    if reading is COMMANDED:
+        K = np.where(faults.mask(n), 0.0, J)
+        equal += np.column_stack([-direction, K]).tolist()
+        right += [0.0] * len(direction)
+    ends = []
+    for sign in (1.0, -1.0):
+        found = scipy.optimize.linprog(
+            [sign, *[0.0] * n],
+            A or None,
+            b or None,
+            equal or None,
+            right or None,
+            bounds=[(0.0, None), *[(None, None)] * n],
+        )
+        assert found.status in {0, 2, 3}
+        ends.append({0: abs(found.fun or 0.0), 2: math.nan, 3: math.inf}[found.status])
+    return ends
+
+
+def assert_as_programmed(result, tol=PROGRAM):
+    """Compare every direction of a capability with a linear program."""
+    seen = []
+    for report in result.directions:
+        for after, amounts in ((False, report.before), (True, report.after)):
+            for reading, amount in amounts.items():
+                least, most = program(result.analysis, amount.direction, reading, after)
+                assert math.isnan(amount.most) == math.isnan(most)
+                assert math.isinf(amount.most) == math.isinf(most)
+                if math.isfinite(most):
+                    assert_close(amount.most, most, scale=1.0 + most, tol=tol)
+                if math.isfinite(least):
+                    assert_close(amount.least, least, scale=1.0 + least, tol=tol)
+                seen.append(amount.end)
+    return seen
+
+
+LOCKS = [{"locked": [2]}, {"locked": [2, 4]}, {"locked": [1, 2, 3, 4, 5]}]
+CASES = [
+    *LOCKS,
+    {"free": [6]},
+    {"free": [1]},
+    {"locked": [3], "free": [1]},
+    {"weak": {2: 0.6, 4: 0.8}},
+    {"weak": {5: 0.0}, "locked": [1]},
+    {"locked": [2], "payload": "2@0,0,0.1"},
+    {"locked": [2, 4], "velocity": [1.0] * 7, "acceleration": [2.0] * 7},
+    {"locked": [2, 4], "gravity": MOON, "axes": "world"},
+    {"locked": [4, 6], "task": "wrench", "length": 0.3},
+    {"free": [1], "task": "wrench", "length": 0.3, "gravity": [0, 0, 0]},
+    {"locked": [4, 6], "task": "mz,fx"},
+    {"locked": [4, 6], "task": "moment", "length": 0.2},
+]
+
+
+@pytest.mark.parametrize("brakes", [None, 60.0], ids=["no brakes", "brakes"])
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_panda_against_linear_programs(panda, case, brakes):
+    limits = Limits.of(panda.effort, None if brakes is None else np.full(7, brakes))
+    m = ftforce.Task.parse(case.get("task", "force")).m
+    direction = np.linspace(1.0, -2.0, m)
+    result = capability(panda, Q, limits=limits, direction=direction, **case)
+    assert len(result.directions) == 2 * m + 1
+    assert assert_as_programmed(result)
+
+
+@given(arms(least=3), seeds, st.data())
+@settings(deadline=None, max_examples=40)
+def test_random_arms_against_linear_programs(case, seed, data):
+    arm, q = case
+    rng = np.random.default_rng(seed)
+    joints = rng.permutation(np.arange(1, arm.n + 1)).tolist()
+    locked, free = data.draw(st.sampled_from([(1, 0), (2, 0), (3, 0), (0, 1), (1, 1)]))
+    unknown = rng.random(arm.n) < 0.2
+    limits = Limits.of(
+        np.where(unknown, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
+        np.where(rng.random(arm.n) < 0.5, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
+    )
+    result = capability(
+        arm,
+        q,
+        limits=limits,
+        locked=joints[:locked],
+        free=joints[locked : locked + free],
+        axes=data.draw(st.sampled_from(["tool", "world"])),
+        direction=rng.normal(size=3),
+    )
+    reduced = result.analysis.reduced
+    assume(is_beyond_doubt(reduced.J, reduced.locked))
+    assume(not free or np.linalg.norm(reduced.J[:, joints[locked] - 1]) > 0.01)
+    for report in result.directions:  # no torque that is almost, or only by rounding, balanced
+        for amounts in (report.before, report.after):
+            assume(not any(0.0 < amount.most < 1e-3 for amount in amounts.values()))
+    levers = np.abs([r.before[HELD].direction @ result.analysis.J for r in result.directions])
+    assume(not np.any((levers > 1e-12) & (levers < 1e-4)))
+    assert_as_programmed(result, tol=1e-5)
+
+
+# ---- the remap -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "case", [{}, *LOCKS, {"weak": {2: 0.5}}, {"locked": [2], "free": []}], ids=str
+)
+def test_the_remap_keeps_what_can_be_commanded_and_no_more(panda, case):
+    case = {"q": Q, **case}
+    result = capability(panda, direction=[1, 2, -1], **case)
+    for report in result.directions:
+        amount = report.after[COMMANDED]
+        if amount.end is End.FAULT:
+            assert amount.most == 0.0
+            lost = analyze(panda, force=amount.direction, limits="urdf", **case)
+            assert lost.verdict is Verdict.NOT_TOLERATED
+            continue
+        assert amount.end is End.LIMIT
+        force = amount.most * amount.direction
+        inside = analyze(panda, force=force * (1.0 - 1e-9), limits="urdf", **case)
+        assert inside.verdict is Verdict.TOLERATED
+        assert_close(inside.force.jump, 0.0, scale=amount.most)
+        beyond = analyze(panda, force=1.25 * force, limits="urdf", **case)
+        assert beyond.force.jump_norm > 0.01 * amount.most
+        assert beyond.bounded.share == pytest.approx(0.8)
+        (joint,) = amount.stops
+        total = analyze(panda, force=force, limits="urdf", **case).torque.total_after
+        factor = dict(case.get("weak", {})).get(joint + 1, 1.0)
+        assert_close(abs(total[joint]), factor * panda.effort[joint])
+
+
+def test_readings_differ_by_brakes_alone_where_no_direction_is_lost(panda):
+    result = capability(panda, locked=[2])
+    assert result.analysis.reduced.rank_after == 3
+    for report in (*result.directions, result.weakest):
+        assert report.after[COMMANDED].most == report.after[HELD].most
+        assert report.before[COMMANDED].most == report.before[HELD].most
+        assert report.before[COMMANDED].most <= report.after[COMMANDED].most  # one limit less
+    brakes = np.where(np.arange(7) == 1, 15.0, np.nan)
+    braked = capability(panda, locked=[2], limits=Limits.of(panda.effort, brakes))
+    pairs = zip(result.directions, braked.directions, strict=True)
+    stopped = [one.after[COMMANDED].most > other.after[COMMANDED].most for one, other in pairs]
+    assert any(stopped)
+    for report in braked.directions:
+        assert report.after[COMMANDED].most == report.after[HELD].most
+
+
+def test_the_healthy_arm_is_the_one_without_faults(panda):
+    faulty = capability(panda, locked=[2], free=[6], velocity=[1.0] * 7, payload=1.0)
+    healthy = capability(panda, velocity=[1.0] * 7, payload=1.0)
+    for one, other in zip(
+        (*faulty.directions, faulty.weakest), (*healthy.directions, healthy.weakest), strict=True
+    ):
+        for reading in Reading:
+            assert one.before[reading].most == other.before[reading].most
+            assert other.after[reading].most == other.before[reading].most
+    assert faulty.payload[0].most == healthy.payload[0].most == healthy.payload[1].most
+    assert_close(
+        faulty.polytope(after=False).vertices, healthy.polytope(after=True).vertices, tol=1e-12
+    )
+
+
+# ---- the weakest direction -------------------------------------------------------------------
+
+
+def sampled_reach(result, after, reading, rng, count=3000):
+    """Return the smallest reach over weighted directions that the healthy arm has."""
+    reduced = result.analysis.reduced
+    space = reduced.healthy.U[:, : reduced.rank]
+    feasible = result.feasible(after=after, reading=reading)
+    directions = rng.normal(size=(count, space.shape[1])) @ space.T
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    return min(reach(feasible, d).most for d in directions)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {"locked": [2]},
+        {"locked": [2], "task": "fx,fz", "axes": "world"},
+        {"weak": {6: 0.3}, "payload": 1.0},
+        {"locked": [3], "task": "wrench", "length": 0.3},
+        {"locked": [3], "task": "mx,fy"},
+        {"locked": [3], "task": "mz,fx"},
+        {"locked": [3], "task": "my,mz", "length": 0.2},
+    ],
+    ids=str,
+)
+def test_the_weakest_direction_against_sampled_ones(panda, case):
+    result, rng = capability(panda, **case), np.random.default_rng(2)
+    task = result.analysis.task
+    unit = task.length if not task.force_rows else 1.0  # weighted: all N, or all N·m
+    assert result.weakest.unit == ("N" if task.force_rows else "N·m")
+    for after, amounts in ((False, result.weakest.before), (True, result.weakest.after)):
+        for reading, amount in amounts.items():
+            sampled = sampled_reach(result, after, reading, rng) * unit
+            assert amount.most <= sampled
+            if task.m < 4:
+                assert amount.most > 0.97 * sampled
+            weighted = task.weigh_force(amount.direction)
+            assert_close(np.linalg.norm(weighted) * unit, 1.0)
+            feasible = result.feasible(after=after, reading=reading)
+            assert_close(reach(feasible, weighted).most, amount.most)
+            assert reach(feasible, weighted).stops == amount.stops
+            near = weighted + 1e-3 * rng.normal(size=(50, task.m)) * np.linalg.norm(weighted)
+            for other in near / (np.linalg.norm(near, axis=1)[:, None] * unit):
+                assert reach(feasible, other).most >= amount.most * (1.0 - 1e-12)
+
+
+def test_a_lost_direction_is_the_weakest(panda):
+    result = capability(panda, locked=[2, 4])
+    amount = result.weakest.after[COMMANDED]
+    assert (amount.most, amount.least, amount.end, amount.stops) == (0.0, 0.0, End.FAULT, (1, 3))
+    assert_close(np.abs(amount.direction @ result.analysis.lost_directions.T), [1.0])
+    assert result.weakest.after[HELD].end is End.LIMIT
+    assert result.weakest.after[HELD].most > 1.0
+
+
+def test_directions_that_even_the_healthy_arm_lacks_do_not_count():
+    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
+    result = capability(arm, [0.1, 0.7, 0.9], locked=1)
+    assert result.directions[4].name == "+fz"
+    assert result.directions[4].before[COMMANDED].end is End.FAULT
+    assert result.directions[4].before[COMMANDED].stops == ()
+    assert result.weakest.before[COMMANDED].most > 1.0
+    assert abs(result.weakest.before[COMMANDED].direction[2]) < 1e-12
+
+
+# ---- payload ---------------------------------------------------------------------------------
+
+
+def torques_with(arm, result, mass, *, after):
+    """Return Pinocchio's torques of the arm with a mass at the tip, as one rigid body."""
+    conditions, model = result.analysis.conditions, arm.model.copy()
+    model.gravity.linear = conditions.gravity
+    offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
+    tip = model.frames[arm.tip_frame]
+    body = pin.Inertia(mass, np.array(offset), np.zeros((3, 3)))
+    model.appendBodyToJoint(tip.parentJoint, body, tip.placement)
+    locked = result.analysis.reduced.locked & after
+    v, a = (
+        np.zeros(arm.n) if x is None else np.where(locked, 0.0, x)
+        for x in (conditions.velocity, conditions.acceleration)
+    )
+    G, q = arm.coordinates.G, arm.to_model(result.analysis.posture.q)
+    return G.T @ pin.rnea(model, model.createData(), q, G @ v, G @ a)
+
+
+def worst_share(arm, result, mass, *, after):
+    """Return the largest share of a limit that any joint bears."""
+    faults = result.analysis.faults if after else ftforce.FaultSet()
+    largest = result.analysis.limits.largest_torques(faults)
+    swinging = [fault.joint for fault in faults.faults if fault.has_no_torque]
+    torque = torques_with(arm, result, mass, after=after)
+    assert_close(torque[swinging], 0.0, scale=10.0, tol=1e-6)
+    shares = np.abs(np.delete(torque, swinging)) / np.delete(largest, swinging)
+    return np.nanmax(shares)
+
+
+LOADS = [
+    {"locked": [2]},
+    {"locked": [2, 4], "payload": "1.5@0.02,-0.05,0.1"},
+    {"locked": [6], "velocity": [0.5] * 7, "acceleration": [2.0] * 7, "payload": 0.5},
+    {"locked": [1, 3], "gravity": MOON},
+    {"weak": {2: 0.5, 4: 0.7}, "velocity": [0.3] * 7},
+    {"free": [1]},
+    {"locked": [2], "velocity": [0.5] * 7, "gravity": [0, 0, 0]},
+    {"locked": [5], "task": "wrench", "axes": "world"},
+]
+
+
+@pytest.mark.parametrize("brakes", [None, 45.0], ids=["no brakes", "brakes"])
+@pytest.mark.parametrize("case", LOADS, ids=str)
+def test_a_payload_is_just_within_the_limits(panda, case, brakes):
+    limits = Limits.of(panda.effort, None if brakes is None else np.full(7, brakes))
+    result = capability(panda, limits=limits, **case)
+    present = result.analysis.conditions.payload
+    there, offset = (0.0, (0, 0, 0)) if present is None else (present.mass, present.offset)
+    for after, amount in zip((False, True), result.payload, strict=True):
+        assert (amount.end, amount.least) == (End.LIMIT, 0.0)
+        assert_close(worst_share(panda, result, there + amount.most, after=after), 1.0)
+        assert worst_share(panda, result, there + 1.01 * amount.most, after=after) > 1.001
+        assert worst_share(panda, result, there + 0.99 * amount.most, after=after) < 1.0
+        torque = torques_with(panda, result, there + amount.most, after=after)
+        faults = result.analysis.faults if after else ftforce.FaultSet()
+        largest = limits.largest_torques(faults)
+        assert_close(np.abs(torque[list(amount.stops)]), largest[list(amount.stops)])
+    for more, overloaded in ((0.99, ()), (1.01, result.payload[1].stops)):
+        load = {**case, "payload": (there + more * result.payload[1].most, offset)}
+        analysis = analyze(panda, limits=limits, **load)
+        if "locked" not in case:  # brakes hold what motors could not
+            assert analysis.bounded.overloaded == overloaded
+        held = capability_of(analysis).feasible(after=True, reading=HELD)
+        torque = held.rows @ held.F0
+        assert bool(np.any((torque > held.upper) | (torque < held.lower))) == bool(overloaded)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_payloads_of_known_arms(name):
+    arm = ftforce.load_robot(name)
+    result = capability(arm, locked=[2], limits=Limits.of(np.full(arm.n, 400.0)))
+    for after, amount in zip((False, True), result.payload, strict=True):
+        if amount.end is End.LIMIT:
+            assert_close(worst_share(arm, result, amount.most, after=after), 1.0)
+        else:
+            assert math.isinf(amount.most)
+
+
+def test_what_is_there_already_counts(panda):
+    bare, loaded = (capability(panda, locked=[2], payload=x) for x in (None, 2.0))
+    for one, other in zip(bare.payload, loaded.payload, strict=True):
+        assert_close(other.most, one.most - 2.0)
+
+
+def test_without_gravity_any_payload_is_held(panda):
+    result = capability(panda, locked=[2], gravity=[0, 0, 0])
+    for amount in result.payload:
+        assert (amount.most, amount.least, amount.end, amount.stops) == (
+            math.inf, 0.0, End.NOTHING, (),
+        )  # fmt: skip
+
+
+def test_a_payload_that_no_joint_feels_weighs_nothing():
+    """All axes are vertical but for rounding: nothing ends the payload."""
+    turned = {"rpy": (QUARTER, 0, 0), "axis": (0, 1, 0)}
+    level = {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}
+    arm = load_text(serial_urdf(("revolute", turned), ("revolute", level), ("revolute", level)))
+    result = capability(arm, [0.1, 0.7, 0.9])
+    assert result.analysis.rnea.gravity.any()  # 1e-15 N·m
+    assert [amount.most for amount in result.payload] == [math.inf, math.inf]
+    assert [amount.end for amount in result.payload] == [End.NOTHING, End.NOTHING]
+
+
+# A link that is too heavy for its motor; the tip lies on the joint's axis.
+HEAVY = serial_urdf(
+    ("revolute", {"xyz": (0.3, 0, 0)}),
+    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0), "effort": 0.5}),
+).replace("0.11 0.05 0.03", "0 0 0")
+HEAVY = HEAVY.replace("<inertial>", '<inertial><origin xyz="0.1 0 0"/>')
+
+
+def test_an_arm_that_cannot_carry_itself_carries_nothing():
+    arm = load_text(HEAVY)
+    result = capability(arm, [0.0, 0.0])
+    assert_close(result.analysis.rnea.gravity, [0.0, -0.2 * 9.81])
+    for amount in result.payload:
+        assert math.isnan(amount.most)
+        assert (amount.end, amount.stops) == (End.WEIGHT, (1,))
+    free = capability(arm, [0.0, 0.0], free=2).payload[1]
+    assert math.isnan(free.most)
+    assert (free.end, free.stops) == (End.FAULT, (1,))
+
+
+SEESAW = serial_urdf(("revolute", {"axis": (0, 1, 0)})).replace("0.11 0.05 0.03", "1 0 0")
+SEESAW = SEESAW.replace('<link name="l1"><inertial>', '<link name="l1"><inertial>'
+                        '<origin xyz="-3 0 0"/>')  # fmt: skip
+
+
+def test_a_payload_that_balances_a_free_joint_is_the_only_one():
+    """The tool of 1 kg at 1 m, and 1 kg at -3 m on the other side: 2 kg more balance it."""
+    arm = load_text(SEESAW)
+    before, after = capability(arm, [0.0], free=1).payload
+    assert before.end is End.LIMIT
+    assert_close([before.least, before.most], [2.0 - 10.0 / 9.81, 2.0 + 10.0 / 9.81])
+    assert_close([after.least, after.most], [2.0, 2.0])
+    assert (after.end, after.stops) == (End.FAULT, (0,))
+    other_way = capability(arm, [math.pi], free=1, gravity=[0, 0, 9.81], payload=3.0).payload[1]
+    assert math.isnan(other_way.most)
+    loaded = capability(arm, [0.0], free=1, payload=2.0).payload[1]
+    assert_close([loaded.least, loaded.most], [0.0, 0.0], scale=1.0)
+    assert analyze(arm, [0.0], free=1, payload=2.0).can_stand_still
+
+
+def test_a_free_joint_that_the_payload_moves_carries_none(panda):
+    result = capability(panda, free=[6], gravity=[0, 0, 0], velocity=[0.5] * 7)
+    assert math.isnan(result.payload[1].most)
+    vertical = capability(panda, free=[1])  # its axis is vertical: no weight turns it
+    assert vertical.payload[1].end is End.LIMIT
+    assert_close(vertical.payload[1].most, vertical.payload[0].most)
+
+
+def test_payloads_without_masses():
+    arm = load_text(
+        without_masses(
+            serial_urdf(
+                ("revolute", {}), *[("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)})] * 2
+            )
+        )
+    )
+    result = capability(arm, [0.0, 0.0, 1.0])
+    arms_length = 0.3 + 0.11 * math.cos(1.0) + 0.03 * math.sin(1.0)
+    assert_close(result.payload[0].most, 10.0 / (9.81 * arms_length))
+    assert result.analysis.warnings == (
+        "the URDF has no masses: weight of the arm is missing from the torques",
+    )
+
+
+# ---- ends ------------------------------------------------------------------------------------
+
+
+def test_unknown_limits_end_nothing():
+    arm = ftforce.load_robot("kinova")
+    limits = Limits.of(np.full(arm.n, np.nan))
+    result = capability(arm, locked=[2], limits=limits)
+    for report in (*result.directions, result.weakest):
+        for amounts in (report.before, report.after):
+            for amount in amounts.values():
+                assert (amount.most, amount.end, amount.stops) == (math.inf, End.NOTHING, ())
+    assert [amount.most for amount in result.payload] == [math.inf] * 2
+    none = capability(arm, locked=[2], limits="none")
+    assert none.analysis.limits is None
+    assert none.directions[0].after[COMMANDED].most == math.inf
+
+
+def test_the_urdfs_limits_count_if_none_are_named(panda):
+    one, other = capability(panda, locked=[2]), capability(panda, locked=[2], limits="urdf")
+    assert one.analysis.limits.source == "urdf"
+    assert one.directions[0].after[HELD].most == other.directions[0].after[HELD].most
+
+
+def test_an_arm_that_cannot_carry_itself(panda):
+    limits = Limits.of(np.where(np.isin(np.arange(7), [1, 3]), 5.0, panda.effort))
+    result = capability(panda, Q, locked=[6], limits=limits)
+    gravity = np.abs(result.analysis.rnea.gravity)
+    assert gravity[1] > 5.0
+    assert gravity[3] > 5.0
+    nothing = [
+        amounts[reading]
+        for report in (*result.directions, result.weakest)
+        for amounts in (report.before, report.after)
+        for reading in Reading
+        if math.isnan(amounts[reading].most)
+    ]
+    assert len(nothing) > 20
+    for amount in (*nothing, *result.payload):
+        assert math.isnan(amount.most)
+        assert math.isnan(amount.least)
+        assert (amount.end, amount.stops) == (End.WEIGHT, (1, 3))
+    assert result.polytope(after=True).is_empty is not result.analysis.can_stand_still
+
+
+def test_a_force_that_helps_carry_the_arm_has_a_least_amount():
+    """A lever of 1 m with 1 kg at its end and 10 N·m; its weight is half of that again too much."""
+    urdf = serial_urdf(("revolute", {"axis": (0, 1, 0), "effort": 5.0}))
+    arm = load_text(urdf.replace("0.11 0.05 0.03", "1 0 0"))
+    result = capability(arm, [0.0], axes="world", direction=[0, 0, -1])
+    down = result.directions[-1].before[COMMANDED]  # the arm leans on what is below it
+    assert_close([down.least, down.most], [9.81 - 5.0, 9.81 + 5.0])
+    assert (down.end, down.stops) == (End.LIMIT, (0,))
+    up = result.directions[4].before[COMMANDED]
+    assert math.isnan(up.most)
+
+
+def test_a_free_joint_that_a_force_balances(panda):
+    result = capability(panda, free=[6])
+    analysis = result.analysis
+    assert abs(analysis.rnea.gravity[5]) > 0.5
+    lever = analysis.J[:, 5]
+    balancing = -analysis.rnea.gravity[5] * lever / (lever @ lever)
+    along = capability(panda, free=[6], direction=balancing).directions[-1].after
+    for reading in Reading:
+        assert_close([along[reading].least, along[reading].most], [np.linalg.norm(balancing)] * 2)
+        assert (along[reading].end, along[reading].stops) == (End.FAULT, (5,))
+    across = np.cross(lever, [1.0, 2.0, 3.0])
+    square = capability(panda, free=[6], direction=across).directions[-1].after[COMMANDED]
+    assert math.isnan(square.most)
+    assert square.end is End.FAULT
+
+
+def test_what_locks_cannot_be_blamed_for(panda):
+    """A held force that ends at a fault ends at the joint without torque, not at the lock."""
+    result = capability(panda, locked=[2], free=[1], direction=[0, 1, 0])
+    ends = {amount.end: amount.stops for r in result.directions for amount in (r.after[HELD],)}
+    assert ends[End.FAULT] == (0,)
+    ends = {amount.end: amount.stops for r in result.directions for amount in (r.after[COMMANDED],)}
+    assert ends[End.FAULT] == (0, 1)
+
+
+# ---- directions, shapes, errors --------------------------------------------------------------
+
+
+def test_names_units_and_directions(panda):
+    result = capability(panda, task="fx,mz", direction=[3.0, 4.0], length=0.5)
+    names = [(report.name, report.unit) for report in result.directions]
+    assert names == [
+        ("+fx", "N"), ("-fx", "N"), ("+mz", "N·m"), ("-mz", "N·m"), ("direction", "N"),
+    ]  # fmt: skip
+    assert_close(result.direction, [1.0, 4.0 / 3.0])
+    assert_close(result.directions[1].after[HELD].direction, [-1.0, 0.0])
+    moment = capability(panda, task="fx,mz", direction=[0.0, -4.0])
+    assert moment.directions[-1].unit == "N·m"
+    assert_close(moment.direction, [0.0, -1.0])
+    assert capability(panda).direction is None
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-9, 1e9, 1e100])
+def test_a_direction_has_no_size(panda, scale):
+    result = capability(panda, direction=scale * np.array([1.0, 2.0, 2.0]))
+    assert_close(result.direction, [1 / 3, 2 / 3, 2 / 3])
+
+
+def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
+    result = capability(panda, task="wrench", direction=[1e-17, 0, 0, 0, 0, 2.0])
+    assert_close(result.direction, [0, 0, 0, 0, 0, 1.0])
+    assert result.directions[-1].unit == "N·m"
+    wanted = result.directions[10]
+    assert wanted.name == "+mz"
+    assert_close(result.directions[-1].after[HELD].most, wanted.after[HELD].most)
+
+
+def test_world_axes_ask_about_other_directions(panda):
+    R, _ = tip_pose(panda, analyze(panda).posture.q)
+    tool = capability(panda, locked=[2], direction=R.T @ [1.0, 2.0, 3.0])
+    world = capability(panda, locked=[2], direction=[1.0, 2.0, 3.0], axes="world")
+    for reading in Reading:
+        assert_close(
+            world.directions[-1].after[reading].most, tool.directions[-1].after[reading].most
+        )
+    assert_close(world.weakest.after[HELD].most, tool.weakest.after[HELD].most)
+    assert world.payload[1].most == pytest.approx(tool.payload[1].most)
+
+
+@pytest.mark.parametrize(
+    ("direction", "message"),
+    [
+        ([0, 0, 0], "the direction needs a component that is not zero"),
+        ([1, 2], "direction needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
+        ([1, 2, math.nan], "direction holds nan at position 3; numbers must be finite"),
+        ("up", "direction needs numbers, got 'up'"),
+    ],
+    ids=repr,
+)
+def test_directions_that_are_none(panda, direction, message):
+    with pytest.raises(InputError) as caught:
+        capability(panda, direction=direction)
+    assert str(caught.value) == message
+    with pytest.raises(InputError) as caught:
+        ftforce.census(panda, direction=direction)
+    assert str(caught.value) == message
+
+
+def test_results_are_read_only_and_known_to_json(panda):
+    limits = Limits.of(np.where(np.arange(7) == 1, 5.0, panda.effort))
+    for options in ({"direction": [1, 2, 3]}, {"limits": limits, "free": 6}, {"limits": "none"}):
+        result = capability(panda, **{"locked": [4], **options})
+        parts = [result.direction, *(a for r in result.directions for a in r.after.values())]
+        writeable = [name for part in parts for name, x in arrays_in(part) if x.flags.writeable]
+        assert writeable == []
+        json.dumps(ftforce.to_dict(result), allow_nan=False)
+
+
+def test_modes_without_limits_of_their_own(panda):
+    result = capability(panda, weak={2: 0.25}, free=4)
+    assert result.analysis.faults.in_mode(FaultMode.WEAK) == (1,)
+    assert result.analysis.limits.source == "urdf"
+    assert_as_programmed(result)
