@@ -195,6 +195,11 @@ def amount_part(names: Sequence[str], amount: Amount) -> Document:
     }
 
 
+def _weakest(amount: Amount) -> list[float] | None:
+    """Return the weakest direction; ``None`` if none is weaker than another."""
+    return amount.direction.tolist() if math.isfinite(amount.most) else None
+
+
 def polytope_part(capability: Capability) -> Document | None:
     """Return corners and faces of the forces that can be held; ``None`` beyond 3 dimensions."""
     if capability.analysis.task.m > MOST_DRAWN:
@@ -230,10 +235,10 @@ def capability_part(capability: Capability) -> Document:
             for report in capability.directions
         ],
         "weakest": {
-            "unit": capability.weakest.unit,
+            "unit": words.unit_of_size(capability.analysis.task),
             **{
                 when: {
-                    r.value: {"direction": x.direction.tolist(), **amount_part(names, x)}
+                    r.value: {"direction": _weakest(x), **amount_part(names, x)}
                     for r, x in amounts.items()
                 }
                 for when, amounts in (

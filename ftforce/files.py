@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ftforce.documents import to_dict
 from ftforce.errors import InputError, printable
@@ -55,7 +55,16 @@ def to_text(result: object, form: str) -> str:
     """
     if form == "csv":
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(to_rows(result))
+        csv.writer(text, lineterminator="\n").writerows(_unsigned(to_rows(result)))
         return text.getvalue()
     document = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(_unsigned(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _unsigned(value: Any) -> Any:
+    """Return the same with 0.0 for every -0.0, a sign that means nothing."""
+    if isinstance(value, float):
+        return value + 0.0
+    if isinstance(value, dict):
+        return {key: _unsigned(one) for key, one in value.items()}
+    return [_unsigned(one) for one in value] if isinstance(value, (list, tuple)) else value

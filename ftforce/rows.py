@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ftforce import words
 from ftforce.analysis import Analysis
 from ftforce.document_parts import finite
 from ftforce.errors import InputError
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ftforce.arrays import Vector
+    from ftforce.limits import Limits
     from ftforce.set_reports import SetReport
 
 Row: TypeAlias = tuple[Any, ...]
@@ -57,8 +60,8 @@ def _census(census: Census) -> list[Row]:
         "can_stand_still", "share", "binding", "commanded", "held",
         "axes", "task", "length [m]", "limits", "rtol", "wary",
     )  # fmt: skip
-    source = "none" if census.limits is None else census.limits.source
-    conventions = (task.axes, str(task), task.length if task.moment_rows else "", source,
+    conventions = (task.axes, str(task), task.length if task.moment_rows else "",
+                   _source(census.limits),
                    census.rtol, census.wary)  # fmt: skip
     names = census.robot.names
     rows = [
@@ -86,6 +89,10 @@ def _census(census: Census) -> list[Row]:
     return [header, *rows]
 
 
+def _source(limits: Limits | None) -> str:
+    return "none" if limits is None else limits.source
+
+
 def _capability_cells(report: SetReport) -> tuple[Any, Any]:
     if report.capability is None:
         return "", ""
@@ -94,22 +101,30 @@ def _capability_cells(report: SetReport) -> tuple[Any, Any]:
 
 @to_rows.register(Capability)
 def _capability(capability: Capability) -> list[Row]:
-    task = capability.analysis.task
-    names = capability.analysis.robot.names
+    analysis, task = capability.analysis, capability.analysis.task
+    names = analysis.robot.names
     header = (
         "quantity", "unit", "when", "reading", "most", "least", "end", "stops",
         *(f"direction_{name}" for name in task.components),
+        "fault_set", "axes", "task", "length [m]", "limits",
     )  # fmt: skip
+    conventions = (str(analysis.faults), task.axes, str(task),
+                   task.length if task.moment_rows else "", _source(analysis.limits))  # fmt: skip
 
     def row(name: str, unit: str, when: str, reading: str, amount: Amount) -> Row:
         stops = " ".join(names[j] for j in amount.stops)
-        direction = amount.direction.tolist() or [""] * task.m
+        direction = amount.direction.tolist()
+        if not direction or (name == capability.weakest.name and not math.isfinite(amount.most)):
+            direction = [""] * task.m
         most, least = finite(amount.most), finite(amount.least)
-        return (name, unit, when, reading, most, least, amount.end.value, stops, *direction)
+        return (name, unit, when, reading, most, least, amount.end.value, stops, *direction,
+                *conventions)  # fmt: skip
 
+    reports = [(report, report.unit) for report in capability.directions]
+    reports.append((capability.weakest, words.unit_of_size(task)))
     rows = [
-        row(report.name, report.unit, when, reading.value, amounts[reading])
-        for report in (*capability.directions, capability.weakest)
+        row(report.name, unit, when, reading.value, amounts[reading])
+        for report, unit in reports
         for when, amounts in (("before", report.before), ("after", report.after))
         for reading in Reading
     ]
@@ -153,7 +168,7 @@ def _convention_rows(analysis: Analysis) -> list[Row]:
         ("convention", "axes", "", task.axes, "", ""),
         ("convention", "task", "", str(task), "", ""),
         ("convention", "length", "m", task.length if task.moment_rows else "", "", ""),
-        ("convention", "limits", "", "none" if limits is None else limits.source, "", ""),
+        ("convention", "limits", "", _source(limits), "", ""),
         *(("convention", f"gravity_{axis}", "m/s²", g, "", "")
           for axis, g in zip("xyz", gravity, strict=True)),
         ("convention", "payload", "kg", 0.0 if payload is None else payload.mass, "", ""),

@@ -82,6 +82,8 @@ def census(
 ) -> None:
     """Analyse every set of up to --faults failed joints, worst first, and rank the joints."""
     refuse_force_and_torque(force, torque)
+    if direction is not None and rank_by == "jump":
+        raise typer.BadParameter("--direction counts only with --rank-by capability")
     from ftforce import fault_census
     from ftforce.posture import choose_posture
     from ftforce.show.census import census_view

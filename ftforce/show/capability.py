@@ -49,7 +49,8 @@ def _directions(capability: Capability) -> TitledTable:
     )  # fmt: skip
     for report in capability.directions:
         end = capability_words.end_in_words(capability.analysis, report.after[Reading.COMMANDED])
-        result.add_row(report.name, report.unit, *map(_cell, _amounts(report)), end)
+        name = "asked for" if report.name == "direction" else report.name
+        result.add_row(name, report.unit, *map(_cell, _amounts(report)), end)
     amounts = [amount for report in capability.directions for amount in _amounts(report)]
     notes = []
     if any(math.isnan(amount.most) for amount in amounts):

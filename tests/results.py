@@ -1,0 +1,104 @@
+"""Analyses and capabilities of every kind, and what a reader makes of their documents."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.files import to_text
+from urdfs import LINKS, arm, link, load
+
+INF = math.inf
+
+
+def json_of(result):
+    """Return a document as whoever reads the file has it; NaN and infinity are none of JSON."""
+    return json.loads(to_text(result, "json"), parse_constant=pytest.fail)
+
+
+def csv_of(result):
+    return list(csv.DictReader(io.StringIO(to_text(result, "csv"))))
+
+
+def values(by_joint):
+    """Return numbers by joint as a vector, NaN for ``None``."""
+    return np.array([math.nan if x is None else x for x in by_joint.values()])
+
+
+def number(cell):
+    return math.nan if cell == "" else float(cell)
+
+
+def analysis_of(case):
+    """Analyse a case: a robot's name and options, in which motion is a seed."""
+    name, options = case
+    robot = ftforce.load_robot(name)
+    options = dict(options)
+    for key in ("velocity", "acceleration"):
+        if key in options:
+            options[key] = np.random.default_rng(options[key]).normal(size=robot.n)
+    return ftforce.analyze(robot, **options)
+
+
+MIXED = {"locked": [2], "free": [4], "weak": {3: 0.5}}
+MOVING = {"velocity": 1, "acceleration": 2, "payload": (1.5, (0.1, 0.0, 0.2))}
+CASES = {
+    "healthy": ("dh5", {"force": [8, 5, 1]}),
+    "locked": ("dh5", {"locked": [2, 4, 5], "force": [80, 50, 10]}),
+    "free": ("dh5", {"free": [3], "force": [80, 50, 10]}),
+    "weak": ("dh5", {"weak": {3: 0.05}, "force": [80, 50, 10]}),
+    "mixed": ("dh5", {**MIXED, "force": [80, 50, 10]}),
+    "moving": ("dh5", {**MOVING, "locked": [2, 4], "force": [8, 5, 1]}),
+    "limits": ("panda", {"locked": [1], "force": [50, 80, 90], "limits": "urdf"}),
+    "all": ("panda", {**MIXED, **MOVING, "force": [5, 8, 9], "limits": "urdf", "axes": "world"}),
+    "torques": ("panda", {"free": [2], "torque": [1, 2, 3, 4, 5, 6, 7], "inverse": "dynamic"}),
+    "wrench": ("ur5", {"locked": [2], "force": [8, 5, 1, 1, 2, 3], "task": "wrench", "length": 0.3,
+                       "limits": "urdf"}),
+    "sliding": ("tiago", {**MOVING, "locked": [1], "weak": {4: 0.9}, "force": [1, 2, 3]}),
+    "continuous": ("kinova", {**MOVING, "free": [1], "locked": [3], "force": [1, 2, 3]}),
+    "weightless": ("panda", {"free": [2], "force": [1, 2, 3], "gravity": [0, 0, 0]}),
+    "unknown limits": ("so101", {"weak": {2: 0.5}, "locked": [1], "force": [1, 2, 3]}),
+}  # fmt: skip
+CAPABLE = {
+    "locked": ("panda", {"locked": [2, 4], "limits": "urdf"}),
+    "free": ("dh5", {"free": [3], "limits": "urdf"}),
+    "weak": ("tiago", {"weak": {1: 0.1}, "limits": "urdf", "payload": (0.5, (0.0, 0.1, 0.0))}),
+    "mixed": ("panda", {"locked": [1], "weak": {2: 0.5}, "limits": "urdf", "axes": "world"}),
+    "overloaded": ("dh5", {"weak": {3: 0.05}, "limits": "urdf"}),
+    "moving": ("dh5", {**MOVING, "locked": [4], "limits": "urdf"}),
+    "plane": ("kinova", {"locked": [2], "limits": "urdf", "task": "fx,fz"}),
+    "moment": ("panda", {"locked": [2], "limits": "urdf", "task": "moment", "length": 0.3}),
+    "wrench": ("ur5", {"locked": [2], "limits": "urdf", "task": "wrench", "length": 0.3}),
+    "unknown": ("so101", {"locked": [2], "limits": "urdf"}),
+}
+
+
+def bounds(document, when="after"):
+    """Return what each motor, or brake, can give; infinite if unknown, 0 at free joints."""
+    limits, modes = document["limits"], document["modes"] if when == "after" else {}
+    largest = []
+    for name in document["robot"]["joints"]:
+        mode = modes.get(name)
+        limit = limits["brake" if mode == "locked" else "effort"][name]
+        factor = document["weak_factors"][name] if mode == "weak" else 1.0
+        largest.append(0.0 if mode == "free" else INF if limit is None else limit * factor)
+    return np.array(largest)
+
+
+def read(amount):
+    """Return an amount of a document as numbers, ``None`` if nothing holds the arm."""
+    if amount["most"] is None:
+        return (amount["least"], INF) if amount["end"] == "nothing" else None
+    return amount["least"], amount["most"]
+
+
+def massless(folder):
+    """Return an arm of four joints whose URDF has no masses."""
+    links = {name: link(name, "") for name in LINKS}
+    return load(folder, arm(**links), tip="tool")
