@@ -6,12 +6,14 @@ import csv
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import ftforce
@@ -38,9 +40,29 @@ def test_version():
     assert run("--version").stdout == f"ftforce {ftforce.__version__}\n"
 
 
-def test_every_command_explains_itself():
-    for command in ("analyze", "census", "inspect", "robots", "dh", "replicate"):
-        assert "--debug" in run(command, "--help").stdout
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_every_command_explains_its_options(command):
+    shown = run(command, "--help", env={"COLUMNS": "120"}).stdout
+    described = typer.main.get_command(cli.app).commands[command].params
+    options = [option for one in described for option in one.opts if option.startswith("--")]
+    assert "--debug" in options
+    for option in options:
+        assert re.search(rf"{option}\s", shown), option
+    assert all(one.help for one in described if one.name != "help")
+
+
+def test_new_options_stand_where_they_belong():
+    commands = typer.main.get_command(cli.app).commands
+    options = {
+        name: {option for one in commands[name].params for option in one.opts}
+        for name in ("analyze", "census", "capability")
+    }
+    shared = {"--velocity", "--acceleration", "--gravity", "--payload", "--limits"}
+    for found in options.values():
+        assert shared <= found
+    assert {"--free", "--weak", "--inverse"} <= options["analyze"]
+    assert {"--mode", "--rank-by", "--direction", "--inverse"} <= options["census"]
+    assert {"--free", "--weak", "--direction", "--locked"} <= options["capability"]
 
 
 def test_no_arguments_show_the_help():
@@ -224,6 +246,108 @@ def test_census_sets_are_analyses_in_short():
         np.testing.assert_allclose(entry["jacobian"][key], whole["jacobian"][key], atol=1e-12)
 
 
+WHOLE = ["--velocity", ".1,.2,.3,.4,.5", "--acceleration", "1,2,3,4,5", "--gravity", "1,0,-9",
+         "--payload", "1.5@0,0,0.1", "--limits", "urdf"]  # fmt: skip
+SAME = {
+    "velocity": [0.1, 0.2, 0.3, 0.4, 0.5], "acceleration": [1, 2, 3, 4, 5], "gravity": [1, 0, -9],
+    "payload": (1.5, (0, 0, 0.1)), "limits": "urdf",
+}  # fmt: skip
+
+
+def test_options_of_analyze_are_those_of_the_function():
+    faults = ["--locked", "2", "--free", "joint4", "--weak", "3:0.5,1:0.9"]
+    result = document("analyze", DH5, *faults, *WHOLE, *PAPER)
+    arm = ftforce.load_robot(DH5)
+    case = {"locked": [2], "free": [4], "weak": {3: 0.5, 1: 0.9}, "posture": "paper"}
+    whole = ftforce.to_dict(ftforce.analyze(arm, **case, **SAME, force=[80, 50, 10]))
+    assert result == json.loads(json.dumps(whole))
+    assert list(result["modes"]) == ["joint1", "joint2", "joint3", "joint4"]
+    torque = ["--torque", "1,2,3,4,5", "--inverse", "dynamic", "--gravity", "0,0,0"]
+    result = document("analyze", DH5, *torque)
+    whole = ftforce.analyze(arm, torque=[1, 2, 3, 4, 5], inverse="dynamic", gravity=[0, 0, 0])
+    assert result == json.loads(json.dumps(ftforce.to_dict(whole)))
+
+
+def test_options_of_census_are_those_of_the_function():
+    ranking = ["--mode", "free", "--rank-by", "capability", "--direction", "1,0,1"]
+    result = document("census", DH5, *ranking, *WHOLE, *PAPER)
+    arm = ftforce.load_robot(DH5)
+    case = {"mode": "free", "rank_by": "capability", "direction": [1, 0, 1], "posture": "paper"}
+    whole = ftforce.to_dict(ftforce.census(arm, **case, **SAME, force=[80, 50, 10]))
+    assert result == json.loads(json.dumps(whole))
+
+
+def test_options_of_capability_are_those_of_the_function():
+    options = ["--locked", "2", "--weak", "3:0.5", "--direction", "1,0,1", "--axes", "world"]
+    result = document("capability", DH5, *options, *WHOLE, "--q", ".1,.2,.3,.4,.5")
+    arm = ftforce.load_robot(DH5)
+    case = {"locked": [2], "weak": {3: 0.5}, "direction": [1, 0, 1], "axes": "world"}
+    whole = ftforce.to_dict(ftforce.capability(arm, [0.1, 0.2, 0.3, 0.4, 0.5], **case, **SAME))
+    assert result == json.loads(json.dumps(whole))
+
+
+@pytest.mark.parametrize("given", [["--free", "2,4"], ["--free", "joint4,joint2"],
+                                   ["--free", "2", "--free", "joint4"]])  # fmt: skip
+def test_free_joints_are_numbers_or_names(given):
+    assert document("analyze", DH5, *given)["modes"] == {"joint2": "free", "joint4": "free"}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [["--weak", "2:0.5,4:0"], ["--weak", "joint4:0 , joint2: 0.5"],
+     ["--weak", "2:.5", "--weak", "joint4:0"]],
+)  # fmt: skip
+def test_weak_joints_have_a_factor(given):
+    assert document("analyze", DH5, *given)["weak_factors"] == {"joint2": 0.5, "joint4": 0.0}
+
+
+def test_a_weak_joint_asks_for_the_limits_of_the_urdf():
+    assert document("analyze", DH5, "--weak", "3:0.5")["limits"]["source"] == "urdf"
+    result = document("analyze", DH5, "--weak", "3:0.5", "--limits", "none")
+    assert result["limits"] is None
+    assert result["warnings"] == [
+        "joint 3 joint3 is weak, but no limits are counted: it counts as healthy"
+    ]
+
+
+def test_limits_come_from_a_file(tmp_path):
+    path = tmp_path / "my limits.csv"
+    path.write_text("joint,effort,brake\njoint3,20,\n2,,7\n")
+    for command in ("analyze", "census", "capability"):
+        limits = document(command, DH5, "--limits", str(path))["limits"]
+        assert limits["source"] == str(path)
+        assert limits["effort"]["joint3"] == 20.0
+        assert limits["brake"]["joint2"] == 7.0
+        assert limits["effort"]["joint2"] is None
+        assert "limits.csv" in run(command, DH5, "--limits", str(path)).stdout
+
+
+def test_capability_says_what_is_left():
+    output = run("capability", "panda", "--locked", "2,4", "--direction", "1,1,0").stdout
+    for expected in ("+fz", "162.3", "asked for", "fault of panda_joint2", "11.26 panda_joint6"):
+        assert expected in output
+    assert all(len(line) <= 80 for line in output.splitlines())
+    assert "With panda_joint2 and panda_joint4 locked, the motors can command no" in output
+
+
+def test_degrees_in_every_command():
+    for command in ("analyze", "census", "capability"):
+        turned = document(command, DH5, "--q", "10,70,25,65,0", "--deg", "--limits", "urdf")
+        q = ",".join(map(str, np.deg2rad([10, 70, 25, 65, 0])))
+        assert turned == document(command, DH5, "--q", q, "--limits", "urdf")
+    moving = ["--velocity", "1,1,1,1,1", "--free", "3", "--force", "1,2,3"]
+    shown = run("analyze", DH5, "--q", "10,70,25,65,0", "--deg", *moving).stdout
+    torques, _, velocities = (
+        line.split() for line in shown.splitlines() if line.startswith("2 joint2 ")
+    )
+    assert torques[3] == "70.00"
+    assert velocities[2:4] == ["rad/s", "1.0000"]  # only q is in degrees
+    unit = run("analyze", "tiago", "--deg", "--free", "8").stdout
+    row = next(line for line in unit.splitlines() if line.startswith("1 torso_lift_joint "))
+    assert row.split()[3:5] == ["0.150", "m"]
+    assert row.endswith("187.74 N")
+
+
 def test_census_table_and_top():
     output = run("census", "panda", "--faults", "2", "--top", "3", "--force", "1,2,3").stdout
     assert "… and 25 more" in output
@@ -308,10 +432,11 @@ def test_dh_makes_the_committed_robot(tmp_path):
     assert made.with_suffix(".srdf").read_bytes() == Path(DH5).with_suffix(".srdf").read_bytes()
 
 
+@pytest.mark.parametrize("command", ["analyze", "capability"])
 @pytest.mark.parametrize("ending", ["json", "csv", "txt", "svg", "html"])
-def test_output_follows_the_ending(tmp_path, ending):
+def test_output_follows_the_ending(tmp_path, command, ending):
     file = tmp_path / f"result.{ending}"
-    result = run("analyze", DH5, "--locked", "3", "-o", str(file))
+    result = run(command, DH5, "--locked", "3", "-o", str(file))
     assert result.stdout == f"wrote {file}\n"
     start = {"json": "{", "csv": "quantity,", "txt": "Robot", "svg": "<svg", "html": "<pre"}[ending]
     assert file.read_text(encoding="utf-8").startswith(start)
@@ -385,8 +510,6 @@ def test_interruption_is_no_traceback():
     def command() -> None:
         raise KeyboardInterrupt
 
-    import typer
-
     with pytest.raises(typer.Exit) as stop:
         command()
     assert stop.value.exit_code == 130
@@ -433,6 +556,7 @@ PRINTING = [
     ("analyze", DH5),
     ("analyze", DH5, "--format", "json"),
     ("census", DH5, "--format", "csv"),
+    ("capability", DH5),
     ("inspect", DH5),
     ("replicate",),
 ]
