@@ -10,8 +10,10 @@ import pytest
 
 import ftforce
 from ftforce import Task, Verdict, analyze
+from ftforce.dynamics import Payload, mass_matrix
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.limits import Limits
 from helpers import (
     KNOWN,
     arrays_in,
@@ -432,6 +434,201 @@ def test_shares_of_a_wrench_are_weighted(panda):
     assert_close(result.force_contributions, columns * np.abs(result.torque.before) / size)
     moved = np.linalg.norm(J, axis=0) / np.linalg.norm(J @ np.ones(7))
     assert_close(result.velocity_contributions, moved)
+
+
+# ---- fault modes, weight, motion and limits --------------------------------------------------
+
+POSTURE = [0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5]  # of panda: nothing is special there
+MOTION = {"velocity": np.linspace(-1.0, 1.0, 7), "acceleration": np.linspace(2.0, -1.0, 7)}
+SURROUNDINGS = [{}, MOTION, {"payload": "1.5@0,0.1,0.2", "gravity": [0.5, -1.0, -3.0], **MOTION}]
+MODES = [
+    {"locked": [2, 4]},
+    {"free": [6]},
+    {"free": [2, 6]},
+    {"locked": [1], "free": [4]},
+    {"weak": {2: 0.12, 4: 0.9}},
+    {"locked": [3], "free": [6], "weak": {4: 0.2}},
+    {"weak": {6: 0.0}},
+    {"locked": [2, 4], "limits": "urdf"},
+]
+
+
+@pytest.mark.parametrize("surroundings", SURROUNDINGS, ids=["at rest", "moving", "all"])
+@pytest.mark.parametrize("mode", MODES, ids=str)
+def test_total_torques_are_weight_motion_and_force_part(panda, mode, surroundings):
+    result = analyze(panda, POSTURE, force=FORCE, **mode, **surroundings)
+    force, torque, rnea, J = result.force, result.torque, result.rnea, result.J
+    locked = result.faults.mask(7)
+    free = np.isin(np.arange(7), result.faults.swinging)
+    part = J.T @ force.after
+    assert_close(torque.after, np.where(locked, 0.0, part), scale=100)
+    total = rnea.gravity + rnea.motion_after + part
+    assert_close(rnea.gravity + rnea.motion_before, rnea.before)
+    assert_close(rnea.gravity + rnea.motion_after, rnea.after)
+    assert_close(total[free], 0.0, scale=100)
+    np.testing.assert_array_equal(torque.total_after[locked | free], 0.0)
+    assert_close(torque.total_after, np.where(locked | free, 0.0, total), scale=100)
+    assert_close(torque.brake_load, np.where(locked, total, 0.0), scale=100)
+    assert_close(torque.total_before, rnea.before + J.T @ force.before, scale=100)
+    assert_close(force.after + force.jump, force.before, scale=100)
+    if result.limits is not None:
+        largest = result.limits.largest_torques(result.faults)
+        over = np.abs(torque.total_after) - np.where(np.isnan(largest), np.inf, largest)
+        assert over.max() < 1e-7
+    assert result.is_proved(), dict(result.residuals())
+
+
+@pytest.mark.parametrize("free", [[1], [6], [2, 6], [2, 4, 6], [1, 2, 3, 4]], ids=str)
+@pytest.mark.parametrize("surroundings", SURROUNDINGS, ids=["at rest", "moving", "all"])
+def test_free_joints_in_closed_form(panda, free, surroundings):
+    result = analyze(panda, POSTURE, free=free, force=FORCE, **surroundings)
+    S = [k - 1 for k in free]
+    J_S, rnea = result.J[:, S], result.rnea.after
+    after = FORCE - np.linalg.pinv(J_S.T) @ (J_S.T @ FORCE + rnea[S])
+    balanced = np.linalg.norm(J_S.T @ after + rnea[S]) < 1e-9 * np.linalg.norm(rnea)
+    assert balanced == (len(S) <= 3) == result.can_stand_still
+    if balanced:
+        assert_close(result.force.after, after, scale=100)
+        assert_close(result.torque.after, result.J.T @ after, scale=100)
+        assert result.modes == {panda.names[i]: ftforce.FaultMode.FREE for i in S}
+        return
+    assert result.force.after is result.force.jump is result.force.jump_norm is None
+    torque = result.torque
+    assert torque.after is torque.total_after is torque.brake_load is None
+    assert_close(torque.total_before, rnea + result.J.T @ FORCE)
+    assert result.verdict is Verdict.NOT_TOLERATED
+    assert dict(result.residuals()) == {}
+
+
+def test_locked_and_free_joints_together(panda):
+    """First in range(K), then balanced: a free joint's column lies in range(K)."""
+    options = {"locked": [1, 2, 3, 7], "free": [6], "force": FORCE}
+    result = analyze(panda, POSTURE, **options)
+    J, g = result.J, result.rnea.after
+    K = J[:, [3, 4, 5]]
+    assert np.linalg.matrix_rank(K) == 3
+    wanted = FORCE - J[:, 5] * (J[:, 5] @ FORCE + g[5]) / (J[:, 5] @ J[:, 5])
+    assert_close(result.force.after, wanted)
+    fewer = analyze(panda, POSTURE, **{**options, "locked": [1, 2, 3, 4, 7]})
+    left, _ = np.linalg.qr(J[:, [4, 5]])
+    inside = left @ left.T @ FORCE
+    wanted = inside - J[:, 5] * (J[:, 5] @ inside + g[5]) / (J[:, 5] @ J[:, 5])
+    assert_close(fewer.force.after, wanted)
+    assert fewer.reduced.rank_after == 1
+
+
+def test_a_weak_joint_stops_at_its_share(panda):
+    F = 0.2 * np.array(FORCE)
+    healthy = analyze(panda, POSTURE, force=F)
+    lever, weight = healthy.J[:, 1], healthy.rnea.gravity[1]
+    if weight * (lever @ F) < 0.0:
+        F = -F  # so that the force adds to the weight
+    limit = weight + 0.5 * (lever @ F)
+    result = analyze(panda, POSTURE, force=F, weak={2: abs(limit) / panda.effort[1]})
+    assert result.limits.source == "urdf"
+    assert_close(result.torque.total_after[1], limit)
+    assert result.bounded.binding == (1,)
+    assert result.verdict is Verdict.NOT_TOLERATED
+    # The closest force at which the limit holds is one step along the joint's lever.
+    assert_close(result.force.jump, lever * 0.5 * (lever @ F) / (lever @ lever))
+    assert_close(result.bounded.share, 0.5)
+    most = 1.001 * abs(weight + lever @ F) / panda.effort[1]
+    enough = analyze(panda, POSTURE, force=F, weak={2: most})
+    assert enough.verdict is Verdict.TOLERATED
+    assert_close(enough.force.jump, 0.0, scale=100)
+    assert enough.bounded.share == 1.0
+
+
+def test_a_weak_joint_without_limits_counts_as_healthy_and_is_named(panda):
+    result = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.01}, limits="none")
+    assert result.limits is None
+    assert_close(result.force.jump, 0.0, scale=100)
+    assert result.warnings == (
+        "joint 2 panda_joint2 is weak, but no limits are counted: it counts as healthy",
+    )
+    unknown = Limits.of(np.where(np.arange(7) == 1, np.nan, panda.effort))
+    other = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.01}, limits=unknown)
+    assert other.unknown_limits == (1,)
+    assert other.warnings == (
+        "joint 2 panda_joint2 is weak, but its limit is unknown: it counts as none",
+    )
+    nothing = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.0}, limits="none")
+    free = analyze(panda, POSTURE, force=[5, 3, 1], free=2)
+    assert_close(nothing.force.after, free.force.after)
+    assert nothing.verdict is free.verdict
+
+
+def test_limits_that_are_far_away_change_nothing(panda):
+    wide = Limits.of(np.full(7, 1e5), np.full(7, 1e5))
+    for mode in ({"locked": [2, 4]}, {"free": [6]}, {"locked": [1, 2, 3, 4, 5]}):
+        plain, limited = (
+            analyze(panda, POSTURE, force=FORCE, limits=x, **mode, **MOTION) for x in (None, wide)
+        )
+        assert_close(limited.force.after, plain.force.after, scale=100)
+        assert_close(limited.torque.total_after, plain.torque.total_after, scale=100)
+        assert limited.verdict is plain.verdict
+
+
+def test_weight_alone_overloads_and_the_tip_keeps_the_arm_still(panda):
+    low = Limits.of(np.where(np.arange(7) == 3, 1.0, panda.effort))
+    result = analyze(panda, POSTURE, force=[0, 0, 0], limits=low)
+    assert abs(result.rnea.gravity[3]) > 1.0
+    assert result.can_stand_still
+    assert np.linalg.norm(result.force.after) > 1.0
+    assert_close(abs(result.torque.total_after[3]), 1.0)
+    (warning,) = result.warnings
+    assert warning.startswith("weight and motion alone overload panda_joint4: only the force")
+    nowhere = analyze(panda, POSTURE, limits=Limits.of(np.full(7, 0.1)), force=FORCE)
+    assert not nowhere.can_stand_still
+    assert nowhere.force.after is None
+
+
+def test_unit_forces_of_free_joints_leave_the_weight_apart(panda):
+    result = analyze(panda, POSTURE, free=6, **MOTION)
+    lever = result.J[:, 5]
+    for unit, (force, torque) in zip(np.eye(3), result.unit_forces, strict=True):
+        assert_close(force.after, unit - lever * (lever @ unit) / (lever @ lever), scale=1.0)
+        assert_close(torque.after, result.J.T @ force.after, scale=1.0)
+        assert torque.total_after is None
+
+
+def test_the_dynamic_inverse_sees_self_motion(panda):
+    plain = analyze(panda, POSTURE, force=FORCE)
+    moving = 7.0 * np.linalg.svd(plain.J)[2][3]
+    tau = plain.torque.before + moving
+    euclidean, dynamic = (
+        analyze(panda, POSTURE, locked=2, torque=tau, inverse=x) for x in ("euclidean", "dynamic")
+    )
+    assert (euclidean.inverse, dynamic.inverse) == ("euclidean", "dynamic")
+    assert_close(euclidean.force.before, FORCE)
+    M = mass_matrix(panda, np.array(POSTURE))
+    over = np.linalg.solve(M, plain.J.T).T  # J M⁻¹
+    F = np.linalg.solve(over @ plain.J.T, over @ tau)
+    assert np.linalg.norm(F - FORCE) > 1.0
+    assert_close(dynamic.force.before, F)
+    assert_close(dynamic.torque.self_motion, tau - plain.J.T @ F)
+    loaded = analyze(panda, POSTURE, torque=tau, inverse="dynamic", payload="3@0,0,1")
+    assert np.linalg.norm(loaded.force.before - F) > 0.1
+    at_the_pin = analyze(panda, POSTURE, torque=tau, inverse="dynamic", payload=3.0)
+    assert_close(at_the_pin.force.before, F)  # a point that cannot move needs no force to stay
+    again = analyze(panda, POSTURE, torque=plain.torque.before, inverse="dynamic")
+    assert_close(again.force.before, FORCE)
+
+
+@pytest.mark.parametrize("options", [{"locked": [2, 5]}, {"locked": [2], "free": [6]}], ids=str)
+def test_the_impact_keeps_the_momentum_of_the_other_joints(panda, options):
+    v = MOTION["velocity"]
+    result = analyze(panda, POSTURE, velocity=v, payload=2.0, task="wrench", **options)
+    M, impact = mass_matrix(panda, np.array(POSTURE), Payload.of(2.0)), result.impact
+    locked = result.faults.mask(7)
+    np.testing.assert_array_equal(impact.after[locked], 0.0)
+    assert_close((M @ (impact.after - v))[~locked], 0.0, scale=10.0)
+    assert_close(impact.tip_after, result.J @ impact.after)
+    assert_close(impact.jump, result.J @ (impact.after - v))
+    assert impact.jump_norm == pytest.approx(np.linalg.norm(impact.jump[:3]))
+    assert impact.angular_jump_norm == pytest.approx(np.linalg.norm(impact.jump[3:]))
+    assert analyze(panda, POSTURE, velocity=v, free=6).impact is None
+    assert analyze(panda, POSTURE, locked=2).impact is None
 
 
 # ---- verdicts and warnings -------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """census(): every fault set of a posture, as analyze() sees each, in the right order."""
 
 import copy
+import json
 import math
 import pickle
 from dataclasses import FrozenInstanceError
@@ -12,8 +13,18 @@ import pytest
 import ftforce
 from ftforce import Verdict, analyze, census
 from ftforce.errors import InputError
+from ftforce.feasible import End, Reading
 from ftforce.kinematics import tip_pose
-from helpers import KNOWN, arrays_in, assert_close, load_text, serial_urdf, stretched
+from ftforce.limits import Limits
+from helpers import (
+    KNOWN,
+    arrays_in,
+    assert_close,
+    load_text,
+    serial_urdf,
+    stretched,
+    without_masses,
+)
 
 FORCE = [80.0, 50.0, 10.0]
 LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
@@ -75,6 +86,243 @@ def test_every_set_is_what_analyze_says(name, options):
         weighted = [result.task.weigh_force(x) for x in (alone.force.jump, alone.force.before)]
         relative = np.linalg.norm(weighted[0]) / np.linalg.norm(weighted[1])
         assert_close(report.relative_jump, relative, scale=1.0)
+
+
+POSTURE = [0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5]  # of panda: nothing is special there
+MOTION = {"velocity": np.linspace(-1.0, 1.0, 7), "acceleration": np.linspace(2.0, -1.0, 7)}
+LOAD = {"payload": "1.5@0,0.1,0.2", "gravity": [0.5, -1.0, -3.0], **MOTION}
+TORQUE = [5.0, -2.0, 3.0, 4.0, -5.0, 1.0, 2.0]
+BRAKES = Limits.of([87.0] * 4 + [12.0] * 3, [30.0, 25.0, np.nan, 20.0, 10.0, 5.0, 5.0])
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"force": [20.0, -10.0, 5.0]},
+        {"force": [20.0, -10.0, 5.0], "limits": "urdf"},
+        {"limits": BRAKES},
+        {"force": [100.0, -50.0, 25.0], "limits": BRAKES, **LOAD},
+        {"torque": TORQUE, "inverse": "dynamic", "limits": BRAKES, "payload": 1.0},
+        {"torque": TORQUE, "inverse": "dynamic", "payload": (1.0, (0, 0, 0.5))},
+        {"force": [4, -2, 1, 0.3, 0.2, 0.1], "task": "wrench", "length": 0.3, "limits": BRAKES},
+        {**LOAD},
+    ],
+)
+def test_every_set_of_every_mode_is_what_analyze_says(panda, mode, options):
+    result = census(panda, POSTURE, faults=2, mode=mode, **options)
+    assert result.mode.value == mode
+    assert len(result.sets) == 7 + 21
+    for report in result.sets:
+        alone = analyze(panda, POSTURE, **{mode: numbers(report)}, **options)
+        assert report.faults == alone.faults
+        assert report.verdict is alone.verdict
+        assert report.can_stand_still == alone.can_stand_still
+        assert report.rank_after == alone.reduced.rank_after
+        assert_close(report.margin, alone.margin, scale=1.0)
+        assert report.capability is None
+        assert report.binding == (() if alone.bounded is None else alone.bounded.binding)
+        if alone.force is None:
+            assert report.after is report.jump is report.share is None
+            continue
+        assert report.share == (None if alone.bounded is None else alone.bounded.share)
+        if not alone.can_stand_still:
+            assert report.after is report.jump is report.jump_norm is report.share is None
+            assert report.relative_jump == 1.0
+            continue
+        size = np.linalg.norm(alone.force.before)
+        assert_close(report.after, alone.force.after, scale=size)
+        assert_close(report.jump, alone.force.jump, scale=size)
+        assert_close(report.jump_norm, alone.force.jump_norm, scale=size)
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"direction": [1.0, 2.0, -2.0]},
+        {"force": [20.0, -10.0, 5.0]},
+        {"direction": [0.0, 0.0, 1.0], "force": [20.0, -10.0, 5.0], "limits": BRAKES, **LOAD},
+        {"limits": BRAKES, "axes": "world", **LOAD},
+        {"task": "wrench", "length": 0.3},
+        {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
+        {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
+        {"limits": "none"},
+    ],
+)
+def test_every_capability_is_what_capability_says(panda, mode, options):
+    result = census(panda, POSTURE, faults=2, mode=mode, rank_by="capability", **options)
+    asked = options.get("direction", options.get("force"))
+    if asked is not None:
+        linear = [i for i, name in enumerate(result.task.components) if name[0] == "f"]
+        size = np.linalg.norm(np.array(asked)[linear]) or np.linalg.norm(asked)
+        assert_close(result.direction, np.array(asked) / size)
+    else:
+        assert result.direction is None
+    same = {k: v for k, v in options.items() if k != "direction"}
+    if result.limits is None:
+        same["limits"] = "none"
+    for report in result.sets:
+        other = ftforce.capability(
+            panda, POSTURE, **{mode: numbers(report)}, direction=result.direction, **same
+        )
+        wanted = other.weakest if result.direction is None else other.directions[-1]
+        amounts = [wanted.after[reading] for reading in Reading]
+        np.testing.assert_array_equal(
+            [report.capability.commanded, report.capability.held], [x.most for x in amounts]
+        )
+        if amounts[0].end is End.LIMIT:
+            assert report.capability.stops == amounts[0].stops
+
+
+def key_of(report):
+    amounts = (report.capability.commanded, report.capability.held)
+    return tuple(-1.0 if math.isnan(x) else round(x, 9) for x in amounts)
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+@pytest.mark.parametrize("limits", ["urdf", BRAKES, "none"], ids=["urdf", "brakes", "none"])
+def test_the_least_capability_comes_first(panda, mode, limits):
+    result = census(
+        panda,
+        POSTURE,
+        faults=3,
+        mode=mode,
+        rank_by="capability",
+        limits=limits,
+        direction=[0, 0, 1],
+    )
+    assert result.rank_by == "capability"
+    keys = [key_of(report) for report in result.sets]
+    assert keys == sorted(keys)
+    for one, other in pairwise(result.sets):
+        if key_of(one) == key_of(other):
+            assert len(one.faults) <= len(other.faults)
+    alone = [key_of(joint.alone) for joint in result.joints]
+    assert alone == sorted(alone)
+    for joint in result.joints:
+        own = [r.capability.commanded for r in result.sets if joint.joint in r.faults.joints]
+        if any(map(math.isnan, own)):
+            assert math.isnan(joint.least_capability)
+        else:
+            assert joint.least_capability == min(own)
+    for one, other in pairwise(result.joints):
+        if key_of(one.alone) == key_of(other.alone):
+            least = [-1.0 if math.isnan(x.least_capability) else x.least_capability
+                     for x in (one, other)]  # fmt: skip
+            assert least == sorted(least)
+
+
+def test_arms_that_cannot_stand_still_come_before_all(panda):
+    result = census(
+        panda, POSTURE, faults=2, mode="free", rank_by="capability", direction=[0, 0, 1]
+    )
+    falls = [math.isnan(report.capability.commanded) for report in result.sets]
+    assert any(falls)
+    assert not all(falls)
+    assert falls == sorted(falls, reverse=True)
+    by_jump = census(panda, POSTURE, faults=4, mode="free", force=FORCE)
+    keys = [(SEVERITY.index(r.verdict), r.can_stand_still) for r in by_jump.sets]
+    assert keys == sorted(keys)
+    assert {(0, False), (0, True)} <= set(keys)
+    assert all(report.relative_jump == 1.0 for report in by_jump.sets if not report.can_stand_still)
+    assert by_jump.joints[0].least_capability is None
+
+
+def test_limits_and_direction_of_the_head(panda):
+    plain = census(panda)
+    assert (plain.limits, plain.mode.value, plain.rank_by) == (None, "locked", "jump")
+    assert plain.direction is None
+    ranked = census(panda, rank_by="capability")
+    assert ranked.limits.source == "urdf"
+    assert census(panda, rank_by="capability", limits="none").limits is None
+    assert census(panda, direction=[0, 0, 2]).direction is None  # nothing is ranked by it
+    by_force = census(panda, force=[0, 3, 4], rank_by="capability")
+    assert_close(by_force.direction, [0, 0.6, 0.8])
+    nothing = census(panda, force=[0, 0, 0], rank_by="capability")
+    assert nothing.direction is None
+
+
+def test_a_moment_that_the_arm_lacks_leaves_no_rounding_for_a_direction():
+    """The healthy arm's part of a moment alone may hold forces of 1e-17 N."""
+    turned = ("revolute", {"rpy": (0.3, 0.7, 0.2)})
+    arm = load_text(serial_urdf(turned, *[LEVEL] * 2, ("prismatic", {"xyz": (0.1, 0, 0)})))
+    R, _ = tip_pose(arm, np.array([0.1, 0.7, 0.9, 0.2]))
+    moment = [0.0, 0.0, 0.0, *(2.0 * R[:, 2])]
+    options = {"task": "wrench", "axes": "world", "rank_by": "capability"}
+    result = census(arm, [0.1, 0.7, 0.9, 0.2], force=moment, **options)
+    assert_close(result.direction, [0, 0, 0, *R[:, 2]], tol=1e-7)
+
+
+def test_warnings(panda):
+    weightless = load_text(without_masses(serial_urdf(*[LEVEL] * 3)))
+    said = "the URDF has no masses: the weight of the arm is missing"
+    q = [0.1, 0.7, 0.9]
+    assert census(weightless, q).warnings == ()
+    assert census(weightless, q, mode="free").warnings == (said,)
+    assert census(weightless, q, limits="urdf").warnings == (said,)
+    assert census(weightless, q, limits="urdf", gravity=[0, 0, 0]).warnings == ()
+    moving = census(weightless, q, limits="urdf", gravity=[0, 0, 0], velocity=[1, 0, 0])
+    assert not moving.is_weight_known
+    unknown = Limits.of(np.where(np.arange(7) == 1, np.nan, panda.effort))
+    (warning,) = census(panda, limits=unknown).warnings
+    assert "panda_joint2" in warning
+    assert "unknown" in warning
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"mode": "free"},
+        {"mode": "free", "force": FORCE, "limits": "urdf"},
+        {"mode": "free", "faults": 4, "rank_by": "capability"},
+        {"rank_by": "capability", "limits": "none"},
+        {"rank_by": "capability", "limits": BRAKES, "direction": [0, 0, 1], **LOAD},
+        {"rank_by": "capability", "limits": Limits.of([1.0] * 7)},
+        {"rank_by": "capability", "task": "wrench", "force": [1, 2, 3, 4, 5, 6]},
+    ],
+)
+def test_documents_hold_finite_numbers(panda, options):
+    result = census(panda, POSTURE, **{"faults": 2, **options})
+    document = ftforce.to_dict(result)
+    json.dumps(document, allow_nan=False)
+    assert document["mode"] == result.mode.value
+    assert document["rank_by"] == result.rank_by
+    for one, report in zip(document["sets"], result.sets, strict=True):
+        assert list(one["modes"]) == [panda.names[i] for i in report.faults.joints]
+        assert one["binding"] == [panda.names[i] for i in report.binding]
+        if report.capability is None:
+            assert one["capability"] is None
+            continue
+        for key in ("commanded", "held"):
+            number = getattr(report.capability, key)
+            assert one["capability"][key] == (number if math.isfinite(number) else None)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode": "weak"}, "a census takes locked or free joints; ask analyze about weak ones"),
+        ({"mode": "broken"}, "no fault mode 'broken'; there is: locked, free"),
+        ({"mode": None}, "no fault mode None; there is: locked, free"),
+        ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),
+        ({"rank_by": None}, "no ranking None; there is: jump, capability"),
+        ({"inverse": "static"}, "no inverse 'static'; there is: euclidean, dynamic"),
+        ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
+        ({"direction": [1]}, "direction needs 3 numbers, got 1 number: fx, fy, fz of the task"),
+        ({"payload": -1}, "the payload's mass must be 0 kg or more, got -1"),
+        ({"gravity": [1, 2]}, "gravity needs 3 numbers, got 2 numbers: x, y, z in m/s²"),
+        ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_"),
+        ({"faults": 8, "mode": "free"}, "faults must be a number from 1 to 7, got 8"),
+    ],
+    ids=str,
+)
+def test_one_line_says_what_would_have_been_valid(panda, options, message):
+    with pytest.raises(InputError) as caught:
+        census(panda, **options)
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -363,6 +363,59 @@ def test_an_arm_whose_joint_locks_pushes_with_the_force_after(known):
         assert_close(M @ a, 0.0, scale=scale, tol=2e-6)  # and the arm stays at rest
 
 
+def carrying(arm, payload, gravity):
+    """Return a model of the arm with a mass at the tip, and another gravity."""
+    model = arm.model.copy()
+    tip = model.frames[arm.tip_frame]
+    mass, place = payload
+    body = pin.Inertia(mass, np.array(place), np.zeros((3, 3)))
+    model.appendBodyToJoint(tip.parentJoint, body, tip.placement)
+    model.gravity.linear = np.array(gravity)
+    return model
+
+
+@pytest.mark.parametrize(
+    "surroundings",
+    [{}, {"payload": (2.0, (0.05, -0.02, 0.1)), "gravity": [0.5, -1.0, -3.0]}],
+    ids=["plain", "payload and gravity"],
+)
+def test_weight_and_motion_after_a_lock_against_pinocchios_reduced_model(known, surroundings):
+    """Locked joints stand still; the others need what the arm with fewer joints does."""
+    arm, postures = known
+    load, gravity = (surroundings.get(key) for key in ("payload", "gravity"))
+    model = carrying(arm, load or (0.0, (0, 0, 0)), gravity or [0.0, 0.0, -9.81])
+    rng = np.random.default_rng(6)
+    for q in postures[1:]:
+        v, a = rng.normal(size=(2, arm.n))
+        motion = {"velocity": v, "acceleration": a}
+        for locked in ([0], [arm.n - 1], [1, 2], [0, 2, arm.n - 1], list(range(1, arm.n))):
+            H = [i for i in range(arm.n) if i not in locked]
+            result = ftforce.analyze(
+                arm, q, locked=[k + 1 for k in locked], force=FORCE, **motion, **surroundings
+            )
+            ids = [arm.model.getJointId(arm.names[k]) for k in locked]
+            smaller = pin.buildReducedModel(model, ids, in_model(arm, model, q))
+            order = [smaller.joints[smaller.getJointId(arm.names[k])].idx_v for k in H]
+            v_H, a_H = np.zeros((2, len(H)))
+            v_H[order], a_H[order] = v[H], a[H]
+            place = in_model(arm, smaller, q)
+            wanted = pin.rnea(smaller, smaller.createData(), place, v_H, a_H)[order]
+            scale = 10.0 + np.abs(result.rnea.after).max()
+            assert_close(result.rnea.after[H], wanted, scale=scale, tol=1e-12)
+            # Brakes carry what the whole arm needs where they stand still, and their part of F.
+            still_v, still_a = (np.where(np.isin(np.arange(arm.n), locked), 0, x) for x in (v, a))
+            full = pin.rnea(model, model.createData(), in_model(arm, model, q), still_v, still_a)
+            torque, after = result.torque, result.J.T @ result.force.after
+            scale += np.abs(after).max()
+            assert_close(torque.brake_load[locked], (full + after)[locked], scale=scale, tol=1e-12)
+            assert_close(torque.total_after[H], wanted + after[H], scale=scale, tol=1e-12)
+            np.testing.assert_array_equal(torque.brake_load[H], 0.0)
+            np.testing.assert_array_equal(torque.total_after[locked], 0.0)
+            whole = pin.rnea(model, model.createData(), in_model(arm, model, q), v, a)
+            before = whole + result.J.T @ result.force.before
+            assert_close(torque.total_before, before, scale=scale + np.abs(whole).max(), tol=1e-12)
+
+
 B = {"xyz": (0.3, 0.0, 0.1), "axis": (0, 1, 0)}
 C = {"xyz": (0.2, 0.1, 0.0), "axis": (1, 0, 0)}
 D = {"xyz": (0.1, 0.0, 0.2), "rpy": (0.3, 0.2, 0.1)}
