@@ -17,7 +17,7 @@ import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.closed_forms import exerted_force
-from ftforce.errors import InputError, SolverError
+from ftforce.errors import DimensionError, InputError, SolverError
 from ftforce.feasible import (
     NOTHING,
     FeasibleForces,
@@ -26,7 +26,15 @@ from ftforce.feasible import (
     feasible_forces,
     reach,
 )
-from ftforce.reduced import RTOL, ReducedJacobian, check_core_input, check_tolerances, reduce
+from ftforce.limits import checked_limits
+from ftforce.reduced import (
+    RTOL,
+    ReducedJacobian,
+    check_core_input,
+    check_mask,
+    check_tolerances,
+    reduce,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,7 +42,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SLACK = 1e-9  # relative to a limit: closer than this a torque is at its limit
-_SOLVED, _INFEASIBLE = 1, -1  # daqp's exit flags
+_INFEASIBLE = -1  # daqp's exit flag; positive ones are solutions
+_CLAIM = 1e-6  # of the unit: a solution that lies farther beyond a limit is none
+_FINEST = 1e-5  # of the distances in a problem: a finer unit would show the solver rounding
+_THIN = 4e-11  # of the unit; bounds that are closer than a quarter of it, daqp takes for equal
+_ROUNDING = 1e-15  # of a sum's terms
 _PRECISION = {"primal_tol": 1e-11, "dual_tol": 1e-11}
 
 
@@ -70,12 +82,13 @@ class Nearest(NamedTuple):
         z = self.F_after.dot(feasible.Z)
         off = self.F_after - feasible.F0 - feasible.Z.dot(z)
         A, y = feasible.rows.dot(feasible.Z), self.multipliers
-        torque = feasible.rows.dot(self.F_after)
-        width = 0.5 * (feasible.upper - feasible.lower)
-        beyond = np.maximum(torque - feasible.upper, feasible.lower - torque) / width
-        gradient = z - self.F.dot(feasible.Z) + y.dot(A)
-        slack = np.where(y > 0.0, feasible.upper - torque, torque - feasible.lower) / width
         size = max(_norm(self.F), _norm(self.F_after))
+        torque, width, rounding = self._torques(feasible)
+        beyond = np.maximum(torque - feasible.upper, feasible.lower - torque) - rounding
+        gradient = z - self.F.dot(feasible.Z) + y.dot(A)
+        slack = np.where(y > 0.0, feasible.upper - torque, torque - feasible.lower) - rounding
+        with np.errstate(over="ignore"):  # beyond a limit of next to nothing
+            beyond, slack = beyond / width, slack / width
         idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
         return {
             "equality": _over(_norm(off), size),
@@ -87,12 +100,22 @@ class Nearest(NamedTuple):
         """Return the joints whose torque is at its limit."""
         if self.F_after is None:
             return ()
-        torque = feasible.rows.dot(self.F_after)
-        near = SLACK * (feasible.upper - feasible.lower)
+        torque, width, rounding = self._torques(feasible)
+        near = 2.0 * SLACK * width + rounding
         at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
         return tuple(
             j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound
         )
+
+    def _torques(self, feasible: FeasibleForces) -> tuple[Vector, Vector, Vector]:
+        """Return the torques that F' takes, half the width between limits, and rounding."""
+        F, rows = self.F_after, feasible.rows
+        assert F is not None
+        size = max(_norm(self.F), _norm(F))
+        bounds = np.maximum(np.abs(feasible.lower), np.abs(feasible.upper))
+        rounding = _ROUNDING * (size * np.sqrt(np.vecdot(rows, rows)) + bounds)
+        width = np.maximum(0.5 * (feasible.upper - feasible.lower), rounding)
+        return rows.dot(F), width, rounding
 
 
 def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
@@ -131,19 +154,35 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     if feasible.F0.dot(feasible.F0):
         offset = feasible.rows.dot(feasible.F0)
         lower, upper = lower - offset, upper - offset
-    # In units of the limits, so that the solver's absolute tolerances become relative ones.
-    unit = max(*upper.tolist(), -min(lower.tolist())) / feasible.scale
-    lower, upper = lower / unit, upper / unit
-    least = (feasible.rtol * feasible.scale) ** 2
-    for i, lever in enumerate(np.vecdot(A, A).tolist()):
-        if lever <= least:  # a torque that no force changes: within its limits or not
-            if upper[i] < 0.0 or lower[i] > 0.0:
-                return None
-            A[i], lower[i], upper[i] = 0.0, -math.inf, math.inf
-    z, y = _quadratic_program(A, wanted / unit, lower, upper)
+    low, high = lower.tolist(), upper.tolist()
+    levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
+    # daqp takes short rows for none and has absolute tolerances. So rows get the length 1, which
+    # makes distances of the bounds, and the narrowest of these becomes the unit.
+    narrow, far = math.inf, _norm(wanted)
+    for i, lever in enumerate(levers):
+        if lever > least:
+            low[i] /= lever
+            high[i] /= lever
+            narrow = min(narrow, high[i] - low[i])
+            far = max(far, low[i], -high[i])  # no solution is closer to z = 0 than these two
+        elif high[i] < 0.0 or low[i] > 0.0:  # a torque that no force changes
+            return None
+        else:
+            low[i], high[i], levers[i] = -math.inf, math.inf, math.inf
+    if narrow == math.inf:
+        return wanted
+    unit = max(0.5 * narrow, _FINEST * far)
+    lengths = np.array(levers)
+    lower, upper = (np.array([x / unit for x in bounds]) for bounds in (low, high))
+    if narrow < _THIN * unit:  # thinner than rounding: daqp would make it an equation
+        thin = upper - lower < _THIN
+        lower[thin], upper[thin] = lower[thin] - 0.5 * _THIN, upper[thin] + 0.5 * _THIN
+    z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
     if z is None:
+        if max(low) <= 0.0 <= min(high):  # z = 0 is within all limits
+            raise SolverError("the quadratic program was called infeasible, which it is not")
         return None
-    np.multiply(y, unit, out=multipliers)
+    np.multiply(y, unit / lengths, out=multipliers)
     solution: Vector = z * unit
     return solution
 
@@ -162,7 +201,7 @@ def _quadratic_program(
         return None, np.zeros(len(A))
     torque = A.dot(z)
     beyond = max((torque - upper).tolist() + (lower - torque).tolist())
-    if flag != _SOLVED or beyond > SLACK:  # checked: versions of daqp have claimed too much
+    if flag <= 0 or not beyond <= _CLAIM:  # checked: versions of daqp have claimed too much
         raise SolverError(
             f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
             "the limits)"
@@ -284,16 +323,20 @@ def bounded_remap(
     J, mask = check_core_input(J, locked)
     swinging = None
     if free is not None:
-        _, swinging = check_core_input(J, free)
+        swinging = check_mask(free, J.shape[1], "free")
         if (mask & swinging).any():
-            raise InputError("a joint cannot be both locked and free")
+            raise InputError(
+                f"a joint cannot be both locked and free: column {(mask & swinging).argmax() + 1} "
+                "of J; a joint fails in one mode"
+            )
     check_tolerances(rtol, max(rtol, 1e-2))
     n = J.shape[1]
     tau = as_vector(tau, n, "tau", "one torque per column of J")
     weight = np.zeros(n) if rnea is None else as_vector(rnea, n, "rnea", "one per column of J")
-    largest = np.array(limits, dtype=np.float64)
-    if largest.shape != (n,) or True in (largest <= 0.0).tolist():
-        raise InputError(f"limits need {n} positive numbers, NaN where unknown, got {limits!r}")
+    largest = checked_limits(limits, "limits")
+    if len(largest) != n:
+        hint = "one per column of J, NaN where unknown"
+        raise DimensionError("limits", (n,), largest.shape, hint)
     if swinging is not None:
         largest[swinging] = 0.0
     reduced = reduce(J, mask, rtol, swinging if swinging is not None and swinging.any() else None)
@@ -331,7 +374,7 @@ def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
 
 
 def _norm(x: Vector) -> float:
-    return math.sqrt(x.dot(x))
+    return math.hypot(*x.tolist())  # also where squares vanish or overflow
 
 
 def _over(x: float, scale: float) -> float:

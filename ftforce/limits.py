@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.faults import FaultSet
+
+_LEAST = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +55,10 @@ class Limits:
         InputError
             A limit is not positive, or the two have different lengths.
         """
-        motors = _checked(effort, "effort limits")
-        brakes = np.full(len(motors), np.nan) if brake is None else _checked(brake, "brake limits")
+        motors = checked_limits(effort, "effort limits")
+        brakes = (
+            np.full(len(motors), np.nan) if brake is None else checked_limits(brake, "brake limits")
+        )
         if len(brakes) != len(motors):
             raise DimensionError("brake limits", motors.shape, brakes.shape, "one per joint")
         return cls(read_only(motors), read_only(brakes), source)
@@ -65,15 +70,26 @@ class Limits:
         """
         n = len(self.effort)
         factors = faults.factors(n)
-        motors = np.where(factors > 0.0, self.effort * factors, 0.0)  # no torque needs no limit
+        # A product that vanishes is no torque at all, which only a factor of 0 means.
+        motors = np.maximum(self.effort * factors, _LEAST)
+        motors = np.where(factors > 0.0, motors, 0.0)  # no torque needs no limit
         return read_only(np.where(faults.mask(n), self.brake, motors))
 
 
-def _checked(limits: ArrayLike, name: str) -> Vector:
+def checked_limits(limits: ArrayLike, name: str) -> Vector:
+    """Return a copy of limits, NaN where they are unknown or infinite.
+
+    Raises
+    ------
+    InputError
+        No vector of numbers, or one that is not positive.
+    """
     values = as_floats(limits, name)
     if values.ndim != 1:
         raise InputError(f"{name} need one number per joint, got an array of shape {values.shape}")
-    if not np.all((values > 0.0) | np.isnan(values)):
-        raise InputError(f"{name} must be positive, NaN where unknown; got {values.tolist()}")
-    values[np.isinf(values)] = np.nan
+    numbers = values.tolist()  # of a handful; NaN is neither zero nor less
+    if any(x <= 0.0 for x in numbers):
+        raise InputError(f"{name} must be positive, NaN where unknown; got {numbers}")
+    if math.inf in numbers:
+        values[np.isinf(values)] = np.nan
     return values

@@ -177,15 +177,26 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
     if J.ndim != 2 or not J.size:
         raise InputError(f"J needs the shape (m, n), got {J.shape}")
     check_finite(J, "J")
-    mask = np.array(locked)
+    return read_only(J), check_mask(locked, J.shape[1], "locked")
+
+
+def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
+    """Check a mask of joints that comes from outside, one entry per column of J.
+
+    Raises
+    ------
+    InputError
+        The mask is not boolean, or has not n entries.
+    """
+    mask = np.array(joints)
     if mask.dtype != np.bool_:
         raise InputError(
-            f"locked needs a boolean mask of shape ({J.shape[1]},), one entry per column of J, "
-            f"got {locked!r}; joint numbers and names are for analyze()"
+            f"{name} needs a boolean mask of shape ({n},), one entry per column of J, "
+            f"got {joints!r}; joint numbers and names are for analyze()"
         )
-    if mask.shape != (J.shape[1],):
-        raise DimensionError("locked", (J.shape[1],), mask.shape, "one entry per column of J")
-    return read_only(J), read_only(mask)
+    if mask.shape != (n,):
+        raise DimensionError(name, (n,), mask.shape, "one entry per column of J")
+    return read_only(mask)
 
 
 def check_tolerances(rtol: float, wary: float = WARY) -> None:
