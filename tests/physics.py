@@ -152,15 +152,19 @@ def inverse_dynamics(
     return data.qfrc_inverse + carried
 
 
-def mass_matrix(robot: Robot, q: ArrayLike) -> Matrix:
+def mass_matrix(robot: Robot, q: ArrayLike, payload: Payload | None = None) -> Matrix:
     """Return the mass matrix, shape (n, n)."""
-    rest = np.zeros(robot.n)
-    columns = (inverse_dynamics(robot, q, rest, a, gravity=rest[:3]) for a in np.eye(robot.n))
+    rest, nothing = np.zeros(robot.n), {"gravity": np.zeros(3), "payload": payload}
+    columns = (inverse_dynamics(robot, q, rest, a, **nothing) for a in np.eye(robot.n))
     return np.column_stack(list(columns))
 
 
 def brake(
-    robot: Robot, q: ArrayLike, v: ArrayLike, locked: Collection[int]
+    robot: Robot,
+    q: ArrayLike,
+    v: ArrayLike,
+    locked: Collection[int],
+    payload: Payload | None = None,
 ) -> tuple[Vector, Vector]:
     """Stop joints of a moving arm whose tip is free, almost at once.
 
@@ -172,7 +176,8 @@ def brake(
         Velocities when they have stopped: of the joints, shape (n,); of the tip, in tool axes,
         shape (3,).
     """
-    model, data, _ = simulate(robot, q, v, brakes=locked, gravity=np.zeros(3))
+    nothing = {"gravity": np.zeros(3), "payload": payload}
+    model, data, _ = simulate(robot, q, v, brakes=locked, **nothing)
     for _ in range(100):  # of a fifth of the time constant
         mujoco.mj_step(model, data)
     mujoco.mj_forward(model, data)

@@ -1,7 +1,8 @@
 """What is predicted meets rigid-body dynamics: the arm in MuJoCo, its tip pinned to the world.
 
-Predictions are written out in NumPy here, from Pinocchio's Jacobian, weight and mass matrix; what
-happens is read off the simulation (`physics`). Joints are given by index, from 0.
+What `ftforce.analyze` says is applied to the simulation (`physics`), and what happens is read off.
+Predictions are also written out in NumPy here, from Pinocchio's Jacobian, weight and mass matrix.
+Joints are given by index, from 0.
 """
 
 from itertools import combinations
@@ -13,12 +14,15 @@ import pytest
 
 import ftforce
 import physics
+from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.limits import Limits
 from helpers import KNOWN, assert_close, serial_urdf
 from urdfs import joint, link, load
 
 EXACT = 1e-7  # nothing but rounding: MuJoCo 4 gives 2e-15, some before it 1e-8
 STRENGTH = 40.0  # N, typical of the forces
+TOLD = 1e-9  # of the force: what is told and what is predicted are the same mathematics
 AGREES = 5e-5  # of the force; 1e-8 is seen, or 4e-6 where a direction is almost lost
 AT_REST = 5e-5  # rad/s² and rad
 IMPACT = 1e-4  # of the velocities: those of a brake that needs 2 µs
@@ -166,15 +170,32 @@ def missing(case, free):
     return np.abs(case.g + case.J.T @ case.F)[list(free)]
 
 
-def assert_holds(case, prediction, *, locked=(), **options):
-    """Apply the predicted torques: the pin feels the predicted force, and nothing moves."""
-    seen = physics.pinned(case.arm, case.q, prediction.torque, locked=locked, **options)
+def told(case, *, locked=(), free=(), **options):
+    """Return what ftforce says of the force, with joints by index."""
+    locked, free = ([i + 1 for i in joints] for joints in (locked, free))
+    given = {} if {"torque", "velocity"} & set(options) else {"force": case.F}
+    return ftforce.analyze(case.arm, case.q, locked=locked, free=free, **given, **options)
+
+
+def assert_told(case, result, prediction):
+    """Compare what ftforce says with what NumPy predicts."""
     scale = np.linalg.norm(case.F)
-    assert_close(seen.force, prediction.force, scale=scale, tol=AGREES)
+    assert_close(result.force.after, prediction.force, scale=scale, tol=TOLD)
+    assert_close(result.torque.total_after, prediction.torque, scale=scale, tol=TOLD)
+
+
+def assert_holds(case, result, **options):
+    """Apply the torques that ftforce tells: the pin feels the force, and nothing moves."""
+    locked, after = result.faults.in_mode(ftforce.FaultMode.LOCKED), result.force.after
+    torque = result.torque
+    seen = physics.pinned(case.arm, case.q, torque.total_after, locked=locked, **options)
+    scale = np.linalg.norm(case.F)
+    assert_close(seen.force, after, scale=scale, tol=AGREES)
     assert_close(seen.acceleration, 0.0, scale=1.0, tol=AT_REST)
     assert seen.drift < AT_REST
     # Brakes carry what motors do not: the weight, and their part of the force.
-    assert_close(seen.load, case.g + case.J.T @ prediction.force, scale=scale, tol=AGREES)
+    assert_close(seen.load, torque.total_after + torque.brake_load, scale=scale, tol=AGREES)
+    assert_close(seen.load, case.g + case.J.T @ after, scale=scale, tol=AGREES)
 
 
 # ---- the oracle itself -----------------------------------------------------------------------
@@ -231,54 +252,128 @@ def test_a_locked_arm_stays_in_its_place(case):
         assert_close(tip.xmat.reshape(3, 3), R, scale=1.0, tol=EXACT)
 
 
+# ---- weight and motion -----------------------------------------------------------------------
+
+HANGING = physics.Payload(1.5, (0.05, -0.02, 0.1))
+TILTED = (1.0, -2.0, -3.0)  # m/s²
+
+
+def test_weight_motion_and_mass_matrix(case):
+    arm, q, rng = case.arm, case.q, np.random.default_rng(31)
+    payload = Payload.of(*HANGING)
+    v, a = rng.normal(size=(2, arm.n))
+    for mine, gravity in ((None, physics.GRAVITY), (payload, TILTED)):
+        around = {"gravity": gravity, "payload": None if mine is None else HANGING}
+        weight = weight_torque(arm, q, np.array(gravity), mine)
+        assert_close(weight, physics.inverse_dynamics(arm, q, 0.0, 0.0, **around), tol=EXACT)
+        total = weight + motion_torque(arm, q, v, a, mine)
+        assert_close(total, physics.inverse_dynamics(arm, q, v, a, **around), tol=EXACT)
+        M = physics.mass_matrix(arm, q, around["payload"])
+        assert_close(mass_matrix(arm, q, mine), M, tol=EXACT)
+
+
+def test_torques_and_brake_loads_of_a_moving_arm(case):
+    """Joints lock, the others go on: inverse dynamics with the force that is told."""
+    arm, q, rng = case.arm, case.q, np.random.default_rng(37)
+    for locked in some_sets(arm.n, rng):
+        v, a = rng.normal(size=(2, arm.n))
+        result = ftforce.analyze(
+            arm,
+            q,
+            locked=[i + 1 for i in locked],
+            force=case.F,
+            velocity=v,
+            acceleration=a,
+            gravity=TILTED,
+            payload=tuple(HANGING),
+        )
+        v[list(locked)], a[list(locked)] = 0.0, 0.0
+        around = {"gravity": TILTED, "payload": HANGING}
+        wanted = physics.inverse_dynamics(arm, q, v, a, force=result.force.after, **around)
+        torque, scale = result.torque, np.linalg.norm(case.F)
+        assert_close(torque.total_after + torque.brake_load, wanted, scale=scale, tol=1e-6)
+        assert not torque.total_after[list(locked)].any()
+        assert not torque.brake_load[others(case, *locked)].any()
+
+
 # ---- forces ----------------------------------------------------------------------------------
 
 
 def test_a_healthy_arm(case):
-    healthy = Prediction(case.F, case.g + case.J.T @ case.F)
-    assert_holds(case, healthy, duration=0.1)
+    result = told(case)
+    assert_told(case, result, Prediction(case.F, case.g + case.J.T @ case.F))
+    assert_close(result.torque.total_before, result.torque.total_after)
+    assert_holds(case, result, duration=0.1)
 
 
-def test_no_gravity(case):
-    assert_holds(
-        case._replace(g=np.zeros(case.arm.n)),
-        Prediction(case.F, case.J.T @ case.F),
-        gravity=np.zeros(3),
-    )
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), TILTED], ids=str)
+def test_another_gravity(case, gravity):
+    J = pin.jacobianCenterOfMass(case.arm.model, case.arm.data, case.arm.to_model(case.q))
+    g = -case.arm.data.mass[0] * np.array(gravity) @ J
+    case, locked = case._replace(g=g), (1,)
+    result = told(case, locked=locked, gravity=gravity)
+    assert_told(case, result, predicted_locked(case, locked))
+    assert_holds(case, result, gravity=gravity)
+    assert_holds(case, told(case, gravity=gravity), gravity=gravity)
 
 
-def test_a_healthy_arm_with_a_payload(case):
-    payload = physics.Payload(1.5, (0.05, -0.02, 0.1))
+def test_a_payload(case):
     R, _ = tip_pose(case.arm, case.q)
-    down = R.T @ [0.0, 0.0, -1.5 * 9.81]
-    W = np.array([*down, *np.cross(payload.com, down)])
+    down = R.T @ [0.0, 0.0, -HANGING.mass * 9.81]
+    W = np.array([*down, *np.cross(HANGING.com, down)])
     g = case.g - frame_jacobian(case.arm, case.q, "tool").T @ W
-    assert_holds(case._replace(g=g), Prediction(case.F, g + case.J.T @ case.F), payload=payload)
+    case = case._replace(g=g)
+    for locked in ((), (1,), (0, 2)):
+        result = told(case, locked=locked, payload=tuple(HANGING))
+        assert_told(case, result, predicted_locked(case, locked))
+        assert_holds(case, result, payload=HANGING)
+    for free in ((i,) for i in range(case.arm.n) if can_stand_still(case, (), (i,))):
+        result = told(case, free=free, payload=tuple(HANGING))
+        assert_told(case, result, predicted_free(case, free))
+        assert_holds(case, result, payload=HANGING)
+
+
+def test_world_axes(case):
+    R, _ = tip_pose(case.arm, case.q)
+    for locked in some_sets(case.arm.n, np.random.default_rng(41)):
+        result = told(case._replace(F=R @ case.F), locked=locked, axes="world")
+        seen = physics.pinned(case.arm, case.q, result.torque.total_after, locked=locked)
+        scale = np.linalg.norm(case.F)
+        assert_close(R @ seen.force, result.force.after, scale=scale, tol=AGREES)
 
 
 def test_a_force_and_a_moment(case):
     J = frame_jacobian(case.arm, case.q, "tool")
     W, scale = np.array([*case.F, *(0.1 * case.F[::-1])]), np.linalg.norm(case.F)
-    seen = physics.pinned(case.arm, case.q, case.g + J.T @ W, weld=True)
-    assert_close(J.T @ seen.force, J.T @ W, scale=scale, tol=AGREES)
+    result = told(case._replace(F=W), task="wrench", length=0.3)
+    assert_close(result.force.before + result.force.unsupported, W)
+    seen = physics.pinned(case.arm, case.q, result.torque.total_before, weld=True)
+    assert_close(J.T @ seen.force, J.T @ result.force.before, scale=scale, tol=AGREES)
     if case.arm.n >= 6:  # else some of it does not depend on the motors
         assert_close(seen.force, W, scale=scale, tol=AGREES)
         assert_close(seen.acceleration, 0.0, scale=1.0, tol=AT_REST)
+    for i in range(case.arm.n):
+        result, H = told(case._replace(F=W), locked=(i,), task="wrench"), others(case, i)
+        seen = physics.pinned(case.arm, case.q, result.torque.total_after, locked=(i,), weld=True)
+        felt = J[:, H].T @ result.force.after  # what moves the tip, or would
+        assert_close(J[:, H].T @ seen.force, felt, scale=scale, tol=AGREES)
 
 
 def test_locked_joints(case):
     for locked in some_sets(case.arm.n, np.random.default_rng(11)):
-        duration = 0.1 if len(locked) == 1 else 0.0
-        assert_holds(case, predicted_locked(case, locked), locked=locked, duration=duration)
+        result = told(case, locked=locked)
+        assert_told(case, result, predicted_locked(case, locked))
+        assert_holds(case, result, duration=0.1 if len(locked) == 1 else 0.0)
 
 
 def test_so_many_locked_joints_that_a_direction_is_lost(case):
     pairs = list(combinations(range(case.arm.n), 2))
     for pair in (pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[:5]):
         locked = others(case, *pair)
-        prediction = predicted_locked(case, locked)
-        assert np.linalg.norm(prediction.force - case.F) > 0.01 * STRENGTH
-        assert_holds(case, prediction, locked=locked)
+        result = told(case, locked=locked)
+        assert result.force.jump_norm > 0.01 * STRENGTH
+        assert_told(case, result, predicted_locked(case, locked))
+        assert_holds(case, result)
 
 
 def test_joints_that_swing_freely(case):
@@ -286,8 +381,9 @@ def test_joints_that_swing_freely(case):
     sets = [free for free in sets if can_stand_still(case, (), free)]
     assert {len(free) for free in sets} >= {1, 2}
     for free in sets:
-        duration = 0.5 if len(free) == 1 else 0.0
-        assert_holds(case, predicted_free(case, free), duration=duration)
+        result = told(case, free=free)
+        assert_told(case, result, predicted_free(case, free))
+        assert_holds(case, result, duration=0.5 if len(free) == 1 else 0.0)
 
 
 def test_with_the_old_torques_an_arm_with_a_free_joint_drifts(case):
@@ -295,14 +391,58 @@ def test_with_the_old_torques_an_arm_with_a_free_joint_drifts(case):
     singles = [free for free in singles if missing(case, free)[0] > 1.0]
     assert singles
     for free in singles:
-        old = case.g + case.J.T @ case.F
+        result = told(case, free=free)
+        old = result.torque.total_before.copy()
         old[list(free)] = 0.0
         seen = physics.pinned(case.arm, case.q, old, duration=0.5)
         assert seen.drift > 0.1
         assert np.linalg.norm(seen.acceleration) > 0.1
         scale = np.linalg.norm(case.F)
-        assert np.linalg.norm(seen.force - predicted_free(case, free).force) > 0.01 * scale
+        assert np.linalg.norm(seen.force - result.force.after) > 0.01 * scale
         assert_close(seen.force, predicted_moving(case, old), scale=scale, tol=AGREES)
+
+
+def test_a_weak_joint(case):
+    """The motor gives no more than half of what the force takes of it besides the weight."""
+    J, g, n, tried = case.J, case.g, case.arm.n, 0
+    for k in range(n):
+        lever = J[:, k]
+        F = case.F * (-1.0 if g[k] * (lever @ case.F) < 0.0 else 1.0)
+        share = 0.5 * abs(lever @ F)
+        if share < 0.01 * STRENGTH:
+            continue
+        limits = Limits.of(np.where(np.arange(n) == k, 4.0 * (abs(g[k]) + share), 1e4))
+        result = told(case._replace(F=F), weak={k + 1: 0.25}, limits=limits)
+        assert result.bounded.binding == (k,)
+        force = F - 0.5 * lever * (lever @ F) / (lever @ lever)
+        prediction = Prediction(force, g + J.T @ force)
+        assert_told(case, result, prediction)
+        assert_close(abs(result.torque.total_after[k]), abs(g[k]) + share)
+        assert_holds(case, result)
+        tried += 1
+    assert tried > 2
+
+
+def test_weak_joints_beside_locked_and_free_ones(case):
+    """Whatever limits bind, the pin feels what is told."""
+    rng, n, bound = np.random.default_rng(43), case.arm.n, 0
+    for _ in range(12):
+        i, k, *rest = rng.permutation(n).tolist()
+        locked, free = ((i,), (k,)) if can_stand_still(case, (i,), (k,)) else ((i,), ())
+        weak = {j + 1: 0.5 for j in rest}
+        plain = told(case, locked=locked, free=free)
+        needed = np.abs(plain.torque.total_after)
+        # Little less than what would be needed, but enough for the weight.
+        weighs = np.abs(told(case._replace(F=0.7 * case.F), locked=locked, free=free)
+                        .torque.total_after)  # fmt: skip
+        limits = Limits.of(2.0 * np.maximum(weighs, 0.9 * needed) + 0.1)
+        result = told(case, locked=locked, free=free, weak=weak, limits=limits)
+        assert result.can_stand_still
+        over = np.abs(result.torque.total_after) - 0.5 * limits.effort
+        assert over.max() < 1e-6
+        bound += len(result.bounded.binding) > 0
+        assert_holds(case, result)
+    assert bound > 3
 
 
 def test_one_locked_and_one_free_joint(case):
@@ -310,8 +450,10 @@ def test_one_locked_and_one_free_joint(case):
     pairs = [(i, k) for i, k in pairs if can_stand_still(case, (i,), (k,))]
     assert len(pairs) > 3
     for i, k in (pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[:8]):
-        assert_holds(case, predicted_mixed(case, (i,), (k,)), locked=(i,))
-    assert_holds(case, predicted_mixed(case, (i,), (k,)), locked=(i,), duration=0.5)
+        result = told(case, locked=(i,), free=(k,))
+        assert_told(case, result, predicted_mixed(case, (i,), (k,)))
+        assert_holds(case, result)
+    assert_holds(case, result, duration=0.5)
 
 
 def test_all_joints_locked_but_two_of_which_one_is_free(case):
@@ -321,34 +463,50 @@ def test_all_joints_locked_but_two_of_which_one_is_free(case):
     assert len(pairs) > 3
     for i, k in (pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[:8]):
         locked = others(case, i, k)
-        assert_holds(case, predicted_mixed(case, locked, (k,)), locked=locked)
+        result = told(case, locked=locked, free=(k,))
+        assert_told(case, result, predicted_mixed(case, locked, (k,)))
+        assert_holds(case, result)
 
 
-def test_torques_of_self_motion_show_in_the_force_of_a_moving_arm(case):
+@pytest.mark.parametrize("payload", [None, HANGING], ids=["no payload", "payload"])
+def test_torques_of_self_motion_show_in_the_force_of_a_moving_arm(case, payload):
     N = np.eye(case.arm.n) - np.linalg.pinv(case.J) @ case.J
-    torque = case.g + case.J.T @ case.F + N @ np.linspace(-15.0, 20.0, case.arm.n)
-    static = np.linalg.pinv(case.J.T) @ (torque - case.g)
-    assert_close(static, case.F)  # what statics sees of them: nothing
-    moving, scale = predicted_moving(case, torque), np.linalg.norm(case.F)
-    assert np.linalg.norm(moving - static) > 0.01 * scale
-    seen = physics.pinned(case.arm, case.q, torque)
-    assert_close(seen.force, moving, scale=scale, tol=AGREES)
-    a = np.linalg.solve(case.M, torque - case.g - case.J.T @ moving)
+    given = case.J.T @ case.F + N @ np.linspace(-15.0, 20.0, case.arm.n)
+    options = {"torque": given, "payload": None if payload is None else tuple(payload)}
+    static, dynamic = (told(case, inverse=x, **options) for x in ("euclidean", "dynamic"))
+    assert_close(static.force.before, case.F)  # what statics sees of them: nothing
+    torque, scale = dynamic.torque.total_before, np.linalg.norm(case.F)
+    if payload is None:
+        moving = predicted_moving(case, case.g + given)
+        assert_close(dynamic.force.before, moving, scale=scale, tol=TOLD)
+        assert_close(torque, case.g + given)
+        assert np.linalg.norm(moving - case.F) > 0.01 * scale
+    seen = physics.pinned(case.arm, case.q, torque, payload=payload)
+    assert_close(seen.force, dynamic.force.before, scale=scale, tol=AGREES)
+    M = physics.mass_matrix(case.arm, case.q, payload)
+    a = np.linalg.solve(M, dynamic.torque.self_motion)  # what is left of the torques
     assert_close(seen.acceleration, a, tol=AGREES)
 
 
 # ---- the impact ------------------------------------------------------------------------------
 
 
-def test_velocities_when_a_moving_joint_locks(case):
+@pytest.mark.parametrize("payload", [None, HANGING], ids=["no payload", "payload"])
+def test_velocities_when_a_moving_joint_locks(case, payload):
     arm, rng = case.arm, np.random.default_rng(23)
-    M = physics.mass_matrix(arm, case.q)
-    for locked in some_sets(arm.n, rng):
+    M = physics.mass_matrix(arm, case.q, payload)
+    sets = some_sets(arm.n, rng)
+    for locked in sets if payload is None else sets[::2]:
         v = rng.normal(size=arm.n)
-        after, tip = physics.brake(arm, case.q, v, locked)
-        wanted, scale, H = predicted_impact(case, v, locked), np.abs(v).max(), others(case, *locked)
-        assert_close(after, wanted, scale=scale, tol=IMPACT)
-        assert_close(tip, case.J @ wanted, scale=scale, tol=IMPACT)
+        load = None if payload is None else tuple(payload)
+        impact = told(case, locked=locked, velocity=v, payload=load).impact
+        after, tip = physics.brake(arm, case.q, v, locked, payload)
+        wanted, scale = predicted_impact(case._replace(M=M), v, locked), np.abs(v).max()
+        assert_close(impact.after, wanted, scale=scale, tol=1e-6)
+        assert_close(after, impact.after, scale=scale, tol=IMPACT)
+        assert_close(tip, impact.tip_after, scale=scale, tol=IMPACT)
+        assert_close(tip - case.J @ v, impact.jump, scale=scale, tol=IMPACT)
         # The brake's impulse acts on its own joints only, and takes energy away.
+        H = others(case, *locked)
         assert_close((M @ (after - v))[H], 0.0, scale=np.abs(M @ v).max(), tol=IMPACT)
         assert after @ M @ after < v @ M @ v
