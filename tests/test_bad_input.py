@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from ftforce.cli import app
 from urdfs import (
+    LINKS,
     arm,
     end_effector,
     followed,
@@ -29,7 +30,7 @@ from urdfs import (
     write,
 )
 
-COMMANDS = ("analyze", "census", "inspect")
+COMMANDS = ("analyze", "census", "capability", "inspect")
 
 
 def run(*arguments):
@@ -261,16 +262,211 @@ def test_values_out_of_place(good, command, options, message):
     assert names_in(good.parent) == ["arm.srdf", "arm.urdf"]
 
 
+PAYLOAD = "a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1; "
+GRAVITY = "gravity needs 3 numbers, got {}: x, y, z in m/s², in the root's axes"
+LIMITS = "'urdf', 'none' or a TOML or CSV file of limits (joint, effort, brake)"
+CONDITIONS = {
+    "velocity short": (["--velocity", "1,2"], "velocity needs 4 numbers, got 2 numbers: one per "),
+    "velocity NaN": (["--velocity", "1,2,3,nan"], f"--velocity {NUMBERS}; 'nan' is not finite"),
+    "velocity empty": (["--velocity", ""], f"--velocity {NUMBERS}; got none"),
+    "velocity huge": (["--velocity", "1e200,0,0,0"], "velocity holds numbers too large to comput"),
+    "acceleration short": (["--acceleration", "1"], "acceleration needs 4 numbers, got 1 number: "),
+    "acceleration inf": (["--acceleration", "0,0,0,inf"], f"--acceleration {NUMBERS}; 'inf' is n"),
+    "acceleration empty": (["--acceleration", ","], f"--acceleration {NUMBERS}; got none"),
+    "gravity short": (["--gravity", "0,9.81"], GRAVITY.format("2 numbers")),
+    "gravity alone": (["--gravity", "9.81"], GRAVITY.format("1 number")),
+    "gravity long": (["--gravity", "0,0,0,0"], GRAVITY.format("4 numbers")),
+    "gravity empty": (["--gravity", ""], f"--gravity {NUMBERS}; got none"),
+    "gravity NaN": (["--gravity", "0,0,nan"], f"--gravity {NUMBERS}; 'nan' is not finite"),
+    "gravity words": (["--gravity", "0,0,-g"], f"--gravity {NUMBERS}; '-g' is not a number"),
+    "gravity huge": (["--gravity", "0,0,1e300"], "gravity holds numbers too large to compute with"),
+    "payload negative": (["--payload", "-1"], "the payload's mass must be 0 kg or more, got -1"),
+    "payload NaN": (["--payload", "nan"], f"{PAYLOAD}'nan' is not finite"),
+    "payload endless": (["--payload", "inf"], f"{PAYLOAD}'inf' is not finite"),
+    "payload huge": (["--payload", "1e300"], f"{PAYLOAD}'1e300' is too large; numbers up to 1e+0"),
+    "payload empty": (["--payload", ""], f"{PAYLOAD}'': 1 number needed, got 0"),
+    "payload in grams": (["--payload", "500g"], f"{PAYLOAD}'500g' is not a number"),
+    "payload with commas": (["--payload", "1,0,0,0"], f"{PAYLOAD}'1,0,0,0' is not a number"),
+    "payload nowhere": (["--payload", "1@"], f"{PAYLOAD}'': 3 numbers needed, got 0"),
+    "payload in a plane": (["--payload", "1@0,0"], f"{PAYLOAD}'0 0': 3 numbers needed, got 2"),
+    "payload in 4D": (["--payload", "1@0,0,0,0"], f"{PAYLOAD}'0 0 0 0': 3 numbers needed, got 4"),
+    "payload without mass": (["--payload", "@0,0,0"], f"{PAYLOAD}'': 1 number needed, got 0"),
+    "payload at NaN": (["--payload", "1@0,0,nan"], f"{PAYLOAD}'0 0 nan' is not finite"),
+    "payload twice": (["--payload", "1@0,0,0@1"], f"{PAYLOAD}'0 0 0@1' is not a number"),
+    "limits empty": (["--limits", ""], "limits are 'urdf', 'none', a TOML or CSV file or ftforce."),
+    "limits in capitals": (["--limits", "URDF"], f"URDF: needs {LIMITS}, with the ending .toml"),
+    "limits without a file": (["--limits", "none.csv"], "none.csv: no such file; a TOML or CSV fi"),
+    "limits in a folder": (["--limits", "/"], f"/: needs {LIMITS}"),
+    "limits on a device": (["--limits", "/dev/zero"], f"/dev/zero: needs {LIMITS}"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), CONDITIONS.values(), ids=CONDITIONS)
+@pytest.mark.parametrize("command", ["analyze", "census", "capability"])
+def test_conditions_out_of_place(good, command, options, message):
+    line = refused(command, good, *options, "-o", good.parent / "out.json")
+    assert line.startswith(message)
+    assert names_in(good.parent) == ["arm.srdf", "arm.urdf"]
+
+
+FACTOR = "the factor of weak joint"
+MODES = {
+    "free twice": (["--free", "1,j1"], "joint 1 (j1) is named twice"),
+    "free twice, apart": (["--free", "1", "--free", "1"], "joint 1 (j1) is named twice"),
+    "free misspelt": (["--free", "J1"], "no joint 'J1' in the chain of 'arm'; there is: j1, j2, j"),
+    "free beyond": (["--free", "5"], f"joint number 5 is out of range; the chain has: {CHAIN}"),
+    "free finger": (["--free", "left_joint"], "joint 'left_joint' lies outside the chain from "),
+    "free follower": (["--free", "gear_joint"], "joint 'gear_joint' mimics 'j1'; name that one"),
+    "locked and free": (
+        ["--locked", "1", "--free", "j1"],
+        "joint 1 (j1) cannot be both locked and free; a joint fails in one mode",
+    ),
+    "locked and weak": (
+        ["--locked", "j2", "--weak", "2:0.5"],
+        "joint 2 (j2) cannot be both locked and weak; a joint fails in one mode",
+    ),
+    "free and weak": (
+        ["--free", "2", "--weak", "j2:0.5"],
+        "joint 2 (j2) cannot be both free and weak; a joint fails in one mode",
+    ),
+    "weak without factor": (["--weak", "3"], "a weak joint needs its factor"),
+    "weak with nothing": (["--weak", "3:"], f"{FACTOR} '3': '': 1 number needed, got 0"),
+    "weak above 1": (["--weak", "3:1.01"], f"{FACTOR} 3 must lie between 0 (no torque) and 1 (f"),
+    "weak below 0": (["--weak", "3:-0.1"], f"{FACTOR} 3 must lie between 0 (no torque) and 1 (f"),
+    "weak NaN": (["--weak", "3:nan"], f"{FACTOR} '3': 'nan' is not finite"),
+    "weak inf": (["--weak", "3:inf"], f"{FACTOR} '3': 'inf' is not finite"),
+    "weak in percent": (["--weak", "3:50%"], f"{FACTOR} '3': '50%' is not a number"),
+    "weak twice": (["--weak", "3:0.5,j3:0.6"], "joint 3 (j3) is named twice"),
+    "weak twice, apart": (["--weak", "3:0.5", "--weak", "3:0.5"], "joint 3 (j3) is named twice"),
+    "weak misspelt": (["--weak", "j9:0.5"], "no joint 'j9' in the chain of 'arm'; there is: j1, "),
+    "weak beyond": (["--weak", "9:0.5"], "joint number 9 is out of range; the chain has: 1 j1"),
+    "weak nobody": (["--weak", ":0.5"], "a factor needs its weak joint, e.g. 3:0.5"),
+    "weak with a sign": (["--weak", "j3=0.5"], "a weak joint needs its factor"),
+    "weak with two factors": (["--weak", "3:0.5:0.5"], "no joint '3:0.5' in the chain of 'arm'"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), MODES.values(), ids=MODES)
+@pytest.mark.parametrize("command", ["analyze", "capability"])
+def test_fault_modes_out_of_place(good, command, options, message):
+    line = refused(command, good, *options, "-o", good.parent / "out.csv")
+    assert line.startswith(message)
+    assert names_in(good.parent) == ["arm.srdf", "arm.urdf"]
+
+
+DIRECTIONS = {
+    "0,0,0": "the direction needs a component that is not zero",
+    "-0,0,0": "the direction needs a component that is not zero",
+    "1,0": "direction needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'",
+    "1,0,0,0": "direction needs 3 numbers, got 4 numbers: fx, fy, fz of the task 'force'",
+    "nan,0,0": f"--direction {NUMBERS}; 'nan' is not finite",
+    "up": f"--direction {NUMBERS}; 'up' is not a number",
+    "": f"--direction {NUMBERS}; got none",
+    "1e200,0,0": "direction holds numbers too large to compute with",
+}
+
+
+@pytest.mark.parametrize(("direction", "message"), DIRECTIONS.items(), ids=repr)
+@pytest.mark.parametrize("command", ["capability", "census"])
+def test_directions_out_of_place(good, command, direction, message):
+    ranking = ["--rank-by", "capability"] if command == "census" else []
+    options = ("--direction", direction, "-o", good.parent / "out.csv")
+    line = refused(command, good, *ranking, *options)
+    assert line.startswith(message)
+    assert names_in(good.parent) == ["arm.srdf", "arm.urdf"]
+
+
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("arguments", "message"),
     [
-        (["--velocity", "1,2"], "velocity needs 4 numbers, got 2 numbers: one per joint"),
-        (["--velocity", "1,2,3,nan"], f"--velocity {NUMBERS}; 'nan' is not finite"),
-        (["--velocity", ""], f"--velocity {NUMBERS}; got none"),
+        (["census", "--mode", "weak"], "a census takes locked or free joints; ask analyze about "),
+        (["census", "--mode", "broken"], "no fault mode 'broken'; there is: locked, free, weak"),
+        (["census", "--mode", ""], "no fault mode ''; there is: locked, free, weak"),
+        (["census", "--rank-by", "nonsense"], "no ranking 'nonsense'; there is: jump, capability"),
+        (
+            ["census", "--rank-by", "capabilty"],
+            "no ranking 'capabilty'; there is: jump, capability; did you mean 'capability'?",
+        ),
+        (["census", "--inverse", "x"], "no inverse 'x'; there is: euclidean, dynamic"),
+        (
+            ["analyze", "--inverse", "Dynamic"],
+            "no inverse 'Dynamic'; there is: euclidean, dynamic; did you mean 'dynamic'?",
+        ),
+        (["capability", "--task", "fq"], "no task component 'fq'; there is: force, moment"),
+        (["capability", "--axes", "tol"], "no axes 'tol'; there is: tool, world; did you mean"),
+        (["capability", "--rtol", "2"], "rtol must lie between 1e-14 and 1, got 2.0"),
+        (["capability", "--q", "1"], f"q needs 4 numbers, got 1 number: one per joint, {CHAIN}"),
+        (["capability", "--length", "0"], f"{LENGTH}, got 0.0"),
     ],
 )
-def test_velocities_out_of_place(good, options, message):
-    assert refused("analyze", good, *options).startswith(message)
+def test_words_out_of_place(good, arguments, message):
+    command, *options = arguments
+    line = refused(command, good, *options, "-o", good.parent / "out.csv")
+    assert line.removeprefix(f"{good}: ").startswith(message)
+    assert names_in(good.parent) == ["arm.srdf", "arm.urdf"]
+
+
+def test_the_dynamic_inverse_needs_masses(tmp_path):
+    path = write(tmp_path, arm(**{name: link(name, "") for name in LINKS}))
+    options = ("--tip", "tool", "--torque", "1,2,3,4", "--inverse", "dynamic")
+    for command in ("analyze", "census"):
+        line = refused(command, path, *options)
+        assert line.startswith("the dynamic inverse needs masses, and the URDF of 'arm' has none; ")
+
+
+LIMITS_FILES = {
+    "unknown joint": ("joint,effort\nj22,1\n", "line 2: no joint 'j22' in the chain of 'arm'; "),
+    "joint twice": ("joint,effort\nj2,1\n2,1\n", "line 3: joint 2 (j2) was given in line 2"),
+    "fixed joint": ("joint,effort\nmount,1\n", "line 2: joint 'mount' is held fixed: it has no m"),
+    "follower": ("joint,effort\ngear_joint,1\n", "line 2: joint 'gear_joint' mimics 'j1'; name "),
+    "negative": ("joint,effort\nj2,-1\n", "line 2: effort of j2 needs a positive number, N·m or"),
+    "not a number": ("joint,effort\nj2,nan\n", "line 2: effort of j2: 'nan' is not finite; leave"),
+    "tiny": ("joint,effort\nj2,1e-300\n", "line 2: effort of j2 needs a positive number, N·m or"),
+    "semicolons": ("joint;effort\nj2;1\n", "needs the header joint,effort,brake (brake may be mi"),
+    "header only": ("joint,effort\n", "holds no limit; it needs joint, effort, brake for each jo"),
+    "empty": ("", "is empty; a TOML or CSV file of limits (joint, effort, brake) was expected"),
+    "binary": ("joint\0", "is a binary file; a TOML or CSV file of limits (joint, effort, brake)"),
+    "line break": ('joint,effort\n"a\nb",1\n', "line 3: no joint 'a\\nb' in the chain of 'arm'"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), LIMITS_FILES.values(), ids=LIMITS_FILES)
+@pytest.mark.parametrize("command", ["analyze", "census", "capability"])
+def test_files_of_limits_that_cannot_be_used(good, command, content, message):
+    path = good.parent / "limits.csv"
+    path.write_text(content)
+    line = refused(command, good, "--limits", path, "-o", good.parent / "out.csv")
+    assert line.startswith(f"{path}: {message}")
+    assert names_in(good.parent) == ["arm.srdf", "arm.urdf", "limits.csv"]
+
+
+def test_a_file_of_limits_with_a_line_break_in_its_name(good):
+    path = good.parent / "a\nb.csv"
+    path.write_text("joint,effort\nj1,1\n")
+    shown = run("capability", good, "--limits", path).stdout
+    assert "a\\nb.csv" in "".join(line.strip() for line in shown.splitlines())
+    path.write_text("joint,effort\nx,1\n")
+    assert refused("analyze", good, "--limits", path).startswith(f"{good.parent}/a\\nb.csv: line 2")
+
+
+@pytest.mark.parametrize("weak", ["3:0", "3:1", "3:1e-9", "3:-0"])
+@pytest.mark.parametrize("command", ["analyze", "capability"])
+def test_factors_at_the_ends_are_answers(good, command, weak):
+    result = run(command, good, "--weak", weak, "--format", "json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["weak_factors"] == {"j3": abs(float(weak[2:]))}
+
+
+@pytest.mark.parametrize("names", [("a:b", "a.b"), ("left elbow", "3rd"), ("a=b", "-j")])
+def test_joints_with_names_of_any_kind_fail_in_any_mode(tmp_path, names):
+    one, other = names
+    parts = {"j2": joint(one, "l1", "l2"), "j3": joint(other, "l2", "l3")}
+    path = write(tmp_path, arm(**parts))
+    options = ["--tip", "tool", "--weak", f"{one}:0.5", f"--free={other}", "--format", "json"]
+    for command in ("analyze", "capability"):
+        result = run(command, path, *options)
+        assert result.exit_code == 0, result.output
+        assert json.loads(result.stdout)["modes"] == {one: "weak", other: "free"}
 
 
 @pytest.mark.parametrize("faults", ["0", "-1", "5", "99999999999999999999"])
@@ -309,6 +505,17 @@ def test_degrees_for_radians_are_a_warning(good):
         (["census", "dh5", "--faults", "2.5"], "Invalid value for '--faults'"),
         (["analyze", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["census", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
+        (["capability"], "Missing argument 'ROBOT'"),
+        (["capability", "dh5", "--force", "1,2,3"], "No such option: --force"),
+        (["capability", "dh5", "--inverse", "dynamic"], "No such option: --inverse"),
+        (["capability", "dh5", "--rtol", "small"], "Invalid value for '--rtol'"),
+        (["capability", "dh5", "--limits"], "'--limits' requires an argument"),
+        (["analyze", "dh5", "--mode", "free"], "No such option: --mode"),
+        (["analyze", "dh5", "--direction", "1,0,0"], "No such option: --direction"),
+        (["census", "dh5", "--locked", "1"], "No such option: --locked"),
+        (["census", "dh5", "--weak", "1:0.5"], "No such option: --weak"),
+        (["census", "dh5", "--direction", "1,0,0"], "--direction counts only with --rank-by capa"),
+        (["capabilities", "dh5"], "No such command 'capabilities'. Did you mean 'capability'?"),
     ],
 )
 def test_wrong_command_lines(arguments, message):
