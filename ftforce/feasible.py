@@ -235,8 +235,11 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     feasible :
         The feasible forces.
     space :
-        Orthonormal basis of the directions that count, shape (m, r), r ≥ 1.
+        Orthonormal basis of the directions that count, shape (m, r); without any the first axis
+        counts.
     """
+    if not space.size:
+        space = np.eye(len(space), 1)
     if not feasible.stands_still or feasible.F0.any():  # no force at all is not among them
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
@@ -244,17 +247,17 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     if s[0] > feasible.rtol:  # a direction of which nothing is left, either way along it
         direction = space.dot(Vt[0])
         largest = direction[int(np.argmax(np.abs(direction)))]
-        return Weakest(math.copysign(1.0, largest) * direction, Reach(0.0, 0.0))
+        direction = math.copysign(1.0, largest) * direction
+        return Weakest(direction, reach(feasible, direction))  # 0, or nothing at all
     levers = feasible.rows.dot(space)
     size = np.sqrt(np.einsum("ij,ij->i", levers, levers))
     loaded = size > feasible.rtol * feasible.scale
     if not loaded.any():
-        return Weakest(space[:, 0], Reach(0.0, math.inf))
+        return Weakest(space[:, 0], reach(feasible, space[:, 0]))
     # The closest of the planes ``J_iᵀ F = bound``, both bounds of every joint.
-    distance = np.where(
-        loaded, np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0), math.inf
-    )
-    i = int(np.argmin(distance))
+    with np.errstate(over="ignore"):  # too far away for a number
+        distance = np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0)
+    i = int(np.argmin(np.where(loaded, distance, math.inf)))
     sign = 1.0 if feasible.upper[i] <= -feasible.lower[i] else -1.0
     direction = sign * space.dot(levers[i] / size[i])
     return Weakest(direction, reach(feasible, direction))
@@ -263,7 +266,7 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
 def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
     """Return the interval of s for which ``s·d`` lies in the plane ``F₀ + Z z``."""
     Z, F0 = feasible.Z, feasible.F0
-    offset = math.sqrt(F0.dot(F0))
+    offset = _norm(F0)
     if Z.shape[1] == len(d) and offset == 0.0:
         return 0.0, math.inf
     beyond = d - Z.dot(d.dot(Z))
@@ -272,10 +275,10 @@ def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
         return (0.0, math.inf) if offset == 0.0 else (0.0, -1.0)
     if offset == 0.0:
         return 0.0, 0.0
-    s = float(F0.dot(beyond)) / (size * size)
+    s = float((F0 / size).dot(beyond / size))
     miss = _norm(s * beyond - F0)
     return (s, s) if s >= 0.0 and miss <= feasible.rtol * offset else (0.0, -1.0)
 
 
 def _norm(x: Vector) -> float:
-    return math.sqrt(x.dot(x))
+    return math.hypot(*x.tolist())  # also where squares vanish or overflow

@@ -226,8 +226,8 @@ def ray_by_highs(problem, d, *, held=False, most=None):
             [sign],
             A_ub=rows,
             b_ub=sides,
-            A_eq=aside[:, None],
-            b_eq=space.e,
+            A_eq=aside[:, None] / (np.linalg.norm(aside) or 1.0),
+            b_eq=space.e / (np.linalg.norm(aside) or 1.0),
             bounds=[(0.0, most)],
         )
         if found.status == 2:
