@@ -76,7 +76,9 @@ def amount_in_words(amount: Amount, unit: str) -> str:
 def is_point(amount: Amount) -> bool:
     """Return whether one amount alone holds the arm: with less, too, it does not stand still."""
     least, most = amount.least, amount.most
-    return least > NEGLIGIBLE and most - least <= NEGLIGIBLE * max(1.0, most)
+    if least <= NEGLIGIBLE or math.isinf(most):
+        return False
+    return most - least <= NEGLIGIBLE * max(1.0, most)
 
 
 def end_in_words(analysis: Analysis, amount: Amount) -> str:

@@ -15,7 +15,7 @@ from ftforce.show.joints import (
     by_unit,
     motion_table,
     torque_table,
-    unit_torque_table,
+    unit_torque_tables,
     velocity_tables,
 )
 from ftforce.show.tables import (
@@ -52,7 +52,7 @@ def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableTyp
         facts(situation(analysis)),
         torque_table(analysis, torque, degrees=degrees)
         if torque
-        else unit_torque_table(analysis, degrees=degrees),
+        else unit_torque_tables(analysis, degrees=degrees),
         motion_table(analysis),
         velocity_tables(analysis),
         _tip(analysis.task, force) if force else _unit_tip(analysis),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.changes import TorqueChange
     from ftforce.faults import Fault
-    from ftforce.robot import Joint, Robot
+    from ftforce.robot import Robot
 
 
 def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> TitledTable:
@@ -105,35 +105,37 @@ def motion_table(analysis: Analysis) -> TitledTable | None:
     return result
 
 
-def unit_torque_table(analysis: Analysis, *, degrees: bool) -> TitledTable:
-    """Return the torques for a force of 1 N (1 N·m) along each task axis."""
-    task = analysis.task
-    few = task.m <= 3
-    digits = 3 if few else 2  # six components need the room
-    titles = [f"{name}\n1 {unit}" for name, unit in zip(task.components, task.units, strict=True)]
+def unit_torque_tables(analysis: Analysis, *, degrees: bool) -> RenderableType:
+    """Return the torques for a force of 1 N (1 N·m) along each task axis, three in a table."""
+    m = analysis.task.m
+    parts = [range(first, min(first + 3, m)) for first in range(0, m, 3)]
+    return spaced(*(_unit_torque_table(analysis, axes, degrees=degrees) for axes in parts))
+
+
+def _unit_torque_table(analysis: Analysis, axes: range, *, degrees: bool) -> TitledTable:
+    task, gravity = analysis.task, analysis.rnea.gravity
     angle = "deg" if degrees else "rad"
     result = table(
         "Motor torque [N·m] for each unit force: before, → after where it changes",
-        "#", "joint", *(["state"] if few else []), f"q\n[{angle}]", *titles,
-        *(["\nweight"] if few else []), left=3 if few else 2, folded=(1,),
+        "#", "joint", "state", f"q\n[{angle}]",
+        *(f"{task.components[k]}\n1 {task.units[k]}" for k in axes), "\nweight",
+        left=3, folded=(1,),
     )  # fmt: skip
     positions = shown_positions(analysis.robot, analysis.posture.q, degrees=degrees)
     faults = faults_by_joint(analysis)
     for i, joint in enumerate(analysis.robot.joints):
-        cells = [_unit_cell(joint, torque, i, digits) for _, torque in analysis.unit_forces]
-        state = [fault_text(faults.get(i))] if few else []
-        gravity = analysis.rnea.gravity
         unit = " N" if joint.type == "prismatic" else ""
-        weight = [number(float(gravity[i])) + unit if gravity is not None else "?"] if few else []
-        result.add_row(str(joint.number), joint.name, *state, positions[i], *cells, *weight)
-    result.caption = "weight comes on top of each" if few else ""
+        cells = [_unit_cell(analysis.unit_forces[k][1], i) + unit for k in axes]
+        weight = "?" if gravity is None else number(float(gravity[i])) + unit
+        state = fault_text(faults.get(i))
+        result.add_row(str(joint.number), joint.name, state, positions[i], *cells, weight)
+    result.caption = "weight comes on top of each"
     return result
 
 
-def _unit_cell(joint: Joint, torque: TorqueChange, i: int, digits: int) -> str:
-    unit = " N" if joint.type == "prismatic" else ""
-    before = number(float(torque.before[i]), digits) + unit
-    after = "–" if torque.after is None else number(float(torque.after[i]), digits) + unit
+def _unit_cell(torque: TorqueChange, i: int) -> str:
+    before = number(float(torque.before[i]), 3)
+    after = "–" if torque.after is None else number(float(torque.after[i]), 3)
     if after == before:
         return before
     gone = torque.after is not None and abs(torque.after[i]) <= words.NEGLIGIBLE
