@@ -61,17 +61,19 @@ class Fault:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the factor.
+        """Check mode and factor; a mode may be given by its name.
 
         Raises
         ------
         InputError
-            It does not lie between 0 and 1, or the joint is not weak.
+            There is no such mode, the factor does not lie between 0 and 1, or the joint is not
+            weak.
         """
-        if not 0.0 <= self.factor <= 1.0:  # NaN neither
+        object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
-                f"(full torque), got {self.factor:g}"
+                f"(full torque), got {self.factor}"
             )
         if self.mode is not FaultMode.WEAK and self.factor != 1.0:
             raise InputError(f"only a weak joint has a factor, joint {self.joint + 1} is {self}")
@@ -151,21 +153,26 @@ class FaultSet:
         InputError
             A joint lies beyond the chain's n.
         """
-        if self.faults and (last := self.faults[-1].joint) >= n:
-            raise InputError(f"joint {last + 1} is out of range; the chain has {n} joints")
+        self._check_range(n)
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
     def swinging_mask(self, n: int) -> Mask | None:
         """Return True at the joints without any torque, shape (n,); ``None`` if there are none."""
+        self._check_range(n)
         joints = self.swinging
         return _mask(n, joints) if joints else None
 
     def factors(self, n: int) -> Vector:
         """Return the share of its largest torque that each joint can give, shape (n,)."""
+        self._check_range(n)
         factors = np.ones(n)
         for fault in self.faults:
             factors[fault.joint] = 0.0 if fault.has_no_torque else fault.factor
         return read_only(factors)
+
+    def _check_range(self, n: int) -> None:
+        if self.faults and (last := self.faults[-1].joint) >= n:
+            raise InputError(f"joint {last + 1} is out of range; the chain has {n} joints")
 
     def __len__(self) -> int:
         return len(self.faults)
@@ -187,6 +194,13 @@ def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iter
 def count_fault_sets(n: int, largest: int) -> int:
     """Return how many sets `fault_sets` yields."""
     return sum(comb(n, size) for size in range(1, largest + 1))
+
+
+def _is_share(factor: float) -> bool:
+    try:
+        return 0.0 <= factor <= 1.0  # NaN is none
+    except TypeError:
+        return False
 
 
 def _joint_of(fault: Fault) -> int:

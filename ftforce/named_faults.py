@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
 from ftforce.errors import InputError
@@ -10,8 +11,6 @@ from ftforce.faults import Fault, FaultMode, FaultSet
 from ftforce.source import read_numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from ftforce.robot import Robot
 
 Joints: TypeAlias = "Iterable[int | str] | str | int"
@@ -59,7 +58,7 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
     if isinstance(weak, Mapping):
         return list(weak.items())
     if not isinstance(weak, str):
-        pairs = list(weak)
+        pairs = list(weak) if isinstance(weak, Iterable) else [weak]
         if not all(isinstance(pair, (tuple, list)) and len(pair) == 2 for pair in pairs):
             raise InputError(f"weak joints are given as {{joint: factor}}, got {weak!r}")
         return [(joint, factor) for joint, factor in pairs]
@@ -70,8 +69,11 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
         joint, colon, factor = word.rpartition(":")
         if not colon:
             raise InputError(
-                f"a weak joint needs its factor, e.g. {word.strip()}:0.5 for half of its torque"
+                "a weak joint needs its factor behind a colon, e.g. 3:0.5 for half of its torque, "
+                f"got {word.strip()!r}"
             )
+        if not joint.strip():
+            raise InputError(f"a factor needs its weak joint, e.g. 3{word.strip()}")
         try:
             found.append((joint, read_numbers(factor, 1)[0]))
         except ValueError as problem:
@@ -80,6 +82,6 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
 
 
 def _factor(joint: int | str, factor: object) -> float:
-    if isinstance(factor, bool) or not hasattr(factor, "__float__"):
+    if isinstance(factor, bool) or not isinstance(factor, Real):
         raise InputError(f"the factor of weak joint {joint!r} needs a number, got {factor!r}")
     return float(factor)

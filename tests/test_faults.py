@@ -8,8 +8,10 @@ from math import comb
 import numpy as np
 import pytest
 
-from ftforce.errors import InputError
+from ftforce.errors import InputError, UnknownNameError
 from ftforce.faults import Fault, FaultMode, FaultSet, count_fault_sets, fault_sets
+
+FREE, WEAK = FaultMode.FREE, FaultMode.WEAK
 
 
 def test_sets_are_equal_whatever_the_order():
@@ -26,9 +28,104 @@ def test_sets_print_joints_counted_from_one():
     assert str(FaultSet()) == "{}"
 
 
+def test_sets_print_modes_where_not_all_are_locked():
+    mixed = FaultSet((Fault(3, FREE), Fault(1), Fault(0, WEAK, 0.25)))
+    assert str(mixed) == "{1 weak 0.25, 2 locked, 4 free}"
+    assert str(FaultSet.all_of(FREE, [1])) == "{2 free}"
+
+
 def test_mode_is_locked_unless_said():
     assert Fault(2) == Fault(2, FaultMode.LOCKED)
     assert FaultMode("locked") is FaultMode.LOCKED
+
+
+# ---- modes -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", list(FaultMode))
+def test_modes_by_name(mode):
+    assert FaultMode.parse(mode.value) is mode
+    assert FaultMode.parse(mode) is mode
+    assert Fault(0, mode.value).mode is mode  # a name that stayed one would be no mode anywhere
+
+
+def test_a_mode_given_by_its_name_counts():
+    assert FaultSet((Fault(1, "free"),)).swinging == (1,)
+    assert FaultSet((Fault(1, "locked"),)).mask(2).tolist() == [False, True]
+    assert FaultSet((Fault(1, "weak", 0.5),)).factors(2).tolist() == [1.0, 0.5]
+
+
+@pytest.mark.parametrize("mode", ["Locked", "broken", "", None, 3])
+def test_a_mode_that_does_not_exist(mode):
+    with pytest.raises(UnknownNameError, match=r"no fault mode .*there is: locked, free, weak"):
+        FaultMode.parse(mode)
+    with pytest.raises(UnknownNameError, match=r"no fault mode .*there is: locked, free, weak"):
+        Fault(0, mode)
+
+
+def test_each_mode_has_its_joints():
+    mixed = FaultSet((Fault(3, FREE), Fault(1), Fault(0, WEAK, 0.5), Fault(4, WEAK, 0.0)))
+    assert mixed.joints == (0, 1, 3, 4)
+    assert mixed.in_mode(FaultMode.LOCKED) == (1,)
+    assert mixed.in_mode(FREE) == (3,)
+    assert mixed.in_mode(WEAK) == (0, 4)
+    assert mixed.swinging == (3, 4)  # weak with nothing left is free
+    assert mixed.mask(6).tolist() == [False, True, False, False, False, False]
+    assert mixed.swinging_mask(6).tolist() == [False, False, False, True, True, False]
+    assert mixed.factors(6).tolist() == [0.5, 1, 1, 0, 0, 1]
+    assert not mixed.factors(6).flags.writeable
+    assert not mixed.swinging_mask(6).flags.writeable
+
+
+def test_without_a_swinging_joint_there_is_no_mask():
+    assert FaultSet((Fault(1), Fault(2, WEAK, 1e-300))).swinging_mask(3) is None
+    assert FaultSet().swinging_mask(3) is None
+
+
+@pytest.mark.parametrize("factor", [0, 0.0, 0.5, 1, 1.0, np.float64(0.25), np.float32(0.5)])
+def test_factors_in_range(factor):
+    fault = Fault(0, WEAK, factor)
+    assert fault.factor == factor
+    assert fault.has_no_torque is (factor == 0)
+
+
+@pytest.mark.parametrize("factor", [-1e-9, 1.0000001, np.nan, np.inf, -np.inf, 2, "0.5", None, 1j])
+def test_factors_out_of_range(factor):
+    with pytest.raises(
+        InputError, match=r"factor of weak joint 3 must lie between 0 .* and 1 .*, got"
+    ) as caught:
+        Fault(2, WEAK, factor)
+    assert str(factor) in str(caught.value)
+
+
+@pytest.mark.parametrize("mode", [FaultMode.LOCKED, FREE])
+def test_only_a_weak_joint_has_a_factor(mode):
+    with pytest.raises(InputError, match=f"only a weak joint has a factor, joint 3 is {mode}"):
+        Fault(2, mode, 0.5)
+
+
+def test_a_joint_fails_in_one_mode():
+    with pytest.raises(InputError, match="joint 2 cannot be both locked and free; a joint fails"):
+        FaultSet((Fault(1), Fault(0), Fault(1, FREE)))
+    with pytest.raises(InputError, match="joint 2 is named twice in one fault set"):
+        FaultSet((Fault(1, WEAK, 0.5), Fault(1, WEAK, 0.25)))
+
+
+@pytest.mark.parametrize("ask", [FaultSet.mask, FaultSet.swinging_mask, FaultSet.factors])
+@pytest.mark.parametrize("mode", list(FaultMode))
+def test_joints_beyond_the_chain(ask, mode):
+    with pytest.raises(InputError, match="joint 4 is out of range; the chain has 3 joints"):
+        ask(FaultSet.all_of(mode, [0, 3]), 3)
+
+
+@pytest.mark.parametrize("mode", list(FaultMode))
+def test_all_sets_of_a_mode(mode):
+    found = list(fault_sets(3, 2, mode))
+    assert [faults.joints for faults in found] == [(0,), (1,), (2,), (0, 1), (0, 2), (1, 2)]
+    assert {fault.mode for faults in found for fault in faults.faults} == {mode}
+
+
+# ---- masks and sets --------------------------------------------------------------------------
 
 
 def test_mask_marks_the_locked_joints():
