@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import ftforce
 from ftforce import cli
-from ftforce.cli import common
+from ftforce.cli import common, printing
 from urdfs import full_device
 
 DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
@@ -622,3 +622,76 @@ def test_a_terminal_without_unicode_still_shows_the_answer():
     done = subprocess_run("analyze", DH5, "--locked", "3", env=environment)
     assert done.returncode == 0
     assert b"Not tolerated" in done.stdout
+
+
+# ---- the program, in this process ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["capability", "inspect"])
+def test_only_the_command_that_is_named_is_built(monkeypatch, capsys, command):
+    built = []
+    whole = cli.build
+    monkeypatch.setattr(cli, "build", lambda *names: built.append(names) or whole(*names))
+    monkeypatch.setattr(sys, "argv", ["ftforce", command, DH5, "--format", "json"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 0
+    assert built == [(command,)]
+    robot = json.loads(capsys.readouterr().out)
+    assert (robot if command == "inspect" else robot["robot"])["tip"] == "tool"
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["capabilty"], []], ids=str)
+def test_without_a_command_all_are_built(monkeypatch, capsys, words):
+    built = []
+    whole = cli.build
+    monkeypatch.setattr(cli, "build", lambda *names: built.append(names) or whole(*names))
+    monkeypatch.setattr(sys, "argv", ["ftforce", *words])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert built == [cli.COMMANDS]
+    capsys.readouterr()
+
+
+def test_the_package_has_the_program_and_nothing_else():
+    assert cli.app is cli.app
+    with pytest.raises(AttributeError, match="has no attribute 'appp'"):
+        _ = cli.appp
+
+
+def test_what_main_says_of_an_output_that_fails(monkeypatch, capsys):
+    def fail():
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cli, "build", lambda *_: fail)
+    monkeypatch.setattr(sys, "argv", ["ftforce", "--help"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 1
+    reason = "standard output cannot be written (No space left on device)"
+    assert capsys.readouterr().err == f"error: {reason}\n"
+    monkeypatch.setattr(sys, "argv", ["ftforce", "--help", "--debug"])
+    with pytest.raises(OSError, match="No space left"):
+        cli.main()
+
+
+def test_a_standard_output_that_is_closed_complains(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    printing.prepare_streams()
+    with pytest.raises(ftforce.FtforceError, match=r"cannot be written \(it is closed\)"):
+        printing.say("hello")
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    printing.say("hello")
+    assert sys.stdout.getvalue() == "hello\n"
+
+
+def test_a_reader_who_leaves_is_told_apart_from_a_full_disk(monkeypatch):
+    class Pipe(io.StringIO):
+        def flush(self):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stdout", Pipe())
+    with pytest.raises(BrokenPipeError), printing.printing():
+        pass
+    # A command takes it for an answer.
+    assert common.guarded(lambda: printing.say("hello"))() is None
