@@ -137,7 +137,9 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
     # Between neighbouring σ_i the jump is the same for all t, and t is allowed to be anything
     # from the interval's start (strictest) to its end.
     doubtful = sorted(
-        s / scale for s in reduced.damaged.s if reduced.rtol * scale < s <= wary * scale
+        tolerance_that_loses(s, scale)
+        for s in reduced.damaged.s
+        if reduced.rtol * scale < s <= wary * scale
     )
     starts = [reduced.rtol, *doubtful]
     answers = set()
@@ -146,6 +148,12 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
         relative_jump = math.sqrt(lost)
         answers |= {relative_jump <= start, relative_jump <= end}
     return answers
+
+
+def tolerance_that_loses(s: float, scale: float) -> float:
+    """Return the least tolerance t that gives a singular value away, s ≤ t · scale."""
+    t = s / scale
+    return t if s <= t * scale else math.nextafter(t, math.inf)  # a quotient may be rounded down
 
 
 def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:

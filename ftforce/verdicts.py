@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ftforce.bounded import nearest_force
 from ftforce.feasible import feasible_forces
-from ftforce.metrics import Verdict, verdict
+from ftforce.metrics import Verdict, tolerance_that_loses, verdict
 from ftforce.reduced import reduce_decomposed
 
 if TYPE_CHECKING:
@@ -59,14 +59,13 @@ def _answers(
     bounded: BoundedRemap,
     largest: Vector | None,
 ) -> set[bool]:
-    doubtful = _doubtful(reduced, wary)
-    starts = [reduced.rtol, *doubtful]
     mask = None
     if reduced.swinging is not None:
         mask = ~(reduced.commanding | reduced.locked)
-    answers = set()
-    for start, end in zip(starts, [*doubtful, wary], strict=True):
-        here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
+    answers: set[bool] = set()
+    here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
+    start: float | None = reduced.rtol
+    while start is not None:  # from one change of a rank to the next
         if start != reduced.rtol:
             here = reduce_decomposed(reduced.healthy, reduced.locked, start, mask)
             feasible = feasible_forces(here, bounded.rnea, largest)
@@ -76,18 +75,24 @@ def _answers(
         jump = _relative_jump(feasible, F_after, bounded)
         if F is None and here.rank_after < reduced.rank:
             jump = math.inf  # a direction is lost
-        answers |= {feasible.unbalanced <= t and jump <= t for t in (start, end)}
+        end = _next_change(here, wary)
+        answers |= {feasible.unbalanced <= t and jump <= t for t in (start, end or wary)}
+        start = end
     return answers
 
 
-def _doubtful(reduced: ReducedJacobian, wary: float) -> list[float]:
-    """Return the tolerances between rtol and wary at which a rank changes."""
+def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
+    """Return the next larger tolerance at which a rank changes, ``None`` if up to wary none does.
+
+    Asked anew at every change: when a swinging column counts as zero, K gets other values.
+    """
     scale = reduced.sigma_max
     values = list(reduced.damaged.s)
     if reduced.swinging is not None:
         values += reduced.swinging.s.tolist()
     lowest, highest = reduced.rtol * scale, wary * scale
-    return sorted({s / scale for s in values if lowest < s <= highest})
+    above = [s for s in values if lowest < s <= highest]
+    return tolerance_that_loses(min(above), scale) if above else None
 
 
 def _relative_jump(
@@ -97,10 +102,14 @@ def _relative_jump(
     if F_after is None:
         return math.inf
     F, rnea = bounded.nearest.F, bounded.rnea
-    jump = math.sqrt((F - F_after).dot(F - F_after))
+    jump = _norm(F - F_after)
     if jump == 0.0:
         return 0.0
-    if size := math.sqrt(F.dot(F)):
+    if size := _norm(F):
         return jump / size
-    weight = math.sqrt(rnea.dot(rnea))
+    weight = _norm(rnea)
     return jump * feasible.scale / weight if weight > 0.0 else math.inf
+
+
+def _norm(x: Vector) -> float:
+    return math.hypot(*x.tolist())  # also where squares vanish or overflow
