@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from ftforce import remap
-from ftforce.closed_forms import exerted_force, force_jump, supported_force, velocity_remap
+from ftforce.closed_forms import (
+    dynamically_exerted_force,
+    exerted_force,
+    force_jump,
+    supported_force,
+    velocity_after_impact,
+    velocity_remap,
+)
 from ftforce.errors import DimensionError, InputError
 from ftforce.reduced import reduce
 from helpers import assert_close, diagonal
@@ -329,3 +336,175 @@ def test_norm_of_a_jump_in_the_unit_of_the_force():
     three_four = force_jump(diagonal(1, 1, 1, locked=[0, 1]), np.array([3.0, 4.0, 7.0]))
     assert three_four.jump_norm == 5.0
     assert math.isclose(remap(J, J.T @ F, locking(1, 3)).jump_norm, 2.5 * math.sqrt(2))
+
+
+# ---- velocities with joints that swing freely ------------------------------------------------
+
+
+def freeing(J, *joints, locked=()):
+    """Return the reduced Jacobian with free joints, numbered from 1."""
+    n = J.shape[1]
+    return reduce(J, locking(*locked, n=n), swinging=locking(*joints, n=n))
+
+
+def test_a_joint_that_swings_goes_on_as_it_moves():
+    v = np.array([1.0, 2.0, 3.0])
+    change = velocity_remap(freeing(J, 2), v)
+    assert_close(change.after, v)  # nothing is locked: nothing has to be made up for
+    assert_close(change.jump, [0, 0], scale=1.0)
+    assert_close(change.tip_after, [3, 5])
+
+
+def test_a_joint_that_swings_makes_up_for_nothing():
+    v = np.array([1.0, 2.0, 3.0])
+    change = velocity_remap(freeing(J, 2, locked=(1,)), v)  # joint 3 alone has a motor
+    assert_close(change.after, [0, 2, 3])
+    assert_close(change.jump, [-1, 0])
+    assert_close(change.tip_after, [2, 5])
+    with_motor = velocity_remap(reduce(J, locking(1)), v)
+    assert_close(with_motor.after, [0, 3, 2])
+    assert_close(with_motor.jump, [0, 0], scale=1.0)
+
+
+def test_velocities_with_swinging_and_locked_joints_by_pseudo_inverses():
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        m, n = rng.integers(1, 5), rng.integers(2, 9)
+        A, v = rng.normal(size=(m, n)), rng.normal(size=n)
+        state = rng.choice(3, size=n)
+        locked, free = state == 1, state == 2
+        change = velocity_remap(reduce(A, locked, swinging=free), v)
+        K = np.where(
+            locked | free, 0.0, A
+        )  # the columns themselves: a motor moves, it need not hold
+        x_S = A[:, locked] @ v[locked]
+        moved = np.linalg.pinv(K) @ x_S
+        assert_close(change.after, np.where(locked, 0.0, v) + moved, scale=1.0, tol=1e-8)
+        assert_close(change.after[free], v[free], scale=1.0, tol=1e-15)
+        assert_close(change.jump, K @ moved - x_S, scale=1.0)
+        assert_close(change.tip_after, A @ change.after, scale=10.0)
+        np.testing.assert_array_equal(change.after[locked], 0.0)
+
+
+# ---- at impact -------------------------------------------------------------------------------
+
+
+def inertia(rng, n, spread=1.0):
+    """Draw a mass matrix with eigenvalues over some decades."""
+    Q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    return Q * 10.0 ** rng.uniform(-spread, spread, size=n) @ Q.T
+
+
+def test_two_joints_at_impact_by_hand():
+    # The first joint stops; its momentum drives the second on.
+    M = np.array([[3.0, 1.0], [1.0, 2.0]])
+    after = velocity_after_impact(M, locking(1, n=2), np.array([4.0, 1.0]))
+    assert_close(after, [0, 3])  # 1 + 1/2 · 4
+    assert_close(velocity_after_impact(M, locking(2, n=2), np.array([4.0, 3.0])), [5, 0])
+
+
+def test_nothing_locked_changes_no_velocity_and_everything_locked_stops():
+    rng = np.random.default_rng(0)
+    M, v = inertia(rng, 3), rng.normal(size=3)
+    unchanged = velocity_after_impact(M, locking(), v)
+    np.testing.assert_array_equal(unchanged, v)
+    assert unchanged is not v  # nor is the argument handed out
+    np.testing.assert_array_equal(velocity_after_impact(M, locking(1, 2, 3), v), np.zeros(3))
+
+
+def test_an_impact_keeps_the_momentum_of_sound_joints_and_takes_energy():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        n = int(rng.integers(1, 9))
+        M, v, locked = inertia(rng, n), rng.normal(size=n), rng.random(n) < 0.4
+        before, mask = v.copy(), locked.copy()
+        after = velocity_after_impact(M, locked, v)
+        np.testing.assert_array_equal(v, before)
+        np.testing.assert_array_equal(locked, mask)
+        np.testing.assert_array_equal(after[locked], 0.0)
+        assert_close((M @ (after - v))[~locked], np.zeros(n)[~locked], scale=10.0 * n)
+        lost = 0.5 * (v @ M @ v - after @ M @ after)
+        assert lost >= -1e-10 * (v @ M @ v)
+        # Carnot: what is lost is the energy of the velocities that are lost.
+        assert_close(lost, 0.5 * (v - after) @ M @ (v - after), scale=v @ M @ v + 1e-300)
+        if not v[locked].any():
+            np.testing.assert_array_equal(after, v)
+
+
+def test_a_locked_joint_at_rest_is_no_impact():
+    M = inertia(np.random.default_rng(2), 3)
+    v = np.array([1.0, 0.0, -2.0])
+    np.testing.assert_array_equal(velocity_after_impact(M, locking(2), v), v)
+
+
+def test_velocities_after_an_impact_are_proportional_to_those_before():
+    rng = np.random.default_rng(3)
+    M, v, w = inertia(rng, 5), *rng.normal(size=(2, 5))
+    one, other, both = (velocity_after_impact(M, locking(2, 4, n=5), x) for x in (v, w, v + 2 * w))
+    assert_close(both, one + 2 * other)
+    assert_close(velocity_after_impact(1e-6 * M, locking(2, 4, n=5), v), one)
+
+
+# ---- the dynamically consistent inverse ------------------------------------------------------
+
+
+def weighted_inverse(A, M):
+    """Return the inverse of Aᵀ that is shortest in the metric of M⁻¹, by its definition."""
+    L = np.linalg.cholesky(np.linalg.inv(M))
+    return np.linalg.pinv(L.T @ A.T, rcond=1e-10) @ L.T
+
+
+def test_a_dynamically_exerted_force_by_hand():
+    # One direction, two joints: the lighter one decides more.
+    pair = reduce(np.array([[1.0, 1.0]]), locking(n=2))
+    M = np.diag([1.0, 3.0])
+    assert_close(dynamically_exerted_force(pair, np.array([4.0, 0.0]), M), [3])
+    assert_close(dynamically_exerted_force(pair, np.array([0.0, 4.0]), M), [1])
+    assert_close(exerted_force(pair, np.array([4.0, 0.0])), [2])
+
+
+def test_dynamically_exerted_forces_in_the_metric_of_the_mass():
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        m, n = int(rng.integers(1, 7)), int(rng.integers(1, 9))
+        A, M, tau = rng.normal(size=(m, n)), inertia(rng, n), rng.normal(size=n)
+        if rng.random() < 0.5:
+            rank = int(rng.integers(0, min(m, n) + 1))
+            A = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+        reduced = reduce(A, np.zeros(n, dtype=bool))
+        F = dynamically_exerted_force(reduced, tau, M)
+        wanted = weighted_inverse(A, M) @ tau
+        assert_close(F, wanted, scale=np.abs(wanted).max() or 1.0, tol=1e-7)
+        assert F.shape == (m,)
+        # What is left of the torques does not accelerate the tip.
+        over_M = np.linalg.solve(M, tau - A.T @ F)
+        size = np.abs(A).max() * np.abs(np.linalg.solve(M, tau)).max() or 1.0
+        assert_close(A @ over_M, np.zeros(m), scale=size, tol=1e-7)
+
+
+def test_both_inverses_agree_on_torques_of_a_force():
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        m, n = int(rng.integers(1, 7)), int(rng.integers(1, 9))
+        rank = int(rng.integers(0, min(m, n) + 1))
+        A = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+        reduced, F = reduce(A, np.zeros(n, dtype=bool)), rng.normal(size=m)
+        dynamic = dynamically_exerted_force(reduced, A.T @ F, inertia(rng, n))
+        assert_close(dynamic, exerted_force(reduced, A.T @ F), scale=1.0, tol=1e-7)
+        assert_close(dynamic, supported_force(reduced, F), scale=1.0, tol=1e-7)
+
+
+def test_both_inverses_agree_on_equal_masses_and_without_redundancy():
+    rng = np.random.default_rng(6)
+    A, tau = rng.normal(size=(3, 6)), rng.normal(size=6)
+    wide, square = reduce(A, locking(n=6)), reduce(A[:, :3], locking())
+    assert_close(dynamically_exerted_force(wide, tau, 2.5 * np.eye(6)), exerted_force(wide, tau))
+    dynamic = dynamically_exerted_force(square, tau[:3], inertia(rng, 3))
+    assert_close(dynamic, exerted_force(square, tau[:3]))
+
+
+def test_no_direction_no_dynamic_force():
+    nothing = reduce(np.zeros((2, 3)), locking())
+    assert_close(dynamically_exerted_force(nothing, np.ones(3), np.eye(3)), [0, 0])
+    lean = reduce(np.array([[1.0, 0.0], [0.0, 1e-7]]), locking(n=2))  # rtol gives the second away
+    assert_close(dynamically_exerted_force(lean, np.array([2.0, 1.0]), np.eye(2)), [2, 0])

@@ -9,6 +9,7 @@ from ftforce.reduced import (
     RTOL,
     WARY,
     check_core_input,
+    check_mask,
     check_tolerances,
     reduce,
     reduce_decomposed,
@@ -100,7 +101,115 @@ def test_fewer_joints_than_task_rows(shape):
     assert len(reduced.damaged.s) == shape[0]
 
 
+# ---- joints without torque -------------------------------------------------------------------
+
+SWINGING = np.array([False, False, True, False, False, False])
+
+
+def test_columns_of_swinging_joints_are_projected_out():
+    reduced = reduce(J, MASK, swinging=SWINGING)
+    column = J[:, [2]]
+    beside = np.eye(3) - column @ np.linalg.pinv(column)
+    wanted = np.where(MASK | SWINGING, 0.0, beside @ J)
+    assert_close(reduced.K, wanted)
+    assert_close(column.T @ reduced.K, np.zeros((1, 6)), scale=1.0, tol=1e-14)
+    np.testing.assert_array_equal(reduced.K[:, MASK | SWINGING], 0.0)
+    np.testing.assert_array_equal(reduced.J, J)
+    assert (reduced.rank, reduced.rank_after) == (3, 2)
+    assert_close(reduced.damaged.s, np.linalg.svd(wanted, compute_uv=False), tol=1e-12)
+    assert reduced.locked is MASK
+
+
+def test_who_commands_is_neither_locked_nor_swinging():
+    np.testing.assert_array_equal(reduce(J, MASK).commanding, ~MASK)
+    both = reduce(J, MASK, swinging=SWINGING)
+    np.testing.assert_array_equal(both.commanding, ~(MASK | SWINGING))
+    assert reduce(J, MASK).swinging is None
+    assert both.swinging.joints == [2]
+
+
+def test_the_columns_of_swinging_joints_are_decomposed():
+    two = np.isin(np.arange(6), [0, 3])
+    swinging = reduce(J, np.zeros(6, dtype=bool), swinging=two).swinging
+    assert (swinging.U.shape, swinging.s.shape, swinging.Vt.shape) == ((3, 3), (2,), (2, 2))
+    assert_close(swinging.U[:, :2] * swinging.s @ swinging.Vt, J[:, two])
+    assert swinging.rank == 2
+
+
+def test_the_smallest_force_that_balances_swinging_joints():
+    rng = np.random.default_rng(7)
+    for joints in ([1], [0, 3], [0, 3, 5], [0, 1, 2, 3, 4]):
+        mask = np.isin(np.arange(6), joints)
+        swinging = reduce(J, np.zeros(6, dtype=bool), swinging=mask).swinging
+        rnea = rng.normal(size=6)
+        force, left = swinging.support(rnea), swinging.unbalanced(rnea)
+        assert_close(force, -np.linalg.pinv(J[:, mask].T) @ rnea[mask], scale=1.0, tol=1e-12)
+        assert_close(J[:, mask].T @ force + rnea[mask], left, scale=1.0, tol=1e-12)
+        if len(joints) <= 3:
+            assert_close(left, np.zeros(len(joints)), scale=1.0, tol=1e-12)
+        else:  # more joints than directions of force
+            assert np.linalg.norm(left) > 0.1
+            assert_close(J[:, mask] @ left, np.zeros(3), scale=1.0, tol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("strength", "rank"), [(1.01e-6, 1), (1e-6, 0), (0.99e-6, 0), (0.0, 0), (1e-3, 1)]
+)
+def test_a_swinging_column_at_the_tolerance_counts_as_zero(strength, rank):
+    lean = np.array([[1.0, 0.0], [0.0, strength]])
+    reduced = reduce(lean, np.array([False, False]), swinging=np.array([False, True]))
+    assert reduced.swinging.rank == rank
+    rnea = np.array([0.0, 3.0])
+    if rank:
+        assert_close(reduced.swinging.support(rnea), [0, -3 / strength])
+        assert_close(reduced.swinging.unbalanced(rnea), [0], scale=1.0)
+    else:
+        assert_close(reduced.swinging.support(rnea), [0, 0])
+        assert_close(reduced.swinging.unbalanced(rnea), [3])
+
+
+def test_parallel_swinging_columns_share_what_they_carry():
+    twins = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    mask = np.array([True, True, False])
+    swinging = reduce(twins, np.zeros(3, dtype=bool), swinging=mask).swinging
+    assert swinging.rank == 1
+    assert_close(swinging.support(np.array([2.0, 4.0, 9.0])), [-3, 0])
+    assert_close(swinging.unbalanced(np.array([2.0, 4.0, 9.0])), [-1, 1])
+
+
+def test_with_all_joints_locked_or_swinging_nothing_is_left():
+    for locked in (~SWINGING, np.zeros(6, dtype=bool)):
+        swinging = SWINGING if locked.any() else ~np.zeros(6, dtype=bool)
+        reduced = reduce(J, locked, swinging=swinging)
+        assert reduced.rank_after == 0
+        assert_close(reduced.K, np.zeros((3, 6)))
+
+
+def test_a_decomposition_serves_swinging_joints_too():
+    healthy = Svd(J)
+    for k in range(6):
+        mask = np.arange(6) == k
+        one = reduce_decomposed(healthy, MASK & ~mask, RTOL, mask)
+        other = reduce(J, MASK & ~mask, swinging=mask)
+        assert one.healthy is healthy
+        assert one.damaged.s == other.damaged.s
+        assert one.rank_after == other.rank_after
+    np.testing.assert_array_equal(healthy.A, J)
+
+
 # ---- what comes from outside -----------------------------------------------------------------
+
+
+def test_a_mask_is_named():
+    mask = check_mask([True, False], 2, "free")
+    assert mask.tolist() == [True, False]
+    assert not mask.flags.writeable
+    with pytest.raises(InputError, match=r"^free needs a boolean mask of shape \(2,\), .*got '1'"):
+        check_mask("1", 2, "free")
+    with pytest.raises(
+        DimensionError, match=r"^free needs 3 numbers, got 2 numbers: one entry per"
+    ):
+        check_mask([True, False], 3, "free")
 
 
 def test_lists_become_arrays():
