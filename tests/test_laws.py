@@ -10,7 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ftforce
+from ftforce.bounded import nearest_force
 from ftforce.closed_forms import force_jump, supported_force, velocity_remap
+from ftforce.feasible import Reading, feasible_forces, reach
 from ftforce.kinematics import tip_pose
 from ftforce.metrics import (
     Verdict,
@@ -35,6 +37,7 @@ from helpers import (
     urdf_of,
     with_singular_values,
 )
+from problems import Problem, draw_problem, margin_by_highs
 
 law = settings(deadline=None, max_examples=100)
 law_of_arms = settings(deadline=None, max_examples=40)
@@ -257,7 +260,208 @@ def test_velocity_change_is_the_shortest_of_the_best(case, seed):
         assert norm(K @ other - x_S) >= norm(K @ step - x_S) - 1e-7 * scale
 
 
+# ---- limits, weight and joints without torque ------------------------------------------------
+
+
+def asked(problem, F, **changes):
+    """Ask for a force; F̂ is what the healthy arm exerts of it."""
+    return problem.remap(tau=problem.J.T @ F, **changes)
+
+
+def size_of(result):
+    return max(norm(result.nearest.F), norm(result.F_after)) or 1.0
+
+
+@st.composite
+def limited(draw):
+    """Draw a problem with limits and a force."""
+    rng = np.random.default_rng(draw(seeds))
+    problem = draw_problem(rng)
+    F = rng.normal(size=len(problem.J)) * 10.0 ** rng.uniform(-1.0, 2.0)
+    assume(abs(margin_by_highs(problem)) > 1e-9)  # rounding decides
+    return problem, F
+
+
+@given(limited(), st.floats(0.0, 1.0))
+@law
+def test_weaker_limits_never_make_the_jump_smaller(case, factor):
+    problem, F = case
+    weak = np.where(np.arange(len(problem.tau)) % 2, factor, 1.0) * problem.limits + 1e-6
+    weak = np.fmin(weak, problem.limits)
+    assume(abs(margin_by_highs(problem._replace(limits=weak))) > 1e-9)
+    strong, other = asked(problem, F), asked(problem, F, limits=weak)
+    if other.F_after is not None:
+        assert strong.F_after is not None
+        assert norm(strong.jump) <= norm(other.jump) + 1e-9 * size_of(other)
+        assert other.share is None or strong.share >= other.share - 1e-9
+
+
+@given(limited(), seeds)
+@law
+def test_a_limit_that_gets_known_never_makes_the_jump_smaller(case, seed):
+    problem, F = case
+    hidden = np.random.default_rng(seed).random(len(problem.tau)) < 0.5
+    fewer = np.where(hidden, np.nan, problem.limits)
+    assume(abs(margin_by_highs(problem._replace(limits=fewer))) > 1e-9)
+    known, unknown = asked(problem, F), asked(problem, F, limits=fewer)
+    if known.F_after is not None:
+        assert norm(unknown.jump) <= norm(known.jump) + 1e-9 * size_of(known)
+
+
+@given(limited(), seeds)
+@law
+def test_more_locks_never_make_a_limited_jump_smaller(case, seed):
+    # A lock takes its motor's limit along: the brake's must be the same, or the set can grow.
+    problem, F = case
+    more = problem.locked | (np.random.default_rng(seed).random(len(problem.tau)) < 0.3)
+    more &= ~problem.free
+    assume(is_beyond_doubt(problem.J, problem.locked, more, problem.free, more | problem.free))
+    assume(abs(margin_by_highs(problem._replace(locked=more))) > 1e-9)
+    few, many = asked(problem, F), asked(problem, F, locked=more)
+    if many.F_after is not None:
+        assert few.F_after is not None
+        assert norm(few.jump) <= norm(many.jump) + 1e-7 * size_of(many)
+
+
+@given(limited())
+@law
+def test_without_torque_is_the_end_of_ever_weaker(case):
+    problem, F = case
+    k = 0
+    problem = problem._replace(
+        locked=problem.locked & (np.arange(len(problem.tau)) != k),
+        free=problem.free & (np.arange(len(problem.tau)) != k),
+    )
+    free = problem.free | (np.arange(len(problem.tau)) == k)
+    assume(is_beyond_doubt(problem.J, problem.locked, ~free, problem.locked | free))
+    gone = asked(problem, F, free=free)
+    assume(np.linalg.norm(problem.J[:, k]) > 0.1 * problem.scale and gone.F_after is not None)
+    limits = problem.limits.copy()
+    limits[k] = 1e-9 * (norm(problem.rnea) + problem.scale * size_of(gone)) + 1e-300
+    weak = asked(problem, F, limits=limits)
+    assert weak.F_after is not None
+    assert norm(weak.jump) <= norm(gone.jump) + 1e-7 * size_of(gone)
+
+
+@given(limited(), seeds)
+@law
+def test_turning_the_axes_turns_a_limited_jump(case, seed):
+    problem, F = case
+    R = orthogonal(np.random.default_rng(seed), len(F))
+    assume(is_clear(problem.J, problem.locked, ~problem.free, problem.locked | problem.free))
+    plain, turned = asked(problem, F), asked(problem._replace(J=R @ problem.J), R @ F)
+    assert (plain.F_after is None) == (turned.F_after is None)
+    if plain.F_after is not None:
+        scale = size_of(plain)
+        assert_close(turned.jump, R @ plain.jump, scale=scale, tol=1e-6)
+        assert_close(turned.F_after, R @ plain.F_after, scale=scale, tol=1e-6)
+        assert_close(norm(turned.jump), norm(plain.jump), scale=scale, tol=1e-6)
+        assert (plain.share is None) == (turned.share is None)
+        if plain.share is not None:
+            assert_close(turned.share, plain.share, scale=1.0, tol=1e-6)
+
+
+@given(limited())
+@law
+def test_torques_stay_within_limits_and_free_joints_give_none(case):
+    problem, F = case
+    result = asked(problem, F)
+    if result.F_after is None:
+        return
+    torque = problem.rnea + problem.J.T @ result.F_after
+    rounding = 1e-13 * (norm(problem.rnea) + problem.scale * size_of(result))
+    given_away = RTOL * problem.scale * size_of(result)
+    commanding = ~(problem.locked | problem.free)
+    np.testing.assert_array_equal(result.U[~commanding], 0.0)
+    known = ~np.isnan(problem.limits)
+    levers = np.linalg.norm(problem.J.T @ result.feasible.Z, axis=1)
+    loaded = levers > 2 * RTOL * problem.scale
+    for which, allowed in ((loaded, rounding), (~loaded, rounding + given_away)):
+        i = which & known & ~problem.free
+        assert np.all(np.abs(torque[i]) <= problem.limits[i] * (1 + 1e-9) + allowed)
+    assert np.all(np.abs(torque[problem.free]) <= RTOL * norm(problem.rnea) + given_away + rounding)
+
+
+@given(limited())
+@law
+def test_the_same_question_again_changes_nothing_more(case):
+    problem, F = case
+    once = asked(problem, F)
+    if once.F_after is None:
+        return
+    twice = nearest_force(once.feasible, once.F_after)
+    assert_close(twice.F_after, once.F_after, scale=size_of(once), tol=1e-8)
+
+
+@given(limited(), seeds)
+@law
+def test_no_force_that_can_be_held_is_closer(case, seed):
+    problem, F = case
+    one = asked(problem, F)
+    if one.F_after is None:
+        return
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        other = nearest_force(one.feasible, size_of(one) * rng.normal(size=len(F)))
+        assert norm(one.nearest.F - other.F_after) >= norm(one.jump) - 1e-9 * size_of(one)
+        between = 0.5 * (one.F_after + other.F_after)  # the set is convex
+        again = nearest_force(one.feasible, between).F_after
+        assert_close(again, between, scale=size_of(one) + norm(other.F_after), tol=1e-8)
+
+
+@given(limited())
+@law
+def test_what_is_held_is_never_less_than_what_is_commanded(case):
+    problem, F = case
+    S = problem.free if problem.free.any() else None
+    reduced = reduce(problem.J, problem.locked, swinging=S)
+    largest = np.where(problem.free, 0.0, problem.limits)
+    commanded, held = (
+        reach(feasible_forces(reduced, problem.rnea, largest, reading), F) for reading in Reading
+    )
+    if not commanded.is_empty:
+        assert held.most >= commanded.most * (1.0 - 1e-9)
+        assert held.least <= commanded.least * (1.0 + 1e-9)
+
+
 # ---- arms ------------------------------------------------------------------------------------
+
+
+@given(arms(least=3, most=6), seeds, st.data())
+@law_of_arms
+def test_tool_and_world_axes_tell_the_same_with_limits_and_modes(case, seed, data):
+    arm, q = case
+    modes = data.draw(st.lists(st.sampled_from("slfw"), min_size=arm.n, max_size=arm.n))
+    faults = {
+        "locked": [i for i, mode in enumerate(modes, start=1) if mode == "l"],
+        "free": [i for i, mode in enumerate(modes, start=1) if mode == "f"],
+        "weak": {i: 0.3 for i, mode in enumerate(modes, start=1) if mode == "w"},
+        "limits": "urdf",
+    }
+    F = np.random.default_rng(seed).normal(size=3) * 30.0
+    R, _ = tip_pose(arm, q)
+    tool = ftforce.analyze(arm, q, force=F, **faults)
+    world = ftforce.analyze(arm, q, force=R @ F, axes="world", **faults)
+    free = np.isin(np.arange(1, arm.n + 1), faults["free"])
+    locked = tool.reduced.locked
+    assume(is_beyond_doubt(tool.J, locked, ~free, locked | free))
+    none = np.where(free, np.nan, tool.limits.largest_torques(tool.faults))
+    problem = Problem(tool.J, np.zeros(arm.n), locked, free, none, tool.rnea.after)
+    assume(abs(margin_by_highs(problem)) > 1e-7)
+    assert tool.can_stand_still == world.can_stand_still
+    assert tool.verdict is world.verdict
+    if tool.can_stand_still:
+        scale = norm(tool.force.before) + norm(tool.force.after) or 1.0
+        assert_close(world.force.jump, R @ tool.force.jump, scale=scale, tol=1e-6)
+        assert_close(world.force.jump_norm, tool.force.jump_norm, scale=scale, tol=1e-6)
+        assert world.bounded.binding == tool.bounded.binding
+        assert tool.is_proved(), dict(tool.residuals())
+        known = ~np.isnan(none)
+        given_away = 2 * RTOL * tool.reduced.sigma_max * scale
+        total = np.abs(tool.torque.total_after)
+        assert np.all(total[known] <= none[known] * (1 + 1e-9) + given_away)
+        held = np.abs(tool.rnea.after + tool.J.T @ tool.force.after)[free]
+        assert np.all(held <= given_away + RTOL * norm(tool.rnea.after))
 
 
 def some_faults(data, arm):
