@@ -81,16 +81,16 @@ def is_point(amount: Amount) -> bool:
     return most - least <= NEGLIGIBLE * max(1.0, most)
 
 
-def end_in_words(analysis: Analysis, amount: Amount) -> str:
-    """Say what ends an amount."""
+def end_in_words(analysis: Analysis, amount: Amount, *, after: bool = True) -> str:
+    """Say what ends an amount, after the fault or before it, when no brake holds yet."""
     names = [analysis.robot.names[j] for j in amount.stops]
-    if amount.end is End.NOTHING:
+    if amount.end is End.UNLIMITED:
         return "no known limit"
     if amount.end is End.WEIGHT:
         return f"weight overloads {joined(names)}" if names else "weight"
     if amount.end is End.FAULT:
         return f"fault of {joined(names)}" if names else "the arm lacks it"
-    locked = set(analysis.faults.in_mode(FaultMode.LOCKED))
+    locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
     words = (
         f"{'brake of ' if j in locked else ''}{name}"
         for j, name in zip(amount.stops, names, strict=True)

@@ -220,6 +220,9 @@ def _set(names: Sequence[str], report: SetReport) -> Document:
         else {
             "commanded": finite(report.capability.commanded),
             "held": finite(report.capability.held),
+            "least": finite(report.capability.least),
+            "end": report.capability.end.value,
+            "held_end": report.capability.held_end.value,
             "stops": [names[j] for j in report.capability.stops],
         },
         "verdict": report.verdict.value,

@@ -69,7 +69,7 @@ class UnknownNameError(InputError):
     """
 
     def __init__(self, kind: str, name: object, available: Iterable[str], where: str = "") -> None:
-        self.kind, self.name, self.available = kind, name, tuple(available)
+        self.kind, self.name, self.available = kind, name, tuple(map(str, available))
         self.suggestion = closest(name, self.available)
         place = f" {where}" if where else ""
         message = f"no {kind} {name!r}{place}; there is: {listed(self.available)}"

@@ -229,6 +229,8 @@ def census(
     load = tip_load(robot, whole, wanted, force, torque, M=M)
     F = None if load is None else load.F
     ray = _direction(wanted, direction, F)
+    if direction is not None and not by_capability:
+        raise InputError("a direction is that of the capability: give it with rank_by='capability'")
     case = SharedCase(
         robot, wanted, place, conditions, counted, healthy, whole,
         rnea_change(robot, place.q, conditions, nothing), F, by_capability, ray, rtol, wary,
@@ -337,7 +339,8 @@ def _least(reports: list[SetReport]) -> float:
 
 def _criticality(joint: JointReport) -> tuple[float, ...]:
     mean = round(joint.mean_relative_jump, 9)
-    return -joint.not_tolerated, -joint.borderline, -mean, joint.alone.margin
+    margin = round(joint.alone.margin, 9)
+    return -joint.not_tolerated, -joint.borderline, -mean, margin, joint.joint
 
 
 def _feebleness(joint: JointReport) -> tuple[float, ...]:

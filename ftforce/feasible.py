@@ -60,7 +60,7 @@ class End(StrEnum):
     """The fault itself: no motor commands this direction, or a joint without torque yields."""
     WEIGHT = "weight"
     """Weight and motion alone: the arm cannot carry itself."""
-    NOTHING = "nothing"
+    UNLIMITED = "unlimited"
     """No limit that is known."""
 
 
@@ -225,6 +225,16 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
             most = nearest
             stops = tuple(j for end, j in ends if end <= nearest + 1e-9 * abs(nearest))
     return Reach(least, most, stops)
+
+
+def end_of(feasible: FeasibleForces, ray: Reach) -> End:
+    """Return what ends a ray."""
+    if ray.is_empty:
+        balanced = feasible.stands_still and not feasible.F0.any()
+        return End.WEIGHT if balanced else End.FAULT
+    if ray.stops:
+        return End.LIMIT
+    return End.UNLIMITED if math.isinf(ray.most) else End.FAULT
 
 
 def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:

@@ -21,6 +21,7 @@ from ftforce.feasible import (
     FeasibleForces,
     Reach,
     Reading,
+    end_of,
     feasible_forces,
     reach,
     weakest_direction,
@@ -233,17 +234,13 @@ class Capability(Displayed):
 def _amount(
     feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
 ) -> Amount:
-    direction = read_only(direction.copy())
-    if ray.is_empty:
-        stops, end = overloaded(feasible), End.WEIGHT
-        if not feasible.stands_still or feasible.F0.any():
-            stops, end = failed, End.FAULT
-        return Amount(direction, math.nan, math.nan, end, stops)
-    if ray.stops:
-        return Amount(direction, ray.most * size, ray.least * size, End.LIMIT, ray.stops)
-    if math.isinf(ray.most):
-        return Amount(direction, math.inf, ray.least * size, End.NOTHING, ())
-    return Amount(direction, ray.most * size, ray.least * size, End.FAULT, failed)
+    end, stops = end_of(feasible, ray), ray.stops
+    if end is End.WEIGHT:
+        stops = overloaded(feasible)
+    elif end is End.FAULT:
+        stops = failed
+    least, most = (math.nan, math.nan) if ray.is_empty else (ray.least * size, ray.most * size)
+    return Amount(read_only(direction.copy()), most, least, end, stops)
 
 
 def capability(

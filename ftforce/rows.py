@@ -57,7 +57,8 @@ def _census(census: Census) -> list[Row]:
         "fault_set", "locked", "free", "size", "verdict", "jump_norm [N]", "moment_jump_norm [N·m]",
         *(f"jump_{name} [{unit}]" for name, unit in zip(task.components, task.units, strict=True)),
         "margin", "relative_manipulability", "rank_after", "rank_lost",
-        "can_stand_still", "share", "binding", "commanded", "held",
+        "can_stand_still", "share", "binding", "commanded", "held", "least",
+        "end", "held_end",
         "axes", "task", "length [m]", "limits", "rtol", "wary",
     )  # fmt: skip
     conventions = (task.axes, str(task), task.length if task.moment_rows else "",
@@ -93,10 +94,12 @@ def _source(limits: Limits | None) -> str:
     return "none" if limits is None else limits.source
 
 
-def _capability_cells(report: SetReport) -> tuple[Any, Any]:
+def _capability_cells(report: SetReport) -> tuple[Any, ...]:
     if report.capability is None:
-        return "", ""
-    return finite(report.capability.commanded), finite(report.capability.held)
+        return ("",) * 5
+    found = report.capability
+    amounts = (finite(x) for x in (found.commanded, found.held, found.least))
+    return *amounts, found.end.value, found.held_end.value
 
 
 @to_rows.register(Capability)

@@ -14,7 +14,7 @@ from ftforce.bounded import BoundedRemap, remap_inside
 from ftforce.changes import RneaChange, split_norms
 from ftforce.closed_forms import force_jump
 from ftforce.conditions import Conditions, rnea_change
-from ftforce.feasible import Reading, feasible_forces, reach, weakest_direction
+from ftforce.feasible import End, Reading, end_of, feasible_forces, reach, weakest_direction
 from ftforce.reduced import ReducedJacobian, reduce_decomposed
 from ftforce.verdicts import judge
 
@@ -35,13 +35,21 @@ class SetCapability:
     ----------
     commanded, held :
         In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
-        stand still.
+        stand still with a force in this direction.
+    least :
+        Smallest force that can be commanded, 0 but for a joint without torque or a limit that
+        weight alone exceeds.
+    end, held_end :
+        What ends the one and the other.
     stops :
         Indices of the joints whose limits end what can be commanded.
     """
 
     commanded: float
     held: float
+    least: float
+    end: End
+    held_end: End
     stops: tuple[int, ...]
 
 
@@ -177,14 +185,16 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
 def _capability(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> SetCapability:
-    task, amounts, stops = case.task, [], []
+    task, rays, ends, size = case.task, [], [], 1.0
     for reading in Reading:
         feasible = feasible_forces(reduced, rnea, largest, reading)
         if case.direction is None:
             space = case.whole.healthy.U[:, : case.whole.rank]
             ray, size = weakest_direction(feasible, space).reach, task.weighted_unit
         else:
-            ray, size = reach(feasible, task.weigh_force(case.direction)), 1.0
-        amounts.append(math.nan if ray.is_empty else ray.most * size)
-        stops.append(ray.stops)
-    return SetCapability(amounts[0], amounts[1], stops[0])
+            ray = reach(feasible, task.weigh_force(case.direction))
+        rays.append(ray)
+        ends.append(end_of(feasible, ray))
+    commanded, held = (math.nan if ray.is_empty else ray.most * size for ray in rays)
+    least = math.nan if rays[0].is_empty else rays[0].least * size
+    return SetCapability(commanded, held, least, ends[0], ends[1], rays[0].stops)

@@ -94,7 +94,7 @@ def bounds(document, when="after"):
 def read(amount):
     """Return an amount of a document as numbers, ``None`` if nothing holds the arm."""
     if amount["most"] is None:
-        return (amount["least"], INF) if amount["end"] == "nothing" else None
+        return (amount["least"], INF) if amount["end"] == "unlimited" else None
     return amount["least"], amount["most"]
 
 

@@ -443,7 +443,7 @@ def test_a_capability_without_limits():
     document = json_of(ftforce.capability(robot, limits="none", locked=[3]))
     assert document["limits"] is None
     along_x, along_y = (document["capability"]["directions"][i]["after"] for i in (0, 2))
-    nothing = {"most": None, "least": 0.0, "end": "nothing", "stops": []}
+    nothing = {"most": None, "least": 0.0, "end": "unlimited", "stops": []}
     fault = {"most": 0.0, "least": 0.0, "end": "fault", "stops": ["joint3"]}
     assert along_x == {"commanded": fault, "held": nothing}
     assert along_y == {"commanded": nothing, "held": nothing}

@@ -237,7 +237,8 @@ def test_limits_and_direction_of_the_head(panda):
     ranked = census(panda, rank_by="capability")
     assert ranked.limits.source == "urdf"
     assert census(panda, rank_by="capability", limits="none").limits is None
-    assert census(panda, direction=[0, 0, 2]).direction is None  # nothing is ranked by it
+    with pytest.raises(InputError, match="give it with rank_by='capability'"):
+        census(panda, direction=[0, 0, 2])
     by_force = census(panda, force=[0, 3, 4], rank_by="capability")
     assert_close(by_force.direction, [0, 0.6, 0.8])
     nothing = census(panda, force=[0, 0, 0], rank_by="capability")

@@ -383,7 +383,7 @@ def test_without_gravity_any_payload_is_held(panda):
     result = capability(panda, locked=[2], gravity=[0, 0, 0])
     for amount in result.payload:
         assert (amount.most, amount.least, amount.end, amount.stops) == (
-            math.inf, 0.0, End.NOTHING, (),
+            math.inf, 0.0, End.UNLIMITED, (),
         )  # fmt: skip
 
 
@@ -395,7 +395,7 @@ def test_a_payload_that_no_joint_feels_weighs_nothing():
     result = capability(arm, [0.1, 0.7, 0.9])
     assert result.analysis.rnea.gravity.any()  # 1e-15 N·m
     assert [amount.most for amount in result.payload] == [math.inf, math.inf]
-    assert [amount.end for amount in result.payload] == [End.NOTHING, End.NOTHING]
+    assert [amount.end for amount in result.payload] == [End.UNLIMITED, End.UNLIMITED]
 
 
 # A link that is too heavy for its motor; the tip lies on the joint's axis.
@@ -472,7 +472,7 @@ def test_unknown_limits_end_nothing():
     for report in (*result.directions, result.weakest):
         for amounts in (report.before, report.after):
             for amount in amounts.values():
-                assert (amount.most, amount.end, amount.stops) == (math.inf, End.NOTHING, ())
+                assert (amount.most, amount.end, amount.stops) == (math.inf, End.UNLIMITED, ())
     assert [amount.most for amount in result.payload] == [math.inf] * 2
     none = capability(arm, locked=[2], limits="none")
     assert none.analysis.limits is None

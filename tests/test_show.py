@@ -512,7 +512,7 @@ def test_ends_in_words(arm):
     assert said(End.FAULT) == "the arm lacks it"
     assert said(End.WEIGHT, 0, 2) == "weight overloads joint1 and joint3"
     assert said(End.WEIGHT) == "weight"
-    assert said(End.NOTHING) == "no known limit"
+    assert said(End.UNLIMITED) == "no known limit"
 
 
 def test_a_direction_asked_for_is_named_once(arm):

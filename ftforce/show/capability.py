@@ -87,7 +87,8 @@ def _weakest(capability: Capability) -> TitledTable:
             parts = ["–"] * task.m  # none is weaker than another if none has an end
             if math.isfinite(amount.most):
                 parts = [words.number(x) for x in amount.direction.tolist()]
-            end = capability_words.end_in_words(capability.analysis, amount)
+            late = when == "after"
+            end = capability_words.end_in_words(capability.analysis, amount, after=late)
             result.add_row(when, reading.value, _cell(amount), *parts, end)
     return result
 
@@ -99,7 +100,8 @@ def _payload(capability: Capability) -> TitledTable:
     )
     result = table(title, "when", "kg", "ends at", left=1, folded=(2,))
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
-        end = capability_words.end_in_words(capability.analysis, amount)
+        late = when == "after"
+        end = capability_words.end_in_words(capability.analysis, amount, after=late)
         result.add_row(when, _cell(amount, 2), end)
     if any(math.isnan(amount.most) for amount in capability.payload):
         result.caption = "– no payload lets the arm stand still"

@@ -117,7 +117,8 @@ def _capability_cells(report: SetReport) -> list[str]:
     found = report.capability
     if found is None:
         return []
-    return [_amount(found.commanded), _amount(found.held)]
+    mark = "!" if found.least > words.NEGLIGIBLE else ""
+    return [_amount(found.commanded) + mark, _amount(found.held)]
 
 
 def _amount(x: float) -> str:
@@ -141,6 +142,8 @@ def _caption(census: Census, most: int) -> str:
         notes.append(f"commanded, held: largest force {where} [{unit}]")
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
             notes[-1] += f"; –: the arm does not stand still {none}"
+        if any(x.capability.least > words.NEGLIGIBLE for x in shown if x.capability):
+            notes.append("! less than that, or nothing at all, does not hold the arm")
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
     return "\n".join(notes)
