@@ -148,11 +148,15 @@ def test_every_set_of_every_mode_is_what_analyze_says(panda, mode, options):
         {"task": "wrench", "length": 0.3},
         {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
         {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
+        {"task": "wrench", "length": 0.3, "direction": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+        {"task": "wrench", "length": 0.3, "force": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+        {"limits": BRAKES, "direction": [0.0, 0.0, 1.0], "faults": 5},
         {"limits": "none"},
     ],
 )
 def test_every_capability_is_what_capability_says(panda, mode, options):
-    result = census(panda, POSTURE, faults=2, mode=mode, rank_by="capability", **options)
+    options = {"faults": 2, **options}
+    result = census(panda, POSTURE, mode=mode, rank_by="capability", **options)
     asked = options.get("direction", options.get("force"))
     if asked is not None:
         linear = [i for i, name in enumerate(result.task.components) if name[0] == "f"]
@@ -160,7 +164,7 @@ def test_every_capability_is_what_capability_says(panda, mode, options):
         assert_close(result.direction, np.array(asked) / size)
     else:
         assert result.direction is None
-    same = {k: v for k, v in options.items() if k != "direction"}
+    same = {k: v for k, v in options.items() if k not in {"direction", "faults"}}
     if result.limits is None:
         same["limits"] = "none"
     for report in result.sets:
@@ -172,8 +176,8 @@ def test_every_capability_is_what_capability_says(panda, mode, options):
         np.testing.assert_array_equal(
             [report.capability.commanded, report.capability.held], [x.most for x in amounts]
         )
-        if amounts[0].end is End.LIMIT:
-            assert report.capability.stops == amounts[0].stops
+        limited = amounts[0].end is End.LIMIT
+        assert report.capability.stops == (amounts[0].stops if limited else ())
 
 
 def key_of(report):
@@ -187,7 +191,7 @@ def test_the_least_capability_comes_first(panda, mode, limits):
     result = census(
         panda,
         POSTURE,
-        faults=3,
+        faults=5,
         mode=mode,
         rank_by="capability",
         limits=limits,

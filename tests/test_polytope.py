@@ -256,6 +256,11 @@ def test_corners_reach_as_far_as_a_linear_program(case, seed):
     strength = np.linalg.norm(A, axis=1)
     assume(not ((strength > 0.0) & (strength < 1e-5 * feasible.scale)).any())
     scale = np.where(strength > 0.0, strength, 1.0)
+    s = np.linalg.svd(A / scale[:, None], compute_uv=False)
+    assume(not ((s > 1e-8 * s[0]) & (s < 1e-5 * s[0])).any())  # ended by a limit, or just not
+    # Planes that are nearly parallel meet far away, and the linear program knows 1e-7 only.
+    s = np.linalg.svd(A / scale[:, None], compute_uv=False)
+    assume(not ((s > 1e-13 * s[0]) & (s < 1e-3 * s[0])).any())
     for drawn in np.random.default_rng(seed).normal(size=(3, len(feasible.F0))):
         d = drawn - found.unlimited.T @ (found.unlimited @ drawn)
         best = scipy.optimize.linprog(
@@ -310,9 +315,26 @@ def test_planes_that_only_touch_a_cube_change_nothing(row, limit):
     assert sorted(map(len, found.faces)) == [4] * 6
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_the_unit_of_torque_does_not_matter(scale):
+    J, limits, rnea = random_case(2, 3, 6)
+    one, other = polytope_of(J, limits, rnea), polytope_of(J, scale * limits, scale * rnea)
+    assert_same_points(other.vertices / scale, one.vertices)
+    assert sorted(map(len, one.faces)) == sorted(map(len, other.faces))
+
+
+def test_planes_that_are_almost_parallel_still_meet():
+    found = polytope_of([[1.0, 1.0, 0.0], [0.0, 1e-3, 1.0]], [1.0, 1.0, 1.0])
+    half = [[1, -1], [1, 0], [0.999, 1]]
+    assert_same_points(found.vertices, [*half, *np.negative(half)])
+
+
 @pytest.mark.parametrize("m", [4, 5])
-def test_cubes_of_more_dimensions(m):
-    found = polytope_of(np.eye(m), [2.0] * m)
+@pytest.mark.parametrize("touching", [[], [[1, 1, 0, 0]]], ids=["plain", "touched"])
+def test_cubes_of_more_dimensions(m, touching):
+    """A plane that touches it in corners only, however many, makes no face."""
+    rows = [*np.eye(m), *([*row, *[0] * (m - 4)] for row in touching)]
+    found = polytope_of(np.transpose(rows), [2.0] * m + [4.0] * len(touching))
     assert_same_points(found.vertices, list(product((-2.0, 2.0), repeat=m)))
     assert sorted(map(len, found.faces)) == [2 ** (m - 1)] * (2 * m)
     for face in found.faces:
