@@ -176,8 +176,10 @@ def test_every_capability_is_what_capability_says(panda, mode, options):
         np.testing.assert_array_equal(
             [report.capability.commanded, report.capability.held], [x.most for x in amounts]
         )
-        limited = amounts[0].end is End.LIMIT
-        assert report.capability.stops == (amounts[0].stops if limited else ())
+        assert [report.capability.end, report.capability.held_end] == [x.end for x in amounts]
+        np.testing.assert_array_equal(report.capability.least, amounts[0].least)
+        by_fault = amounts[0].end is End.FAULT
+        assert report.capability.stops == (() if by_fault else amounts[0].stops)
 
 
 def key_of(report):
