@@ -103,14 +103,14 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     corners, at_bounds = _corners(U, lower, upper)
     if not len(corners):
         return nothing
-    corners = (corners / s) @ Vt
-    vertices = feasible.F0 + corners @ (feasible.Z @ basis).T
+    vertices = feasible.F0 + (corners / s) @ Vt @ (feasible.Z @ basis).T
+    corners = _within_their_plane(corners)
     if weights is not None:
         vertices = vertices * weights
     return Polytope(
         read_only(vertices),
         tuple(_faces(corners, at_bounds)),
-        basis.shape[1],
+        corners.shape[1],
         read_only((feasible.Z @ unlimited).T),
     )
 
@@ -158,6 +158,15 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
     return points[first], at_bounds
 
 
+def _within_their_plane(corners: Matrix) -> Matrix:
+    """Return coordinates of the corners in the space that they span: limits may leave it flat."""
+    spread = corners - corners.mean(axis=0)
+    _, s, Vt = np.linalg.svd(spread, full_matrices=False)
+    size = np.abs(corners).max(initial=0.0)
+    coordinates: Matrix = spread @ Vt[s > _AT_BOUND * size].T
+    return coordinates
+
+
 def _chunks(k: int, d: int) -> Iterator[Indices]:
     rows: list[tuple[int, ...]] = []
     for chosen in combinations(range(k), d):
@@ -177,7 +186,7 @@ def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
             yield _around(corners, np.arange(len(corners)))
         return
     members = np.unique(at_bounds.T, axis=0)
-    members = members[members.sum(axis=1) >= d]
+    members = members[(members.sum(axis=1) >= d) & ~members.all(axis=1)]
     for one in members:
         within = (members >= one).all(axis=1).sum() - 1  # it lies in itself
         if within:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ftforce import metrics
 from ftforce.arrays import Svd, Vector, read_only
-from ftforce.bounded import BoundedRemap, remap_inside
+from ftforce.bounded import BoundedRemap, overloaded, remap_inside
 from ftforce.changes import RneaChange, split_norms
 from ftforce.closed_forms import force_jump
 from ftforce.conditions import Conditions, rnea_change
@@ -185,7 +185,7 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
 def _capability(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> SetCapability:
-    task, rays, ends, size = case.task, [], [], 1.0
+    task, rays, ends, stops, size = case.task, [], [], [], 1.0
     for reading in Reading:
         feasible = feasible_forces(reduced, rnea, largest, reading)
         if case.direction is None:
@@ -193,8 +193,12 @@ def _capability(
             ray, size = weakest_direction(feasible, space).reach, task.weighted_unit
         else:
             ray = reach(feasible, task.weigh_force(case.direction))
+        end = end_of(feasible, ray)
         rays.append(ray)
-        ends.append(end_of(feasible, ray))
+        ends.append(end)
+        stops.append(
+            ray.stops if end is End.LIMIT else overloaded(feasible) if end is End.WEIGHT else ()
+        )
     commanded, held = (math.nan if ray.is_empty else ray.most * size for ray in rays)
     least = math.nan if rays[0].is_empty else rays[0].least * size
-    return SetCapability(commanded, held, least, ends[0], ends[1], rays[0].stops)
+    return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
