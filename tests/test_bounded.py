@@ -513,6 +513,17 @@ def test_a_weak_lever_is_a_lever():
     assert_close(heavy.F_after, [3.0, -1e5], scale=1e5)
 
 
+def test_a_lever_up_to_rtol_restrains_no_force():
+    lean = np.array([[1.0, 1e-7]])
+    case = {"limits": [np.nan, 1.0], "rnea": [0.0, 1.0 - 1e-9]}
+    result = bounded_remap(lean, [10.0, 0.0], only(n=2), **case)  # 1e-9 N·m beyond the limit
+    assert_close(result.F_after, [10.0])
+    assert result.residuals()["limit"] < RTOL
+    both = bounded_remap(lean, [10.0, 0.0], only(n=2), **{**case, "limits": [4.0, 1.0]})
+    assert_close(both.F_after, [4.0])
+    assert_close(both.nearest.multipliers, [6, 0])
+
+
 @pytest.mark.parametrize("limit", [1e-300, 1e-30, 1e-12])
 def test_a_motor_with_next_to_no_torque_is_like_a_free_joint(limit):
     free = bounded_remap(J, TAU, only(), limits=UNKNOWN, free=only(2), rnea=[1, -4, 2])

@@ -297,6 +297,8 @@ def test_an_overloaded_arm_holds_nothing_in_any_direction():
     ):
         assert weakest_direction(feasible, np.eye(2)).reach.is_empty
     assert weakest_direction(forces(J, None, free=(2,), rnea=[0, 1, 0]), np.eye(2)).reach == NOTHING
+    leaning = forces(J, None, free=(2,), rnea=[0, -1, 0])  # only while it leans on something
+    assert weakest_direction(leaning, np.eye(2)).reach == NOTHING
     flat = np.array([[1.0, 0.0, 1.0]])
     assert weakest_direction(forces(flat, None, free=(2,), rnea=[0, 1, 0]), np.eye(1)).reach == (
         NOTHING
