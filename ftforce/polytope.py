@@ -104,7 +104,7 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     if not len(corners):
         return nothing
     vertices = feasible.F0 + (corners / s) @ Vt @ (feasible.Z @ basis).T
-    corners = _within_their_plane(corners)
+    corners = _within_their_plane(corners, U, at_bounds)
     if weights is not None:
         vertices = vertices * weights
     return Polytope(
@@ -148,22 +148,32 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
         points = np.linalg.solve(A[rows], bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
         points = points.reshape(-1, d)
         torque = points @ A.T
-        inside = ((torque <= upper + _NEAR) & (torque >= lower - _NEAR)).all(axis=1)
+        slack = _NEAR + _rounding(points, size)
+        inside = ((torque <= upper + slack) & (torque >= lower - slack)).all(axis=1)
         found.append(points[inside])
     points = np.concatenate(found)
     torque = points @ A.T
-    at_bounds = np.hstack([torque >= upper - _AT_BOUND, torque <= lower + _AT_BOUND])
+    slack = _AT_BOUND + 100.0 * _rounding(points, size)
+    at_bounds = np.hstack([torque >= upper - slack, torque <= lower + slack])
     # More than d planes may meet in one corner: it is found several times.
     at_bounds, first = np.unique(at_bounds, axis=0, return_index=True)
     return points[first], at_bounds
 
 
-def _within_their_plane(corners: Matrix) -> Matrix:
+def _rounding(points: Matrix, size: Vector) -> Matrix:
+    """Return how far rounding may put torques off, at points that one limit puts far away."""
+    rounding: Matrix = 1e-15 * np.linalg.norm(points, axis=1)[:, None] * size
+    return rounding
+
+
+def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
     """Return coordinates of the corners in the space that they span: limits may leave it flat."""
-    spread = corners - corners.mean(axis=0)
-    _, s, Vt = np.linalg.svd(spread, full_matrices=False)
-    size = np.abs(corners).max(initial=0.0)
-    coordinates: Matrix = spread @ Vt[s > _AT_BOUND * size].T
+    always: Sides = np.logical_and.reduce(at_bounds, axis=0)
+    normals = A[always[: len(A)] | always[len(A) :]]
+    if not len(normals):
+        return corners
+    _, s, Vt = np.linalg.svd(normals / np.linalg.norm(normals, axis=1)[:, None])
+    coordinates: Matrix = corners @ Vt[np.count_nonzero(s > _NEAR * s[0]) :].T
     return coordinates
 
 
@@ -182,7 +192,7 @@ def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
     """Yield the faces: of the sets of corners at a bound those that lie in no larger one."""
     d = corners.shape[1]
     if d <= 2:
-        if len(corners) >= 2:
+        if len(corners) >= 2 and d:
             yield _around(corners, np.arange(len(corners)))
         return
     members = np.unique(at_bounds.T, axis=0)
