@@ -93,18 +93,14 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     loaded = lever > feasible.rtol * feasible.scale
     if (upper[~loaded] < 0.0).any() or (lower[~loaded] > 0.0).any():
         return nothing
-    A, lever = A[loaded], lever[loaded]
-    basis, unlimited = _limited_space(A / lever[:, None], feasible.rtol)
-    # In units of each limit, and of what all of them together leave in each direction: so a joint
-    # that bounds the set far away, or in a direction that others hardly load, costs no digits.
-    half = 0.5 * (upper[loaded] - lower[loaded])
-    A, lower, upper = (A @ basis) / half[:, None], lower[loaded] / half, upper[loaded] / half
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    corners, at_bounds = _corners(U, lower, upper)
+    A, lever = A[loaded] / lever[loaded, None], lever[loaded]
+    basis, unlimited = _limited_space(A, feasible.rtol)
+    A = A @ basis
+    corners, at_bounds = _corners(A, lower[loaded] / lever, upper[loaded] / lever)
     if not len(corners):
         return nothing
-    vertices = feasible.F0 + (corners / s) @ Vt @ (feasible.Z @ basis).T
-    corners = _within_their_plane(corners, U, at_bounds)
+    vertices = feasible.F0 + corners @ (feasible.Z @ basis).T
+    corners = _within_their_plane(corners, A, at_bounds)
     if weights is not None:
         vertices = vertices * weights
     return Polytope(
@@ -126,9 +122,10 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
 
 
 def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
-    """Return the distinct corners of ``lower ≤ A y ≤ upper``, and the bounds that meet in each.
+    """Return the distinct corners of ``lower ≤ A z ≤ upper``, and the bounds that meet in each.
 
-    Columns of A are orthonormal, and upper bounds lie 2 above the lower ones.
+    Rows of A have the length one. What is within or at a bound is judged in units of each limit,
+    and what is parallel in those of each direction's strongest rows.
     """
     k, d = A.shape
     if d == 0:
@@ -139,31 +136,36 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
             f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
         )
     sides = np.array(list(product((False, True), repeat=d)))
-    size = np.sqrt(np.einsum("ij,ij->i", A, A))
+    evened = np.linalg.svd(A, full_matrices=False)[0]
+    size = np.linalg.norm(evened, axis=1)
     found: list[Matrix] = []
     for chosen in _chunks(k, d):
-        independent = np.abs(np.linalg.det(A[chosen])) > _PARALLEL * size[chosen].prod(axis=1)
-        rows = chosen[independent]
+        volume = np.abs(np.linalg.det(evened[chosen]))
+        rows = chosen[volume > _PARALLEL * size[chosen].prod(axis=1)]
         bounds = np.where(sides[:, None, :], upper[rows], lower[rows])  # (sides, c, d)
         points = np.linalg.solve(A[rows], bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
         points = points.reshape(-1, d)
-        torque = points @ A.T
-        slack = _NEAR + _rounding(points, size)
-        inside = ((torque <= upper + slack) & (torque >= lower - slack)).all(axis=1)
+        above, below, rounding = _distances(points, A, lower, upper)
+        inside = (np.minimum(above, below) >= -_NEAR - rounding).all(axis=1)
         found.append(points[inside])
     points = np.concatenate(found)
-    torque = points @ A.T
-    slack = _AT_BOUND + 100.0 * _rounding(points, size)
-    at_bounds = np.hstack([torque >= upper - slack, torque <= lower + slack])
+    above, below, rounding = _distances(points, A, lower, upper)
+    near = _AT_BOUND + 100.0 * rounding
     # More than d planes may meet in one corner: it is found several times.
-    at_bounds, first = np.unique(at_bounds, axis=0, return_index=True)
+    at_bounds, first = np.unique(
+        np.hstack([below <= near, above <= near]), axis=0, return_index=True
+    )
     return points[first], at_bounds
 
 
-def _rounding(points: Matrix, size: Vector) -> Matrix:
-    """Return how far rounding may put torques off, at points that one limit puts far away."""
-    rounding: Matrix = 1e-15 * np.linalg.norm(points, axis=1)[:, None] * size
-    return rounding
+def _distances(
+    points: Matrix, A: Matrix, lower: Vector, upper: Vector
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return how far torques are above and below their bounds, and their rounding, in limits."""
+    half = 0.5 * (upper - lower)
+    torque = points @ A.T
+    rounding = 1e-15 * np.linalg.norm(points, axis=1)[:, None] / half
+    return (torque - lower) / half, (upper - torque) / half, rounding
 
 
 def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
@@ -172,7 +174,7 @@ def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
     normals = A[always[: len(A)] | always[len(A) :]]
     if not len(normals):
         return corners
-    _, s, Vt = np.linalg.svd(normals / np.linalg.norm(normals, axis=1)[:, None])
+    _, s, Vt = np.linalg.svd(normals)
     coordinates: Matrix = corners @ Vt[np.count_nonzero(s > _NEAR * s[0]) :].T
     return coordinates
 
