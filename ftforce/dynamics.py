@@ -119,6 +119,32 @@ def motion_torque(
     return read_only(torque)
 
 
+def rnea_torque(
+    robot: Robot,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    gravity: Vector | None = None,
+    payload: Payload | None = None,
+) -> Vector:
+    """Return the motor torques for weight and motion together (eq. 20), N·m (N), shape (n,).
+
+    Parameters
+    ----------
+    robot, q, v, a, payload :
+        As in `motion_torque`.
+    gravity :
+        As in `weight_torque`.
+    """
+    if gravity is not None or payload is not None:
+        return read_only(
+            weight_torque(robot, q, gravity, payload) + motion_torque(robot, q, v, a, payload)
+        )
+    fold = robot.coordinates
+    torque = pin.rnea(robot.model, robot.data, robot.to_model(q), fold.rate(v), fold.rate(a))
+    return read_only(fold.fold_torque(torque))
+
+
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
     """Return M(q), kg·m² (kg·m, kg where joints slide), shape (n, n).
 

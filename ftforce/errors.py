@@ -12,6 +12,7 @@
         ├── SRDFError
         ├── DHTableError
         ├── LimitsError              a file of torque limits
+        ├── TrajectoryError          a file of a trajectory, or of a history
         └── OutputError              a result could not be written
 
 A fault that cannot be tolerated is an answer, not an error: it is reported in the result.
@@ -112,6 +113,10 @@ class DHTableError(FileError):
 
 class LimitsError(FileError):
     """A file of torque limits that cannot be read or does not fit the robot."""
+
+
+class TrajectoryError(FileError):
+    """A file of a trajectory or of a history that cannot be read or does not fit the robot."""
 
 
 class OutputError(FileError):

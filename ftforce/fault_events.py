@@ -1,0 +1,149 @@
+"""Faults in time: which joints fail when, and from when on the controller knows."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from ftforce.errors import InputError
+from ftforce.faults import Fault, FaultMode, FaultSet
+from ftforce.named_faults import named_faults
+from ftforce.source import read_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ftforce.robot import Robot
+
+EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
+
+
+class FaultEvent(NamedTuple):
+    """Joints that fail at a time.
+
+    Attributes
+    ----------
+    time :
+        In s from the start of the trajectory.
+    faults :
+        The joints that fail then, and how.
+    """
+
+    time: float
+    faults: FaultSet
+
+
+Events: TypeAlias = "str | FaultEvent | Iterable[str | FaultEvent]"
+
+
+class Phase(NamedTuple):
+    """A stretch of time in which neither the faults nor what is known of them change.
+
+    Attributes
+    ----------
+    start :
+        When it begins, s.
+    actual :
+        The faults that there are.
+    known :
+        Those that the controller has reacted to.
+    """
+
+    start: float
+    actual: FaultSet
+    known: FaultSet
+
+
+def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
+    """Return events in the order of their times.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    events :
+        Texts ``JOINTS@SECONDS``, joints by number (from 1) or name, ``free:`` or ``weak:`` before
+        them: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
+
+    Raises
+    ------
+    InputError
+        A malformed event, a joint that does not exist, one that fails again in the same way or
+        after it locked.
+    """
+    given = [events] if isinstance(events, (str, FaultEvent)) else list(events)
+    found = [one if isinstance(one, FaultEvent) else _read(robot, one) for one in given]
+    for event in found:
+        if not (math.isfinite(event.time) and event.time >= 0.0):
+            raise InputError(f"a fault happens at 0 s or later, got {event.time:g} s")
+        if not event.faults:
+            raise InputError(f"no joint fails at {event.time:g} s; give one, e.g. {EXAMPLES}")
+        if any(fault.joint >= robot.n for fault in event.faults.faults):
+            raise InputError(f"a fault at {event.time:g} s names a joint beyond {robot.numbered()}")
+    found.sort(key=_time)
+    modes: dict[int, Fault] = {}
+    for event in found:
+        for fault in event.faults.faults:
+            before = modes.get(fault.joint)
+            if before is not None and (before == fault or before.mode is FaultMode.LOCKED):
+                name = f"{fault.joint + 1} ({robot.names[fault.joint]})"
+                raise InputError(
+                    f"joint {name} is {before} already before {event.time:g} s; only joints that "
+                    "are free or weak can fail once more, in another way"
+                )
+            modes[fault.joint] = fault
+    return tuple(found)
+
+
+def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
+    """Return the phases of a trajectory, from time 0; a later fault of a joint replaces its first.
+
+    Parameters
+    ----------
+    events :
+        In the order of their times.
+    delay :
+        Time from a fault until the controller reacts, s; infinite if it never does.
+    """
+    times = {0.0, *(e.time for e in events), *(e.time + delay for e in events)}
+    return tuple(
+        Phase(
+            start,
+            _joined(e for e in events if e.time <= start),
+            _joined(e for e in events if e.time + delay <= start),
+        )
+        for start in sorted(times)
+        if math.isfinite(start)
+    )
+
+
+def _joined(events: Iterable[FaultEvent]) -> FaultSet:
+    latest: dict[int, Fault] = {}
+    for event in events:
+        latest |= {fault.joint: fault for fault in event.faults.faults}
+    return FaultSet(tuple(latest.values()))
+
+
+def _read(robot: Robot, text: object) -> FaultEvent:
+    if not isinstance(text, str):
+        raise InputError(f"a fault event is a text such as {EXAMPLES}, got {text!r}")
+    joints, at, time = text.rpartition("@")
+    if not at or not joints.strip():
+        raise InputError(f"a fault event needs joints and a time, e.g. {EXAMPLES}; got {text!r}")
+    try:
+        seconds = read_numbers(time, 1)[0]
+    except ValueError as problem:
+        raise InputError(f"the time of the fault {text!r}: {problem}; it is in s") from None
+    mode, colon, rest = joints.partition(":")
+    word = mode.strip().lower()
+    if not colon:
+        return FaultEvent(seconds, named_faults(robot, locked=joints))
+    if word not in set(FaultMode):
+        raise InputError(
+            f"a fault is locked, free or weak, got {mode.strip()!r} in {text!r}; e.g. {EXAMPLES}"
+        )
+    return FaultEvent(seconds, named_faults(robot, **{word: rest}))
+
+
+def _time(event: FaultEvent) -> float:
+    return event.time

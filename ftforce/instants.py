@@ -1,0 +1,304 @@
+"""Forces and torques of a moving arm, instant by instant: with a remap, and without.
+
+With the remap every instant is what `ftforce.analyze` says of its posture. Without it the
+controller measures positions and velocities, asks all motors for weight, motion and force as if
+they were healthy, and what comes of it is physics.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ftforce import metrics
+from ftforce.arrays import Vector, read_only
+from ftforce.bounded import remap_inside
+from ftforce.closed_forms import (
+    dynamically_exerted_force,
+    exerted_force,
+    force_jump,
+    supported_force,
+)
+from ftforce.dynamics import mass_matrix, rnea_torque
+from ftforce.errors import InputError
+from ftforce.history import QUANTITIES, VERDICTS, Run
+from ftforce.kinematics import frame_jacobian
+from ftforce.metrics import Verdict
+from ftforce.reduced import ReducedJacobian, reduce
+from ftforce.verdicts import judge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ftforce.arrays import Mask, Matrix
+    from ftforce.conditions import Conditions
+    from ftforce.courses import Motion
+    from ftforce.fault_events import Phase
+    from ftforce.faults import FaultSet
+    from ftforce.limits import Limits
+    from ftforce.robot import Robot
+    from ftforce.task import Task
+
+_CHUNK = 500  # instants between two ticks
+_CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}
+
+
+class Case(NamedTuple):
+    """What all instants of all runs share.
+
+    Attributes
+    ----------
+    robot, task, conditions :
+        The arm, the task, gravity and payload.
+    F :
+        Weighted force that is asked for, shape (m,).
+    limits :
+        Those that count, ``None`` if none do.
+    rtol, wary :
+        Tolerances.
+    """
+
+    robot: Robot
+    task: Task
+    conditions: Conditions
+    F: Vector
+    limits: Limits | None
+    rtol: float
+    wary: float
+
+
+class Faults(NamedTuple):
+    """A fault set as the mathematics needs it.
+
+    Attributes
+    ----------
+    locked :
+        True at locked joints, shape (n,).
+    swinging :
+        True at joints without torque, ``None`` if there are none.
+    counted :
+        Largest torques that count, NaN where unknown; ``None`` if none do.
+    known_largest :
+        The same, or if none count what the URDF says.
+    """
+
+    locked: Mask
+    swinging: Mask | None
+    counted: Vector | None
+    known_largest: Vector
+
+    @classmethod
+    def of(cls, case: Case, faults: FaultSet) -> Faults:
+        """Return the masks and limits of a fault set."""
+        n = case.robot.n
+        counted = None if case.limits is None else case.limits.largest_torques(faults)
+        shares = case.robot.effort * faults.factors(n)
+        largest = np.where(faults.mask(n), np.nan, shares) if counted is None else counted
+        return cls(faults.mask(n), faults.swinging_mask(n), counted, largest)
+
+
+class Balance(NamedTuple):
+    """Force at the tip (weighted) and the torques that belong to it; NaN if nothing holds the arm.
+
+    Attributes
+    ----------
+    F, F_after :
+        What the healthy arm exerts here, and what is exerted, shape (m,).
+    U, motor :
+        Torques that motors give to the force, and in all, shape (n,).
+    unbalanced :
+        Torques that nothing balances, shape (n,).
+    reduced :
+        The decomposed Jacobians.
+    verdict :
+        Whether the force is kept.
+    """
+
+    F: Vector
+    F_after: Vector
+    U: Vector
+    motor: Vector
+    unbalanced: Vector
+    reduced: ReducedJacobian
+    verdict: Verdict
+
+
+def run_of(
+    case: Case,
+    motion: Motion,
+    course: tuple[Matrix, Matrix],
+    times: Vector,
+    phases: Sequence[Phase],
+    *,
+    tick: Callable[[int], None],
+    same: Run | None = None,
+) -> Run:
+    """Return everything about a motion, at each of its instants.
+
+    Parameters
+    ----------
+    case :
+        What all instants share.
+    motion :
+        Of the joints.
+    course :
+        Position (m) and velocity (m/s) of the tip's path, shape (N, 3) each.
+    times, phases :
+        When which faults are there, and known.
+    tick :
+        Called with the number of instants that are done.
+    same :
+        A run that is the same as long as there is no fault: it is not computed twice.
+    """
+    run = _empty_run(case, motion)
+    rows = [int(np.searchsorted(times, phase.start)) for phase in phases] + [len(times)]
+    for phase, first, last in zip(phases, rows, rows[1:], strict=False):
+        if same is not None and not phase.actual:
+            for name in QUANTITIES:
+                getattr(run, name)[first:last] = getattr(same, name)[first:last]
+            continue
+        actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
+        aware = phase.actual == phase.known
+        for i in range(first, last):
+            _fill(run, i, case, motion, actual, None if aware else known)
+            if not i % _CHUNK:
+                tick(min(_CHUNK, i - first + 1))
+        here = slice(first, last)
+        run.path_error[here] = course[0][here] - run.position[here]
+        run.velocity_jump[here] -= course[1][here]
+    return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
+
+
+def _empty_run(case: Case, motion: Motion) -> Run:
+    count, n, m = len(motion.q), case.robot.n, case.task.m
+    sizes = {"position": 3, "orientation": 4, "path_error": 3, "velocity_jump": 3,
+             "force": m, "jump": m}  # fmt: skip
+    arrays = {name: np.zeros((count, sizes.get(name, n))) for name in QUANTITIES[3:-2]}
+    return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
+
+
+def _fill(
+    run: Run, i: int, case: Case, motion: Motion, actual: Faults, known: Faults | None
+) -> None:
+    robot, task = case.robot, case.task
+    q, v, a = motion.q[i], motion.v[i], motion.a[i]
+    J_world = frame_jacobian(robot, q, "world")  # places the tip, too
+    pose = robot.data.oMf[robot.tip_frame]
+    run.position[i], R = pose.translation, pose.rotation
+    run.orientation[i] = pin.Quaternion(R).coeffs()
+    run.velocity_jump[i] = J_world[:3].dot(v)  # of which the path's is taken off at the end
+    J = J_world if task.axes == "world" else _turned(R, J_world)
+    J = task.weigh_jacobian(J[task.rows])
+    own = None if case.conditions.is_model_gravity else case.conditions.gravity
+    rnea = rnea_torque(robot, q, v, a, own, case.conditions.payload)
+    found = _aware(case, J, rnea, actual) if known is None else _unaware(
+        case, q, J, rnea, actual, known
+    )  # fmt: skip
+    run.rnea[i], run.U[i], run.motor[i] = rnea, found.U, found.motor
+    run.force_part[i] = found.F.dot(J)
+    run.brake[i] = np.where(actual.locked, rnea + found.F_after.dot(J), 0.0)
+    run.unbalanced[i] = found.unbalanced
+    load = np.where(actual.locked, run.brake[i], found.motor)
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0 of 0 at a joint without torque
+        run.used[i] = np.abs(load) / actual.known_largest
+    run.force[i] = task.unweigh_force(found.F_after)
+    run.jump[i] = task.unweigh_force(found.F - found.F_after)
+    run.margin[i] = metrics.margin(found.reduced)
+    run.verdict[i] = _CODES[found.verdict]
+
+
+def _turned(R: Matrix, J: Matrix) -> Matrix:
+    """Return a Jacobian in the tool's axes."""
+    turned: Matrix = np.vstack([R.T.dot(J[:3]), R.T.dot(J[3:])])
+    return turned
+
+
+def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
+    """Return what the remap makes of a fault, as `ftforce.analyze` does."""
+    locked, swinging, counted, _ = faults
+    reduced = reduce(read_only(J), locked, case.rtol, swinging)
+    F = supported_force(reduced, case.F)
+    bounded = None
+    if counted is None and swinging is None:
+        F_after: Vector | None = force_jump(reduced, F).F_after
+    else:
+        bounded = remap_inside(reduced, F, rnea, counted)
+        F_after = bounded.F_after
+    verdict = judge(reduced, F, case.wary, bounded, counted)
+    if F_after is None:
+        nothing = np.full(len(rnea), np.nan)
+        lost = np.full(len(F), np.nan)
+        return Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
+    U = np.where(reduced.commanding, F_after.dot(J), 0.0)
+    motor = np.where(reduced.commanding, rnea + U, 0.0)
+    return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
+
+
+def _unaware(
+    case: Case, q: Vector, J: Matrix, rnea: Vector, actual: Faults, known: Faults
+) -> Balance:
+    """Return what comes of torques that are meant for other faults than there are."""
+    meant = _aware(case, J, rnea, known)
+    reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
+    if np.isnan(meant.motor).any():  # nothing held the arm before
+        return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
+    motor = np.where(reduced.commanding, meant.motor, 0.0)
+    if case.limits is not None:  # a weak motor gives what it can
+        most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
+        motor = np.clip(motor, -most, most)
+    moving = ~actual.locked
+    over = np.where(moving, motor - rnea, 0.0)  # for the force, at joints that no brake holds
+    F_after = _exerted(case, q, reduced, over)
+    unbalanced = np.where(moving, over - F_after.dot(J), 0.0)
+    U = np.where(reduced.commanding, motor - rnea, 0.0)
+    verdict = _verdict(case, reduced, meant.F, F_after, unbalanced, rnea)
+    return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
+
+
+def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> Vector:
+    """Return the force that torques exert at a tip that what it presses on holds in place.
+
+    With masses what is left of them accelerates the arm as it would; else the Euclidean inverse.
+    """
+    open_joints = reduce(
+        read_only(np.where(reduced.locked, 0.0, reduced.J)), np.zeros_like(reduced.locked),
+        reduced.rtol,
+    )  # fmt: skip
+    F = exerted_force(open_joints, over)
+    left = np.where(reduced.locked, 0.0, over - F.dot(reduced.J))
+    if math.hypot(*left) <= 1e-12 * math.hypot(*over) or not case.robot.mass:
+        return F  # both inverses agree
+    try:
+        M = mass_matrix(case.robot, q, case.conditions.payload)
+    except InputError:
+        return F
+    # A brake is an infinite inertia: its joint takes no part.
+    M = np.where(reduced.locked[:, None] | reduced.locked, np.diag(np.diag(M)), M)
+    return dynamically_exerted_force(open_joints, over, M)
+
+
+def _verdict(
+    case: Case,
+    reduced: ReducedJacobian,
+    F: Vector,
+    F_after: Vector,
+    unbalanced: Vector,
+    rnea: Vector,
+) -> Verdict:
+    """Judge torques that were not remapped: by the jump, and by what moves the arm."""
+    scale = math.hypot(*rnea, *F.dot(reduced.J))
+    off = max(
+        _over(math.hypot(*(F - F_after)), math.hypot(*F)), _over(math.hypot(*unbalanced), scale)
+    )
+    if off > case.wary:
+        return Verdict.NOT_TOLERATED
+    if off > reduced.rtol:
+        return Verdict.BORDERLINE
+    return metrics.verdict(reduced, F, case.wary)
+
+
+def _over(x: float, scale: float) -> float:
+    return x / scale if scale > 0.0 else math.inf if x > 0.0 else 0.0

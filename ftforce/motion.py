@@ -1,0 +1,242 @@
+"""How an arm moves along its course while joints fail, by resolved rates.
+
+The motion solves ``q̇ = g(t, q)``, where g gives the tip the velocity ``ẋ + k (x - f(q))`` of its
+course. After a lock, g is Appendix A's: the velocities of the healthy arm, and the smallest change
+of them that makes up for the joints that stand still.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Svd, Vector
+from ftforce.courses import Motion
+from ftforce.errors import SolverError
+from ftforce.faults import FaultMode
+from ftforce.kinematics import frame_jacobian
+from ftforce.rates import Bounds, resolved_rates, without
+from ftforce.reduced import WARY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ftforce.courses import Course
+    from ftforce.fault_events import Phase
+    from ftforce.faults import FaultSet
+    from ftforce.robot import Robot
+
+GAIN = 10.0  # 1/s: with which the tip returns to its course
+LIMIT_GAIN = 5.0  # 1/s: a joint at a distance d from its limit moves towards it with at most this · d
+SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
+_RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
+_FINEST = 1e-6  # s: steps below this get nowhere
+_QUOTIENT = 1e-5  # s: step of a difference quotient
+_FEW = 4  # samples, which a spline needs
+
+Law: TypeAlias = "Callable[[float, Vector], Vector]"
+Tick: TypeAlias = "Callable[[int], None]"
+
+
+class State(NamedTuple):
+    """Position, velocity and acceleration of all joints at an instant, shape (n,) each."""
+
+    q: Vector
+    v: Vector
+    a: Vector
+
+
+class Progression(NamedTuple):
+    """A motion, and what precedes each phase.
+
+    Attributes
+    ----------
+    motion :
+        At the times asked for.
+    arrivals :
+        The state right before each phase but the first, by its start.
+    """
+
+    motion: Motion
+    arrivals: dict[float, State]
+
+
+def advance(
+    robot: Robot,
+    course: Course,
+    q: Vector,
+    times: Vector,
+    phases: Sequence[Phase],
+    planned: Progression | None = None,
+    *,
+    tick: Tick,
+) -> Progression:
+    """Return how an arm follows its course while joints fail.
+
+    A joint that locks stops at once. Until the controller knows, the others go on as planned; from
+    then on they follow the course again.
+
+    Parameters
+    ----------
+    robot, course :
+        The arm and what it is to follow.
+    q :
+        Joint positions at the start, shape (n,).
+    times :
+        Of the samples, s, rising from 0, shape (N,).
+    phases :
+        The faults, and what is known of them, none of it after the last sample.
+    planned :
+        How the healthy arm moves, with the same phases; found anew if not given.
+    tick :
+        Called with the number of samples that are done.
+    """
+    whole = Motion(*(np.empty((len(times), robot.n)) for _ in range(3)))
+    arrivals: dict[float, State] = {}
+    known, nothing = phases[0].known, robot.at_rest
+    here = start = q  # where the arm is, and where it would be if it had no fault but the known
+    ends = [phase.start for phase in phases[1:]] + [float(times[-1])]
+    for i, (phase, end) in enumerate(zip(phases, ends, strict=True)):
+        locked = phase.known.mask(robot.n)
+        if phase.known != known and locked.any():
+            start = here
+        known, stuck = phase.known, phase.actual.mask(robot.n) & ~locked
+        last = i == len(phases) - 1
+        rows = slice(*np.searchsorted(times, (phase.start, np.inf if last else end)))
+        if planned is not None and not locked.any():
+            stretch = Motion(*(x[rows] for x in planned.motion))
+            state = None if last else planned.arrivals[end]
+        else:
+            span = (phase.start, end)
+            stretch, state = _stretch(robot, course, start, times[rows], span, known, tick)
+        for x, samples, held in zip(whole, stretch, (here, nothing, nothing), strict=True):
+            x[rows] = np.where(stuck, held, samples)
+        if state is not None and not last:
+            arrivals[end] = State(*map(np.where, [stuck] * 3, (here, nothing, nothing), state))
+            start, here = state.q, arrivals[end].q
+    return Progression(whole, arrivals)
+
+
+def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
+    """Return the joint velocities that follow a course, as a function of time and posture.
+
+    Parameters
+    ----------
+    robot, course :
+        The arm and what it is to follow.
+    known :
+        The faults that the controller knows.
+    """
+    top, orientation = max(course.top_speed, SLOWEST), course.orientation
+    rows = slice(3 if orientation is None else 6)
+    speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
+    locked = known.mask(robot.n)
+    swinging = known.swinging_mask(robot.n)
+    passive = locked if swinging is None else locked | swinging
+    any_locked = bool(locked.any())
+
+    def velocities(t: float, q: Vector) -> Vector:
+        J = frame_jacobian(robot, q, "world")[rows]  # places the tip, too
+        place = robot.data.oMf[robot.tip_frame]
+        target = course.at(t)
+        x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
+        if orientation is not None:
+            error = _rotation_vector(orientation @ place.rotation.T)
+            x_dot = np.concatenate([x_dot, GAIN * error])
+        bounds = _bounds(robot, q, speeds)
+        healthy = Svd(J, left_only=True)
+        damped_below = WARY * healthy.s[0]
+        v = target.preferred
+        v = resolved_rates(healthy, x_dot - J.dot(v), v, bounds, damped_below)
+        if any_locked:  # Appendix A; a joint without torque goes on as it would
+            v = np.where(locked, 0.0, v)
+            v = resolved_rates(without(J, passive), x_dot - J.dot(v), v, bounds, damped_below)
+        return v
+
+    return velocities
+
+
+def _stretch(
+    robot: Robot,
+    course: Course,
+    q: Vector,
+    times: Vector,
+    span: tuple[float, float],
+    known: FaultSet,
+    tick: Tick,
+) -> tuple[Motion, State]:
+    """Return the motion from one time to another, at some times between, and the last state."""
+    if not known.in_mode(FaultMode.LOCKED) and (given := course.motion(times)) is not None:
+        last = course.motion(np.array([span[1]]))
+        assert last is not None
+        return given, State(*(x[0] for x in last))
+    law = rates_law(robot, course, known)
+    samples, q_end = _integrate(law, q, times, span, tick)
+    v = np.array([law(t, x) for t, x in zip(times.tolist(), samples, strict=True)])
+    v = v.reshape(samples.shape)
+    return Motion(samples, v, _accelerations(law, times, samples, v)), _state(law, span[1], q_end)
+
+
+def _integrate(
+    law: Law, q: Vector, times: Vector, span: tuple[float, float], tick: Tick
+) -> tuple[Matrix, Vector]:
+    """Return the solution of q̇ = g(t, q) at some times, (N, n), and at the end, (n,)."""
+    from scipy.integrate import DOP853
+
+    samples = np.empty((len(times), len(q)))
+    done = int(np.searchsorted(times, span[0], side="right"))
+    samples[:done] = q
+    if span[1] <= span[0]:
+        return samples, q
+    solver = DOP853(law, span[0], q, span[1], rtol=_RTOL, atol=_ATOL)
+    while solver.status == "running":
+        problem = solver.step()
+        if problem or solver.step_size < _FINEST < span[1] - solver.t:
+            raise SolverError(f"the motion cannot be found beyond {solver.t:g} s ({problem})")
+        reached = int(np.searchsorted(times, solver.t, side="right"))
+        if reached > done:
+            samples[done:reached] = solver.dense_output()(times[done:reached]).T
+            tick(reached - done)
+            done = reached
+    return samples, solver.y
+
+
+def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
+    """Return the derivative of the velocities, shape (N, n)."""
+    if len(t) < _FEW:
+        states = (_state(law, *row) for row in zip(t.tolist(), q, strict=True))
+        return np.array([state.a for state in states]).reshape(q.shape)
+    from scipy.interpolate import CubicSpline
+
+    derivative: Matrix = CubicSpline(t, v)(t, 1)
+    return derivative
+
+
+def _state(law: Law, t: float, q: Vector) -> State:
+    """Return the state right before a time at which something may change."""
+    v = law(t, q)
+    before = law(t - _QUOTIENT, q - _QUOTIENT * v)
+    return State(q, v, (v - before) / _QUOTIENT)
+
+
+def _at_most(size: float, x: Vector) -> Vector:
+    """Return x, or a vector of its direction and this size if x is longer."""
+    square = x.dot(x)
+    return x if square <= size * size else x * (size / np.sqrt(square))
+
+
+def _bounds(robot: Robot, q: Vector, speeds: Vector) -> Bounds:
+    """Return the velocities that keep speed limits, and position limits ahead."""
+    upper = np.minimum(speeds, LIMIT_GAIN * (robot.upper - q))
+    lower = np.maximum(-speeds, LIMIT_GAIN * (robot.lower - q))
+    # Beyond a limit it returns, no faster than it can.
+    return Bounds(np.minimum(lower, speeds), np.maximum(upper, -speeds))
+
+
+def _rotation_vector(R: Matrix) -> Vector:
+    """Return axis times angle of a rotation, rad, shape (3,)."""
+    import pinocchio as pin
+
+    vector: Vector = pin.log3(R)
+    return vector

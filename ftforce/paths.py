@@ -1,0 +1,101 @@
+"""Where the tip goes and when: straight lines with a smooth timing law."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+PEAK = 1.875  # largest over mean speed of the timing law
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Straight lines from point to point, at rest in each: a corner cannot be taken at speed.
+
+    Along each line the tip moves by ``s = 10 u³ - 15 u⁴ + 6 u⁵`` of its length, u = 0…1 in time, so
+    speed and acceleration begin and end at zero and the speed peaks in the middle.
+
+    Attributes
+    ----------
+    points :
+        In the root's axes, m, shape (k, 3).
+    times :
+        When the tip is there, s, from 0, shape (k,).
+    speed :
+        Largest speed, m/s.
+    keeps_orientation :
+        Whether the tip keeps the orientation that it starts with; else it may turn freely.
+    """
+
+    points: Matrix
+    times: Vector
+    speed: float
+    keeps_orientation: bool = False
+
+    @classmethod
+    def through(
+        cls, points: ArrayLike, *, speed: float, keep_orientation: bool = False
+    ) -> Path:
+        """Return the path through points, each line as fast as ``speed`` at its middle.
+
+        Parameters
+        ----------
+        points :
+            Two or more, in the root's axes, m, shape (k, 3).
+        speed :
+            Largest speed, m/s.
+        keep_orientation :
+            Whether the tip keeps the orientation that it starts with.
+
+        Raises
+        ------
+        InputError
+            Not (k, 3) numbers, neighbours at the same place, or a speed that is not positive.
+        """
+        places = as_floats(points, "the path's points")
+        if places.ndim != 2 or places.shape[1] != 3 or len(places) < 2:
+            raise InputError(
+                f"a path needs two or more points x, y, z in m, got an array of shape "
+                f"{places.shape}"
+            )
+        check_finite(places, "the path's points")
+        if not (isinstance(speed, (int, float, np.number)) and math.isfinite(speed)) or speed <= 0:
+            raise InputError(f"the speed must be positive, m/s, got {speed!r}")
+        lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        if not lengths.all():
+            i = int(lengths.argmin()) + 1
+            raise InputError(f"points {i} and {i + 1} of the path are the same; leave one out")
+        times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / speed)])
+        if not math.isfinite(times[-1]):
+            raise InputError(f"the path takes for ever at a speed of {speed:g} m/s")
+        return cls(read_only(places), read_only(times), float(speed), bool(keep_orientation))
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        return float(self.times[-1])
+
+    @property
+    def length(self) -> float:
+        """How long it is, m."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+    def at(self, t: float) -> tuple[Vector, Vector]:
+        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        i = min(max(bisect_right(self.times, t) - 1, 0), len(self.times) - 2)
+        start, end = self.times.item(i), self.times.item(i + 1)
+        u = min(max((t - start) / (end - start), 0.0), 1.0)
+        line = self.points[i + 1] - self.points[i]
+        s = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / (end - start)
+        return self.points[i] + s * line, rate * line

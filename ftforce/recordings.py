@@ -1,0 +1,296 @@
+"""Recorded motions: joint positions over time, from arrays or a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.errors import DimensionError, InputError, TrajectoryError, UnknownNameError, printable
+from ftforce.source import read_numbers, read_text
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.robot import Robot
+
+GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
+_KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
+_HEADER = re.compile(r"^\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+_SCALES = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Joint positions over time; between the samples they follow a cubic spline.
+
+    Attributes
+    ----------
+    t :
+        Times, s, rising, shape (N,), N ≥ 4.
+    q :
+        Joint positions along the chain, rad or m, shape (N, n).
+    v :
+        Joint velocities, shape (N, n); ``None`` if they were not recorded.
+    source :
+        Where it comes from.
+    """
+
+    t: Vector
+    q: Matrix
+    v: Matrix | None = None
+    source: str = "given"
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        t: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        *,
+        max_gap: float | None = None,
+        source: str = "given",
+    ) -> Recording:
+        """Check a recorded motion.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        t :
+            Times, s, shape (N,), N ≥ 4.
+        q, v :
+            Positions and velocities along the chain, rad or m, shape (N, n).
+        max_gap :
+            Longest time between two samples, s; ten times the usual one if not given.
+        source :
+            Where it comes from.
+
+        Raises
+        ------
+        InputError
+            Shapes that do not fit, times that do not rise, a gap.
+        """
+        times = as_floats(t, "t")
+        if times.ndim != 1 or len(times) < 4:
+            raise InputError(f"a trajectory needs 4 or more times, got the shape {times.shape}")
+        check_finite(times, "t")
+        _check_times(times, max_gap, [f"sample {i + 1}" for i in range(len(times))])
+        arrays = [None if x is None else as_floats(x, name) for x, name in ((q, "q"), (v, "v"))]
+        for x, name in zip(arrays, "qv", strict=True):
+            if x is not None:
+                if x.shape != (len(times), robot.n):
+                    hint = f"one row per time, one column per joint, {robot.numbered()}"
+                    raise DimensionError(name, (len(times), robot.n), x.shape, hint)
+                check_finite(x, name)
+        positions, velocities = (None if x is None else read_only(x) for x in arrays)
+        assert positions is not None
+        return cls(read_only(times), positions, velocities, source)
+
+    @classmethod
+    def read(
+        cls, robot: Robot, path: str | PathLike[str], *, max_gap: float | None = None
+    ) -> Recording:
+        """Read a CSV file with a column ``t`` and one per joint, ``v_`` before velocities.
+
+        A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``;
+        without it s, rad and m count.
+
+        Raises
+        ------
+        TrajectoryError
+            The file cannot be read; a column is unknown or missing; a cell is empty or no number;
+            times do not rise or leave a gap.
+        """
+        return recording_of(robot, Sheet.read(path), max_gap)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample after the first, s."""
+        return float(self.t[-1] - self.t[0])
+
+
+class Sheet(NamedTuple):
+    """A CSV file of numbers.
+
+    Attributes
+    ----------
+    path :
+        The file.
+    header :
+        Its cells, stripped.
+    values :
+        Shape (rows, columns).
+    lines :
+        Where each row stands, e.g. ``line 2``.
+    """
+
+    path: str
+    header: tuple[str, ...]
+    values: Matrix
+    lines: tuple[str, ...]
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> Sheet:
+        """Read the file.
+
+        Raises
+        ------
+        TrajectoryError
+            It cannot be read, or a cell is empty or no number.
+        """
+        text = read_text(path, TrajectoryError, _KIND)
+        try:
+            return cls(printable(path), *_table(text))
+        except InputError as problem:
+            raise TrajectoryError(path, printable(problem)) from None
+
+    @property
+    def holds_points(self) -> bool:
+        """Whether it is a list of waypoints rather than a motion of joints."""
+        return sorted(_split(cell)[0].lower() for cell in self.header) == ["x", "y", "z"]
+
+    def points(self) -> Matrix:
+        """Return the waypoints x, y, z, m, shape (k, 3).
+
+        Raises
+        ------
+        TrajectoryError
+            A unit other than m.
+        """
+        names = []
+        for cell in self.header:
+            name, unit = _split(cell)
+            if unit not in {"", "m"}:
+                raise TrajectoryError(self.path, f"column {cell!r}: points are in m")
+            names.append(name.lower())
+        return self.values[:, [names.index(axis) for axis in "xyz"]]
+
+
+def _table(text: str) -> tuple[tuple[str, ...], Matrix, tuple[str, ...]]:
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True)
+    try:
+        rows = [(f"line {reader.line_num}", row) for row in reader if any(map(str.strip, row))]
+    except csv.Error as problem:
+        raise InputError(f"line {reader.line_num}: is not CSV: {problem}") from None
+    if len(rows) < 2:
+        raise InputError("needs a header and numbers below it")
+    header = tuple(cell.strip() for cell in rows[0][1])
+    values = np.empty((len(rows) - 1, len(header)))
+    for i, (line, row) in enumerate(rows[1:]):
+        if len(row) != len(header):
+            raise InputError(f"{line}: needs {len(header)} cells, got {len(row)}")
+        try:
+            values[i] = [read_numbers(cell, 1)[0] for cell in row]
+        except ValueError:
+            values[i] = [_number(cell, f"{line}, {name}") for cell, name in zip(row, header, strict=True)]  # fmt: skip
+    return header, values, tuple(line for line, _ in rows[1:])
+
+
+def _number(cell: str, where: str) -> float:
+    if not cell.strip():
+        raise InputError(f"{where}: the cell is empty; every sample needs every joint")
+    try:
+        return read_numbers(cell, 1)[0]
+    except ValueError as problem:
+        raise InputError(f"{where}: {problem}") from None
+
+
+def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
+    """Return the recorded motion that a file holds, see `Recording.read`."""
+    try:
+        columns = _columns(robot, sheet.header)
+        t = read_only(sheet.values[:, columns["t"]].copy())
+        if len(t) < 4:
+            raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
+        _check_times(t, max_gap, sheet.lines)
+    except InputError as problem:
+        raise TrajectoryError(sheet.path, str(problem)) from None
+    scales = np.array([_scale(robot, cell) for cell in sheet.header])
+    values = sheet.values * scales
+    q = values[:, [columns[name] for name in robot.names]]
+    v = None
+    if all(f"v_{name}" in columns for name in robot.names):
+        v = values[:, [columns[f"v_{name}"] for name in robot.names]]
+    return Recording(t, read_only(q), None if v is None else read_only(v), sheet.path)
+
+
+def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, int]:
+    """Return the column of ``t``, of each joint and, behind ``v_``, of each velocity."""
+    known = ("t", *robot.names, *(f"v_{name}" for name in robot.names))
+    columns: dict[str, int] = {}
+    for i, cell in enumerate(header):
+        name, unit = (cell, "") if cell in known else _split(cell)
+        if name not in known:
+            raise UnknownNameError("column", name, known[: robot.n + 1], "is expected")
+        if name in columns:
+            raise InputError(f"column {name!r} is there twice")
+        wanted = _units(robot, name)
+        if unit and unit not in wanted:
+            raise InputError(f"column {cell!r}: its unit can be {' or '.join(wanted)}")
+        columns[name] = i
+    if missing := [name for name in known[: robot.n + 1] if name not in columns]:
+        raise InputError(
+            f"lacks the columns {', '.join(missing)}; a trajectory needs t and every joint: "
+            f"{robot.numbered()}"
+        )
+    velocities = [name for name in known[robot.n + 1 :] if name in columns]
+    if velocities and len(velocities) < robot.n:
+        raise InputError("holds velocities of some joints only; give those of all, or of none")
+    return columns
+
+
+def _split(cell: str) -> tuple[str, str]:
+    """Return name and unit of ``name [unit]``."""
+    found = _HEADER.match(cell)
+    assert found is not None  # anything matches
+    return found["name"], (found["unit"] or "").strip()
+
+
+def _units(robot: Robot, name: str) -> tuple[str, ...]:
+    if name == "t":
+        return ("s",)
+    velocity = name not in robot.names
+    joint = robot.joints[robot.names.index(name.removeprefix("v_") if velocity else name)]
+    units = ("m",) if joint.type == "prismatic" else ("rad", "deg")
+    return tuple(f"{unit}/s" for unit in units) if velocity else units
+
+
+def _scale(robot: Robot, cell: str) -> float:
+    if cell in robot.names:
+        return 1.0
+    return _SCALES.get(_split(cell)[1].removesuffix("/s"), 1.0)
+
+
+def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str, ...]) -> None:
+    """Check that times rise without a gap.
+
+    Raises
+    ------
+    InputError
+        They do not; the message says where.
+    """
+    steps = np.diff(t)
+    if (steps <= 0.0).any():
+        i = int((steps <= 0.0).argmax())
+        what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:g} s"
+        raise InputError(f"{places[i + 1]}: the time {t[i + 1]:g} s {what}; times must rise")
+    usual = float(np.median(steps))
+    longest = GAP * usual if max_gap is None else max_gap
+    if not longest > 0.0:
+        raise InputError(f"the longest gap must be positive, s, got {longest}")
+    if steps.max() > longest * (1.0 + 1e-9):
+        i = int(steps.argmax())
+        raise InputError(
+            f"{places[i + 1]}: a gap of {steps[i]:g} s after {t[i]:g} s, where the usual step is "
+            f"{usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
+        )
