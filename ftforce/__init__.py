@@ -21,12 +21,16 @@ if TYPE_CHECKING:
     from ftforce.fault_census import Census, census
     from ftforce.faults import Fault, FaultMode, FaultSet
     from ftforce.files import save
+    from ftforce.fault_timeline import Timeline, timeline
     from ftforce.force_capability import capability
     from ftforce.generate import write_robot
+    from ftforce.history import History
+    from ftforce.history_files import load_history
     from ftforce.load import load_robot
     from ftforce.metrics import Verdict
     from ftforce.registry import known_robots
     from ftforce.robot import Robot
+    from ftforce.simulation import simulate
     from ftforce.task import Task
 
 __version__ = "0.1.0"
@@ -39,17 +43,22 @@ _HOMES = {
     "FaultMode": "faults",
     "FaultSet": "faults",
     "FtforceError": "errors",
+    "History": "history",
     "Remap": "closed_forms",
     "Robot": "robot",
     "Task": "task",
+    "Timeline": "fault_timeline",
     "Verdict": "metrics",
     "analyze": "analysis",
     "capability": "force_capability",
     "census": "fault_census",
     "known_robots": "registry",
+    "load_history": "history_files",
     "load_robot": "load",
     "remap": "closed_forms",
     "save": "files",
+    "simulate": "simulation",
+    "timeline": "fault_timeline",
     "to_dict": "documents",
     "write_robot": "generate",
 }
@@ -62,17 +71,22 @@ __all__ = [
     "FaultMode",
     "FaultSet",
     "FtforceError",
+    "History",
     "Remap",
     "Robot",
     "Task",
+    "Timeline",
     "Verdict",
     "analyze",
     "capability",
     "census",
     "known_robots",
+    "load_history",
     "load_robot",
     "remap",
     "save",
+    "simulate",
+    "timeline",
     "to_dict",
     "write_robot",
 ]

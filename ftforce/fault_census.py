@@ -211,8 +211,8 @@ def census(
     {3} not tolerated
     """
     check_tolerances(rtol, wary)
-    _check_size(robot, faults)
-    how = _checked_mode(mode)
+    check_size(robot, faults)
+    how = checked_mode(mode)
     if rank_by not in _RANKINGS:
         raise UnknownNameError("ranking", rank_by, _RANKINGS)
     wanted = Task.parse(task, axes, length)
@@ -228,7 +228,7 @@ def census(
     M = mass_matrix_for(robot, place.q, conditions, inverse)
     load = tip_load(robot, whole, wanted, force, torque, M=M)
     F = None if load is None else load.F
-    ray = _direction(wanted, direction, F)
+    ray = direction_or_force(wanted, direction, F)
     if direction is not None and not by_capability:
         raise InputError("a direction is that of the capability: give it with rank_by='capability'")
     case = SharedCase(
@@ -261,15 +261,37 @@ def census(
     )
 
 
-def _checked_mode(mode: FaultMode | str) -> FaultMode:
+def checked_mode(mode: FaultMode | str) -> FaultMode:
+    """Return how the joints of many fault sets fail.
+
+    Raises
+    ------
+    InputError
+        There is no such mode, or sets have none in common: weak joints have factors.
+    """
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
         raise InputError("a census takes locked or free joints; ask analyze about weak ones")
     return how
 
 
-def _direction(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
-    """Return the capability's direction, unweighted and of unit length; ``None`` if open."""
+def direction_or_force(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
+    """Return a capability's direction, unweighted and of unit length; ``None`` if open.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    direction :
+        As it was asked for, in the task's axes, shape (m,).
+    F :
+        Weighted force whose direction counts if none was asked for.
+
+    Raises
+    ------
+    InputError
+        The direction is malformed or zero.
+    """
     if direction is not None:
         names = ", ".join(task.components)
         vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
@@ -281,7 +303,14 @@ def _direction(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vec
     return task.direction_of(task.unweigh_force(F))
 
 
-def _check_size(robot: Robot, faults: int) -> None:
+def check_size(robot: Robot, faults: int) -> None:
+    """Check the size of the largest fault sets.
+
+    Raises
+    ------
+    InputError
+        It is no number of the arm's joints, or there are too many sets.
+    """
     if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
         raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
     total = count_fault_sets(robot.n, faults)

@@ -15,7 +15,7 @@ from ftforce.metrics import Verdict
 if TYPE_CHECKING:
     from ftforce.task import Task
 
-VERDICTS = tuple(Verdict)  # a code is an index of this
+VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
 RUNS = ("healthy", "unremapped", "remapped")
 
 

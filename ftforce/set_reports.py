@@ -158,7 +158,7 @@ def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
         can_stand_still=can_stand_still,
         share=None if bounded is None or F is None else bounded.share,
         binding=() if bounded is None else bounded.binding,
-        capability=_capability(case, reduced, rnea, largest) if case.by_capability else None,
+        capability=set_capability(case, reduced, rnea, largest) if case.by_capability else None,
         verdict=judge(reduced, F, case.wary, bounded, largest),
     )
 
@@ -182,9 +182,20 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
     return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
 
 
-def _capability(
+def set_capability(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> SetCapability:
+    """Return the largest force that can be held with one fault set.
+
+    Parameters
+    ----------
+    case :
+        What all sets share.
+    reduced :
+        The decomposed Jacobians of the set.
+    rnea, largest :
+        Torques for weight and motion, and the largest of each joint, with the set, shape (n,).
+    """
     task, rays, ends, stops, size = case.task, [], [], [], 1.0
     for reading in Reading:
         feasible = feasible_forces(reduced, rnea, largest, reading)

@@ -13,9 +13,10 @@ from ftforce.courses import PathCourse, RecordedCourse
 from ftforce.errors import InputError
 from ftforce.inverse_kinematics import posture_at
 from ftforce.kinematics import tip_pose
-from ftforce.paths import Path
+from ftforce.paths import Path as Path
 from ftforce.posture import Posture, choose_posture
-from ftforce.recordings import Recording, Sheet, recording_of
+from ftforce.recordings import Recording as Recording
+from ftforce.recordings import Sheet, recording_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
