@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -89,6 +90,16 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
     raise InputError(
         f"{name} holds {array[tuple(bad[0])]} at position {place}; numbers must be finite"
     )
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is a finite real number; a truth value is none."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 class Svd:

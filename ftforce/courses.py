@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector
 from ftforce.kinematics import frame_jacobian, tip_pose
 
 if TYPE_CHECKING:
+    from ftforce.arrays import Matrix, Vector
     from ftforce.paths import Path
     from ftforce.recordings import Recording
     from ftforce.robot import Robot
@@ -86,21 +86,26 @@ class PathCourse:
 
 
 class RecordedCourse:
-    """A recorded motion, splined; its time begins at 0."""
+    """A recorded motion, splined; its time begins at 0.
+
+    Angles of continuous joints may jump by whole turns, as drivers report them.
+    """
 
     orientation = None
 
     def __init__(self, robot: Robot, recording: Recording) -> None:
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-        t = recording.t - recording.t[0]
+        t, q = recording.t - recording.t[0], recording.q
+        endless = np.array([joint.type == "continuous" for joint in robot.joints])
+        q = np.where(endless, np.unwrap(q, axis=0), q)
         self._robot, self.duration = robot, recording.duration
         if recording.v is None:
-            self._q = CubicSpline(t, recording.q)
+            self._q = CubicSpline(t, q)
             self._v = self._q.derivative()
             self._a = self._v.derivative()
         else:  # as recorded: the derivative of a spline through q is only close to it
-            self._q = CubicHermiteSpline(t, recording.q, recording.v)
+            self._q = CubicHermiteSpline(t, q, recording.v)
             self._v = CubicSpline(t, recording.v)
             self._a = self._v.derivative()
         speeds = (np.linalg.norm(self.at(time).x_dot) for time in t.tolist())
@@ -116,5 +121,3 @@ class RecordedCourse:
     def motion(self, t: Vector) -> Motion:
         """Return the recorded motion."""
         return Motion(self._q(t), self._v(t), self._a(t))
-
-

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from ftforce.arrays import is_number
 from ftforce.errors import InputError
 from ftforce.faults import Fault, FaultMode, FaultSet
 from ftforce.named_faults import named_faults
 from ftforce.source import read_numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from ftforce.robot import Robot
 
@@ -71,15 +73,12 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
         A malformed event, a joint that does not exist, one that fails again in the same way or
         after it locked.
     """
-    given = [events] if isinstance(events, (str, FaultEvent)) else list(events)
+    given = [events] if isinstance(events, (str, FaultEvent)) else events
+    if not isinstance(given, Iterable):
+        raise InputError(f"fault events are texts such as {EXAMPLES}, got {events!r}")
     found = [one if isinstance(one, FaultEvent) else _read(robot, one) for one in given]
     for event in found:
-        if not (math.isfinite(event.time) and event.time >= 0.0):
-            raise InputError(f"a fault happens at 0 s or later, got {event.time:g} s")
-        if not event.faults:
-            raise InputError(f"no joint fails at {event.time:g} s; give one, e.g. {EXAMPLES}")
-        if any(fault.joint >= robot.n for fault in event.faults.faults):
-            raise InputError(f"a fault at {event.time:g} s names a joint beyond {robot.numbered()}")
+        _check(robot, event)
     found.sort(key=_time)
     modes: dict[int, Fault] = {}
     for event in found:
@@ -88,7 +87,7 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
             if before is not None and (before == fault or before.mode is FaultMode.LOCKED):
                 name = f"{fault.joint + 1} ({robot.names[fault.joint]})"
                 raise InputError(
-                    f"joint {name} is {before} already before {event.time:g} s; only joints that "
+                    f"joint {name} is {before} already at {event.time:g} s; only joints that "
                     "are free or weak can fail once more, in another way"
                 )
             modes[fault.joint] = fault
@@ -143,6 +142,19 @@ def _read(robot: Robot, text: object) -> FaultEvent:
             f"a fault is locked, free or weak, got {mode.strip()!r} in {text!r}; e.g. {EXAMPLES}"
         )
     return FaultEvent(seconds, named_faults(robot, **{word: rest}))
+
+
+def _check(robot: Robot, event: FaultEvent) -> None:
+    time, faults = event
+    if not is_number(time) or time < 0.0:
+        shown = f"{time:g} s" if isinstance(time, float) else repr(time)
+        raise InputError(f"a fault happens at 0 s or later, got {shown}")
+    if not isinstance(faults, FaultSet):
+        raise InputError(f"a fault event needs a FaultSet, got {faults!r}")
+    if not faults:
+        raise InputError(f"no joint fails at {time:g} s; give one, e.g. {EXAMPLES}")
+    if any(fault.joint >= robot.n for fault in faults.faults):
+        raise InputError(f"a fault at {time:g} s names a joint beyond {robot.numbered()}")
 
 
 def _time(event: FaultEvent) -> float:

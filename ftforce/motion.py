@@ -28,12 +28,13 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
 
 GAIN = 10.0  # 1/s: with which the tip returns to its course
-LIMIT_GAIN = 5.0  # 1/s: a joint at a distance d from its limit moves towards it with at most this · d
+LIMIT_GAIN = (
+    5.0  # 1/s: a joint at a distance d from its limit moves towards it with at most this · d
+)
 SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
 _RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
-_FINEST = 1e-6  # s: steps below this get nowhere
-_QUOTIENT = 1e-5  # s: step of a difference quotient
-_FEW = 4  # samples, which a spline needs
+_FINEST = 1e-6  # s, and of a stretch that is shorter than 1 s: smaller steps get nowhere
+_QUOTIENT = 1e-5  # s: half the step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
 Tick: TypeAlias = "Callable[[int], None]"
@@ -173,9 +174,10 @@ def _stretch(
         return given, State(*(x[0] for x in last))
     law = rates_law(robot, course, known)
     samples, q_end = _integrate(law, q, times, span, tick)
-    v = np.array([law(t, x) for t, x in zip(times.tolist(), samples, strict=True)])
-    v = v.reshape(samples.shape)
-    return Motion(samples, v, _accelerations(law, times, samples, v)), _state(law, span[1], q_end)
+    v, a = np.empty_like(samples), np.empty_like(samples)
+    for i, t in enumerate(times.tolist()):
+        _, v[i], a[i] = _state(law, t, samples[i])
+    return Motion(samples, v, a), _state(law, span[1], q_end)
 
 
 def _integrate(
@@ -190,9 +192,10 @@ def _integrate(
     if span[1] <= span[0]:
         return samples, q
     solver = DOP853(law, span[0], q, span[1], rtol=_RTOL, atol=_ATOL)
+    finest = _FINEST * min(span[1] - span[0], 1.0)
     while solver.status == "running":
         problem = solver.step()
-        if problem or solver.step_size < _FINEST < span[1] - solver.t:
+        if problem or solver.step_size < finest < span[1] - solver.t:
             raise SolverError(f"the motion cannot be found beyond {solver.t:g} s ({problem})")
         reached = int(np.searchsorted(times, solver.t, side="right"))
         if reached > done:
@@ -202,22 +205,11 @@ def _integrate(
     return samples, solver.y
 
 
-def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
-    """Return the derivative of the velocities, shape (N, n)."""
-    if len(t) < _FEW:
-        states = (_state(law, *row) for row in zip(t.tolist(), q, strict=True))
-        return np.array([state.a for state in states]).reshape(q.shape)
-    from scipy.interpolate import CubicSpline
-
-    derivative: Matrix = CubicSpline(t, v)(t, 1)
-    return derivative
-
-
 def _state(law: Law, t: float, q: Vector) -> State:
-    """Return the state right before a time at which something may change."""
+    """Return the state at a time: the velocity is the law's, the acceleration its derivative."""
     v = law(t, q)
-    before = law(t - _QUOTIENT, q - _QUOTIENT * v)
-    return State(q, v, (v - before) / _QUOTIENT)
+    before, after = (law(t + step, q + step * v) for step in (-_QUOTIENT, _QUOTIENT))
+    return State(q, v, (after - before) / (2.0 * _QUOTIENT))
 
 
 def _at_most(size: float, x: Vector) -> Vector:

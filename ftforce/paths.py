@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,9 +43,7 @@ class Path:
     keeps_orientation: bool = False
 
     @classmethod
-    def through(
-        cls, points: ArrayLike, *, speed: float, keep_orientation: bool = False
-    ) -> Path:
+    def through(cls, points: ArrayLike, *, speed: float, keep_orientation: bool = False) -> Path:
         """Return the path through points, each line as fast as ``speed`` at its middle.
 
         Parameters
@@ -69,15 +67,19 @@ class Path:
                 f"{places.shape}"
             )
         check_finite(places, "the path's points")
-        if not (isinstance(speed, (int, float, np.number)) and math.isfinite(speed)) or speed <= 0:
+        if not is_number(speed) or speed <= 0:
             raise InputError(f"the speed must be positive, m/s, got {speed!r}")
         lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
         if not lengths.all():
             i = int(lengths.argmin()) + 1
             raise InputError(f"points {i} and {i + 1} of the path are the same; leave one out")
-        times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / speed)])
+        with np.errstate(over="ignore"):
+            times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / float(speed))])
         if not math.isfinite(times[-1]):
             raise InputError(f"the path takes for ever at a speed of {speed:g} m/s")
+        if not np.diff(times).all():  # so short that it takes no time
+            i = int(np.diff(times).argmin()) + 1
+            raise InputError(f"points {i} and {i + 1} of the path are too close; leave one out")
         return cls(read_only(places), read_only(times), float(speed), bool(keep_orientation))
 
     @property

@@ -5,13 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
 from ftforce.errors import DimensionError, InputError, TrajectoryError, UnknownNameError, printable
 from ftforce.source import read_numbers, read_text
 
@@ -24,7 +23,8 @@ if TYPE_CHECKING:
 
 GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
 _KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
-_HEADER = re.compile(r"^\s*(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?\s*$")
+_SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
+_LARGEST = 1e12  # of a number in a file; times may count from 1970
 _SCALES = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0}
 
 
@@ -85,15 +85,8 @@ class Recording:
             raise InputError(f"a trajectory needs 4 or more times, got the shape {times.shape}")
         check_finite(times, "t")
         _check_times(times, max_gap, [f"sample {i + 1}" for i in range(len(times))])
-        arrays = [None if x is None else as_floats(x, name) for x, name in ((q, "q"), (v, "v"))]
-        for x, name in zip(arrays, "qv", strict=True):
-            if x is not None:
-                if x.shape != (len(times), robot.n):
-                    hint = f"one row per time, one column per joint, {robot.numbered()}"
-                    raise DimensionError(name, (len(times), robot.n), x.shape, hint)
-                check_finite(x, name)
-        positions, velocities = (None if x is None else read_only(x) for x in arrays)
-        assert positions is not None
+        positions = _samples(robot, q, "q", len(times))
+        velocities = None if v is None else _samples(robot, v, "v", len(times))
         return cls(read_only(times), positions, velocities, source)
 
     @classmethod
@@ -190,9 +183,10 @@ def _table(text: str) -> tuple[tuple[str, ...], Matrix, tuple[str, ...]]:
         if len(row) != len(header):
             raise InputError(f"{line}: needs {len(header)} cells, got {len(row)}")
         try:
-            values[i] = [read_numbers(cell, 1)[0] for cell in row]
+            values[i] = [read_numbers(cell, 1, _LARGEST)[0] for cell in row]
         except ValueError:
-            values[i] = [_number(cell, f"{line}, {name}") for cell, name in zip(row, header, strict=True)]  # fmt: skip
+            cells = zip(row, header, strict=True)
+            values[i] = [_number(cell, f"{line}, {name}") for cell, name in cells]
     return header, values, tuple(line for line, _ in rows[1:])
 
 
@@ -200,7 +194,7 @@ def _number(cell: str, where: str) -> float:
     if not cell.strip():
         raise InputError(f"{where}: the cell is empty; every sample needs every joint")
     try:
-        return read_numbers(cell, 1)[0]
+        return read_numbers(cell, 1, _LARGEST)[0]
     except ValueError as problem:
         raise InputError(f"{where}: {problem}") from None
 
@@ -215,13 +209,22 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         _check_times(t, max_gap, sheet.lines)
     except InputError as problem:
         raise TrajectoryError(sheet.path, str(problem)) from None
-    scales = np.array([_scale(robot, cell) for cell in sheet.header])
+    scales = [_scale(robot, cell) for cell in sheet.header]
     values = sheet.values * scales
     q = values[:, [columns[name] for name in robot.names]]
     v = None
     if all(f"v_{name}" in columns for name in robot.names):
         v = values[:, [columns[f"v_{name}"] for name in robot.names]]
     return Recording(t, read_only(q), None if v is None else read_only(v), sheet.path)
+
+
+def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
+    values = as_floats(x, name)
+    if values.shape != (count, robot.n):
+        hint = f"one row per time, one column per joint, {robot.numbered()}"
+        raise DimensionError(name, (count, robot.n), values.shape, hint)
+    check_finite(values, name)
+    return read_only(values)
 
 
 def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, int]:
@@ -251,9 +254,10 @@ def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, int]:
 
 def _split(cell: str) -> tuple[str, str]:
     """Return name and unit of ``name [unit]``."""
-    found = _HEADER.match(cell)
-    assert found is not None  # anything matches
-    return found["name"], (found["unit"] or "").strip()
+    name, bracket, unit = cell.removesuffix("]").rpartition("[")
+    if not bracket or not cell.endswith("]"):
+        return cell, ""
+    return name.strip(), unit.strip()
 
 
 def _units(robot: Robot, name: str) -> tuple[str, ...]:
@@ -266,7 +270,7 @@ def _units(robot: Robot, name: str) -> tuple[str, ...]:
 
 
 def _scale(robot: Robot, cell: str) -> float:
-    if cell in robot.names:
+    if cell in robot.names or cell.removeprefix("v_") in robot.names:
         return 1.0
     return _SCALES.get(_split(cell)[1].removesuffix("/s"), 1.0)
 
@@ -280,17 +284,18 @@ def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str
         They do not; the message says where.
     """
     steps = np.diff(t)
-    if (steps <= 0.0).any():
-        i = int((steps <= 0.0).argmax())
-        what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:g} s"
-        raise InputError(f"{places[i + 1]}: the time {t[i + 1]:g} s {what}; times must rise")
+    if (steps < _SHORTEST).any():
+        i = int((steps < _SHORTEST).argmax())
+        what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:.12g} s"
+        least = "times must rise" if steps[i] <= 0.0 else f"steps need {_SHORTEST:g} s or more"
+        raise InputError(f"{places[i + 1]}: the time {t[i + 1]:.12g} s {what}; {least}")
     usual = float(np.median(steps))
-    longest = GAP * usual if max_gap is None else max_gap
-    if not longest > 0.0:
-        raise InputError(f"the longest gap must be positive, s, got {longest}")
+    if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
+        raise InputError(f"the longest gap must be positive, s, got {max_gap!r}")
+    longest = GAP * usual if max_gap is None else float(max_gap)
     if steps.max() > longest * (1.0 + 1e-9):
         i = int(steps.argmax())
         raise InputError(
-            f"{places[i + 1]}: a gap of {steps[i]:g} s after {t[i]:g} s, where the usual step is "
-            f"{usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
+            f"{places[i + 1]}: a gap of {steps[i]:g} s after {t[i]:.12g} s, where the usual step "
+            f"is {usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
         )

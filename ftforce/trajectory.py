@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.arrays import Vector, read_only
+from ftforce.arrays import Vector, is_number, read_only
 from ftforce.courses import PathCourse, RecordedCourse
 from ftforce.errors import InputError
 from ftforce.inverse_kinematics import posture_at
@@ -90,8 +90,8 @@ def start_of(
     TrajectoryError
         The file cannot be read or does not fit the robot.
     """
-    if rate is not None and not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"the rate must be positive, samples per second, got {rate}")
+    if rate is not None and not (is_number(rate) and rate > 0.0):
+        raise InputError(f"the rate must be positive, samples per second, got {rate!r}")
     given = trajectory
     if isinstance(given, (str, PathLike)):
         sheet = Sheet.read(given)
@@ -139,6 +139,17 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
 
 
 def _count(samples: float) -> float:
+    """Return duration times rate if that is a number of samples to work with.
+
+    Raises
+    ------
+    InputError
+        Too many, or not even one step.
+    """
+    if samples < 1.0:
+        raise InputError(
+            "the samples lie farther apart than the trajectory is long; ask for a higher rate"
+        )
     if samples > MOST_SAMPLES:
         raise InputError(
             f"{samples:.3g} samples are more than {MOST_SAMPLES:,}; ask for a lower rate"
