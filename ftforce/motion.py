@@ -28,9 +28,7 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
 
 GAIN = 10.0  # 1/s: with which the tip returns to its course
-LIMIT_GAIN = (
-    5.0  # 1/s: a joint at a distance d from its limit moves towards it with at most this · d
-)
+LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
 SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
 _RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
 _FINEST = 1e-6  # s, and of a stretch that is shorter than 1 s: smaller steps get nowhere

@@ -291,7 +291,7 @@ def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str
         raise InputError(f"{places[i + 1]}: the time {t[i + 1]:.12g} s {what}; {least}")
     usual = float(np.median(steps))
     if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
-        raise InputError(f"the longest gap must be positive, s, got {max_gap!r}")
+        raise InputError(f"the longest gap must be positive and finite, s, got {max_gap!r}")
     longest = GAP * usual if max_gap is None else float(max_gap)
     if steps.max() > longest * (1.0 + 1e-9):
         i = int(steps.argmax())
