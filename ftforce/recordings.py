@@ -12,7 +12,7 @@ import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
 from ftforce.errors import DimensionError, InputError, TrajectoryError, UnknownNameError, printable
-from ftforce.source import read_numbers, read_text
+from ftforce.source import read_numbers, read_text, shortened
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -178,6 +178,9 @@ def _table(text: str) -> tuple[tuple[str, ...], Matrix, tuple[str, ...]]:
     if len(rows) < 2:
         raise InputError("needs a header and numbers below it")
     header = tuple(cell.strip() for cell in rows[0][1])
+    if len(header) < 2:
+        got = shortened(header[0])
+        raise InputError(f"needs the header t,JOINT,… or x,y,z, got {got}; commas separate cells")
     values = np.empty((len(rows) - 1, len(header)))
     for i, (line, row) in enumerate(rows[1:]):
         if len(row) != len(header):

@@ -1,0 +1,400 @@
+"""Recorded motions: what a file may look like, and what is said of those that are no use."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryError
+from ftforce.recordings import Recording, Sheet
+from helpers import assert_close, serial_urdf
+from urdfs import arm, joint, load
+
+NAN, INF = math.nan, math.inf
+T = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
+Q = np.array([[0.0, 0.1], [0.1, 0.12], [0.2, 0.14], [0.3, 0.16], [0.4, 0.18]])
+LATER = np.array([0.0, 0.1, 0.2, 5.3, 5.4])
+V = np.array([[1.0, 0.2]] * 5)
+
+
+@pytest.fixture(scope="module")
+def slider(tmp_path_factory):
+    """Return an arm that turns at ``j1`` and slides at ``j2``."""
+    urdf = serial_urdf(("revolute", {}), ("prismatic", {}))
+    return load(tmp_path_factory.mktemp("slider"), urdf, tip="tool")
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(content, name="motion.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def csv_of(header, *columns, number="{!r}", end="\n"):
+    """Return a CSV file of columns."""
+    rows = [",".join(number.format(float(x)) for x in row) for row in np.column_stack(columns)]
+    return end.join([header, *rows, ""])
+
+
+PLAIN = csv_of("t,j1,j2", T, Q)
+
+
+def refused(robot, path, **options):
+    """Return what is said of a file, without its path."""
+    with pytest.raises(TrajectoryError) as caught:
+        Recording.read(robot, path, **options)
+    assert caught.value.path == str(path)
+    message = str(caught.value)
+    assert message.isprintable()  # one line, and nothing that a terminal would obey
+    return message.removeprefix(f"{path}: ")
+
+
+# ---- what can be read ------------------------------------------------------------------------
+
+SAME = {
+    "plain": PLAIN,
+    "other order": csv_of("j2,t,j1", Q[:, 1], T, Q[:, 0]),
+    "degrees": csv_of("t,j1 [deg],j2", T, np.rad2deg(Q[:, 0]), Q[:, 1]),
+    "units": csv_of("t [s],j1 [rad],j2[m]", T, Q),
+    "blanks in the units": csv_of(" t [ s ] , j1  [ deg ],j2 ", T, np.rad2deg(Q[:, 0]), Q[:, 1]),
+    "empty unit": csv_of("t,j1 [],j2", T, Q),
+    "byte order mark": b"\xef\xbb\xbf" + PLAIN.encode(),
+    "CRLF": PLAIN.replace("\n", "\r\n"),
+    "CR": PLAIN.replace("\n", "\r"),
+    "quotes": PLAIN.replace("t,j1,j2", '"t","j1","j2"').replace("0.1,", '"0.1",'),
+    "blank lines": "\n\n" + PLAIN.replace("\n", "\n\n ,, \n  \n"),
+    "blanks": PLAIN.replace(",", " ,\t"),
+    "no line break at the end": PLAIN.rstrip("\n"),
+    "exponents": csv_of("t,j1,j2", T, Q, number="{:.17e}"),
+}
+
+
+@pytest.mark.parametrize("content", SAME.values(), ids=SAME)
+def test_forms_of_the_same_motion(slider, file, content):
+    path = file(content)
+    recording = Recording.read(slider, path)
+    np.testing.assert_array_equal(recording.t, T)
+    assert_close(recording.q, Q, tol=1e-15)
+    assert recording.v is None
+    assert recording.source == str(path)
+    assert recording.duration == pytest.approx(0.4)
+    assert not recording.t.flags.writeable
+    assert not recording.q.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("header", "scale"),
+    [
+        ("t,j1,j2,v_j1,v_j2", 1.0),
+        ("t,j1,j2,v_j1 [rad/s],v_j2 [m/s]", 1.0),
+        ("t,j1,j2,v_j1 [deg/s],v_j2", math.degrees(1.0)),
+    ],
+)
+def test_velocities(slider, file, header, scale):
+    path = file(csv_of(header, T, Q, V * [scale, 1.0]))
+    recording = Recording.read(slider, path)
+    assert_close(recording.q, Q, tol=1e-15)
+    assert_close(recording.v, V, tol=1e-15)
+    assert not recording.v.flags.writeable
+
+
+@pytest.mark.parametrize("start", [-3.0, 1.7e9])
+def test_times_count_from_anywhere(slider, file, start):
+    """Recorders write seconds since 1970."""
+    recording = Recording.read(slider, file(csv_of("t,j1,j2", start + T, Q)))
+    assert_close(recording.t - start, T, tol=1e-5)
+    assert recording.duration == pytest.approx(0.4, abs=1e-6)
+
+
+def test_every_digit_counts(slider, file):
+    q = np.random.default_rng(0).normal(size=(5, 2))
+    np.testing.assert_array_equal(Recording.read(slider, file(csv_of("t,j1,j2", T, q))).q, q)
+
+
+@pytest.mark.parametrize(
+    "name", ["left.elbow", "left elbow", "a,b", "関節", "T", "v_", "elbow [deg]", "a]", "x [m] y"]
+)
+def test_names_of_any_kind(tmp_path, file, name):
+    robot = load(tmp_path, arm(j2=joint(name, "l1", "l2")), tip="tool")
+    quoted = [f'"{x}"' for x in robot.names]
+    q = 0.1 * np.arange(20.0).reshape(5, 4)
+    recording = Recording.read(robot, file(csv_of(",".join(["t", *quoted]), T, q)))
+    assert_close(recording.q, q, tol=1e-15)
+    velocities = [f'"v_{x}"' for x in robot.names]
+    header = ",".join(["t", *quoted, *velocities])
+    recording = Recording.read(robot, file(csv_of(header, T, q, 2.0 * q)))
+    assert_close(recording.q, q, tol=1e-15)
+    assert_close(recording.v, 2.0 * q, tol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["panda", "kinova"])
+def test_recordings_of_known_robots(file, name):
+    robot = ftforce.load_robot(name)
+    q = np.random.default_rng(2).uniform(-0.5, 0.5, size=(5, robot.n))
+    header = ",".join(["t", *(f"{joint} [deg]" for joint in robot.names)])
+    recording = Recording.read(robot, file(csv_of(header, T, np.rad2deg(q))))
+    assert_close(recording.q, q)
+
+
+def test_gaps_up_to_ten_steps_are_bridged(slider, file):
+    t = np.array([0.0, 0.1, 0.2, 1.2, 1.3])
+    assert Recording.read(slider, file(csv_of("t,j1,j2", t, Q))).duration == pytest.approx(1.3)
+    wide = file(csv_of("t,j1,j2", t * [1, 1, 1, 2, 2], Q))
+    assert Recording.read(slider, wide, max_gap=3.0).duration == pytest.approx(2.6)
+
+
+def test_samples_need_not_be_evenly_spaced(slider):
+    t = np.cumsum([0.1, 0.02, 0.3, 0.05, 0.11])
+    assert Recording.of(slider, t, Q).duration == pytest.approx(0.48)
+
+
+# ---- arrays ----------------------------------------------------------------------------------
+
+
+def test_arrays_are_copied(slider):
+    t, q, v = T.copy(), Q.copy(), V.copy()
+    recording = Recording.of(slider, t, q, v)
+    t[:], q[:], v[:] = 9.0, 9.0, 9.0
+    assert_close(recording.t, T)
+    assert_close(recording.q, Q)
+    assert_close(recording.v, V)
+    assert recording.source == "given"
+    for array in (recording.t, recording.q, recording.v):
+        assert not array.flags.writeable
+
+
+def test_lists_and_integers_will_do(slider):
+    recording = Recording.of(slider, [0, 1, 2, 3], [[0, 0], [1, 0], [2, 0], [2, 1]])
+    assert recording.q.dtype == np.float64
+
+
+FOUR = "a trajectory needs 4 or more times, got the shape"
+BAD_ARRAYS = {
+    "no times": ({"t": []}, FOUR),
+    "a number": ({"t": 1.0}, FOUR),
+    "three samples": ({"t": T[:3], "q": Q[:3]}, FOUR),
+    "times in a column": ({"t": T[:, None]}, FOUR),
+    "times are None": ({"t": None}, "t needs numbers, got None"),
+    "times are texts": ({"t": list("01234")}, "t needs numbers"),
+    "times are truths": ({"t": [True] * 5}, "t needs numbers"),
+    "NaN time": ({"t": [0, 1, NAN, 3, 4]}, "t holds nan at position 3"),
+    "infinite time": ({"t": [0, 1, 2, 3, INF]}, "t holds inf at position 5"),
+    "falling": ({"t": [0.0, 0.1, 0.05, 0.3, 0.4]}, "sample 3: the time 0.05 s comes after 0.1 s"),
+    "repeated": ({"t": [0.0, 0.1, 0.1, 0.3, 0.4]}, "sample 3: the time 0.1 s is there twice; time"),
+    "tiny steps": ({"t": 1e-300 * T}, "sample 2: the time 1e-301 s comes after 0 s; steps need"),
+    "gap": (
+        {"t": LATER},
+        "sample 4: a gap of 5.1 s after 0.2 s, where the usual step is 0.1 s and gaps up to 1 s",
+    ),
+    "own gap": (
+        {"t": 2.0 * np.arange(5), "max_gap": 0.5},
+        "sample 2: a gap of 2 s after 0 s, where the usual step is 2 s and gaps up to 0.5 s are br",
+    ),
+    "gap 0": ({"max_gap": 0}, "the longest gap must be positive and finite, s, got 0"),
+    "gap -1": ({"max_gap": -1.0}, "the longest gap must be positive and finite, s, got -1.0"),
+    "gap NaN": ({"max_gap": NAN}, "the longest gap must be positive and finite, s, got nan"),
+    "gap as text": ({"max_gap": "1"}, "the longest gap must be positive and finite, s, got '1'"),
+    "gap as truth": ({"max_gap": True}, "the longest gap must be positive and finite, s, got Tr"),
+    "no positions": ({"q": None}, "q needs numbers, got None"),
+    "transposed": (
+        {"q": Q.T},
+        "q needs an array of shape 5 x 2, got an array of shape 2 x 5: one row per time, one colu",
+    ),
+    "flat": ({"q": Q.ravel()}, "q needs an array of shape 5 x 2, got 10 numbers"),
+    "NaN position": ({"q": Q * NAN}, "q holds nan at position 1, 1; numbers must be finite"),
+    "ragged": ({"q": [[1], [1, 2]]}, "q needs numbers"),
+    "few velocities": ({"v": V[:4]}, "v needs an array of shape 5 x 2"),
+    "infinite velocity": ({"v": V * INF}, "v holds inf at position 1, 1"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), BAD_ARRAYS.values(), ids=BAD_ARRAYS)
+def test_arrays_that_cannot_be_used(slider, change, message):
+    given = {"t": T, "q": Q, **change}
+    with pytest.raises(InputError) as caught:
+        Recording.of(slider, given.pop("t"), given.pop("q"), given.pop("v", None), **given)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_wrong_shape_is_there_as_data(slider):
+    with pytest.raises(DimensionError) as caught:
+        Recording.of(slider, T, Q[:4])
+    assert (caught.value.expected, caught.value.got) == ((5, 2), (4, 2))
+
+
+# ---- files that cannot be used ---------------------------------------------------------------
+
+KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z) was expected"
+HEADER = "needs the header t,JOINT,… or x,y,z, got"
+LACKS = "a trajectory needs t and every joint: 1 j1, 2 j2"
+BAD_FILES = {
+    "unknown column": (
+        csv_of("t,j1,j22", T, Q),
+        "no column 'j22' is expected; there is: t, j1, j2; did you mean 'j2'?",
+    ),
+    "one more column": (csv_of("t,j1,j2,tau", T, Q, T), "no column 'tau' is expected; there is: t"),
+    "capitals": (csv_of("T,j1,j2", T, Q), "no column 'T' is expected; there is: t, j1, j2; did"),
+    "number as a name": (csv_of("t,1,2", T, Q), "no column '1' is expected; there is: t, j1, j2"),
+    "no name": (csv_of("t,j1,j2,", T, Q, T), "no column '' is expected; there is: t, j1, j2"),
+    "no header": ("\n".join(PLAIN.splitlines()[1:]), "no column '0.0' is expected; there is: t, "),
+    "velocity of no joint": (csv_of("t,j1,j2,v_j3", T, Q, T), "no column 'v_j3' is expected"),
+    "semicolons": (PLAIN.replace(",", ";"), f"{HEADER} 't;j1;j2'; commas separate cells"),
+    "tabs": (PLAIN.replace(",", "\t"), f"{HEADER} 't\\tj1\\tj2'; commas separate cells"),
+    "waypoints with times": (csv_of("t,x,y,z", T, Q, T), "no column 'x' is expected; there is: t"),
+    "no time": (csv_of("j1,j2", Q), f"lacks the columns t; {LACKS}"),
+    "joint missing": (csv_of("t,j2", T, T), f"lacks the columns j1; {LACKS}"),
+    "joints missing": (csv_of("t", T), f"{HEADER} 't'; commas"),
+    "column twice": (csv_of("t,j1,j2,j1", T, Q, T), "column 'j1' is there twice"),
+    "column twice, with unit": (csv_of("t,j1,j2,j1 [deg]", T, Q, T), "column 'j1' is there twice"),
+    "time twice": (csv_of("t,t,j1,j2", T, T, Q), "column 't' is there twice"),
+    "velocity twice": (csv_of("t,j1,j2,v_j1,v_j1", T, Q, V), "column 'v_j1' is there twice"),
+    "velocity of one": (
+        csv_of("t,j1,j2,v_j1", T, Q, T),
+        "holds velocities of some joints only; give those of all, or of none",
+    ),
+    "milliseconds": (csv_of("t [ms],j1,j2", T, Q), "column 't [ms]': its unit can be s"),
+    "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': its unit can be rad or deg"),
+    "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': its unit can be m"),
+    "millimetres": (csv_of("t,j1,j2 [mm]", T, Q), "column 'j2 [mm]': its unit can be m"),
+    "velocity as angle": (
+        csv_of("t,j1,j2,v_j1 [deg],v_j2", T, Q, V),
+        "column 'v_j1 [deg]': its unit can be rad/s or deg/s",
+    ),
+    "two units": (csv_of("t,j1 [rad] [deg],j2", T, Q), "no column 'j1 [rad]' is expected"),
+    "half a bracket": (csv_of("t,j1 deg],j2", T, Q), "no column 'j1 deg]' is expected"),
+    "empty cell": (
+        PLAIN.replace("0.1,0.1,0.12", "0.1,,0.12"),
+        "line 3, j1: the cell is empty; every sample needs every joint",
+    ),
+    "NaN": (PLAIN.replace("0.12", "nan"), "line 3, j2: 'nan' is not finite"),
+    "infinity": (PLAIN.replace("0.12", "-inf"), "line 3, j2: '-inf' is not finite"),
+    "overflow": (PLAIN.replace("0.12", "1e999"), "line 3, j2: '1e999' is not finite"),
+    "too large": (
+        PLAIN.replace("0.12", "1e300"),
+        "line 3, j2: '1e300' is too large; numbers up to",
+    ),
+    "text": (PLAIN.replace("0.12", "far"), "line 3, j2: 'far' is not a number"),
+    "unit in a cell": (PLAIN.replace("0.12", "12 cm"), "line 3, j2: '12 cm' is not a number"),
+    "truth": (PLAIN.replace("0.12", "True"), "line 3, j2: 'True' is not a number"),
+    "Python's": (PLAIN.replace("0.12", "1_0"), "line 3, j2: '1_0' is not a number"),
+    "two numbers": (PLAIN.replace("0.12", "1 2"), "line 3, j2: '1 2': 1 number needed, got 2"),
+    "short line": (PLAIN.replace("0.1,0.1,0.12", "0.1,0.1"), "line 3: needs 3 cells, got 2"),
+    "decimal commas": (PLAIN.replace("0.12", "0,12"), "line 3: needs 3 cells, got 4"),
+    "lines cut off": (PLAIN[:-6], "line 6: needs 3 cells, got 2"),
+    "falling": (
+        csv_of("t,j1,j2", T[[0, 2, 1, 3, 4]], Q),
+        "line 4: the time 0.1 s comes after 0.2 s; times must rise",
+    ),
+    "repeated": (
+        csv_of("t,j1,j2", T[[0, 1, 2, 2, 3]], Q),
+        "line 5: the time 0.2 s is there twice; times must rise",
+    ),
+    "repeated, since 1970": (
+        csv_of("t,j1,j2", 1.7e9 + T[[0, 1, 2, 2, 3]], Q),
+        "line 5: the time 1700000000.2 s is there twice",
+    ),
+    "gap": (
+        csv_of("t,j1,j2", LATER, Q),
+        "line 5: a gap of 5.1 s after 0.2 s, where the usual step is 0.1 s",
+    ),
+    "gap behind blank lines": (
+        "\n" + csv_of("t,j1,j2", LATER, Q, end="\n\n"),
+        "line 10: a gap of 5.1 s",
+    ),
+    "three samples": (csv_of("t,j1,j2", T[:3], Q[:3]), "a trajectory needs 4 or more samples, got"),
+    "two lacking": (csv_of("t,v_j1", T, T), f"lacks the columns j1, j2; {LACKS}"),
+    "header only": ("t,j1,j2\n", "needs a header and numbers below it"),
+    "empty": ("", f"is empty; {KIND}"),
+    "blank": (" \n\n", f"is empty; {KIND}"),
+    "commas": (",,\n,,\n", "needs a header and numbers below it"),
+    "open quotes": ('t,j1,j2\n"0,1,2\n', "line 2: is not CSV: unexpected end of data"),
+    "quotes inside": ('t,j1,j2\n"0"1,1,2\n', "line 2: is not CSV: ',' expected after '\"'"),
+    "huge cell": ("t,j1,j2\n0,0," + "1" * 200_000, "line 2: is not CSV: field larger than"),
+    "line break in the header": (
+        csv_of('t,"j\n1",j2', T, Q),
+        "no column 'j\\n1' is expected; there is: t, j1, j2",
+    ),
+    "line break in a cell": (
+        PLAIN.replace("0.12", '"0\n1"'),
+        "line 4, j2: '0\\n1': 1 number needed, got 2",
+    ),
+    "escapes in the header": (
+        csv_of("t,j1,j2,\x1b[31m", T, Q, T).replace("0.12", "red"),
+        "line 3, j2: 'red' is not a number",
+    ),
+    "escapes": (
+        csv_of("t,j1,\x1b[31m", T, Q).replace("0.12", "x"),
+        "line 3, \\x1b[31m: 'x' is not a number",
+    ),
+    "binary": (b"t,j1\0", f"is a binary file; {KIND}"),
+    "Latin-1": ("t,jä\n".encode("latin-1"), f"is not UTF-8 text (byte 3); {KIND}"),
+    "UTF-16": (PLAIN.encode("utf-16"), f"is not UTF-8 text (byte 0); {KIND}"),
+    "comment": ("# mine\n" + PLAIN, f"{HEADER} '# mine'; commas separate cells"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), BAD_FILES.values(), ids=BAD_FILES)
+def test_files_that_cannot_be_used(slider, file, content, message):
+    assert refused(slider, file(content)).startswith(message)
+
+
+def test_a_gap_of_ones_own_in_a_file(slider, file):
+    assert "gaps up to 0.05 s are bridged" in refused(slider, file(PLAIN), max_gap=0.05)
+
+
+@pytest.mark.parametrize("max_gap", [0, NAN, "1", True])
+def test_a_longest_gap_that_is_none(slider, file, max_gap):
+    with pytest.raises(FtforceError, match="the longest gap must be positive and finite, s, got"):
+        Recording.read(slider, file(PLAIN), max_gap=max_gap)
+
+
+def test_paths_that_are_no_files(slider, tmp_path):
+    (tmp_path / "folder.csv").mkdir()
+    assert refused(slider, tmp_path / "none.csv").startswith(f"no such file; {KIND}")
+    assert refused(slider, tmp_path / "folder.csv").startswith(f"is a folder; {KIND}")
+
+
+def test_a_long_header_is_read_quickly(slider, file):
+    """Blanks inside a name cost no more than others."""
+    assert "is expected" in refused(slider, file(f"t,j1,a{' ' * 50_000}[b\n0,0,0\n"))
+
+
+# ---- waypoints -------------------------------------------------------------------------------
+
+POINTS = np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0], [-1.0, 0.0, 0.5]])
+
+
+@pytest.mark.parametrize("header", ["x,y,z", "X, Y ,Z", "x [m],y [m],z[m]"])
+def test_waypoints(file, header):
+    sheet = Sheet.read(file(csv_of(header, POINTS)))
+    assert sheet.holds_points
+    assert_close(sheet.points(), POINTS)
+
+
+def test_waypoints_in_another_order(file):
+    sheet = Sheet.read(file(csv_of("z,x,y", POINTS[:, [2, 0, 1]])))
+    assert sheet.holds_points
+    assert_close(sheet.points(), POINTS)
+
+
+@pytest.mark.parametrize("header", ["t,x,y,z", "x,y", "x,y,z,w", "x,y,y", "t,j1,j2"])
+def test_what_holds_no_waypoints(file, header):
+    values = np.zeros((3, header.count(",") + 1))
+    assert not Sheet.read(file(csv_of(header, values))).holds_points
+
+
+@pytest.mark.parametrize("unit", ["mm", "deg", "s"])
+def test_waypoints_are_in_metres(file, unit):
+    path = file(csv_of(f"x,y [{unit}],z", POINTS))
+    with pytest.raises(TrajectoryError) as caught:
+        Sheet.read(path).points()
+    assert str(caught.value) == f"{path}: column 'y [{unit}]': points are in m"
+
+
+def test_a_file_of_waypoints_is_no_recording(slider, file):
+    assert refused(slider, file(csv_of("x,y,z", POINTS))).startswith("no column 'x' is expected")
