@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ftforce.documents import to_dict
     from ftforce.errors import FtforceError
     from ftforce.fault_census import Census, census
+    from ftforce.fault_timeline import Timeline, timeline
     from ftforce.faults import Fault, FaultMode, FaultSet
     from ftforce.files import save
-    from ftforce.fault_timeline import Timeline, timeline
     from ftforce.force_capability import capability
     from ftforce.generate import write_robot
     from ftforce.history import History

@@ -26,8 +26,11 @@ from ftforce.document_parts import (
 )
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
+from ftforce.fault_timeline import Timeline
 from ftforce.faults import FaultMode
 from ftforce.force_capability import Capability, capability_of
+from ftforce.history import History
+from ftforce.history_documents import history_document, timeline_document
 from ftforce.replicate import ERRATA, Replication
 from ftforce.robot import Robot
 
@@ -227,6 +230,10 @@ def _set(names: Sequence[str], report: SetReport) -> Document:
         },
         "verdict": report.verdict.value,
     }
+
+
+to_dict.register(History, history_document)
+to_dict.register(Timeline, timeline_document)
 
 
 @to_dict.register(Robot)

@@ -124,6 +124,7 @@ def rnea_torque(
     q: Vector,
     v: Vector,
     a: Vector,
+    *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
 ) -> Vector:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ftforce.arrays import Matrix, Svd, Vector, as_vector, read_only
 from ftforce.closed_forms import supported_force
@@ -31,7 +30,7 @@ from ftforce.trajectory import start_of
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from ftforce.dynamics import Payload
     from ftforce.fault_census import Progress
@@ -341,8 +340,8 @@ def _cells(
             capability[i, j] = set_capability(here, reduced, rnea, largest).commanded
         if progress is not None:
             progress(i + 1, count)
-    q, *rest = (read_only(x) for x in (motion.q, jump, margin, capability))
-    return q, *rest, read_only(verdict)
+    q, jump, margin, capability = map(read_only, (motion.q, jump, margin, capability))
+    return q, jump, margin, capability, read_only(verdict)
 
 
 def _check_count(instants: int, robot: Robot, faults: int) -> None:

@@ -8,8 +8,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ftforce import history_files
 from ftforce.documents import to_dict
 from ftforce.errors import InputError, printable
+from ftforce.history import History
 from ftforce.rows import to_rows
 from ftforce.source import write_whole
 
@@ -18,17 +20,24 @@ if TYPE_CHECKING:
 
     from ftforce.analysis import Analysis
     from ftforce.fault_census import Census
+    from ftforce.fault_timeline import Timeline
     from ftforce.force_capability import Capability
     from ftforce.replicate import Replication
     from ftforce.robot import Robot
 
 FORMATS = ("json", "csv")
+HISTORY_FORMATS = ("json", *history_files.FORMATS)
 
 
 def save(
-    result: Analysis | Capability | Census | Robot | Replication, path: str | PathLike[str]
+    result: Analysis | Capability | Census | History | Robot | Replication | Timeline,
+    path: str | PathLike[str],
 ) -> Path:
-    """Write a result to a ``.json`` or ``.csv`` file, whole or not at all.
+    """Write a result to a file, whole or not at all.
+
+    The name ends in ``.json`` or ``.csv``, or for a history in ``.npz`` or ``.parquet``. A
+    history's CSV, NPZ and Parquet hold every instant, and `ftforce.load_history` reads them back;
+    its JSON is a summary.
 
     Raises
     ------
@@ -38,9 +47,38 @@ def save(
         The file cannot be written; nothing is left behind.
     """
     form = Path(path).suffix.lower().removeprefix(".")
-    if form not in FORMATS:
-        raise InputError(f"{printable(path)}: the name must end in .json or .csv")
-    return write_whole(path, to_text(result, form))
+    known = HISTORY_FORMATS if isinstance(result, History) else FORMATS
+    if form not in known:
+        endings = ", ".join(f".{ending}" for ending in known[:-1])
+        raise InputError(f"{printable(path)}: the name must end in {endings} or .{known[-1]}")
+    return write_whole(path, to_content(result, form))
+
+
+def check_form(result: object, form: str) -> None:
+    """Refuse a form that only histories have.
+
+    Raises
+    ------
+    InputError
+        The result is none.
+    """
+    if not isinstance(result, History):
+        raise InputError(f".{form} is for histories of `ftforce simulate`; use .json or .csv")
+
+
+def to_content(result: object, form: str) -> str | bytes:
+    """Return a result as the content of a file.
+
+    Parameters
+    ----------
+    result :
+        A result or a robot.
+    form :
+        ``json`` or ``csv``; for a history also ``npz`` or ``parquet``.
+    """
+    if isinstance(result, History) and form in history_files.FORMATS:
+        return history_files.history_bytes(result, form)
+    return to_text(result, form)
 
 
 def to_text(result: object, form: str) -> str:

@@ -6,13 +6,14 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ftforce.arrays import Matrix, Vector
 from ftforce.display import Displayed
 from ftforce.metrics import Verdict
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ftforce.arrays import Matrix, Vector
     from ftforce.task import Task
 
 VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
@@ -110,6 +111,10 @@ class Setting:
         Whether the URDF has masses: without, torques hold the force part alone.
     rtol, wary :
         Tolerances.
+    warnings :
+        What makes the answer doubtful.
+    notes :
+        What was assumed.
     """
 
     robot: str
@@ -129,6 +134,8 @@ class Setting:
     has_masses: bool
     rtol: float
     wary: float
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,6 +249,11 @@ class History(Displayed):
     def answer(self) -> Run:
         """The run with the remap, or if there is none the one without."""
         return self.unremapped if self.remapped is None else self.remapped
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the answer doubtful."""
+        return self.setting.warnings
 
     def index(self, time: float) -> int:
         """Return the index of the last sample at or before a time, s."""

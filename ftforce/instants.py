@@ -100,6 +100,13 @@ class Faults(NamedTuple):
         return cls(faults.mask(n), faults.swinging_mask(n), counted, largest)
 
 
+class Known(NamedTuple):
+    """Faults, and what the controller takes them for; ``None`` if it knows them."""
+
+    actual: Faults
+    taken_for: Faults | None
+
+
 class Balance(NamedTuple):
     """Force at the tip (weighted) and the torques that belong to it; NaN if nothing holds the arm.
 
@@ -124,6 +131,11 @@ class Balance(NamedTuple):
     unbalanced: Vector
     reduced: ReducedJacobian
     verdict: Verdict
+
+    @property
+    def torques(self) -> tuple[Vector, Vector, Vector]:
+        """U, motor and unbalanced."""
+        return self.U, self.motor, self.unbalanced
 
 
 def run_of(
@@ -161,14 +173,12 @@ def run_of(
                 getattr(run, name)[first:last] = getattr(same, name)[first:last]
             continue
         actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
-        aware = phase.actual == phase.known
+        faults = Known(actual, None if phase.actual == phase.known else known)
         for i in range(first, last):
-            _fill(run, i, case, motion, actual, None if aware else known)
+            _fill(run, i, case, motion, faults)
             if not i % _CHUNK:
                 tick(min(_CHUNK, i - first + 1))
-        here = slice(first, last)
-        run.path_error[here] = course[0][here] - run.position[here]
-        run.velocity_jump[here] -= course[1][here]
+        _finish(run, slice(first, last), case, course, actual)
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 
 
@@ -177,43 +187,43 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     sizes = {"position": 3, "orientation": 4, "path_error": 3, "velocity_jump": 3,
              "force": m, "jump": m}  # fmt: skip
     arrays = {name: np.zeros((count, sizes.get(name, n))) for name in QUANTITIES[3:-2]}
+    arrays["used"].fill(np.nan)  # a limit that is unknown, or none
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(
-    run: Run, i: int, case: Case, motion: Motion, actual: Faults, known: Faults | None
-) -> None:
+def _fill(run: Run, i: int, case: Case, motion: Motion, faults: Known) -> None:
+    """Compute what every instant needs of its own; `_finish` does the rest for all of a phase."""
     robot, task = case.robot, case.task
     q, v, a = motion.q[i], motion.v[i], motion.a[i]
-    J_world = frame_jacobian(robot, q, "world")  # places the tip, too
+    J = frame_jacobian(robot, q, task.axes)  # places the tip, too
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = pin.Quaternion(R).coeffs()
-    run.velocity_jump[i] = J_world[:3].dot(v)  # of which the path's is taken off at the end
-    J = J_world if task.axes == "world" else _turned(R, J_world)
-    J = task.weigh_jacobian(J[task.rows])
+    twist = J[:3].dot(v)
+    run.velocity_jump[i] = R.dot(twist) if task.axes == "tool" else twist
+    J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
-    rnea = rnea_torque(robot, q, v, a, own, case.conditions.payload)
-    found = _aware(case, J, rnea, actual) if known is None else _unaware(
-        case, q, J, rnea, actual, known
-    )  # fmt: skip
-    run.rnea[i], run.U[i], run.motor[i] = rnea, found.U, found.motor
-    run.force_part[i] = found.F.dot(J)
-    run.brake[i] = np.where(actual.locked, rnea + found.F_after.dot(J), 0.0)
-    run.unbalanced[i] = found.unbalanced
-    load = np.where(actual.locked, run.brake[i], found.motor)
-    with np.errstate(divide="ignore", invalid="ignore"):  # 0 of 0 at a joint without torque
-        run.used[i] = np.abs(load) / actual.known_largest
-    run.force[i] = task.unweigh_force(found.F_after)
-    run.jump[i] = task.unweigh_force(found.F - found.F_after)
+    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
+    found = _balance(case, q, J, rnea, faults)
+    run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
+    run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
+    run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
     run.margin[i] = metrics.margin(found.reduced)
     run.verdict[i] = _CODES[found.verdict]
 
 
-def _turned(R: Matrix, J: Matrix) -> Matrix:
-    """Return a Jacobian in the tool's axes."""
-    turned: Matrix = np.vstack([R.T.dot(J[:3]), R.T.dot(J[3:])])
-    return turned
+def _finish(
+    run: Run, here: slice, case: Case, course: tuple[Matrix, Matrix], actual: Faults
+) -> None:
+    """Make of a phase's raw numbers what a run holds."""
+    run.path_error[here] = course[0][here] - run.position[here]
+    run.velocity_jump[here] -= course[1][here]
+    run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
+    load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
+    limited = actual.known_largest > 0.0  # not where it is unknown, or there is no torque
+    run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
+    run.force[here] = case.task.unweigh_force(run.force[here])
+    run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
 def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
@@ -237,10 +247,19 @@ def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
     return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
 
 
-def _unaware(
-    case: Case, q: Vector, J: Matrix, rnea: Vector, actual: Faults, known: Faults
-) -> Balance:
+def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+    actual, taken_for = faults
+    if taken_for is None:
+        return _aware(case, J, rnea, actual)
+    if case.limits is None and actual.swinging is None and taken_for.swinging is None:
+        return _aware(case, J, rnea, actual)  # locks alone leave the healthy torques as they were
+    return _unaware(case, q, J, rnea, faults)
+
+
+def _unaware(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
     """Return what comes of torques that are meant for other faults than there are."""
+    actual, known = faults
+    assert known is not None
     meant = _aware(case, J, rnea, known)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
     if np.isnan(meant.motor).any():  # nothing held the arm before
@@ -254,7 +273,9 @@ def _unaware(
     F_after = _exerted(case, q, reduced, over)
     unbalanced = np.where(moving, over - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
-    verdict = _verdict(case, reduced, meant.F, F_after, unbalanced, rnea)
+    scale = math.hypot(*rnea, *meant.F.dot(J))
+    moved = _over(math.hypot(*unbalanced), scale)
+    verdict = _verdict(case, reduced, meant.F, F_after, moved)
     return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
@@ -281,18 +302,10 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> V
 
 
 def _verdict(
-    case: Case,
-    reduced: ReducedJacobian,
-    F: Vector,
-    F_after: Vector,
-    unbalanced: Vector,
-    rnea: Vector,
+    case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
 ) -> Verdict:
-    """Judge torques that were not remapped: by the jump, and by what moves the arm."""
-    scale = math.hypot(*rnea, *F.dot(reduced.J))
-    off = max(
-        _over(math.hypot(*(F - F_after)), math.hypot(*F)), _over(math.hypot(*unbalanced), scale)
-    )
+    """Judge torques that were not remapped: by the jump, and by the share that moves the arm."""
+    off = max(_over(math.hypot(*(F - F_after)), math.hypot(*F)), moved)
     if off > case.wary:
         return Verdict.NOT_TOLERATED
     if off > reduced.rtol:

@@ -112,6 +112,8 @@ def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
     wary :
         Largest tolerance tried.
     """
+    if reduced.damaged.s[-1] > wary * reduced.sigma_max:
+        return Verdict.TOLERATED  # no tolerance gives a direction away
     answers = _answers_for_all(reduced, wary) if F is None else _answers(reduced, F, wary)
     if len(answers) > 1:
         return Verdict.BORDERLINE

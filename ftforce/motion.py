@@ -7,13 +7,13 @@ of them that makes up for the joints that stand still.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ftforce.arrays import Matrix, Svd, Vector
 from ftforce.courses import Motion
-from ftforce.errors import SolverError
 from ftforce.faults import FaultMode
 from ftforce.kinematics import frame_jacobian
 from ftforce.rates import Bounds, resolved_rates, without
@@ -28,10 +28,13 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
 
 GAIN = 10.0  # 1/s: with which the tip returns to its course
-LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
 SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
 _RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
-_FINEST = 1e-6  # s, and of a stretch that is shorter than 1 s: smaller steps get nowhere
+_FINEST = 1e-4  # s: adaptive steps below this get nowhere
+_SMALL_STEP = 1e-3  # s: of the fixed ones that then lead on,
+_PATIENCE = 0.02  # s: for so long at first
+_FEW = 4  # samples, which a spline needs
+_DENSE = 0.02  # s: up to this step a spline through velocities gives their derivatives
 _QUOTIENT = 1e-5  # s: half the step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
@@ -67,8 +70,8 @@ def advance(
     q: Vector,
     times: Vector,
     phases: Sequence[Phase],
-    planned: Progression | None = None,
     *,
+    planned: Progression | None = None,
     tick: Tick,
 ) -> Progression:
     """Return how an arm follows its course while joints fail.
@@ -108,7 +111,9 @@ def advance(
             state = None if last else planned.arrivals[end]
         else:
             span = (phase.start, end)
-            stretch, state = _stretch(robot, course, start, times[rows], span, known, tick)
+            stretch, state = _stretch(
+                robot, course, start, times[rows], span=span, known=known, tick=tick
+            )
         for x, samples, held in zip(whole, stretch, (here, nothing, nothing), strict=True):
             x[rows] = np.where(stuck, held, samples)
         if state is not None and not last:
@@ -143,7 +148,7 @@ def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
         if orientation is not None:
             error = _rotation_vector(orientation @ place.rotation.T)
             x_dot = np.concatenate([x_dot, GAIN * error])
-        bounds = _bounds(robot, q, speeds)
+        bounds = Bounds(q, robot.lower, robot.upper, speeds)
         healthy = Svd(J, left_only=True)
         damped_below = WARY * healthy.s[0]
         v = target.preferred
@@ -161,6 +166,7 @@ def _stretch(
     course: Course,
     q: Vector,
     times: Vector,
+    *,
     span: tuple[float, float],
     known: FaultSet,
     tick: Tick,
@@ -172,35 +178,71 @@ def _stretch(
         return given, State(*(x[0] for x in last))
     law = rates_law(robot, course, known)
     samples, q_end = _integrate(law, q, times, span, tick)
-    v, a = np.empty_like(samples), np.empty_like(samples)
-    for i, t in enumerate(times.tolist()):
-        _, v[i], a[i] = _state(law, t, samples[i])
-    return Motion(samples, v, a), _state(law, span[1], q_end)
+    v = np.array([law(t, x) for t, x in zip(times.tolist(), samples, strict=True)])
+    v = v.reshape(samples.shape)
+    return Motion(samples, v, _accelerations(law, times, samples, v)), _state(law, span[1], q_end)
 
 
 def _integrate(
     law: Law, q: Vector, times: Vector, span: tuple[float, float], tick: Tick
 ) -> tuple[Matrix, Vector]:
-    """Return the solution of q̇ = g(t, q) at some times, (N, n), and at the end, (n,)."""
+    """Return the solution of q̇ = g(t, q) at some times, (N, n), and at the end, (n,).
+
+    Where g has steps, as at the edge of the workspace, where one joint's limit takes over from
+    another's, an adaptive method finds no step that is small enough. Small fixed ones lead on.
+    """
     from scipy.integrate import DOP853
 
     samples = np.empty((len(times), len(q)))
     done = int(np.searchsorted(times, span[0], side="right"))
     samples[:done] = q
-    if span[1] <= span[0]:
-        return samples, q
-    solver = DOP853(law, span[0], q, span[1], rtol=_RTOL, atol=_ATOL)
-    finest = _FINEST * min(span[1] - span[0], 1.0)
-    while solver.status == "running":
-        problem = solver.step()
-        if problem or solver.step_size < finest < span[1] - solver.t:
-            raise SolverError(f"the motion cannot be found beyond {solver.t:g} s ({problem})")
-        reached = int(np.searchsorted(times, solver.t, side="right"))
-        if reached > done:
-            samples[done:reached] = solver.dense_output()(times[done:reached]).T
+    t, end = span
+    patience = _PATIENCE
+    while t < end:
+        solver = DOP853(law, t, q, end, rtol=_RTOL, atol=_ATOL)
+        while solver.status == "running" and solver.step() is None:
+            t, q = solver.t, solver.y
+            reached = int(np.searchsorted(times, t, side="right"))
+            if reached > done:
+                samples[done:reached] = solver.dense_output()(times[done:reached]).T
+                tick(reached - done)
+                done = reached
+            if solver.step_size < _FINEST < end - t:
+                break
+            patience = max(_PATIENCE, patience - solver.step_size)
+        if t < end:
+            until = min(t + patience, end)
+            reached = int(np.searchsorted(times, until, side="right"))
+            samples[done:reached], q = _in_small_steps(law, q, (t, until), times[done:reached])
             tick(reached - done)
-            done = reached
-    return samples, solver.y
+            t, done, patience = until, reached, 2.0 * patience
+    return samples, q
+
+
+def _in_small_steps(
+    law: Law, q: Vector, span: tuple[float, float], times: Vector
+) -> tuple[Matrix, Vector]:
+    """Return the solution at some times and at the end, by the midpoint rule."""
+    count = max(math.ceil((span[1] - span[0]) / _SMALL_STEP), 1)
+    t = np.linspace(*span, count + 1)
+    steps = [q]
+    for start, step in zip(t.tolist(), np.diff(t).tolist(), strict=False):
+        middle = q + 0.5 * step * law(start, q)
+        q = q + step * law(start + 0.5 * step, middle)
+        steps.append(q)
+    samples = [np.interp(times, t, x) for x in np.array(steps).T]
+    return np.column_stack(samples), q
+
+
+def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
+    """Return the derivative of the velocities, shape (N, n)."""
+    if len(t) < _FEW or np.diff(t).max() > _DENSE:
+        states = (_state(law, *row) for row in zip(t.tolist(), q, strict=True))
+        return np.array([state.a for state in states]).reshape(q.shape)
+    from scipy.interpolate import CubicSpline
+
+    derivative: Matrix = CubicSpline(t, v)(t, 1)  # a third of the cost
+    return derivative
 
 
 def _state(law: Law, t: float, q: Vector) -> State:
@@ -214,14 +256,6 @@ def _at_most(size: float, x: Vector) -> Vector:
     """Return x, or a vector of its direction and this size if x is longer."""
     square = x.dot(x)
     return x if square <= size * size else x * (size / np.sqrt(square))
-
-
-def _bounds(robot: Robot, q: Vector, speeds: Vector) -> Bounds:
-    """Return the velocities that keep speed limits, and position limits ahead."""
-    upper = np.minimum(speeds, LIMIT_GAIN * (robot.upper - q))
-    lower = np.maximum(-speeds, LIMIT_GAIN * (robot.lower - q))
-    # Beyond a limit it returns, no faster than it can.
-    return Bounds(np.minimum(lower, speeds), np.maximum(upper, -speeds))
 
 
 def _rotation_vector(R: Matrix) -> Vector:

@@ -7,20 +7,47 @@ saturation in the null space (Flacco, De Luca & Khatib 2012).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ftforce.arrays import Mask, Matrix, Svd, Vector
 
+LIMIT_GAIN = 5.0  # 1/s
 _ROUNDING = 1e-12  # relative: a velocity at its bound is not beyond it
 
 
 class Bounds(NamedTuple):
-    """Least and largest joint velocities, rad/s or m/s, shape (n,); least below largest."""
+    """What bounds the velocities of joints, shape (n,) each.
 
+    At a distance d from its limit a joint moves there with at most ``LIMIT_GAIN · d``; beyond it
+    it returns.
+
+    Attributes
+    ----------
+    q :
+        Joint positions, rad or m.
+    lower, upper :
+        Position limits, infinite where there are none.
+    speeds :
+        Largest speeds, rad/s or m/s, infinite where there are none.
+    """
+
+    q: Vector
     lower: Vector
     upper: Vector
+    speeds: Vector
+
+    def keep(self, v: Vector) -> bool:
+        """Return whether velocities are within the bounds."""
+        ahead = self.q + v / LIMIT_GAIN
+        return not ((np.abs(v) > self.speeds) | (ahead > self.upper) | (ahead < self.lower)).any()
+
+    def velocities(self) -> tuple[Vector, Vector]:
+        """Return the least and the largest velocities."""
+        lower = np.maximum(-self.speeds, LIMIT_GAIN * (self.lower - self.q))
+        upper = np.minimum(self.speeds, LIMIT_GAIN * (self.upper - self.q))
+        return np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds)
 
 
 def resolved_rates(
@@ -46,16 +73,14 @@ def resolved_rates(
         Singular values below this are damped.
     """
     v: Vector = v0 + damped_inverse(K, missing, damped_below)
-    if not _any_beyond(v, bounds):
+    if bounds.keep(v):
         return v
-    lower, upper = bounds
-    moving, kept = K.A.any(axis=0), v0.copy()
-    while (worst := _worst(v, bounds, moving)) is not None:
+    lower, upper = bounds.velocities()
+    moving, kept = np.any(K.A != 0.0, axis=0), v0.copy()
+    while (worst := _worst(v, lower, upper, moving)) is not None:
         kept[worst] = upper[worst] if v[worst] > upper[worst] else lower[worst]
         moving[worst] = False
-        v = kept + damped_inverse(
-            without(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below
-        )
+        v = kept + damped_inverse(without(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below)
     return v
 
 
@@ -80,13 +105,8 @@ def without(J: Matrix, joints: Mask) -> Svd:
     return Svd(np.where(joints, 0.0, J), left_only=True)
 
 
-def _any_beyond(v: Vector, bounds: Bounds) -> bool:
-    # Lists: for a handful of joints they are faster than reductions of arrays.
-    return True in (v > bounds.upper).tolist() or True in (v < bounds.lower).tolist()
-
-
-def _worst(v: Vector, bounds: Bounds, moving: Mask) -> int | None:
+def _worst(v: Vector, lower: Vector, upper: Vector, moving: Mask) -> int | None:
     """Return the moving joint farthest beyond its bound, ``None`` if all are within."""
-    beyond = np.where(moving, np.maximum(v - bounds.upper, bounds.lower - v), 0.0)
+    beyond = np.where(moving, np.maximum(v - upper, lower - v), 0.0)
     worst = int(beyond.argmax())
     return worst if beyond[worst] > _ROUNDING * max(abs(float(v[worst])), 1.0) else None

@@ -13,9 +13,11 @@ from ftforce.analysis import Analysis
 from ftforce.document_parts import finite
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
+from ftforce.fault_timeline import Timeline
 from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
 from ftforce.force_capability import Amount, Capability
+from ftforce.history import VERDICTS
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
 
@@ -134,6 +136,28 @@ def _capability(capability: Capability) -> list[Row]:
     loads = zip(("before", "after"), capability.payload, strict=True)
     rows += [row("payload", "kg", when, "held", amount) for when, amount in loads]
     return [header, *rows]
+
+
+@to_rows.register(Timeline)
+def _timeline(timeline: Timeline) -> list[Row]:
+    names, task = timeline.robot.names, timeline.task
+    unit = words.unit_of_size(task, timeline.direction)
+    jump_unit = "N" if task.force_rows else "N·m"
+    header = ("t [s]", "fault_set", "joints", f"jump [{jump_unit}]", "margin",
+              f"capability [{unit}]", "verdict", "axes", "task", "length [m]", "limits",
+              "capability_limits", "rtol", "wary")  # fmt: skip
+    conventions = (task.axes, str(task), task.length if task.moment_rows else "",
+                   _source(timeline.limits), _source(timeline.capability_limits),
+                   timeline.rtol, timeline.wary)  # fmt: skip
+    rows: list[Row] = [header]
+    for j, faults in enumerate(timeline.sets):
+        about = (str(faults), " ".join(names[i] for i in faults.joints))
+        arrays = (timeline.jump, timeline.margin, timeline.capability)
+        columns = ([finite(x) for x in array[:, j].tolist()] for array in arrays)
+        verdicts = (VERDICTS[code].value for code in timeline.verdict[:, j].tolist())
+        cells = zip(timeline.t.tolist(), *columns, verdicts, strict=True)
+        rows += [(t, *about, *values, *conventions) for t, *values in cells]
+    return rows
 
 
 @to_rows.register(Robot)

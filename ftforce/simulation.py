@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +18,7 @@ from ftforce.errors import InputError
 from ftforce.fault_events import Events, FaultEvent, Phase, phases, read_events
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.history import EventReport, History, JointInfo, Run, Setting
+from ftforce.history_doubts import history_doubts
 from ftforce.instants import Case, run_of
 from ftforce.kinematics import task_jacobian
 from ftforce.limits_reader import NONE, choose_limits
@@ -144,10 +146,12 @@ def simulate(
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
-    return History(
+    history = History(
         _setting(scene, asked, reports, delay if remap else NEVER),
         start.times, scene.path[0], healthy, unremapped, remapped,
     )  # fmt: skip
+    found = tuple(history_doubts(robot, case.limits, _joined(events), history))
+    return replace(history, setting=replace(history.setting, warnings=found))
 
 
 class _Scene(NamedTuple):
@@ -160,9 +164,7 @@ class _Scene(NamedTuple):
     tick: Callable[[int], None]
 
 
-def _runs(
-    scene: _Scene, delay: float
-) -> tuple[Run, Run, Run | None, Mapping[float, State]]:
+def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[float, State]]:
     """Return the three runs, and the states right before the faults in the last of them."""
     case, start, events, path, tick = scene
     last = float(start.times[-1])
@@ -174,11 +176,11 @@ def _runs(
     evaluate = partial(run_of, case, course=path, times=start.times, tick=tick)
     planned = follow(whole)
     healthy = evaluate(planned.motion, phases=whole)
-    unaware = follow(never, planned)
+    unaware = follow(never, planned=planned)
     unremapped = evaluate(unaware.motion, phases=never, same=healthy)
     if math.isinf(delay):
         return healthy, unremapped, None, unaware.arrivals
-    aware = follow(later, planned)
+    aware = follow(later, planned=planned)
     remapped = evaluate(aware.motion, phases=later, same=healthy)
     return healthy, unremapped, remapped, aware.arrivals
 
@@ -244,12 +246,14 @@ def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
     """Return the analysis of an instant."""
     robot, task, conditions, F, limits, rtol, wary = case
     by_mode = {mode: [i + 1 for i in faults.in_mode(mode)] for mode in FaultMode}
-    factors = {fault.joint + 1: fault.factor for fault in faults.faults}
+    weak: dict[int | str, float] = {
+        fault.joint + 1: fault.factor for fault in faults.faults if fault.mode is FaultMode.WEAK
+    }
     return analyze(
         robot, state.q,
         locked=by_mode[FaultMode.LOCKED],
         free=by_mode[FaultMode.FREE],
-        weak={joint: factors[joint] for joint in by_mode[FaultMode.WEAK]},
+        weak=weak,
         force=task.unweigh_force(F),
         velocity=state.v, acceleration=state.a,
         gravity=None if conditions.is_model_gravity else conditions.gravity,

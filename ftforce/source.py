@@ -38,6 +38,27 @@ def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> s
     FileError
         Of the type ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
     """
+    data = read_bytes(path, error, kind, LARGEST_FILE)
+    if flaw := _flaw(data):
+        raise error(path, f"{flaw}; {kind} was expected")
+    return data.decode("utf-8-sig")
+
+
+def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, largest: int) -> bytes:
+    """Read a file, which may be a pipe but no device.
+
+    Parameters
+    ----------
+    path, error, kind :
+        As in `read_text`.
+    largest :
+        How many bytes it may have.
+
+    Raises
+    ------
+    FileError
+        Of the type ``error``: the file is missing, unreadable or too large.
+    """
     file = Path(path)
     try:
         if not str(path) or not file.exists():
@@ -46,28 +67,22 @@ def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> s
             raise error(path, f"is a folder; {kind} was expected")
         if not (file.is_file() or file.is_fifo()):  # a device might never end
             raise error(path, f"is not a regular file; {kind} was expected")
-        data = _read_bytes(file)
+        # Opening a pipe waits for its writer, for ever if there is none; without waiting it is
+        # empty.
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        os.set_blocking(descriptor, True)
+        with os.fdopen(descriptor, "rb") as stream:
+            data = stream.read(largest + 1)
     except (OSError, ValueError) as problem:  # ValueError: a NUL character in the path
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(path, f"cannot be read ({reason})") from None
-    if flaw := _flaw(data):
-        raise error(path, f"{flaw}; {kind} was expected")
-    return data.decode("utf-8-sig")
-
-
-def _read_bytes(file: Path) -> bytes:
-    """Read at most one byte more than is allowed."""
-    # Opening a pipe waits for its writer, for ever if there is none; without waiting it is empty.
-    descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    os.set_blocking(descriptor, True)
-    with os.fdopen(descriptor, "rb") as stream:
-        return stream.read(LARGEST_FILE + 1)
+    if len(data) > largest:
+        raise error(path, f"is larger than {largest // 1_000_000} MB; {kind} was expected")
+    return data
 
 
 def _flaw(data: bytes) -> str:
     """Return why the bytes are not the text of a file that can be used; empty if they are."""
-    if len(data) > LARGEST_FILE:
-        return f"is larger than {LARGEST_FILE // 1_000_000} MB"
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -157,8 +172,15 @@ def shortened(text: str, most: int = 60) -> str:
     return repr(text) if len(text) <= most else f"{text[:most]!r}…"
 
 
-def write_whole(path: str | PathLike[str], text: str) -> Path:
-    """Write a UTF-8 file, whole or not at all: into a file beside it, which then takes its place.
+def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
+    """Write a file, whole or not at all: into a file beside it, which then takes its place.
+
+    Parameters
+    ----------
+    path :
+        The file.
+    content :
+        Bytes, or text, which is written as UTF-8.
 
     Raises
     ------
@@ -173,7 +195,7 @@ def write_whole(path: str | PathLike[str], text: str) -> Path:
             raise OutputError(path, "cannot be written: it is a folder")
         if file.exists() and not os.access(file, os.W_OK):  # replacing it would ignore that
             raise OutputError(path, "cannot be written: it is read-only")
-        data = text.encode()
+        data = content.encode() if isinstance(content, str) else content
         if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
             _write_through(file, data)
         else:

@@ -13,16 +13,17 @@ from ftforce.courses import PathCourse, RecordedCourse
 from ftforce.errors import InputError
 from ftforce.inverse_kinematics import posture_at
 from ftforce.kinematics import tip_pose
-from ftforce.paths import Path as Path
+from ftforce.paths import Path
 from ftforce.posture import Posture, choose_posture
-from ftforce.recordings import Recording as Recording
-from ftforce.recordings import Sheet, recording_of
+from ftforce.recordings import Recording, Sheet, recording_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.courses import Course
     from ftforce.robot import Robot
+
+__all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
 RATE = 100.0  # Hz
 MOST_SAMPLES = 5_000_000

@@ -14,7 +14,17 @@ from ftforce import __version__
 from ftforce.cli.common import guarded
 from ftforce.cli.printing import prepare_streams, reason_of, silence
 
-COMMANDS = ("analyze", "census", "capability", "inspect", "robots", "dh", "replicate")
+COMMANDS = (
+    "analyze",
+    "census",
+    "capability",
+    "simulate",
+    "timeline",
+    "inspect",
+    "robots",
+    "dh",
+    "replicate",
+)
 
 
 def build(*names: str) -> typer.Typer:

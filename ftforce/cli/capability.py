@@ -14,6 +14,7 @@ from ftforce.cli.common import (
     Locked,
     Output,
     PayloadOption,
+    PlotOption,
     Positions,
     PostureName,
     RobotArgument,
@@ -48,6 +49,7 @@ def capability(
     base: Base = None,
     tip: Tip = None,
     rtol: Rtol = 1e-6,
+    plot: PlotOption = None,
     form: FormatOption = None,
     output: Output = None,
 ) -> None:
@@ -83,6 +85,7 @@ def capability(
         result,
         form=form,
         output=output,
+        plot=plot,
         title=f"ftforce capability {arm.name}",
         warnings=result.analysis.warnings,
     )

@@ -1,9 +1,6 @@
 """``ftforce census``: one posture, all fault sets."""
 
-import sys
-import time
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,6 +18,7 @@ from ftforce.cli.common import (
     LimitsOption,
     Output,
     PayloadOption,
+    PlotOption,
     Positions,
     PostureName,
     RobotArgument,
@@ -35,13 +33,7 @@ from ftforce.cli.common import (
     numbers,
     refuse_force_and_torque,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ftforce.fault_census import Progress
-
-PATIENCE = 1.0  # s without a progress bar
+from ftforce.cli.progress import progress_bar
 
 
 def census(
@@ -77,6 +69,7 @@ def census(
     rtol: Rtol = 1e-6,
     wary: Wary = 1e-2,
     top: Annotated[int, typer.Option(min=1, help="How many sets the table shows.")] = 40,
+    plot: PlotOption = None,
     form: FormatOption = None,
     output: Output = None,
 ) -> None:
@@ -90,7 +83,7 @@ def census(
 
     arm = load(robot, tip, base, posture)
     place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)
-    with _progress() as progress:
+    with progress_bar("fault sets") as progress:
         result = fault_census.census(
             arm,
             place,
@@ -118,35 +111,7 @@ def census(
         result,
         form=form,
         output=output,
+        plot=plot,
         title=f"ftforce census {arm.name}",
         warnings=result.warnings,
     )
-
-
-@contextmanager
-def _progress() -> "Iterator[Progress]":
-    """Yield a callback that shows a bar on stderr once the work has taken a second."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    console = Console(file=sys.stderr)
-    bar = Progress(
-        "fault sets", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=console, transient=True,
-    )  # fmt: skip
-    work = bar.add_task("fault sets")
-    start, shown = time.monotonic(), False
-
-    def update(done: int, total: int, /) -> None:
-        nonlocal shown
-        if console.is_terminal and not shown and time.monotonic() - start > PATIENCE:
-            bar.start()
-            shown = True
-        if shown:
-            bar.update(work, completed=done, total=total)
-
-    try:
-        yield update
-    finally:
-        if shown:
-            bar.stop()

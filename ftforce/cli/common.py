@@ -146,6 +146,14 @@ Output = Annotated[
         help="Write to this file (.json .csv .txt .svg .html), whole or not at all.",
     ),
 ]
+PlotOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--plot",
+        metavar="FILE",
+        help="Draw the result into this file (.png .pdf .svg); needs ftforce[plot].",
+    ),
+]
 _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -225,52 +233,85 @@ def emit(
     form: Format | None,
     output: Path | None,
     title: str,
+    plot: Path | None = None,
     warnings: tuple[str, ...] = (),
 ) -> None:
-    """Print a result, or write it to a file.
+    """Print a result, or write it to a file; draw it, too, if asked.
 
     Parameters
     ----------
     shown :
         The result as tables.
     result :
-        The result itself, for JSON and CSV.
+        The result itself, for data and pictures.
     form :
         The form asked for; ``None`` takes it from the file's ending.
     output :
         The file; ``None`` is standard output.
     title :
-        Title of a picture.
+        Title of a picture of the tables.
+    plot :
+        File for a picture that is drawn; ``None`` for none.
     warnings :
         Shown on stderr where the form has no place for them.
     """
-    chosen = form or _form_of(output)
-    if chosen is Format.TABLE and output is None:
+    picture = None if plot is None else _plot(result, plot)  # before anything is written
+    _emit(shown, result, form or _form_of(output, result), output, title, warnings)
+    if plot is not None and picture is not None:
+        from ftforce.source import write_whole
+
+        # On stderr: standard output may be data.
+        typer.echo(f"wrote {printable(write_whole(plot, picture))}", err=True)
+
+
+def _emit(
+    shown: "RenderableType",
+    result: object,
+    form: str,
+    output: Path | None,
+    title: str,
+    warnings: tuple[str, ...],
+) -> None:
+    if form == Format.TABLE and output is None:
         from rich.console import Console
 
         with printing():
             Console().print(shown)
         return
-    if chosen is Format.TABLE and output is not None:
+    content: str | bytes
+    if form == Format.TABLE and output is not None:
         content = _picture(shown, output, title)
     else:
-        from ftforce.files import to_text
+        from ftforce.files import to_content
 
-        content = to_text(result, chosen)
+        content = to_content(result, form)
         for warning in warnings:
             typer.echo(f"warning: {warning}", err=True)
     if output is None:
         with printing():
-            sys.stdout.write(content)
+            sys.stdout.write(content if isinstance(content, str) else content.decode())
     else:
         from ftforce.source import write_whole
 
         say(f"wrote {printable(write_whole(output, content))}")
 
 
-def _form_of(output: Path | None) -> Format:
+def _form_of(output: Path | None, result: object) -> str:
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    return Format(ending) if ending in {Format.JSON, Format.CSV} else Format.TABLE
+    if ending in {Format.JSON, Format.CSV}:
+        return ending
+    if ending in {"npz", "parquet"}:
+        from ftforce.files import check_form
+
+        check_form(result, ending)
+        return ending
+    return Format.TABLE
+
+
+def _plot(result: object, path: Path) -> bytes:
+    from ftforce.show.figures import figure_bytes
+
+    return figure_bytes(result, path)
 
 
 def _picture(shown: "RenderableType", output: Path, title: str) -> str:

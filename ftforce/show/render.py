@@ -10,15 +10,19 @@ from rich.text import Text
 from ftforce.analysis import Analysis
 from ftforce.closed_forms import Remap
 from ftforce.fault_census import Census
+from ftforce.fault_timeline import Timeline
 from ftforce.force_capability import Capability
+from ftforce.history import History
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
 from ftforce.show.analysis import analysis_view
 from ftforce.show.capability import capability_view
 from ftforce.show.census import census_view
+from ftforce.show.history import history_view
 from ftforce.show.remap import remap_view
 from ftforce.show.replication import replication_view
 from ftforce.show.robot import robot_view
+from ftforce.show.timeline import timeline_view
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -33,6 +37,8 @@ def render(result: object) -> RenderableType:
 render.register(Analysis, analysis_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
+render.register(History, history_view)
 render.register(Remap, remap_view)
 render.register(Replication, replication_view)
 render.register(Robot, robot_view)
+render.register(Timeline, timeline_view)

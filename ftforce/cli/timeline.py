@@ -1,0 +1,123 @@
+"""``ftforce timeline``: when a fault would hurt most."""
+
+from typing import Annotated
+
+import typer
+
+from ftforce.cli.common import (
+    AxesOption,
+    Base,
+    Degrees,
+    Direction,
+    Force,
+    FormatOption,
+    Gravity,
+    Length,
+    LimitsOption,
+    Output,
+    PayloadOption,
+    PlotOption,
+    Positions,
+    PostureName,
+    RobotArgument,
+    Rtol,
+    TaskOption,
+    Tip,
+    Wary,
+    emit,
+    load,
+    numbers,
+)
+from ftforce.cli.progress import progress_bar
+from ftforce.cli.trajectories import (
+    From,
+    KeepOrientation,
+    MaxGap,
+    Rate,
+    Speed,
+    To,
+    TrajectoryArgument,
+    trajectory_of,
+)
+
+
+def timeline(
+    robot: RobotArgument,
+    trajectory: TrajectoryArgument = None,
+    start: From = None,
+    to: To = None,
+    speed: Speed = None,
+    keep_orientation: KeepOrientation = False,
+    faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1,
+    mode: Annotated[
+        str, typer.Option(metavar="locked|free", help="How the joints fail.")
+    ] = "locked",
+    force: Force = None,
+    direction: Direction = None,
+    q: Positions = None,
+    posture: PostureName = None,
+    deg: Degrees = False,
+    gravity: Gravity = None,
+    payload: PayloadOption = None,
+    limits: LimitsOption = None,
+    task: TaskOption = "force",
+    length: Length = None,
+    axes: AxesOption = "tool",
+    base: Base = None,
+    tip: Tip = None,
+    rate: Rate = None,
+    max_gap: MaxGap = None,
+    rtol: Rtol = 1e-6,
+    wary: Wary = 1e-2,
+    top: Annotated[int, typer.Option(min=1, help="How many sets the table shows.")] = 40,
+    plot: PlotOption = None,
+    form: FormatOption = None,
+    output: Output = None,
+) -> None:
+    """Ask at every instant of a trajectory what every set of failed joints would do.
+
+    The healthy arm moves; jump, margin and capability say how much each fault would take then.
+    """
+    from ftforce import fault_timeline
+    from ftforce.posture import choose_posture
+    from ftforce.show.timeline import timeline_view
+
+    arm = load(robot, tip, base, posture)
+    place = None
+    if trajectory is None or q is not None or posture is not None:
+        place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)
+    course = trajectory_of(
+        arm, trajectory, start, to, speed=speed, keep_orientation=keep_orientation, place=place
+    )
+    with progress_bar("instants") as progress:
+        result = fault_timeline.timeline(
+            arm,
+            course,
+            place,
+            faults=faults,
+            mode=mode,
+            force=numbers(force, "--force"),
+            direction=numbers(direction, "--direction"),
+            gravity=numbers(gravity, "--gravity"),
+            payload=payload,
+            limits=limits,
+            task=task,
+            length=length,
+            axes=axes,  # type: ignore[arg-type] # checked there, with a message
+            rate=rate,
+            speed=speed,
+            keep_orientation=keep_orientation,
+            max_gap=max_gap,
+            rtol=rtol,
+            wary=wary,
+            progress=progress,
+        )
+    emit(
+        timeline_view(result, most=top),
+        result,
+        form=form,
+        output=output,
+        plot=plot,
+        title=f"ftforce timeline {arm.name}",
+        warnings=result.warnings,
+    )

@@ -1,0 +1,94 @@
+"""Options of the commands that follow a trajectory, and what they mean."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ftforce.cli.common import numbers
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from ftforce.posture import Posture
+    from ftforce.robot import Robot
+    from ftforce.trajectory import Trajectory
+
+TrajectoryArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[TRAJECTORY]",
+        help="A CSV file: t and the joints' positions, or waypoints x,y,z. Or give --to.",
+        show_default=False,
+    ),
+]
+From = Annotated[
+    str | None,
+    typer.Option(
+        "--from",
+        metavar="X,Y,Z",
+        help="Where the tip starts, m, in the root's axes; without it where the posture has it.",
+    ),
+]
+To = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="X,Y,Z", help="Where it goes in a straight line, m; repeat it for more corners."
+    ),
+]
+Speed = Annotated[
+    float | None, typer.Option(metavar="M/S", help="Largest speed of the tip along its lines.")
+]
+KeepOrientation = Annotated[
+    bool, typer.Option("--keep-orientation", help="The tip must not turn along its lines.")
+]
+Rate = Annotated[
+    float | None,
+    typer.Option(metavar="HZ", help="Samples per second; without it 100, and a recording's own."),
+]
+MaxGap = Annotated[
+    float | None,
+    typer.Option(
+        metavar="S", help="Longest gap of a recording; without it ten times its usual step."
+    ),
+]
+
+
+def trajectory_of(
+    robot: "Robot",
+    file: str | None,
+    start: str | None,
+    corners: list[str] | None,
+    *,
+    speed: float | None,
+    keep_orientation: bool,
+    place: "Posture | None",
+) -> "Trajectory":
+    """Return the trajectory that a command line names.
+
+    Raises
+    ------
+    InputError
+        It names none, or two.
+    """
+    if file is not None:
+        if start is not None or corners:
+            raise InputError("give either a file of a trajectory or --from and --to, not both")
+        return file
+    if not corners:
+        raise InputError(
+            "where does the tip go? Give --to X,Y,Z --speed M/S, or a CSV file of a trajectory"
+        )
+    if speed is None:
+        raise InputError("how fast? Give --speed, the largest speed of the tip in m/s")
+    from ftforce.paths import Path
+    from ftforce.trajectory import tip_at
+
+    points = [_point(corner, "--to") for corner in corners]
+    first = tip_at(robot, place, None).tolist() if start is None else _point(start, "--from")
+    return Path.through([first, *points], speed=speed, keep_orientation=keep_orientation)
+
+
+def _point(text: str, option: str) -> list[float]:
+    point = numbers(text, option)
+    if point is None or len(point) != 3:
+        raise InputError(f"{option} needs x,y,z in m, got {text!r}")
+    return point

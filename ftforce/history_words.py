@@ -1,0 +1,117 @@
+"""Histories and timelines in plain sentences, for tables and files alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.history import VERDICTS
+from ftforce.history_doubts import ON_PATH, length_in_words
+from ftforce.metrics import Verdict
+from ftforce.words import amounts, joined, number, percent, ratio, size
+
+if TYPE_CHECKING:
+    from ftforce.arrays import Vector
+    from ftforce.fault_timeline import Timeline, WorstInstant
+    from ftforce.faults import FaultSet
+    from ftforce.history import EventReport, History, Run
+    from ftforce.robot import Robot
+
+
+def worst_verdict(run: Run) -> Verdict:
+    """Return the worst verdict over a run."""
+    return VERDICTS[int(run.verdict.max())]
+
+
+def history_sentence(history: History) -> str:
+    """Say what becomes of the force and of the path, in a few plain sentences."""
+    run, events = history.answer, history.setting.events
+    verdict = worst_verdict(run)
+    about = _about_force(history, run, verdict)
+    when = f"after {_events_in_words(events)}" if events else "with every joint healthy"
+    return f"{verdict.value.capitalize()}: {when}, {about}. {_about_path(history, run)}"
+
+
+def _events_in_words(events: tuple[EventReport, ...]) -> str:
+    return joined(f"{event.faults} at {event.time:g} s" for event in events)
+
+
+def _about_force(history: History, run: Run, verdict: Verdict) -> str:
+    asked = np.array(history.setting.force)
+    whole = amounts(history.setting.task, asked)
+    how = "the remap" if history.remapped is not None else "the arm, without any remap,"
+    if not history.setting.events:
+        how = "the arm"
+    if verdict is Verdict.TOLERATED:
+        return f"{how} keeps the whole {whole} at the tip to the end, {history.t[-1]:g} s"
+    first = int(np.argmax(run.verdict == run.verdict.max()))
+    since = f"from {history.t[first]:g} s on" if first else "from the start"
+    if np.isnan(run.force).any():
+        fallen = int(np.argmax(np.isnan(run.force).any(axis=1)))
+        return f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
+    jump = history.jump_norm(run)
+    worst = int(jump.argmax())
+    if verdict is Verdict.BORDERLINE:
+        return (
+            f"{since} it depends on the tolerance whether the whole {whole} are kept (smallest "
+            f"margin {ratio(float(run.margin.min()))})"
+        )
+    loss = amounts(history.setting.task, run.jump[worst])
+    words = f"{since} the force is not kept: it jumps by up to {loss} of {whole}, at "
+    words += f"{history.t[worst]:g} s"
+    if np.abs(run.unbalanced).max() > 1e-9:
+        words += ", and torques that nothing balances move the arm"
+    return words
+
+
+def _about_path(history: History, run: Run) -> str:
+    error = run.path_error_norm
+    worst = int(error.argmax())
+    if error[worst] <= ON_PATH:
+        return f"The tip stays within {length_in_words(float(error[worst]))} of its path."
+    last = length_in_words(float(error[-1]))
+    return (
+        f"The tip leaves its path by up to {length_in_words(float(error[worst]))}, at "
+        f"{history.t[worst]:g} s; at the end it is {last} off."
+    )
+
+
+def timeline_sentence(timeline: Timeline) -> str:
+    """Say which fault set hurts most, and when."""
+    worst = timeline.worst()[0]
+    name = faults_in_words(timeline.robot, worst.faults)
+    when = f"Worst: {name}, at {worst.time:g} s"
+    if worst.verdict is Verdict.TOLERATED:
+        kept = "every force" if timeline.force is None else "the force"
+        return (
+            f"Tolerated: no fault set takes {kept} at any instant. The smallest margin, "
+            f"{ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
+        )
+    share = f"{percent(worst.not_tolerated)} of the time not tolerated"
+    if worst.verdict is Verdict.BORDERLINE:
+        return f"Borderline. {when}, with a margin of {ratio(worst.margin)}."
+    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}; {share}."
+
+
+def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
+    """Say what the worst instant takes."""
+    if timeline.force is None:
+        return "a direction of force is lost"
+    if math.isnan(worst.jump):
+        return "nothing holds the arm"
+    unit = "N" if timeline.task.force_rows else "N·m"
+    return f"the force jumps by {size(worst.jump)} {unit}"
+
+
+def faults_in_words(robot: Robot, faults: FaultSet) -> str:
+    """Name the joints of a set: ``2 joint2 and 4 joint4 locked``."""
+    names = joined(f"{i + 1} {robot.names[i]}" for i in faults.joints)
+    return f"{names} {faults.faults[0].mode}"
+
+
+def peak(values: Vector) -> str:
+    """Write the largest absolute value, or a dash where nothing is known."""
+    known = np.abs(values[~np.isnan(values)])
+    return number(float(known.max())) if len(known) else "–"
