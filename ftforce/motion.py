@@ -16,7 +16,7 @@ from ftforce.arrays import Matrix, Svd, Vector
 from ftforce.courses import Motion
 from ftforce.faults import FaultMode
 from ftforce.kinematics import frame_jacobian
-from ftforce.rates import Bounds, resolved_rates, without
+from ftforce.rates import Bounds, damped_inverse, resolved_rates, without
 from ftforce.reduced import WARY
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
 
 GAIN = 10.0  # 1/s: with which the tip returns to its course
+LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
 SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
 _RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
 _FINEST = 1e-4  # s: adaptive steps below this get nowhere
@@ -134,7 +135,7 @@ def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
     """
     top, orientation = max(course.top_speed, SLOWEST), course.orientation
     rows = slice(3 if orientation is None else 6)
-    speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
+    rates = _bounded_rates(robot)
     locked = known.mask(robot.n)
     swinging = known.swinging_mask(robot.n)
     passive = locked if swinging is None else locked | swinging
@@ -148,17 +149,34 @@ def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
         if orientation is not None:
             error = _rotation_vector(orientation @ place.rotation.T)
             x_dot = np.concatenate([x_dot, GAIN * error])
-        bounds = Bounds(q, robot.lower, robot.upper, speeds)
-        healthy = Svd(J, left_only=True)
+        healthy, v = Svd(J, left_only=True), target.preferred
         damped_below = WARY * healthy.s[0]
-        v = target.preferred
-        v = resolved_rates(healthy, x_dot - J.dot(v), v, bounds, damped_below)
+        v = rates(healthy, x_dot - J.dot(v), q, v, damped_below)
         if any_locked:  # Appendix A; a joint without torque goes on as it would
             v = np.where(locked, 0.0, v)
-            v = resolved_rates(without(J, passive), x_dot - J.dot(v), v, bounds, damped_below)
+            v = rates(without(J, passive), x_dot - J.dot(v), q, v, damped_below)
         return v
 
     return velocities
+
+
+def _bounded_rates(robot: Robot) -> Callable[[Svd, Vector, Vector, Vector, float], Vector]:
+    """Return `resolved_rates` within the arm's limits of speed and position."""
+    speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
+    low, high = robot.lower, robot.upper
+
+    def rates(K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
+        v: Vector = v0 + damped_inverse(K, missing, damped_below)
+        ahead = q + v / LIMIT_GAIN
+        if not ((np.abs(v) > speeds) | (ahead > high) | (ahead < low)).any():
+            return v  # the usual case, in which bounds are not needed
+        lower = np.maximum(-speeds, LIMIT_GAIN * (low - q))
+        upper = np.minimum(speeds, LIMIT_GAIN * (high - q))
+        # Beyond a limit it returns, no faster than it can.
+        bounds = Bounds(np.minimum(lower, speeds), np.maximum(upper, -speeds))
+        return resolved_rates(K, missing, v0, bounds, damped_below)
+
+    return rates
 
 
 def _stretch(

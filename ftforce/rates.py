@@ -13,41 +13,14 @@ import numpy as np
 
 from ftforce.arrays import Mask, Matrix, Svd, Vector
 
-LIMIT_GAIN = 5.0  # 1/s
 _ROUNDING = 1e-12  # relative: a velocity at its bound is not beyond it
 
 
 class Bounds(NamedTuple):
-    """What bounds the velocities of joints, shape (n,) each.
+    """Least and largest joint velocities, rad/s or m/s, shape (n,); least below largest."""
 
-    At a distance d from its limit a joint moves there with at most ``LIMIT_GAIN · d``; beyond it
-    it returns.
-
-    Attributes
-    ----------
-    q :
-        Joint positions, rad or m.
-    lower, upper :
-        Position limits, infinite where there are none.
-    speeds :
-        Largest speeds, rad/s or m/s, infinite where there are none.
-    """
-
-    q: Vector
     lower: Vector
     upper: Vector
-    speeds: Vector
-
-    def keep(self, v: Vector) -> bool:
-        """Return whether velocities are within the bounds."""
-        ahead = self.q + v / LIMIT_GAIN
-        return not ((np.abs(v) > self.speeds) | (ahead > self.upper) | (ahead < self.lower)).any()
-
-    def velocities(self) -> tuple[Vector, Vector]:
-        """Return the least and the largest velocities."""
-        lower = np.maximum(-self.speeds, LIMIT_GAIN * (self.lower - self.q))
-        upper = np.minimum(self.speeds, LIMIT_GAIN * (self.upper - self.q))
-        return np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds)
 
 
 def resolved_rates(
@@ -73,9 +46,9 @@ def resolved_rates(
         Singular values below this are damped.
     """
     v: Vector = v0 + damped_inverse(K, missing, damped_below)
-    if bounds.keep(v):
+    lower, upper = bounds
+    if not ((v > upper) | (v < lower)).any():
         return v
-    lower, upper = bounds.velocities()
     moving, kept = np.any(K.A != 0.0, axis=0), v0.copy()
     while (worst := _worst(v, lower, upper, moving)) is not None:
         kept[worst] = upper[worst] if v[worst] > upper[worst] else lower[worst]

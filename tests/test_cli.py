@@ -373,7 +373,7 @@ def test_census_of_a_wrench_in_csv():
 
 
 def test_long_census_shows_progress(monkeypatch):
-    monkeypatch.setattr(sys.modules["ftforce.cli.census"], "PATIENCE", -1.0)
+    monkeypatch.setattr(sys.modules["ftforce.cli.progress"], "PATIENCE", -1.0)
     result = run("census", DH5, "--faults", "2", env={"FORCE_COLOR": "1", "NO_COLOR": ""})
     assert "fault sets" in result.stderr
     assert "15/15" in result.stderr
