@@ -1,0 +1,273 @@
+"""Faults in time: texts read, phases by brute force, and what is said of those that make none."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ftforce
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.fault_events import FaultEvent, Phase, phases, read_events
+from ftforce.faults import Fault, FaultMode, FaultSet
+from urdfs import arm, joint, load
+
+NAN, INF = math.nan, math.inf
+law = settings(deadline=None, max_examples=200)
+NOTHING = FaultSet()
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+def free(*joints):
+    return FaultSet.all_of(FaultMode.FREE, joints)
+
+
+def weak(joint, factor):
+    return FaultSet((Fault(joint, FaultMode.WEAK, factor),))
+
+
+def locked(*joints):
+    return FaultSet.locked(joints)
+
+
+# ---- texts -----------------------------------------------------------------------------------
+
+TEXTS = {
+    "3@50": (50.0, locked(2)),
+    "3,4@50": (50.0, locked(2, 3)),
+    "joint3@50": (50.0, locked(2)),
+    "joint4, 3 @ 0.5": (0.5, locked(2, 3)),
+    "locked:3@50": (50.0, locked(2)),
+    "free:2@10": (10.0, free(1)),
+    "free:2,joint5@1e1": (10.0, free(1, 4)),
+    " Free : 2@10 ": (10.0, free(1)),
+    "weak:3:0.5@5": (5.0, weak(2, 0.5)),
+    "weak:joint3:0@5": (5.0, weak(2, 0.0)),
+    "weak:3:0.5,5:0.1@5": (5.0, FaultSet(weak(2, 0.5).faults + weak(4, 0.1).faults)),
+    "3@0": (0.0, locked(2)),
+    "3@-0": (0.0, locked(2)),
+}
+
+
+@pytest.mark.parametrize(("text", "wanted"), TEXTS.items(), ids=TEXTS)
+def test_texts(dh5, text, wanted):
+    assert read_events(dh5, text) == (wanted,)
+    assert read_events(dh5, [text]) == (wanted,)
+
+
+def test_events_are_sorted_and_those_of_one_time_keep_their_order(dh5):
+    given = ["5@7", "free:1@2", FaultEvent(0.5, locked(2)), "weak:4:0.5@2"]
+    times = [(event.time, event.faults) for event in read_events(dh5, given)]
+    assert times == [(0.5, locked(2)), (2.0, free(0)), (2.0, weak(3, 0.5)), (7.0, locked(4))]
+
+
+def test_no_events(dh5):
+    assert read_events(dh5, ()) == ()
+    assert read_events(dh5, []) == ()
+
+
+def test_one_event_and_other_iterables(dh5):
+    one = FaultEvent(1.0, locked(2))
+    assert read_events(dh5, one) == (one,)
+    assert read_events(dh5, (text for text in ("3@1",))) == (one,)
+    assert read_events(dh5, [FaultEvent(np.float64(1.0), locked(2))]) == (one,)
+
+
+@pytest.mark.parametrize("name", ["left elbow", "a@b", "a:b", "free", "weak"])
+def test_names_of_any_kind(tmp_path, name):
+    robot = load(tmp_path, arm(j2=joint(name, "l1", "l2")), tip="tool")
+    assert read_events(robot, f"locked:{name}@3") == ((3.0, locked(1)),)
+    assert read_events(robot, f"free:{name}@3") == ((3.0, free(1)),)
+    assert read_events(robot, f"weak:{name}:0.5@3") == ((3.0, weak(1, 0.5)),)
+    if ":" not in name:
+        assert read_events(robot, f"{name}@3") == ((3.0, locked(1)),)
+
+
+AGAIN = [
+    (["free:3@1", "3@2"], locked(2)),
+    (["weak:3:0.5@1", "3@2"], locked(2)),
+    (["weak:3:0.5@1", "weak:3:0.2@2"], weak(2, 0.2)),
+    (["weak:3:0.5@1", "free:3@2"], free(2)),
+    (["weak:3:0.5@1", "free:3@2", "3@3"], locked(2)),
+    (["free:3@1", "weak:3:0.5@2"], weak(2, 0.5)),
+    (["free:3@1", "3@1"], locked(2)),
+]
+
+
+@pytest.mark.parametrize(("events", "last"), AGAIN, ids=str)
+def test_what_is_not_locked_can_fail_once_more(dh5, events, last):
+    assert phases(read_events(dh5, events), 0.0)[-1] == (
+        phases(read_events(dh5, events), INF)[-1].start, last, last,
+    )  # fmt: skip
+
+
+# ---- texts that are none ---------------------------------------------------------------------
+
+SUCH = "3,4@50, free:2@10 or weak:3:0.5@5"
+NEEDS = f"a fault event needs joints and a time, e.g. {SUCH}; got"
+CHAIN = "the chain has: 1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
+BAD = {
+    "": f"{NEEDS} ''",
+    "3": f"{NEEDS} '3'",
+    "@5": f"{NEEDS} '@5'",
+    " @5": f"{NEEDS} ' @5'",
+    "3@": "the time of the fault '3@': '': 1 number needed, got 0; it is in s",
+    "3@soon": "the time of the fault '3@soon': 'soon' is not a number; it is in s",
+    "3@5 s": "the time of the fault '3@5 s': '5 s' is not a number; it is in s",
+    "3@1 2": "the time of the fault '3@1 2': '1 2': 1 number needed, got 2; it is in s",
+    "3@nan": "the time of the fault '3@nan': 'nan' is not finite; it is in s",
+    "3@inf": "the time of the fault '3@inf': 'inf' is not finite; it is in s",
+    "3@1e400": "the time of the fault '3@1e400': '1e400' is not finite; it is in s",
+    "3@1e300": "the time of the fault '3@1e300': '1e300' is too large",
+    "3@-1": "a fault happens at 0 s or later, got -1 s",
+    "bogus:3@1": f"a fault is locked, free or weak, got 'bogus' in 'bogus:3@1'; e.g. {SUCH}",
+    ":3@1": f"a fault is locked, free or weak, got '' in ':3@1'; e.g. {SUCH}",
+    "3:0.5@1": f"a fault is locked, free or weak, got '3' in '3:0.5@1'; e.g. {SUCH}",
+    "weak:3@1": "a weak joint needs its factor behind a colon, e.g. 3:0.5 for half of its torque",
+    "weak:3:@1": "the factor of weak joint '3': '': 1 number needed, got 0",
+    "weak:3:half@1": "the factor of weak joint '3': 'half' is not a number",
+    "weak:3:1.5@1": "the factor of weak joint 3 must lie between 0 (no torque) and 1 (full torque)",
+    "weak:3:-0.5@1": "the factor of weak joint 3 must lie between 0 (no torque) and 1",
+    "weak::0.5@1": "a factor needs its weak joint, e.g. 3:0.5",
+    "free:3:0.5@1": "no joint '3:0.5' in the chain of 'dh5'; there is: joint1, joint2, joint3, joi",
+    "0@1": f"joint number 0 is out of range; {CHAIN}",
+    "6@1": f"joint number 6 is out of range; {CHAIN}",
+    "-1@1": f"joint number -1 is out of range; {CHAIN}",
+    "jont3@1": "no joint 'jont3' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, "
+    "joint5; did you mean 'joint3'?",
+    "3,3@1": "joint 3 (joint3) is named twice",
+    "3,joint3@1": "joint 3 (joint3) is named twice",
+    "free:@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
+    ",@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
+    "weak:@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
+    "3@1,4@2": "no joint '3@1' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, ",
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD.items(), ids=BAD)
+def test_texts_that_are_no_events(dh5, text, message):
+    with pytest.raises(InputError) as caught:
+        read_events(dh5, text)
+    assert str(caught.value).startswith(message)
+    with pytest.raises(InputError):
+        read_events(dh5, ["2@0", text])
+
+
+def test_the_names_that_there_are_as_data(dh5):
+    with pytest.raises(UnknownNameError) as caught:
+        read_events(dh5, "jont3@1")
+    assert caught.value.available == dh5.names
+    assert caught.value.suggestion == "joint3"
+
+
+TEXTUAL = f"a fault event is a text such as {SUCH}, got"
+EVENTS = f"fault events are texts such as {SUCH}, got"
+LATER = "a fault happens at 0 s or later, got"
+BAD_OBJECTS = {
+    "nothing": (None, f"{EVENTS} None"),
+    "a number": (3, f"{EVENTS} 3"),
+    "a truth": (True, f"{EVENTS} True"),
+    "bytes": (b"3@1", f"{TEXTUAL} 51"),
+    "numbers": ([3, 4], f"{TEXTUAL} 3"),
+    "a pair": ([(1.0, locked(2))], f"{TEXTUAL} (1.0, FaultSet("),
+    "None within": (["3@1", None], f"{TEXTUAL} None"),
+    "a phase": ([Phase(0.0, NOTHING, NOTHING)], f"{TEXTUAL} Phase("),
+    "before": (FaultEvent(-1.0, locked(2)), f"{LATER} -1 s"),
+    "NaN": (FaultEvent(NAN, locked(2)), f"{LATER} nan s"),
+    "never": (FaultEvent(INF, locked(2)), f"{LATER} inf s"),
+    "text as time": (FaultEvent("1", locked(2)), f"{LATER} '1'"),
+    "truth as time": (FaultEvent(True, locked(2)), f"{LATER} True"),
+    "list as time": (FaultEvent([1.0], locked(2)), f"{LATER} [1.0]"),
+    "no time": (FaultEvent(None, locked(2)), f"{LATER} None"),
+    "huge": (FaultEvent(10**400, locked(2)), f"{LATER} 1000"),
+    "joints": (FaultEvent(1.0, [3]), "a fault event needs a FaultSet, got [3]"),
+    "text": (FaultEvent(1.0, "3"), "a fault event needs a FaultSet, got '3'"),
+    "one fault": (FaultEvent(1.0, Fault(2)), "a fault event needs a FaultSet, got Fault("),
+    "no joints": (FaultEvent(1.0, NOTHING), "no joint fails at 1 s; give one, e.g."),
+    "beyond": (FaultEvent(1.0, locked(5)), "a fault at 1 s names a joint beyond 1 joint1, 2 joi"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("events", "message"), BAD_OBJECTS.values(), ids=BAD_OBJECTS)
+def test_objects_that_are_no_events(dh5, events, message):
+    with pytest.raises(InputError) as caught:
+        read_events(dh5, events)
+    assert str(caught.value).startswith(message)
+
+
+ONCE = "only joints that are free or weak can fail once more, in another way"
+TWICE = [
+    (["3@5", "3@6"], "joint 3 (joint3) is locked already at 6 s"),
+    (["3@6", "3@5"], "joint 3 (joint3) is locked already at 6 s"),
+    (["3@5", "3@5"], "joint 3 (joint3) is locked already at 5 s"),
+    (["3@5", "free:2,3@6"], "joint 3 (joint3) is locked already at 6 s"),
+    (["3@5", "weak:3:0.5@6"], "joint 3 (joint3) is locked already at 6 s"),
+    (["free:3@5", "free:3@6"], "joint 3 (joint3) is free already at 6 s"),
+    (["weak:3:0.5@5", "weak:3:0.5@6"], "joint 3 (joint3) is weak 0.5 already at 6 s"),
+]
+
+
+@pytest.mark.parametrize(("events", "message"), TWICE, ids=str)
+def test_a_joint_that_has_failed_already(dh5, events, message):
+    with pytest.raises(InputError) as caught:
+        read_events(dh5, events)
+    assert str(caught.value) == f"{message}; {ONCE}"
+
+
+# ---- phases ----------------------------------------------------------------------------------
+
+
+def test_phases_by_hand():
+    events = (FaultEvent(1.0, locked(2)), FaultEvent(1.5, free(0)))
+    assert phases(events, 1.0) == (
+        (0.0, NOTHING, NOTHING),
+        (1.0, locked(2), NOTHING),
+        (1.5, FaultSet(locked(2).faults + free(0).faults), NOTHING),
+        (2.0, FaultSet(locked(2).faults + free(0).faults), locked(2)),
+        (2.5, *[FaultSet(locked(2).faults + free(0).faults)] * 2),
+    )
+
+
+def test_no_delay_and_no_remap():
+    events = (FaultEvent(1.0, locked(2)),)
+    assert phases(events, 0.0) == ((0.0, NOTHING, NOTHING), (1.0, locked(2), locked(2)))
+    assert phases(events, INF) == ((0.0, NOTHING, NOTHING), (1.0, locked(2), NOTHING))
+    assert phases((), 0.0) == phases((), INF) == ((0.0, NOTHING, NOTHING),)
+
+
+def test_a_fault_from_the_start():
+    events = (FaultEvent(0.0, locked(2)),)
+    assert phases(events, 0.0) == ((0.0, locked(2), locked(2)),)
+    assert phases(events, 2.0) == ((0.0, locked(2), NOTHING), (2.0, locked(2), locked(2)))
+
+
+timed = st.tuples(st.integers(0, 6), st.integers(0, 4), st.sampled_from(list(FaultMode)))
+
+
+@given(st.lists(timed, max_size=5), st.sampled_from([0.0, 0.5, 1.0, 2.5, INF]))
+@law
+def test_phases_at_any_time(drawn, delay):
+    """What is true of a phase is what a look at all events says."""
+    events = [
+        FaultEvent(float(time), FaultSet((Fault(joint, mode),)))
+        for time, joint, mode in sorted(drawn)
+    ]
+    found = phases(events, delay)
+    starts = [phase.start for phase in found]
+    assert starts == sorted(set(starts))
+    assert starts[0] == 0.0
+    for t in np.arange(0.0, 10.0, 0.25).tolist():
+        phase = max((p for p in found if p.start <= t), key=lambda p: p.start)
+        for faults, later in ((phase.actual, 0.0), (phase.known, delay)):
+            latest = {
+                fault.joint: fault
+                for event in events
+                for fault in event.faults.faults
+                if event.time + later <= t
+            }
+            assert {fault.joint: fault for fault in faults.faults} == latest
