@@ -106,7 +106,7 @@ def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
 
 def length_in_words(x: float) -> str:
     """Write a distance in a unit that suits it."""
-    for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
+    for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)):
         if x * scale >= 0.9995:
             return f"{x * scale:.3g} {unit}"
-    return f"{x * 1e9:.2g} nm"
+    return "< 1 nm"

@@ -31,7 +31,10 @@ def history_sentence(history: History) -> str:
     verdict = worst_verdict(run)
     about = _about_force(history, run, verdict)
     when = f"after {_events_in_words(events)}" if events else "with every joint healthy"
-    return f"{verdict.value.capitalize()}: {when}, {about}. {_about_path(history, run)}"
+    off = ""
+    if run.path_error_norm.max() > ON_PATH:
+        off = ", but off the path" if verdict is Verdict.TOLERATED else ", and off the path"
+    return f"{verdict.value.capitalize()}{off}: {when}, {about}. {_about_path(history, run)}"
 
 
 def _events_in_words(events: tuple[EventReport, ...]) -> str:
@@ -45,7 +48,7 @@ def _about_force(history: History, run: Run, verdict: Verdict) -> str:
     if not history.setting.events:
         how = "the arm"
     if verdict is Verdict.TOLERATED:
-        return f"{how} keeps the whole {whole} at the tip to the end, {history.t[-1]:g} s"
+        return f"{how} keeps the whole {whole} at the tip to the end, at {history.t[-1]:g} s"
     first = int(np.argmax(run.verdict == run.verdict.max()))
     since = f"from {history.t[first]:g} s on" if first else "from the start"
     if np.isnan(run.force).any():
@@ -86,13 +89,13 @@ def timeline_sentence(timeline: Timeline) -> str:
     if worst.verdict is Verdict.TOLERATED:
         kept = "every force" if timeline.force is None else "the force"
         return (
-            f"Tolerated: no fault set takes {kept} at any instant. The smallest margin, "
-            f"{ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
+            f"Tolerated: whichever of these faults happens, and when, {kept} can be kept. The "
+            f"smallest margin, {ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
         )
-    share = f"{percent(worst.not_tolerated)} of the time not tolerated"
+    share = f"not tolerated at {percent(worst.not_tolerated)} of all instants"
     if worst.verdict is Verdict.BORDERLINE:
         return f"Borderline. {when}, with a margin of {ratio(worst.margin)}."
-    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}; {share}."
+    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}. It is {share}."
 
 
 def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:

@@ -195,12 +195,13 @@ def _fill(run: Run, i: int, case: Case, motion: Motion, faults: Known) -> None:
     """Compute what every instant needs of its own; `_finish` does the rest for all of a phase."""
     robot, task = case.robot, case.task
     q, v, a = motion.q[i], motion.v[i], motion.a[i]
-    J = frame_jacobian(robot, q, task.axes)  # places the tip, too
+    J = frame_jacobian(robot, q, "world")  # places the tip, too; in tool axes Pinocchio does not
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = pin.Quaternion(R).coeffs()
-    twist = J[:3].dot(v)
-    run.velocity_jump[i] = R.dot(twist) if task.axes == "tool" else twist
+    run.velocity_jump[i] = J[:3].dot(v)
+    if task.axes == "tool":
+        J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
     J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)

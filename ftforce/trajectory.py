@@ -132,11 +132,15 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
     if np.abs(q - posture.q).max() > _SAME:
         source = f"from {source}, with the tip at the start of the path"
     times = np.arange(math.ceil(_count(path.duration * rate) - 1e-9) + 1) / rate
-    points = " → ".join(f"({', '.join(f'{x:g}' for x in point)})" for point in path.points.tolist())
+    points = " → ".join(map(_in_words, path.points))
     words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
     if path.keeps_orientation:
         words += ", orientation kept"
     return Start(PathCourse(robot, path, q), q, read_only(times), words, source)
+
+
+def _in_words(point: Vector) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in (point.round(6) + 0.0).tolist())})"
 
 
 def _count(samples: float) -> float:
