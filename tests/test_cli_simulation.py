@@ -1,0 +1,230 @@
+"""`ftforce simulate` and `ftforce timeline` as a user types them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.trajectory import Path
+from test_cli import document, run
+
+LINE = ["--from", "0.9,0.3,0.2", "--to", "0.85,0.35,0.25", "--speed", "0.05", "--rate", "10"]
+PUSH = ["--force", "80,50,10"]
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def history(**options):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    return ftforce.simulate(ftforce.load_robot("dh5"), line, force=[80, 50, 10], rate=10, **options)
+
+
+def same_force(file, wanted):
+    found = ftforce.load_history(file)
+    for name, one in wanted.runs.items():
+        np.testing.assert_array_equal(found.runs[name].force, one.force)
+        np.testing.assert_array_equal(found.runs[name].q, one.q)
+    return found
+
+
+def test_a_lock_as_in_python():
+    shown = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1", "-o", "run.npz").stdout
+    assert "wrote run.npz" in shown
+    found = same_force("run.npz", history(faults="3@1"))
+    assert found.setting == history(faults="3@1").setting
+
+
+def test_events_of_every_mode():
+    events = ["3@1", "free:4@2", "weak:5:0.5@1.5"]
+    flags = [word for event in events for word in ("--fault", event)]
+    run("simulate", "dh5", *LINE, *PUSH, *flags, "--delay", "0.3", "-o", "run.npz")
+    same_force("run.npz", history(faults=events, delay=0.3))
+
+
+def test_without_remap():
+    shown = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1", "--no-remap").stdout
+    assert "without remap" in shown
+    assert "with remap " not in shown
+    assert "but off the path" in shown
+
+
+def test_tables_fit_80_columns():
+    shown = run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "20",
+                "--force", "0,0,30", "--fault", "4@1", "--fault", "free:2@2").stdout  # fmt: skip
+    assert max(map(len, shown.splitlines())) <= 80
+    for expected in ("4 panda_joint4 locked at 1 s", "At the faults", "as if healthy",
+                     "Motor torques", "N·m", "tool frame", "Not tolerated"):  # fmt: skip
+        assert expected in shown
+
+
+def test_json_is_a_summary_that_agrees():
+    found = document("simulate", "dh5", *LINE, *PUSH, "--fault", "free:4@1")
+    wanted = history(faults="free:4@1")
+    jump = wanted.jump_norm(wanted.remapped)
+    worst = found["runs"]["remapped"]["force_jump"]
+    assert worst["most"] == jump.max()
+    assert worst["time"] == wanted.t[jump.argmax()]
+    assert found["verdict"] == "not tolerated"
+    assert found["summary"].startswith("Not tolerated")
+
+
+def test_csv_on_standard_output():
+    shown = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1", "--format", "csv").stdout
+    rows = list(csv.DictReader(io.StringIO(shown)))
+    assert {row["run"] for row in rows} == {"healthy", "unremapped", "remapped"}
+
+
+def test_paper():
+    shown = run("simulate", "--paper", "--rate", "2").stdout
+    for expected in ("1.15, -0.134, 0.034", "3 joint3 locked at 50 s", "Assumed", "Tolerated",
+                     "80.00 N", "0.015 m/s"):  # fmt: skip
+        assert expected in shown
+
+
+def test_a_recorded_motion_and_waypoints():
+    from pathlib import Path as File
+
+    t = np.linspace(0.0, 2.0, 21)
+    q0 = ftforce.load_robot("dh5").postures["paper"]
+    rows = [[t_, *(q0 + 0.1 * np.sin(t_))] for t_ in t]
+    text = "t [s],joint1,joint2 [deg],joint3,joint4,joint5\n"
+    for row in rows:
+        row[2] = np.rad2deg(row[2])
+        text += ",".join(map(repr, map(float, row))) + "\n"
+    File("motion.csv").write_text(text)
+    run("simulate", "dh5", "motion.csv", *PUSH, "--fault", "3@1", "-o", "run.npz")
+    found = ftforce.load_history("run.npz")
+    np.testing.assert_allclose(found.healthy.q, [q0 + 0.1 * np.sin(t_) for t_ in t], atol=1e-12)
+    File("points.csv").write_text("x,y,z\n0.9,0.3,0.2\n0.85,0.35,0.25\n")
+    options = ["--speed", "0.05", "--rate", "10"]
+    run("simulate", "dh5", "points.csv", *options, *PUSH, "--fault", "3@1", "-o", "run.npz")
+    same_force("run.npz", history(faults="3@1"))
+
+
+def test_without_from_the_tip_starts_where_the_posture_has_it():
+    arm = ftforce.load_robot("panda")
+    run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "20",
+        "--force", "0,0,30", "-o", "run.npz")  # fmt: skip
+    found = ftforce.load_history("run.npz")
+    np.testing.assert_allclose(found.healthy.q[0], arm.postures["default"], atol=1e-9)
+
+
+MALFORMED = {
+    "no robot": ([], "which robot?"),
+    "no force": (["dh5", *LINE], "Give --force"),
+    "no goal": (["dh5", *PUSH], "Give --to"),
+    "no speed": (["dh5", *PUSH, "--to", "0.9,0.3,0.2"], "Give --speed"),
+    "two trajectories": (["dh5", "x.csv", *LINE, *PUSH], "not both"),
+    "no file": (["dh5", "x.csv", *PUSH], "no such file"),
+    "point": (["dh5", *PUSH, "--to", "0.9,0.3", "--speed", "1"], "--to needs x,y,z in m"),
+    "unreachable": (["dh5", *PUSH, "--from", "9,9,9", "--to", "1,1,1", "--speed", "1"],
+                    "cannot reach"),
+    "fault": (["dh5", *LINE, *PUSH, "--fault", "3"], "needs joints and a time"),
+    "fault after the end": (["dh5", *LINE, *PUSH, "--fault", "3@90"], "after the end"),
+    "joint": (["dh5", *LINE, *PUSH, "--fault", "9@1"], "joint number 9 is out of range"),
+    "delay": (["dh5", *LINE, *PUSH, "--delay", "-1"], "delay must be 0 s or more"),
+    "rate": (["dh5", *LINE[:-1], "0", *PUSH], "rate must be positive"),
+    "paper and robot": (["dh5", "--paper"], "leave out ROBOT"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "message"), MALFORMED.values(), ids=MALFORMED)
+def test_malformed(words, message):
+    result = run("simulate", *words, status=1)
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_forms_of_histories_are_for_histories():
+    message = run("analyze", "dh5", "-o", "x.npz", status=1).stderr
+    assert ".npz is for histories" in message
+
+
+def test_nothing_is_written_on_an_error(tmp_path):
+    run("simulate", "dh5", *LINE, *PUSH, "--fault", "9@1", "-o", "run.npz", "--plot", "run.png",
+        status=1)  # fmt: skip
+    run("simulate", "dh5", *LINE, *PUSH, "-o", "run.npz", "--plot", "run.bmp", status=1)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_plots(tmp_path, ending):
+    magic = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[ending]
+    for i, words in enumerate(
+        [
+            ["simulate", "dh5", *LINE, *PUSH, "--fault", "3@1"],
+            ["timeline", "dh5", *LINE, *PUSH],
+            ["census", "dh5", *PUSH],
+            ["capability", "dh5", "--locked", "3"],
+        ]
+    ):
+        result = run(*words, "--plot", f"{i}.{ending}")
+        assert f"wrote {i}.{ending}" in result.stderr
+        assert (tmp_path / f"{i}.{ending}").read_bytes().startswith(magic)
+
+
+def test_interrupted_nothing_is_written(tmp_path):
+    program = [sys.executable, "-m", "ftforce", "simulate", "dh5", "--from", "0.9,0.3,0.2", "--to",
+               "0.8,0.4,0.25", "--speed", "0.0001", *PUSH, "--fault", "3@1", "-o",
+               "run.npz"]  # fmt: skip
+    process = subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    time.sleep(4.0)
+    assert process.poll() is None  # it would take a minute
+    process.send_signal(2)
+    _, message = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert message.decode().strip().endswith("interrupted; nothing was written")
+    assert not list(tmp_path.iterdir())
+
+
+def test_long_simulation_shows_progress(monkeypatch):
+    monkeypatch.setattr(sys.modules["ftforce.cli.progress"], "PATIENCE", -1.0)
+    result = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1",
+                 env={"FORCE_COLOR": "1", "NO_COLOR": ""})  # fmt: skip
+    assert "instants" in result.stderr
+
+
+def test_timeline_as_in_python():
+    found = document("timeline", "dh5", *LINE, *PUSH, "--faults", "2")
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    wanted = ftforce.timeline(
+        ftforce.load_robot("dh5"), line, faults=2, force=[80, 50, 10], rate=10
+    )
+    assert found["times"] == wanted.t.tolist()
+    np.testing.assert_array_equal(found["jump"], wanted.jump)
+    np.testing.assert_array_equal(found["margin"], wanted.margin)
+    np.testing.assert_array_equal(found["capability"], wanted.capability)
+    assert found["sets"][0]["time"] == wanted.worst()[0].time
+    assert len(found["sets"]) == 15
+
+
+def test_timeline_tables_and_csv():
+    shown = run("timeline", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "5",
+                "--mode", "free", "--force", "0,0,30", "--top", "3").stdout  # fmt: skip
+    assert max(map(len, shown.splitlines())) <= 80
+    for expected in ("(free)", "more sets are not shown", "jump [N]", "margin", "Not tolerated"):
+        assert expected in shown
+    text = run("timeline", "dh5", *LINE, *PUSH, "--format", "csv").stdout
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert {"t [s]", "fault_set", "jump [N]", "margin", "capability [N]", "verdict"} <= set(rows[0])
+    assert len({row["fault_set"] for row in rows}) == 5
+
+
+def test_json_holds_no_nan():
+    text = run("timeline", "dh5", *LINE, "--mode", "free", "--format", "json").stdout
+    json.loads(text, parse_constant=pytest.fail)
+    text = run("simulate", "dh5", *LINE, "--force", "0,0,0", "--fault", "free:2,3,4,5@1",
+               "--format", "json").stdout  # fmt: skip
+    assert json.loads(text, parse_constant=pytest.fail)["runs"]["remapped"]["falls_at"] == 1.0
