@@ -100,13 +100,14 @@ def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
             yield (
                 f"joint {joint.number} {joint.name} would need "
                 f"{100.0 * motor[worst, i] / joint.effort:.4g}% of its effort limit of "
-                f"{joint.effort:g} {joint.torque_unit} at {history.t[worst]:g} s (limits are not counted)"
+                f"{joint.effort:g} {joint.torque_unit} at {history.t[worst]:g} s "
+                "(limits are not counted)"
             )
 
 
 def length_in_words(x: float) -> str:
     """Write a distance in a unit that suits it."""
-    for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)):
+    for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
         if x * scale >= 0.9995:
             return f"{x * scale:.3g} {unit}"
-    return "< 1 nm"
+    return "< 1 µm"

@@ -73,7 +73,8 @@ def _about_path(history: History, run: Run) -> str:
     error = run.path_error_norm
     worst = int(error.argmax())
     if error[worst] <= ON_PATH:
-        return f"The tip stays within {length_in_words(float(error[worst]))} of its path."
+        off = length_in_words(float(error[worst])).removeprefix("< ")
+        return f"The tip stays within {off} of its path."
     last = length_in_words(float(error[-1]))
     return (
         f"The tip leaves its path by up to {length_in_words(float(error[worst]))}, at "
