@@ -73,8 +73,11 @@ def examples(session: nox.Session) -> None:
     session.install(".", *group("docs"))
     for script in ("paper_case.py", "your_own_jacobian.py"):
         session.run("python", f"docs/examples/{script}", env=ENVIRONMENT)
-    drawn = f"{session.create_tmp()}/fault-modes.svg"
-    session.run("python", "docs/examples/fault_modes.py", "--output", drawn, env=ENVIRONMENT)
+    drawn = session.create_tmp()
+    for script in ("fault_modes.py", "section_v.py", "closed_loop.py"):
+        output = f"{drawn}/{script}.svg"
+        session.run("python", f"docs/examples/{script}", "--output", output, env=ENVIRONMENT)
+    session.run("python", "docs/examples/plots.py", "--output", drawn, env=ENVIRONMENT)
     session.run("python", "docs/examples/pictures.py", "--check", env=ENVIRONMENT)
 
 

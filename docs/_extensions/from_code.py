@@ -17,7 +17,7 @@ import inspect
 import pkgutil
 import re
 from enum import Enum
-from pathlib import Path
+from pathlib import Path as File
 from typing import TYPE_CHECKING, Any, get_args
 
 import typer
@@ -26,6 +26,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import ftforce
 from ftforce.cli import app as program
+from ftforce.paths import Path
 from ftforce.replicate import replicate
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 COMMANDS = {c.callback.__name__: c.callback for c in program.registered_commands}
-_WORDS = {str: "TEXT", int: "NUMBER", float: "NUMBER", Path: "FILE"}
+_WORDS = {str: "TEXT", int: "NUMBER", float: "NUMBER", File: "FILE"}
 _JSON_PAGE = "reference/json"
 # Dictionaries by the names of joints, links or postures, and what has the keys of something else.
 _CLOSED = {
@@ -51,7 +52,17 @@ _CLOSED = {
     "capability.weakest.after", "capability.weakest.before.held", "capability.payload.after",
     "polytope.after", "polytope.before.held",
 }  # fmt: skip
-_CLOSED_OF_ROBOT = {"limits", "followers", "postures", "tip_candidates", "held"}
+_CLOSED_OF = {
+    "Robot": {"limits", "followers", "postures", "tip_candidates", "held"},
+    "History": {
+        "robot", "conventions", "effort", "runs.remapped", "runs.unremapped",
+        *(f"runs.healthy.{name}" for name in ("torque", "brake", "unbalanced", "used")),
+    },
+    "Timeline": {
+        "robot", "conventions", "limits", "capability_limits", "sets[].modes",
+        "sets[].weak_factors", "columns[].modes", "columns[].weak_factors",
+    },
+}  # fmt: skip
 _SHARED = "Analysis, census and capability"
 
 
@@ -104,11 +115,11 @@ def _default(parameter: inspect.Parameter, info: Any) -> str:
 
 def check_json_page(app: Sphinx) -> None:
     """Warn about keys that are missing in ``reference/json.md`` or stand there for nothing."""
-    text = Path(app.srcdir, "reference", "json.md").read_text("utf-8")
+    text = File(app.srcdir, "reference", "json.md").read_text("utf-8")
     sections = {part.partition("\n")[0]: _keys(part) for part in text.split("\n## ")}
     for kind, document in _documents():
         shared = sections[_SHARED] if kind.lower() in _SHARED.lower() else set()
-        closed = _CLOSED_OF_ROBOT if kind == "Robot" else _CLOSED
+        closed = _CLOSED_OF.get(kind, _CLOSED)
         found, written = set(_paths(document, closed)), sections[kind] | shared
         for path in sorted(found - written):
             logger.warning("%s: the key %s is not documented", kind, path, location=_JSON_PAGE)
@@ -118,7 +129,7 @@ def check_json_page(app: Sphinx) -> None:
 
 def check_modules(app: Sphinx) -> None:
     """Warn about modules that are missing in ``architecture.md``."""
-    text = Path(app.srcdir, "architecture.md").read_text("utf-8")
+    text = File(app.srcdir, "architecture.md").read_text("utf-8")
     for module in pkgutil.iter_modules(ftforce.__path__):
         if f"`{module.name}`" not in text and not module.name.startswith("_"):
             message = "the module %s is not described"
@@ -140,6 +151,10 @@ def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "Analysis", without | with_force | same_as_below
     yield "Census", ftforce.to_dict(ftforce.census(arm, rank_by="capability", **case))
     yield "Capability", ftforce.to_dict(ftforce.capability(arm, locked=[3], **case))
+    line = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.5)
+    forced = {"force": [80, 50, 10], "rate": 10}
+    yield "History", ftforce.to_dict(ftforce.simulate(arm, line, faults="3@0.2", **forced))
+    yield "Timeline", ftforce.to_dict(ftforce.timeline(arm, line, **forced))
     yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
     yield "Replication", ftforce.to_dict(replicate())
 

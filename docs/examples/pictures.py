@@ -3,7 +3,7 @@
 ``python docs/examples/pictures.py`` writes ``docs/pictures``. With ``--check`` nothing is written:
 the exit status is 1 if a committed file differs from what the code prints now (numbers may differ
 by rounding), or if an example in a page, a line after ``>>>``, no longer gives what stands there.
-What matplotlib draws has a script of its own, fault_modes.py: its bytes depend on its version.
+What matplotlib draws has scripts of its own: its bytes depend on its version.
 """
 
 from __future__ import annotations
@@ -99,6 +99,16 @@ SESSIONS = {
     "capability-census": [
         "census panda --rank-by capability --faults 2 --top 6 --direction 0,0,-1 --axes world"
     ],
+    "simulate-panda": [
+        "simulate panda --to 0.4,0.3,0.4 --speed 0.2 --force 0,0,30 --fault 4@1",
+    ],
+    "simulate-free": [
+        "simulate panda --to 0.4,0.3,0.4 --speed 0.2 --force 0,0,30 --fault free:4@1",
+    ],
+    "simulate-paper": ["simulate --paper"],
+    "timeline": [
+        "timeline panda --to 0.4,0.3,0.4 --speed 0.2 --rate 20 --mode free --force 0,0,30",
+    ],
     "robots": ["robots"],
     "replicate": ["replicate"],
 }
@@ -114,8 +124,11 @@ DOCUMENTS = {
 # Limits of which the brakes are unknown.
 MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
 
-# What fault_modes.py draws.
-DRAWN = {"fault-modes.svg"}
+# What fault_modes.py, section_v.py, plots.py and closed_loop.py draw.
+DRAWN = {
+    "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plot-simulation.svg",
+    "plot-census.svg", "plot-capability.svg",
+}  # fmt: skip
 
 # What these scripts print.
 SCRIPTS = ("paper_case", "your_own_jacobian")
