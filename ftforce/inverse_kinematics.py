@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 REACHED = 1e-9  # m
 _INSIDE = 1e-6  # rad or m: the solver starts that far inside the limits
+_MOST_STEPS = 60  # of each search: those that arrive need some ten
 _DAMPED_BELOW = 1e-6  # of σ_max
 
 
@@ -60,11 +61,13 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
 
     room = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
     start = np.clip(seed, robot.lower + room, robot.upper - room)
+    fixed = np.where(robot.lower == robot.upper, _INSIDE, 0.0)  # no bounds for the solver
     found = least_squares(
         lambda q: tip_pose(robot, q)[1] - point,
         start,
         jac=lambda q: frame_jacobian(robot, q, "world")[:3],
-        bounds=(robot.lower, robot.upper),
+        bounds=(robot.lower - fixed, robot.upper + fixed),
+        max_nfev=_MOST_STEPS,
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,

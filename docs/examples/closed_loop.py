@@ -142,7 +142,10 @@ def simulated(place: Place) -> list[Panel]:
     for mode, (joint, word) in words.items():
         fault = f"{mode}{joint}@{FAULT:g}"
         history = place.history(fault)
-        for name, run in (("with the remap", history.remapped), ("without it", history.unremapped)):
+        for name, run in (
+            ("with the remap", history.remapped),
+            ("without remap", history.unremapped),
+        ):
             remapped = run is history.remapped
             if not mode and not remapped:
                 continue

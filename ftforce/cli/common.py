@@ -308,7 +308,7 @@ def _form_of(output: Path | None, result: object) -> str:
     return Format.TABLE
 
 
-def _plot(result: object, path: Path) -> bytes:
+def _plot(result: Any, path: Path) -> bytes:
     from ftforce.show.figures import figure_bytes
 
     return figure_bytes(result, path)

@@ -10,7 +10,12 @@ from rich.text import Text
 
 from ftforce import words
 from ftforce.history_doubts import length_in_words
-from ftforce.history_words import history_sentence, peak, worst_verdict
+from ftforce.history_words import (
+    history_sentence,
+    moves_by_itself,
+    peak,
+    worst_verdict,
+)
 from ftforce.show.tables import (
     VERDICT_STYLE,
     TitledTable,
@@ -125,7 +130,7 @@ def _runs(history: History) -> TitledTable:
     for name, run in history.runs.items():
         result.add_row(
             RUN_NAMES[name],
-            length_in_words(float(run.path_error_norm.max())),
+            _off_path(run),
             _largest(history.jump_norm(run), "nothing holds"),
             ratio(float(run.margin.min())),
             _largest(np.abs(run.unbalanced).max(axis=1), "–"),
@@ -134,6 +139,12 @@ def _runs(history: History) -> TitledTable:
         )
     result.caption = "unbalanced: torque that nothing balances and that moves the arm, N·m (N)"
     return result
+
+
+def _off_path(run: Run) -> str:
+    """Write the largest path error; of an arm that falls it is not known."""
+    falls = moves_by_itself(run)
+    return "falls" if falls else length_in_words(float(run.path_error_norm.max()))
 
 
 def _largest(values: Vector, otherwise: str) -> str:
@@ -179,7 +190,7 @@ def _instants(history: History) -> TitledTable:
             label,
             *(number(x) if not math.isnan(x) else "–" for x in run.force[i].tolist()),
             "–" if math.isnan(jump[i]) else size(float(jump[i])),
-            length_in_words(float(run.path_error_norm[i])),
+            "–" if math.isnan(jump[i]) else length_in_words(float(run.path_error_norm[i])),
             ratio(float(run.margin[i])),
             verdict_text(run.verdicts[i]),
         )
