@@ -11,6 +11,7 @@ import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
 from ftforce.errors import InputError
+from ftforce.source import LARGEST_NUMBER
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -67,6 +68,8 @@ class Path:
                 f"{places.shape}"
             )
         check_finite(places, "the path's points")
+        if (far := float(np.abs(places).max())) > LARGEST_NUMBER:
+            raise InputError(f"the path's points lie within {LARGEST_NUMBER:g} m, got {far:g} m")
         if not is_number(speed) or speed <= 0:
             raise InputError(f"the speed must be positive, m/s, got {speed!r}")
         lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)

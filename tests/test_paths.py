@@ -175,6 +175,7 @@ BAD_POINTS = {
     "NaN": ([START, (0, NAN, 0)], "the path's points holds nan at position 2, 2; numbers must"),
     "infinity": ([START, (INF, 0, 0)], "the path's points holds inf at position 2, 1"),
     "too large": ([START, (1e200, 0, 0)], "the path's points holds numbers too large"),
+    "far": ([START, (-1e12, 0, 0)], "the path's points lie within 1e+09 m, got 1e+12 m"),
     "equal": ([START, START], "points 1 and 2 of the path are the same; leave one out"),
     "equal later": (
         [START, END, (0, 0, 0), (0, 0, 0)],
