@@ -171,13 +171,15 @@ def run_of(
         if same is not None and not phase.actual:
             for name in QUANTITIES:
                 getattr(run, name)[first:last] = getattr(same, name)[first:last]
+            tick(last - first)
             continue
         actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
         faults = Known(actual, None if phase.actual == phase.known else known)
         for i in range(first, last):
             _fill(run, i, case, motion, faults)
-            if not i % _CHUNK:
-                tick(min(_CHUNK, i - first + 1))
+            done = i + 1 - first
+            if not done % _CHUNK or i + 1 == last:
+                tick((done - 1) % _CHUNK + 1)
         _finish(run, slice(first, last), case, course, actual)
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 

@@ -109,6 +109,7 @@ def advance(
         rows = slice(*np.searchsorted(times, (phase.start, np.inf if last else end)))
         if planned is not None and not locked.any():
             stretch = Motion(*(x[rows] for x in planned.motion))
+            tick(len(stretch.q))
             state = None if last else planned.arrivals[end]
         else:
             span = (phase.start, end)
@@ -193,6 +194,7 @@ def _stretch(
     if not known.in_mode(FaultMode.LOCKED) and (given := course.motion(times)) is not None:
         last = course.motion(np.array([span[1]]))
         assert last is not None
+        tick(len(times))
         return given, State(*(x[0] for x in last))
     law = rates_law(robot, course, known)
     samples, q_end = _integrate(law, q, times, span, tick)
@@ -214,6 +216,7 @@ def _integrate(
     samples = np.empty((len(times), len(q)))
     done = int(np.searchsorted(times, span[0], side="right"))
     samples[:done] = q
+    tick(done)
     t, end = span
     patience = _PATIENCE
     while t < end:

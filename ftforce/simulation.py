@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.analysis import Analysis, analyze, limits_for
-from ftforce.arrays import Vector, as_vector, read_only
+from ftforce.arrays import Vector, as_vector, is_number, read_only
 from ftforce.changes import change_of_velocity, impact_of_lock
 from ftforce.conditions import Conditions
 from ftforce.dynamics import mass_matrix
@@ -125,7 +125,8 @@ def simulate(
     'tolerated'
     """
     check_tolerances(rtol, wary)
-    if isinstance(delay, bool) or not isinstance(delay, (int, float)) or not delay >= 0.0:
+    endless = isinstance(delay, float) and math.isinf(delay)
+    if not (endless or is_number(delay)) or delay < 0.0:
         raise InputError(f"the delay must be 0 s or more, got {delay!r}")
     wanted = Task.parse(task, axes, length)
     names = ", ".join(wanted.components)
@@ -136,18 +137,20 @@ def simulate(
         rate=rate, speed=speed, keep_orientation=keep_orientation, max_gap=max_gap,
     )  # fmt: skip
     _check_times(events, start)
-    meant = limits_for(_joined(events), limits)
+    weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
+    meant = limits_for(next(weak, FaultSet()), limits)  # also if it locks later
     case = Case(
         robot, wanted, Conditions.of(robot, gravity=gravity, payload=payload),
         read_only(wanted.weigh_force(asked)), choose_limits(robot, meant), rtol, wary,
     )  # fmt: skip
     scene = _Scene(case, start, events, _tip_path(start), _counted(progress, start, remap=remap))
-    healthy, unremapped, remapped, arrivals = _runs(scene, delay if remap else NEVER)
+    wait = float(delay) if remap else NEVER
+    healthy, unremapped, remapped, arrivals = _runs(scene, wait)
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
     history = History(
-        _setting(scene, asked, reports, delay if remap else NEVER),
+        _setting(scene, asked, reports, wait),
         start.times, scene.path[0], healthy, unremapped, remapped,
     )  # fmt: skip
     found = tuple(history_doubts(robot, case.limits, _joined(events), history))
