@@ -114,7 +114,8 @@ class Timeline(Displayed):
         Largest force that can be commanded, N (N·m), shape (N, S); infinite if no known limit
         ends it, NaN if nothing holds the arm.
     verdict :
-        Index in `ftforce.history.VERDICTS`, shape (N, S).
+        Index in ``ftforce.history.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
+        tolerated.
     """
 
     robot: Robot

@@ -175,7 +175,8 @@ class Run:
     margin :
         σ_min(K)/σ_max(J), shape (N,).
     verdict :
-        Index in `VERDICTS`, shape (N,).
+        Index in ``ftforce.history.VERDICTS``, shape (N,): 0 tolerated, 1 borderline, 2 not
+        tolerated.
     """
 
     q: Matrix

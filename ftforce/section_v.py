@@ -44,7 +44,8 @@ def section_v(
     """Return the simulation of Section V on the paper's arm.
 
     Fig. 1 is the path, Fig. 2 shows the motor torques of the healthy arm, Fig. 3 those with joint 3
-    locked, and Fig. 4 the force of both. What the paper does not say is assumed, see `NOTES`.
+    locked, and Fig. 4 the force of both. What the paper does not say is assumed, see
+    ``history.setting.notes``.
 
     Parameters
     ----------
