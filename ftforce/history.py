@@ -57,7 +57,7 @@ class EventReport:
     all_faults :
         All joints that have failed by then, likewise.
     impact_jump :
-        Jump of the tip's velocity when joints lock, before any controller acts, in the task's
+        Jump of the tip's velocity when joints lock, before any controller acts, in the root's
         axes, m/s, 3 numbers; empty without a lock or without masses.
     velocity_jump :
         Jump of it that Appendix A's remap leaves, likewise; empty without a lock.

@@ -1,0 +1,302 @@
+"""Every fault set at every instant: each cell beside `analyze`, ratios with NumPy, the worst."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.errors import FtforceError, InputError
+from ftforce.fault_timeline import timeline
+from ftforce.history import VERDICTS
+from ftforce.kinematics import frame_jacobian
+from ftforce.simulation import simulate
+from ftforce.trajectory import Path, Recording
+from helpers import assert_close
+from results import massless
+from urdfs import arm, followed, load
+
+PUSH = (80.0, 50.0, 10.0)  # N
+WAYS = {
+    "dh5": (-0.1, 0.08, 0.05),
+    "panda": (-0.1, 0.1, -0.1),
+    "ur5": (0.05, 0.1, -0.05),
+    "kinova": (0.1, -0.05, -0.1),
+    "tiago": (-0.05, 0.05, 0.05),
+}
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ftforce.load_robot("panda")
+
+
+def line(robot, change=None, *, speed=0.2, q=None):
+    """Return a path from where the tip is."""
+    q = ftforce.analyze(robot).posture.q if q is None else q
+    x = ftforce.kinematics.tip_pose(robot, q)[1]
+    return Path.through([x, x + (WAYS[robot.name] if change is None else change)], speed=speed)
+
+
+def moving(robot, path, rate, q=None):
+    """Return the healthy run of a simulation at the same instants."""
+    return simulate(robot, path, q, force=(1, 0, 0), rate=rate).healthy
+
+
+def assert_cells(robot, found, run, **options):
+    """Compare every cell with `analyze`."""
+    mode = found.mode.value
+    moments_only = not found.task.force_rows
+    for i in range(len(found.t)):
+        for j, faults in enumerate(found.sets):
+            joints = [joint + 1 for joint in faults.joints]
+            told = ftforce.analyze(
+                robot, found.q[i], **{mode: joints}, velocity=run.v[i], acceleration=run.a[i],
+                **options,
+            )  # fmt: skip
+            assert VERDICTS[found.verdict[i, j]] is told.verdict
+            assert found.margin[i, j] == pytest.approx(told.margin, rel=1e-9, abs=1e-12)
+            if told.force is None or told.force.after is None:
+                assert math.isnan(found.jump[i, j])
+                continue
+            wanted = told.force.moment_jump_norm if moments_only else told.force.jump_norm
+            assert found.jump[i, j] == pytest.approx(wanted, rel=1e-6, abs=1e-7)
+
+
+CASES = {
+    "locked": ("dh5", {"force": PUSH, "faults": 2}),
+    "free": ("dh5", {"force": PUSH, "mode": "free"}),
+    "limits": ("panda", {"force": PUSH, "limits": "urdf"}),
+    "free, limits": ("panda", {"force": (5, 8, 9), "limits": "urdf", "mode": "free"}),
+    "world": ("panda", {"force": PUSH, "axes": "world"}),
+    "wrench": ("ur5", {"force": (8, 5, 1, 1, 2, 3), "task": "wrench", "length": 0.3}),
+    "moment": ("panda", {"force": (1, 2, 3), "task": "moment", "length": 0.2, "faults": 2}),
+    "payload": ("panda", {"force": PUSH, "mode": "free", "payload": (2.0, (0, 0.1, 0))}),
+    "gravity": ("ur5", {"force": PUSH, "mode": "free", "gravity": (1, -2, -3)}),
+    "every force": ("dh5", {"faults": 2}),
+    "sliding": ("tiago", {"force": (5, 8, 9)}),
+    "continuous": ("kinova", {"force": (5, 8, 9), "mode": "free"}),
+    "tolerances": ("dh5", {"force": PUSH, "rtol": 1e-4, "wary": 0.2}),
+}
+
+
+@pytest.mark.parametrize(("name", "options"), CASES.values(), ids=CASES)
+def test_every_cell_is_an_analysis(name, options):
+    robot, options = ftforce.load_robot(name), dict(options)
+    path = line(robot)
+    found = timeline(robot, path, rate=2, **options)
+    run = moving(robot, path, 2)
+    assert_close(found.q, run.q, tol=1e-9)
+    for name_ in ("faults", "mode"):
+        options.pop(name_, None)
+    assert_cells(robot, found, run, **options)
+
+
+def test_sets_times_and_shapes(dh5):
+    found = timeline(dh5, line(dh5), force=PUSH, faults=2, rate=5)
+    sets = [(i,) for i in range(5)] + list(combinations(range(5), 2))
+    assert [faults.joints for faults in found.sets] == sets
+    N = len(found.t)
+    assert_close(found.t, np.arange(N) / 5)
+    assert found.q.shape == (N, 5)
+    for name in ("jump", "margin", "capability", "verdict"):
+        cells = getattr(found, name)
+        assert cells.shape == (N, 15)
+        assert not cells.flags.writeable
+    assert found.force.tolist() == list(PUSH)
+    assert found.largest == 2
+    assert found.limits is None
+    assert found.capability_limits.source == "urdf"
+
+
+# ---- capability ------------------------------------------------------------------------------
+
+
+def ray_of(robot, q, rnea, locked, d):
+    """Return the largest force along d that motors can make: a ratio test with NumPy."""
+    J = frame_jacobian(robot, q, "tool")[:3]
+    H = [i for i in range(robot.n) if i not in locked]
+    K = J[:, H]
+    if np.linalg.norm(K @ np.linalg.pinv(K, rcond=1e-6) @ d - d) > 1e-6:
+        return 0.0
+    lever = K.T @ d
+    room = np.where(lever > 0.0, robot.effort[H] - rnea[H], robot.effort[H] + rnea[H])
+    return float((room[lever != 0.0] / np.abs(lever[lever != 0.0])).min())
+
+
+@pytest.mark.parametrize("name", ["dh5", "panda"])
+def test_capability_along_a_direction_is_a_ratio(name):
+    robot = ftforce.load_robot(name)
+    path, d = line(robot), np.array([1.0, 2.0, -2.0]) / 3.0
+    found = timeline(robot, path, force=PUSH, direction=(3, 6, -6), faults=2, rate=2)
+    run = moving(robot, path, 2)
+    assert_close(found.direction, d)
+    for i in range(len(found.t)):
+        for j, faults in enumerate(found.sets):
+            stop = [k not in faults.joints for k in range(robot.n)]
+            rnea = ftforce.dynamics.rnea_torque(
+                robot, run.q[i], run.v[i] * stop, run.a[i] * stop
+            )  # fmt: skip
+            wanted = ray_of(robot, run.q[i], rnea, faults.joints, d)
+            assert found.capability[i, j] == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+
+
+def test_the_force_s_own_direction_and_the_weakest(dh5):
+    path = line(dh5)
+    along = timeline(dh5, path, force=PUSH, rate=2)
+    assert_close(along.direction, np.array(PUSH) / np.linalg.norm(PUSH))
+    weakest = timeline(dh5, path, rate=2)
+    assert weakest.direction is None
+    assert (weakest.capability <= along.capability + 1e-9).all()
+    run, rng = moving(dh5, path, 2), np.random.default_rng(0)
+    i, j = 3, 0  # joint 1 locks
+    still = np.array([0.0, 1.0, 1.0, 1.0, 1.0])
+    rnea = ftforce.dynamics.rnea_torque(dh5, run.q[i], run.v[i] * still, run.a[i] * still)
+    directions = rng.normal(size=(2000, 3))
+    rays = [ray_of(dh5, run.q[i], rnea, (0,), d / np.linalg.norm(d))
+            for d in directions]  # fmt: skip
+    assert weakest.capability[i, j] <= min(rays) + 1e-9
+
+
+def test_without_a_known_limit_nothing_ends_it(dh5):
+    found = timeline(dh5, line(dh5), force=PUSH, limits="none", rate=2)
+    assert set(np.unique(found.capability)) <= {0.0, math.inf}
+    assert found.capability_limits is None
+
+
+# ---- the worst -------------------------------------------------------------------------------
+
+
+def test_the_worst_instants_by_looking_at_all(dh5):
+    found = timeline(dh5, line(dh5, (-0.2, 0.2, 0.1)), force=PUSH, faults=3, rate=5)
+    worst = found.worst()
+    assert sorted(w.faults.joints for w in worst) == sorted(s.joints for s in found.sets)
+    for instant in worst:
+        j = found.sets.index(instant.faults)
+        codes, jumps, margins = found.verdict[:, j], found.jump[:, j], found.margin[:, j]
+        candidates = np.flatnonzero(codes == codes.max())
+        assert instant.index in candidates
+        assert instant.jump == jumps[instant.index]
+        assert instant.jump >= jumps[candidates].max() - 1e-8
+        assert instant.margin == margins[instant.index]
+        same = candidates[jumps[candidates] > instant.jump - 1e-10]
+        assert instant.margin <= margins[same].min() + 1e-8
+        assert instant.time == found.t[instant.index]
+        assert instant.verdict is VERDICTS[codes.max()]
+        assert instant.capability == found.capability[:, j].min()
+        at = int(np.flatnonzero(found.t == instant.capability_time)[0])
+        assert found.capability[at, j] == instant.capability
+        assert instant.not_tolerated == pytest.approx((codes == codes.max()).mean() if
+                                                      instant.verdict.value == "not tolerated"
+                                                      else 0.0)  # fmt: skip
+    ranks = [VERDICTS.index(w.verdict) for w in worst]
+    assert ranks == sorted(ranks, reverse=True)
+    assert ranks[0] > ranks[-1]
+
+
+def test_an_instant_at_which_nothing_holds_the_arm_is_the_worst(dh5):
+    found = timeline(dh5, line(dh5), force=PUSH, mode="free", faults=4, rate=2)
+    lost = np.isnan(found.jump)
+    assert lost.any()
+    for instant in found.worst():
+        j = found.sets.index(instant.faults)
+        if lost[:, j].any() and found.verdict[lost[:, j], j].max() == found.verdict[:, j].max():
+            assert math.isnan(instant.jump)
+            assert lost[instant.index, j]
+            assert instant.verdict is ftforce.Verdict.NOT_TOLERATED
+    assert np.isnan(found.capability[lost]).all()
+
+
+def test_the_worst_without_a_force_is_the_smallest_margin(dh5):
+    found = timeline(dh5, line(dh5, (-0.2, 0.2, 0.1)), rate=5)
+    for instant in found.worst():
+        j = found.sets.index(instant.faults)
+        assert math.isnan(instant.jump)
+        codes = found.verdict[:, j]
+        candidates = found.margin[codes == codes.max(), j]
+        assert instant.margin == pytest.approx(candidates.min(), abs=1e-8)
+
+
+# ---- other robots and trajectories -----------------------------------------------------------
+
+
+def test_a_recorded_motion(panda):
+    t = np.linspace(0.0, 1.0, 6)
+    q = ftforce.analyze(panda).posture.q + 0.1 * np.sin(np.outer(t, 1.0 + np.arange(7)))
+    recording = Recording.of(panda, t, q)
+    found = timeline(panda, recording, force=PUSH, mode="free")
+    assert_close(found.q, q)
+    assert found.start == "recorded"
+    run = simulate(panda, recording, force=PUSH).healthy
+    assert_cells(panda, found, run, force=PUSH)
+
+
+def test_mimic_joints(tmp_path):
+    robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
+    q = np.array([0.3, 0.5, 0.4])
+    path = line(robot, (0.03, 0.03, -0.02), q=q)
+    found = timeline(robot, path, q, force=(3, 1, 2), mode="free", rate=5)
+    assert_cells(robot, found, moving(robot, path, 5, q), force=(3, 1, 2))
+
+
+def test_without_masses_it_warns(tmp_path, dh5):
+    robot = massless(tmp_path)
+    q = np.array([0.2, 0.5, 0.4, 0.3])
+    found = timeline(robot, line(robot, (-0.05, 0.02, 0.02), q=q), q, force=(5, 1, 2), rate=5)
+    assert any("no masses" in warning for warning in found.warnings)
+    assert not timeline(dh5, line(dh5), force=PUSH, rate=1).warnings
+
+
+def test_the_same_input_gives_the_same_bytes(dh5):
+    one, other = (timeline(dh5, line(dh5), force=PUSH, faults=2, rate=3) for _ in range(2))
+    for name in ("t", "q", "jump", "margin", "capability", "verdict"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+def test_progress_goes_up_to_the_end(dh5):
+    seen = []
+    found = timeline(dh5, line(dh5), force=PUSH, rate=5, progress=lambda *x: seen.append(x))
+    count = len(found.t)
+    assert seen == [(i + 1, count) for i in range(count)]
+
+
+# ---- bad input -------------------------------------------------------------------------------
+
+BAD = {
+    "no faults": ({"faults": 0}, "faults must be a number from 1 to 5, got 0"),
+    "too many faults": ({"faults": 6}, "faults must be a number from 1 to 5, got 6"),
+    "faults as text": ({"faults": "2"}, "faults must be a number from 1 to 5, got '2'"),
+    "faults as truth": ({"faults": True}, "faults must be a number from 1 to 5, got True"),
+    "half a fault": ({"faults": 1.5}, "faults must be a number from 1 to 5, got 1.5"),
+    "weak": ({"mode": "weak"}, "a census takes locked or free joints; ask analyze about weak ones"),
+    "mode": ({"mode": "stuck"}, "no fault mode 'stuck'; there is: locked, free, weak"),
+    "force": ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
+    "NaN": ({"force": (1, 2, math.nan)}, "force holds nan at position 3"),
+    "direction": ({"direction": (0, 0, 0)}, "the direction needs a component that is not zero"),
+    "short direction": ({"direction": (1,)}, "direction needs 3 numbers, got 1 number"),
+    "rate": ({"rate": -1}, "the rate must be positive"),
+    "task": ({"task": "push"}, "no "),
+    "limits": ({"limits": "what"}, "what: "),
+    "posture": ({"posture": "nowhere"}, "no posture 'nowhere'"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), BAD.values(), ids=BAD)
+def test_values_that_make_no_sense(dh5, options, message):
+    with pytest.raises(FtforceError) as caught:
+        timeline(dh5, line(dh5), **{"rate": 1, **options})
+    assert str(caught.value).startswith(message)
+
+
+def test_too_many_cells(panda):
+    with pytest.raises(InputError) as caught:
+        timeline(panda, line(panda), faults=3, rate=3e5)
+    assert "of 63 fault sets are more than 20,000,000 in all; ask for a lower rate or sm" in str(
+        caught.value
+    )
