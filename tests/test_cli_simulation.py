@@ -11,10 +11,10 @@ import time
 
 import numpy as np
 import pytest
-from test_cli import document, run
 
 import ftforce
 from ftforce.trajectory import Path
+from test_cli import document, run
 
 LINE = ["--from", "0.9,0.3,0.2", "--to", "0.85,0.35,0.25", "--speed", "0.05", "--rate", "10"]
 PUSH = ["--force", "80,50,10"]

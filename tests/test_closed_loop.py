@@ -6,12 +6,12 @@ The simulator is `closed_loop`. Faults are given as to `ftforce.simulate`, joint
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import closed_loop
 import numpy as np
 import pytest
-from closed_loop import Loop
 
+import closed_loop
 import ftforce
+from closed_loop import Loop
 from ftforce.kinematics import tip_pose
 from ftforce.posture import choose_posture
 from ftforce.trajectory import Path
