@@ -1,0 +1,189 @@
+"""Whole figures of results, for print 180 mm wide, and their files."""
+
+from __future__ import annotations
+
+import io
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.errors import InputError, printable
+from ftforce.fault_census import Census
+from ftforce.fault_timeline import Timeline
+from ftforce.force_capability import Capability
+from ftforce.history import History
+from ftforce.show import plots
+from ftforce.show.canvas import PRINT, ROW, WIDTH, fit_ticks, needs_matplotlib
+from ftforce.source import write_whole
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from matplotlib.figure import Figure
+
+    from ftforce.show.heat import Quantity
+
+# What would make two files of one result differ: dates, and versions of libraries.
+_METADATA: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    "svg": {"Date": None, "Creator": None},
+}
+_HIGHEST = 9.6  # in; a page of A4 with its caption
+_MOST_BARS = 40
+_TITLE_AND_AXIS = 1.0  # in; what a plot needs besides its rows
+
+
+def figure(result: History | Timeline | Census | Capability) -> Figure:
+    """Draw all that belongs to a result.
+
+    Parameters
+    ----------
+    result :
+        A simulation, a timeline, a census or a capability.
+
+    Raises
+    ------
+    InputError
+        There is no figure of such a result, or the capability is one of a single component.
+    """
+    needs_matplotlib()
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    draw = next((draw for kind, draw in _LAYOUTS.items() if isinstance(result, kind)), None)
+    if draw is None:
+        names = ", ".join(kind.__name__ for kind in _LAYOUTS)
+        raise InputError(f"there is no figure of {type(result).__name__}, but of: {names}")
+    with rc_context({**PRINT, "axes.titlelocation": "left"}):
+        drawn = Figure(layout="constrained")
+        draw(drawn, result)
+        fit_ticks(drawn)
+    return drawn
+
+
+def save_figure(
+    result: History | Timeline | Census | Capability, path: str | PathLike[str]
+) -> Path:
+    """Draw a result into a ``.png``, ``.pdf`` or ``.svg`` file, whole or not at all.
+
+    The same result gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        The file's name ends otherwise, or there is no figure of such a result.
+    OutputError
+        The file cannot be written; nothing is left behind.
+    """
+    return write_whole(path, figure_bytes(result, path))
+
+
+def figure_bytes(
+    result: History | Timeline | Census | Capability, path: str | PathLike[str]
+) -> bytes:
+    """Draw a result and return what its file would hold.
+
+    Raises
+    ------
+    InputError
+        The file's name ends otherwise, or there is no figure of such a result.
+    """
+    form = Path(path).suffix.lower().removeprefix(".")
+    if form not in _METADATA:
+        endings = ", ".join(f".{one}" for one in _METADATA)
+        raise InputError(f"{printable(path)}: the name of a figure must end in one of {endings}")
+    drawn, stream = figure(result), io.BytesIO()
+    from matplotlib import rc_context
+
+    # The salt makes an SVG's names repeat; journals refuse a PDF's fonts of type 3.
+    with rc_context({"svg.hashsalt": "ftforce", "pdf.fonttype": 42, "savefig.bbox": None}):
+        _settle(drawn)
+        drawn.savefig(stream, format=form, dpi=300, metadata=_METADATA[form])
+    return stream.getvalue()
+
+
+def _settle(drawn: Figure) -> None:
+    """Lay a figure out for good: the layout's last digits depend on addresses in memory."""
+    drawn.draw_without_rendering()
+    drawn.set_layout_engine("none")
+    for ax in drawn.axes:
+        x, y, width, height = np.round(ax.get_position(original=True).bounds, 6).tolist()
+        ax.set_position((x, y, width, height))
+
+
+def _of_history(drawn: Figure, history: History) -> None:
+    task = history.setting.task
+    kinds: list[plots.Kind] = ["force"] if task.force_rows else []
+    kinds += ["moment"] if task.moment_rows else []
+    heights = [1.6, 1.6, *(1.5 for _ in kinds), 1.2, 1.2]
+    drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), _HIGHEST))
+    grid = drawn.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(1.0, 1.0))
+    answer = "unremapped" if history.remapped is None else "remapped"
+    plots.torques(history, "healthy", ax=drawn.add_subplot(grid[0, :]))
+    plots.torques(history, answer, ax=drawn.add_subplot(grid[1, :]))
+    for row, kind in enumerate(kinds, start=2):
+        plots.force(history, kind=kind, ax=drawn.add_subplot(grid[row, :]))
+    for row, plot in ((-2, plots.jump), (-1, plots.path_error)):
+        legend = plot(history, ax=drawn.add_subplot(grid[row, 0])).get_legend()
+        if legend is not None:
+            legend.remove()  # the path's says the same
+    plots.path(history, ax=drawn.add_subplot(grid[-2:, 1], projection="3d"))
+
+
+def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
+    quantities: list[Quantity] = ["margin"] if timeline.force is None else ["jump", "margin"]
+    quantities += ["capability"] if np.isfinite(timeline.capability).any() else []
+    most = int((_HIGHEST / len(quantities) - _TITLE_AND_AXIS) / ROW)
+    rows = min(most, len(timeline.sets))
+    drawn.set_size_inches(WIDTH, len(quantities) * (_TITLE_AND_AXIS + ROW * max(rows, 4)))
+    axes = drawn.subplots(len(quantities), squeeze=False)
+    for quantity, ax in zip(quantities, axes[:, 0], strict=True):
+        plots.heat_map(timeline, quantity=quantity, most=most, ax=ax)
+
+
+def _of_census(drawn: Figure, census: Census) -> None:
+    rows = min(_MOST_BARS, len(census.sets))
+    drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * rows)
+    plots.census(census, most=rows, ax=drawn.add_subplot())
+
+
+def _of_capability(drawn: Figure, capability: Capability) -> None:
+    task = capability.analysis.task
+    alike = [*combinations(task.force_rows, 2), *combinations(task.moment_rows, 2)]
+    pairs: list[tuple[int, ...]] = [*alike] or [tuple(range(task.m))[:2]]
+    rows = -(-len(pairs) // 3)
+    columns = min(len(pairs), 3)
+    drawn.set_size_inches(WIDTH, 2.5 * rows + 0.3)
+    grid = drawn.add_gridspec(rows, columns)
+    for place, pair in enumerate(pairs):
+        ax = drawn.add_subplot(grid[place // columns, place % columns])
+        plots.capability(capability, [task.components[i] for i in pair], ax=ax)
+    lines = max(ax.get_title(loc="left").count("\n") for ax in drawn.axes)
+    drawn.set_size_inches(WIDTH, (2.5 + ROW * lines) * rows + 0.3)
+    _one_legend(drawn)
+
+
+def _one_legend(drawn: Figure) -> None:
+    """Take the plots' legends together below them."""
+    found: dict[str, Any] = {}
+    for ax in drawn.axes:
+        handles, labels = ax.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+        legend = ax.get_legend()
+        if legend is not None:
+            legend.remove()
+    drawn.legend(
+        list(found.values()), list(found), loc="outside lower center", ncols=len(found),
+        frameon=False,
+    )  # fmt: skip
+
+
+_LAYOUTS: dict[type[Any], Any] = {
+    History: _of_history,
+    Timeline: _of_timeline,
+    Census: _of_census,
+    Capability: _of_capability,
+}
