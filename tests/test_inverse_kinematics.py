@@ -135,6 +135,9 @@ def test_a_point_beyond_the_limits_is_out_of_reach():
     assert_close(posture_at(robot, reached, np.zeros(1)), [0.9], tol=1e-8)
     with pytest.raises(InputError, match=r"within the joint limits: .* is the nearest found, 0\.1"):
         posture_at(robot, np.array([np.cos(1.1), np.sin(1.1), 0.0]), np.zeros(1))
+    a_little = np.array([np.cos(1.0005), np.sin(1.0005), 0.0])  # Newton's steps would go there
+    with pytest.raises(InputError, match=r"the tip cannot reach \(0\.5399, 0\.8417, 0\) m"):
+        posture_at(robot, a_little, np.zeros(1))
     with pytest.raises(InputError, match=r"cannot reach \(1, 0, 0\.001\) m"):
         posture_at(robot, np.array([1.0, 0.0, 1e-3]), np.zeros(1))
 

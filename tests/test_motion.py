@@ -196,6 +196,20 @@ def test_an_arm_that_starts_beside_its_path_returns_to_it():
     assert error[-1] < 0.1 * error[0]
 
 
+def test_an_orientation_that_is_off_is_corrected():
+    """By a turn about one axis whose angle falls with e^(-kt)."""
+    path = straight(PANDA, LINES["panda"], keep_orientation=True)
+    start = start_of(PANDA, path, rate=20)
+    twist = np.array([0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3])
+    q = start.q + np.linalg.pinv(jacobian(PANDA, start.q)) @ twist
+    t, (phase,) = np.linspace(0.0, 0.5, 21), phases((), 0.0)
+    motion, _ = advance(PANDA, start.course, q, t, (phase,), tick=silent)
+    R = tip(PANDA, start.q)[1]
+    angles = np.array([np.linalg.norm(pin.log3(R.T @ tip(PANDA, q)[1])) for q in motion.q])
+    assert angles[0] == pytest.approx(5e-3, rel=1e-2)
+    assert_close(angles, angles[0] * np.exp(-GAIN * t), tol=1e-2)
+
+
 # ---- limits ----------------------------------------------------------------------------------
 
 
@@ -536,6 +550,16 @@ def test_a_recorded_motion_is_what_was_recorded(velocities):
     assert_close(motion.v[inner], v[inner], tol=1e-12 if velocities else 1e-4)
     assert_close(motion.a[inner], a[inner], tol=2e-3)
     assert path_error(PANDA, start, motion).max() < 1e-12
+
+
+def test_recorded_velocities_count_even_if_they_do_not_fit_the_positions():
+    q = ftforce.analyze(PANDA, force=[1, 0, 0]).posture.q
+    recording, _, v, _ = recorded(PANDA, q)
+    other = Recording.of(PANDA, recording.t, recording.q, 1.1 * v + 0.01)
+    start, (motion, _) = follow(PANDA, other, rate=33.0)
+    spline = CubicSpline(recording.t, 1.1 * v + 0.01)
+    assert_close(motion.v, spline(start.times))
+    assert_close(motion.a, spline(start.times, 1))
 
 
 @pytest.mark.parametrize("velocities", [False, True])

@@ -485,6 +485,18 @@ def test_jumps_of_the_velocity(panda, locked):
     assert report.time == 0.5
 
 
+@pytest.mark.parametrize("events", ["free:2@0.4", "4,2@0.4", ["weak:3:0.5@0.2", "free:4@0.4"]])
+def test_an_event_is_judged_as_its_instant_is(panda, events):
+    """A moving arm: what a joint without torque carries takes part of the force."""
+    history = simulate(panda, line(panda, speed=0.5), force=(1, 2, 3), faults=events, rate=10)
+    report, i = history.setting.events[-1], history.index(0.4)
+    assert history.t[i] == 0.4
+    jump = history.jump_norm(history.remapped)[i]
+    assert report.force_jump == pytest.approx(jump, rel=1e-5, abs=1e-7)
+    assert report.verdict is history.remapped.verdicts[i]
+    assert np.abs(history.remapped.a[i]).max() > 0.1
+
+
 def test_words_of_events(panda):
     history = simulate(panda, line(panda), force=PUSH, faults=["weak:2:0.5@0.5", "3,4@0.2"],
                        rate=5)  # fmt: skip
