@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ftforce.task import Task
 
 VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
+_ROUNDING = 1e-9  # N·m or N: a torque that balances but for rounding
 RUNS = ("healthy", "unremapped", "remapped")
 
 
@@ -202,6 +203,15 @@ class Run:
     def verdicts(self) -> tuple[Verdict, ...]:
         """The verdict of each instant."""
         return tuple(VERDICTS[code] for code in self.verdict.tolist())
+
+    @property
+    def falls_from(self) -> int | None:
+        """Index of the first instant at which nothing holds the arm, ``None`` if there is none.
+
+        From there on the arm does not move as its positions say.
+        """
+        loose = np.isnan(self.force).any(axis=1) | (np.abs(self.unbalanced) > _ROUNDING).any(axis=1)
+        return int(loose.argmax()) if loose.any() else None
 
     @property
     def path_error_norm(self) -> Vector:

@@ -93,10 +93,9 @@ def _run(history: History, run: Run) -> Document:
     """Return the worst of a run; what nothing holds is ``None``."""
     jump, error = history.jump_norm(run), run.path_error_norm
     names = [joint.name for joint in history.setting.joints]
-    falls = np.isnan(run.force).any(axis=1)
     return {
         "verdict": worst_verdict(run).value,
-        "falls_at": float(history.t[falls.argmax()]) if falls.any() else None,
+        "falls_at": None if run.falls_from is None else float(history.t[run.falls_from]),
         "force_jump": _peak(history.t, jump),
         "path_error": _peak(history.t, error),
         "margin": {"least": float(run.margin.min()), "time": float(history.t[run.margin.argmin()])},

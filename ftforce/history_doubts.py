@@ -38,6 +38,7 @@ def history_doubts(
     if robot.mass == 0.0:
         yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
     yield from _off_path(history)
+    yield from _unsupported(history)
     q = np.vstack([run.q for run in history.runs.values()])
     v = np.vstack([run.v for run in history.runs.values()])
     yield from _outside(robot, q)
@@ -55,6 +56,20 @@ def _off_path(history: History) -> Iterator[str]:
             f"even the healthy arm leaves its path, by {length_in_words(float(error[worst]))} at "
             f"{history.t[worst]:g} s: it is close to a singularity or to its limits there"
         )
+
+
+def _unsupported(history: History) -> Iterator[str]:
+    """Say that even the healthy arm lacks a part of the force: no fault takes it."""
+    task, run = history.setting.task, history.healthy
+    lacking = np.array(history.setting.force) - (run.force + run.jump)
+    for rows, unit in ((task.force_rows, "N"), (task.moment_rows, "N·m")):
+        size = np.linalg.norm(np.nan_to_num(lacking[:, list(rows)]), axis=1)
+        if size.max(initial=0.0) > _SLACK * np.abs(history.setting.force).max():
+            worst = int(size.argmax())
+            yield (
+                f"even the healthy arm cannot exert {size[worst]:.3g} {unit} of the force at "
+                f"{history.t[worst]:g} s: it has no such direction there"
+            )
 
 
 def _outside(robot: Robot, q: Matrix) -> Iterator[str]:

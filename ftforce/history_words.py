@@ -10,7 +10,7 @@ import numpy as np
 from ftforce.history import VERDICTS
 from ftforce.history_doubts import ON_PATH, length_in_words
 from ftforce.metrics import Verdict
-from ftforce.words import NEGLIGIBLE, amounts, joined, number, percent, ratio, size
+from ftforce.words import amounts, joined, number, percent, ratio, size
 
 if TYPE_CHECKING:
     from ftforce.arrays import Vector
@@ -32,14 +32,9 @@ def history_sentence(history: History) -> str:
     about = _about_force(history, run, verdict)
     when = f"after {_events_in_words(events)}" if events else "with every joint healthy"
     off = ""
-    if run.path_error_norm.max() > ON_PATH and not moves_by_itself(run):
+    if run.path_error_norm.max() > ON_PATH and run.falls_from is None:
         off = ", but off the path" if verdict is Verdict.TOLERATED else ", and off the path"
     return f"{verdict.value.capitalize()}{off}: {when}, {about}. {_about_path(history, run)}"
-
-
-def moves_by_itself(run: Run) -> bool:
-    """Return whether nothing holds the arm at some instant: from there on it falls."""
-    return bool(np.isnan(run.force).any() or np.nanmax(np.abs(run.unbalanced)) > NEGLIGIBLE)
 
 
 def _events_in_words(events: tuple[EventReport, ...]) -> str:
@@ -69,13 +64,13 @@ def _about_force(history: History, run: Run, verdict: Verdict) -> str:
     loss = amounts(history.setting.task, run.jump[worst])
     words = f"{since} the force is not kept: it jumps by up to {loss} of {whole}, at "
     words += f"{history.t[worst]:g} s"
-    if moves_by_itself(run):
+    if run.falls_from is not None:
         words += ", and torques that nothing balances move the arm"
     return words
 
 
 def _about_path(history: History, run: Run) -> str:
-    if moves_by_itself(run):
+    if run.falls_from is not None:
         return "Where that takes the arm is not simulated."
     error = run.path_error_norm
     worst = int(error.argmax())

@@ -33,11 +33,18 @@ def test_nothing_is_doubtful(dh5):
 def test_a_path_out_of_reach(dh5):
     far = Path.through([(0.9, 0.3, 0.2), (1.4, 0.35, 0.25)], speed=0.2)
     history = ftforce.simulate(dh5, far, **PUSH)
-    (found,) = history.warnings
+    found, lacking = history.warnings
     error = history.healthy.path_error_norm
     i = error.argmax()
     assert found.startswith("even the healthy arm leaves its path, by ")
     assert f"{1e3 * error[i]:.3g} mm at {history.t[i]:g} s" in found
+    missing = np.linalg.norm(PUSH["force"] - history.healthy.force, axis=1)
+    worst = missing.argmax()
+    assert lacking == (
+        f"even the healthy arm cannot exert {missing[worst]:.3g} N of the force at "
+        f"{history.t[worst]:g} s: it has no such direction there"
+    )
+    assert missing[worst] > 10.0
 
 
 def test_positions_beyond_the_limits_and_too_fast(dh5):

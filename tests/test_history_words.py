@@ -8,7 +8,6 @@ import pytest
 import ftforce
 from ftforce.history_words import (
     history_sentence,
-    moves_by_itself,
     peak,
     timeline_sentence,
     worst_verdict,
@@ -59,7 +58,8 @@ def test_a_force_that_jumps(dh5):
 
 def test_torques_that_nothing_balances(dh5):
     history = simulated(dh5, faults="free:4@1", remap=False)
-    assert moves_by_itself(history.unremapped)
+    assert history.unremapped.falls_from == 10
+    assert history.healthy.falls_from is None
     assert history_sentence(history).endswith(
         "torques that nothing balances move the arm. Where that takes the arm is not simulated."
     )

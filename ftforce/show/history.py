@@ -12,7 +12,6 @@ from ftforce import words
 from ftforce.history_doubts import length_in_words
 from ftforce.history_words import (
     history_sentence,
-    moves_by_itself,
     peak,
     worst_verdict,
 )
@@ -143,8 +142,9 @@ def _runs(history: History) -> TitledTable:
 
 def _off_path(run: Run) -> str:
     """Write the largest path error; of an arm that falls it is not known."""
-    falls = moves_by_itself(run)
-    return "falls" if falls else length_in_words(float(run.path_error_norm.max()))
+    if run.falls_from is not None:
+        return "falls"
+    return length_in_words(float(run.path_error_norm.max()))
 
 
 def _largest(values: Vector, otherwise: str) -> str:

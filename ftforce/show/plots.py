@@ -196,7 +196,7 @@ def jump(history: History, *, ax: Axes | None = None) -> Axes:
 
 
 def path_error(history: History, *, ax: Axes | None = None) -> Axes:
-    """Draw the distance of the tip from its path over time, of all runs.
+    """Draw the distance of the tip from its path over time, of all runs, until an arm falls.
 
     Parameters
     ----------
@@ -210,7 +210,10 @@ def path_error(history: History, *, ax: Axes | None = None) -> Axes:
     InputError
         The axes are none of two dimensions.
     """
-    sizes = {name: 1e3 * run.path_error_norm for name, run in history.runs.items()}
+    sizes = {}
+    for name, run in history.runs.items():
+        until = len(history.t) if run.falls_from is None else run.falls_from
+        sizes[name] = np.where(np.arange(len(history.t)) < until, 1e3 * run.path_error_norm, np.nan)
     words = ("Distance of the tip from its path", "path error [mm]")
     return _of_runs(history, sizes, words, _SMALLEST_ERROR, ax)
 
@@ -231,7 +234,7 @@ def _of_runs(
 
 
 def path(history: History, *, ax: Axes | None = None) -> Axes:
-    """Draw the tip's path in space, of all runs, in the root's axes.
+    """Draw the tip's path in space, of all runs, in the root's axes, until an arm falls.
 
     Parameters
     ----------
@@ -250,7 +253,7 @@ def path(history: History, *, ax: Axes | None = None) -> Axes:
         solid.plot(*history.path.T, color="0.85", linewidth=7.0, label="wanted")
         for name, run in history.runs.items():
             stroke = STROKES[name]
-            solid.plot(*run.position.T, label=stroke.words, **stroke.options())
+            solid.plot(*run.position[: run.falls_from].T, label=stroke.words, **stroke.options())
         tip = history.answer.position
         for place, marker, words in _places(history):
             options = {"color": BLACK, "markerfacecolor": "white", "markersize": 5.0}
