@@ -11,7 +11,7 @@ from ftforce.changes import RneaChange, TipLoad
 from ftforce.closed_forms import dynamically_exerted_force, exerted_force, supported_force
 from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.source import read_numbers
+from ftforce.source import LARGEST_NUMBER, read_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -85,6 +85,8 @@ class Conditions(NamedTuple):
         own = gravity is None
         if gravity is not None:
             gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in the root's axes")
+            if np.abs(gravity).max() > LARGEST_NUMBER:
+                raise InputError(f"gravity up to {LARGEST_NUMBER:g} m/s² is taken, got {gravity}")
         else:
             gravity = robot.gravity
         return cls(gravity, own, read_payload(payload), v, a)

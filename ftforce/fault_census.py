@@ -271,7 +271,9 @@ def checked_mode(mode: FaultMode | str) -> FaultMode:
     """
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
-        raise InputError("a census takes locked or free joints; ask analyze about weak ones")
+        raise InputError(
+            "many sets at once take locked or free joints; ask analyze about weak ones"
+        )
     return how
 
 

@@ -15,6 +15,7 @@ from ftforce.errors import DimensionError, InputError, TrajectoryError, UnknownN
 from ftforce.source import read_numbers, read_text, shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -25,6 +26,8 @@ GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing
 _KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
 _SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
 _LARGEST = 1e12  # of a number in a file; times may count from 1970
+_MISFIT = 0.1  # of the way of a joint: the integral of its velocities may be that far off,
+_STILL = 1e-3  # rad or m: and this much, for encoders of joints that rest
 _SCALES = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0}
 
 
@@ -105,6 +108,26 @@ class Recording:
             times do not rise or leave a gap.
         """
         return recording_of(robot, Sheet.read(path), max_gap)
+
+    def doubts(self, names: Sequence[str]) -> Iterator[str]:
+        """Name the joints whose recorded velocities do not fit their positions.
+
+        Parameters
+        ----------
+        names :
+            Of the joints.
+        """
+        if self.v is None:
+            return
+        moved = np.unwrap(self.q, axis=0) - self.q[0]
+        steps = 0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t)[:, None]
+        off = np.abs(moved[1:] - np.cumsum(steps, axis=0)).max(axis=0)
+        size = np.maximum(np.abs(moved).max(axis=0), np.abs(steps).sum(axis=0))
+        for i in np.flatnonzero(off > _MISFIT * size + _STILL).tolist():
+            yield (
+                f"the recorded velocities of {names[i]} do not fit its positions: their integral "
+                f"is {off[i]:.3g} off; are the units right?"
+            )
 
     @property
     def duration(self) -> float:

@@ -111,8 +111,6 @@ def simulate(
         A malformed value; the message says what would have been valid.
     TrajectoryError, LimitsError
         A file cannot be read or does not fit the robot.
-    SolverError
-        The motion cannot be integrated; please report it.
 
     Examples
     --------
@@ -153,7 +151,8 @@ def simulate(
         _setting(scene, asked, reports, wait),
         start.times, scene.path[0], healthy, unremapped, remapped,
     )  # fmt: skip
-    found = tuple(history_doubts(robot, case.limits, _joined(events), history))
+    doubts = history_doubts(robot, case.limits, _joined(events), history)
+    found = (*start.warnings, *doubts)
     return replace(history, setting=replace(history.setting, warnings=found))
 
 

@@ -47,6 +47,8 @@ class Start(NamedTuple):
         The course in words.
     source :
         Where the posture comes from.
+    warnings :
+        What is odd about the trajectory.
     """
 
     course: Course
@@ -54,6 +56,7 @@ class Start(NamedTuple):
     times: Vector
     words: str
     source: str
+    warnings: tuple[str, ...] = ()
 
 
 def start_of(
@@ -100,8 +103,15 @@ def start_of(
             if speed is None:
                 raise InputError(f"{sheet.path} holds waypoints; give a speed too, m/s (--speed)")
             given = Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
+            speed, keep_orientation = None, False
         else:
             given = recording_of(robot, sheet, max_gap)
+            max_gap = None
+    if speed is not None or keep_orientation or max_gap is not None:
+        raise InputError(
+            "speed and keep_orientation belong to a file of waypoints, max_gap to one of a "
+            "recorded motion; a Path or a Recording says its own when it is made"
+        )
     if isinstance(given, Recording):
         if q is not None or posture is not None:
             raise InputError("a recorded motion begins where it begins; leave out q and posture")
@@ -123,7 +133,8 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
     course = RecordedCourse(robot, recording)
-    return Start(course, read_only(recording.q[0].copy()), read_only(times), words, "recorded")
+    q, doubts = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
+    return Start(course, q, read_only(times), words, "recorded", doubts)
 
 
 def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:

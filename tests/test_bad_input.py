@@ -379,7 +379,10 @@ def test_directions_out_of_place(good, command, direction, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["census", "--mode", "weak"], "a census takes locked or free joints; ask analyze about "),
+        (
+            ["census", "--mode", "weak"],
+            "many sets at once take locked or free joints; ask analyze about ",
+        ),
         (["census", "--mode", "broken"], "no fault mode 'broken'; there is: locked, free, weak"),
         (["census", "--mode", ""], "no fault mode ''; there is: locked, free, weak"),
         (["census", "--rank-by", "nonsense"], "no ranking 'nonsense'; there is: jump, capability"),

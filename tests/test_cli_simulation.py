@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -177,13 +179,20 @@ def test_plots(tmp_path, ending):
 
 def test_interrupted_nothing_is_written(tmp_path):
     program = [sys.executable, "-m", "ftforce", "simulate", "dh5", "--from", "0.9,0.3,0.2", "--to",
-               "0.8,0.4,0.25", "--speed", "0.0001", *PUSH, "--fault", "3@1", "-o",
+               "0.8,0.4,0.25", "--speed", "0.00002", *PUSH, "--fault", "3@1", "-o",
                "run.npz"]  # fmt: skip
-    process = subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
-    time.sleep(4.0)
-    assert process.poll() is None  # it would take a minute
-    process.send_signal(2)
-    _, message = process.communicate(timeout=30)
+    with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        try:
+            time.sleep(5.0)
+            assert process.poll() is None  # it would take minutes
+            for _ in range(5):  # while modules are imported Python may swallow one
+                process.send_signal(signal.SIGINT)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=10)
+                    break
+        finally:
+            process.kill()
+        message = process.stderr.read()
     assert process.returncode == 130
     assert message.decode().strip().endswith("interrupted; nothing was written")
     assert not list(tmp_path.iterdir())

@@ -310,7 +310,10 @@ def test_documents_hold_finite_numbers(panda, options):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mode": "weak"}, "a census takes locked or free joints; ask analyze about weak ones"),
+        (
+            {"mode": "weak"},
+            "many sets at once take locked or free joints; ask analyze about weak ones",
+        ),
         ({"mode": "broken"}, "no fault mode 'broken'; there is: locked, free"),
         ({"mode": None}, "no fault mode None; there is: locked, free"),
         ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),

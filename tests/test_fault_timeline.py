@@ -274,7 +274,10 @@ BAD = {
     "faults as text": ({"faults": "2"}, "faults must be a number from 1 to 5, got '2'"),
     "faults as truth": ({"faults": True}, "faults must be a number from 1 to 5, got True"),
     "half a fault": ({"faults": 1.5}, "faults must be a number from 1 to 5, got 1.5"),
-    "weak": ({"mode": "weak"}, "a census takes locked or free joints; ask analyze about weak ones"),
+    "weak": (
+        {"mode": "weak"},
+        "many sets at once take locked or free joints; ask analyze about weak ones",
+    ),
     "mode": ({"mode": "stuck"}, "no fault mode 'stuck'; there is: locked, free, weak"),
     "force": ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
     "NaN": ({"force": (1, 2, math.nan)}, "force holds nan at position 3"),

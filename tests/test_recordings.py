@@ -398,3 +398,20 @@ def test_waypoints_are_in_metres(file, unit):
 
 def test_a_file_of_waypoints_is_no_recording(slider, file):
     assert refused(slider, file(csv_of("x,y,z", POINTS))).startswith("no column 'x' is expected")
+
+
+def test_velocities_that_do_not_fit_are_doubtful():
+    dh5 = ftforce.load_robot("dh5")
+    t = np.linspace(0.0, 2.0, 41)
+    q = np.outer(np.sin(t), [0.3, 0.2, 0.0, -0.4, 0.1])
+    v = np.outer(np.cos(t), [0.3, 0.2, 0.0, -0.4, 0.1])
+    assert not list(Recording.of(dh5, t, q, v).doubts(dh5.names))
+    assert not list(Recording.of(dh5, t, q).doubts(dh5.names))
+    noisy = v * (1.0 + np.random.default_rng(1).normal(0.0, 0.05, v.shape))
+    assert not list(Recording.of(dh5, t, q, noisy).doubts(dh5.names))
+    wrong = v.copy()
+    wrong[:, 3] = np.rad2deg(v[:, 3])  # deg/s for rad/s
+    (found,) = Recording.of(dh5, t, q, wrong).doubts(dh5.names)
+    assert found.startswith("the recorded velocities of joint4 do not fit its positions")
+    off = np.abs(np.rad2deg(q[:, 3]) - q[:, 3]).max()
+    assert float(found.split("integral is ")[1].split(" off")[0]) == pytest.approx(off, rel=2e-2)

@@ -252,3 +252,15 @@ def test_files_that_are_none(dh5, tmp_path):
         start_of(dh5, tmp_path / "none.csv")
     with pytest.raises(TrajectoryError, match="no such file"):
         start_of(dh5, "")
+
+
+@pytest.mark.parametrize(
+    "options", [{"speed": 0.1}, {"keep_orientation": True}, {"max_gap": 1.0}], ids=str
+)
+def test_options_of_files_are_refused_elsewhere(dh5, file, path, recording, options):
+    for trajectory in (path, recording):
+        with pytest.raises(InputError, match="a Path or a Recording says its own when it is made"):
+            start_of(dh5, trajectory, **options)
+    if "max_gap" in options:
+        with pytest.raises(InputError, match="max_gap to one of a recorded motion"):
+            start_of(dh5, file(WAYPOINTS), speed=0.05, **options)

@@ -98,14 +98,19 @@ PayloadOption = Annotated[
         help="Mass at the tip, kg, and its place in tool axes, m.",
     ),
 ]
+_LIMITS_HELP = "Torque limits that count: the URDF's or a TOML or CSV file's (joint,effort,brake)."
 LimitsOption = Annotated[
     str | None,
     typer.Option(
         "--limits",
         metavar="urdf|FILE|none",
-        help="Torque limits that count: the URDF's or a TOML or CSV file's (joint,effort,brake).",
+        help=_LIMITS_HELP,
         show_default="none; urdf where they are needed",
     ),
+]
+LimitsOfCapability = Annotated[
+    str | None,
+    typer.Option("--limits", metavar="urdf|FILE|none", help=_LIMITS_HELP),
 ]
 InverseOption = Annotated[
     str,

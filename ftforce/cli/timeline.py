@@ -105,8 +105,8 @@ def timeline(
             length=length,
             axes=axes,  # type: ignore[arg-type] # checked there, with a message
             rate=rate,
-            speed=speed,
-            keep_orientation=keep_orientation,
+            speed=speed if trajectory else None,
+            keep_orientation=keep_orientation and trajectory is not None,
             max_gap=max_gap,
             rtol=rtol,
             wary=wary,
