@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.paths import Path, leg_at
 
 if TYPE_CHECKING:
     from ftforce.arrays import Matrix, Vector
-    from ftforce.paths import Path
     from ftforce.recordings import Recording
     from ftforce.robot import Robot
 
@@ -73,13 +73,13 @@ class PathCourse:
     """
 
     def __init__(self, robot: Robot, path: Path, q: Vector) -> None:
-        self._path, self._preferred = path, robot.at_rest
+        self._legs, self._preferred = path.legs(), robot.at_rest
         self.duration, self.top_speed = path.duration, path.speed
         self.orientation = tip_pose(robot, q)[0] if path.keeps_orientation else None
 
     def at(self, t: float) -> Target:
         """Return the target; no joint velocity is preferred to rest."""
-        return Target(*self._path.at(t), self._preferred)
+        return Target(*leg_at(self._legs, t).at(t), self._preferred)
 
     def motion(self, t: Vector) -> None:
         """Return nothing: inverse kinematics finds the motion."""

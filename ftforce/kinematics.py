@@ -32,6 +32,18 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
     return pose.rotation.copy(), pose.translation.copy()
 
 
+def quaternion(R: Matrix) -> Vector:
+    """Return the unit quaternion x, y, z, w of a rotation (3, 3); its sign is left open."""
+    coefficients: Vector = pin.Quaternion(R).coeffs()
+    return coefficients
+
+
+def rotation_vector(R: Matrix) -> Vector:
+    """Return axis times angle of a rotation (3, 3), rad, shape (3,)."""
+    vector: Vector = pin.log3(R)
+    return vector
+
+
 def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
     """Return the Jacobian of the tip, linear rows first, shape (6, n).
 

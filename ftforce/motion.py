@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Svd, Vector
+from ftforce.arrays import Mask, Matrix, Svd, Vector
 from ftforce.courses import Motion
 from ftforce.faults import FaultMode
-from ftforce.kinematics import frame_jacobian
+from ftforce.kinematics import frame_jacobian, rotation_vector
 from ftforce.rates import Bounds, damped_inverse, resolved_rates, without
-from ftforce.reduced import WARY
+from ftforce.reduced import RTOL, WARY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,13 +30,15 @@ if TYPE_CHECKING:
 GAIN = 10.0  # 1/s: with which the tip returns to its course
 LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
 SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
+_AT_BOUND = 1e-9  # rad/s or m/s: so close to a bound a joint has no room
 _RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
 _FINEST = 1e-4  # s: adaptive steps below this get nowhere
 _SMALL_STEP = 1e-3  # s: of the fixed ones that then lead on,
 _PATIENCE = 0.02  # s: for so long at first
-_FEW = 4  # samples, which a spline needs
-_DENSE = 0.02  # s: up to this step a spline through velocities gives their derivatives
-_QUOTIENT = 1e-5  # s: half the step of a difference quotient
+_DENSE = 0.02  # s: up to this step velocities may be splined,
+_KINK = 0.01  # but not where their slope changes by this share of the largest,
+_REACH = 6  # nor so many samples beside it or an end
+_QUOTIENT = 1e-6  # s: step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
 Tick: TypeAlias = "Callable[[int], None]"
@@ -135,49 +137,91 @@ def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
         The faults that the controller knows.
     """
     top, orientation = max(course.top_speed, SLOWEST), course.orientation
-    rows = slice(3 if orientation is None else 6)
-    rates = _bounded_rates(robot)
+    speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
+    rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)
     swinging = known.swinging_mask(robot.n)
     passive = locked if swinging is None else locked | swinging
+    nobody = np.zeros(robot.n, dtype=np.bool_)
     any_locked = bool(locked.any())
 
     def velocities(t: float, q: Vector) -> Vector:
-        J = frame_jacobian(robot, q, "world")[rows]  # places the tip, too
+        J = frame_jacobian(robot, q, "world")  # places the tip, too
         place = robot.data.oMf[robot.tip_frame]
         target = course.at(t)
         x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
+        turn = None  # the angular velocity that brings the orientation back
         if orientation is not None:
-            error = _rotation_vector(orientation @ place.rotation.T)
-            x_dot = np.concatenate([x_dot, GAIN * error])
-        healthy, v = Svd(J, left_only=True), target.preferred
+            # No faster than the tip moves, 1 rad for 1 m: where the orientation cannot be kept,
+            # chasing it would drive the arm to where its place cannot be kept either.
+            turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
+        healthy, v = Svd(J[:3], left_only=True), target.preferred
         damped_below = WARY * healthy.s[0]
-        v = rates(healthy, x_dot - J.dot(v), q, v, damped_below)
+        v = rates.moved(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
+        if turn is not None:
+            v = rates.turned(J, turn, nobody, q, v)
         if any_locked:  # Appendix A; a joint without torque goes on as it would
             v = np.where(locked, 0.0, v)
-            v = rates(without(J, passive), x_dot - J.dot(v), q, v, damped_below)
+            K = without(healthy.A, passive)
+            v = rates.moved(K, x_dot - healthy.A.dot(v), q, v, damped_below)
+            if turn is not None:
+                v = rates.turned(J, turn, passive, q, v)
         return v
 
     return velocities
 
 
-def _bounded_rates(robot: Robot) -> Callable[[Svd, Vector, Vector, Vector, float], Vector]:
-    """Return `resolved_rates` within the arm's limits of speed and position."""
-    speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
-    low, high = robot.lower, robot.upper
+class _Rates(NamedTuple):
+    """Resolved rates within an arm's limits of speed and position, shape (n,) each."""
 
-    def rates(K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
+    speeds: Vector
+    low: Vector
+    high: Vector
+
+    def bounds(self, q: Vector) -> Bounds:
+        """Return the velocities that the limits leave; beyond a limit a joint returns."""
+        lower = np.maximum(-self.speeds, LIMIT_GAIN * (self.low - q))
+        upper = np.minimum(self.speeds, LIMIT_GAIN * (self.high - q))
+        return Bounds(np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds))
+
+    def moved(self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
+        """Return velocities that give the tip's place what it misses: `resolved_rates`."""
         v: Vector = v0 + damped_inverse(K, missing, damped_below)
         ahead = q + v / LIMIT_GAIN
-        if not ((np.abs(v) > speeds) | (ahead > high) | (ahead < low)).any():
+        if not ((np.abs(v) > self.speeds) | (ahead > self.high) | (ahead < self.low)).any():
             return v  # the usual case, in which bounds are not needed
-        lower = np.maximum(-speeds, LIMIT_GAIN * (low - q))
-        upper = np.minimum(speeds, LIMIT_GAIN * (high - q))
-        # Beyond a limit it returns, no faster than it can.
-        bounds = Bounds(np.minimum(lower, speeds), np.maximum(upper, -speeds))
-        return resolved_rates(K, missing, v0, bounds, damped_below)
+        return resolved_rates(K, missing, v0, self.bounds(q), damped_below)
 
-    return rates
+    def turned(self, J: Matrix, turn: Vector, passive: Mask, q: Vector, v: Vector) -> Vector:
+        """Return velocities that turn the tip, too, as far as its place and the bounds allow.
+
+        The place comes first: what is left for the turn moves no place (Nakamura 1991).
+
+        Parameters
+        ----------
+        J :
+            Linear and angular rows, (6, n).
+        turn :
+            Angular velocity of the tip, shape (3,).
+        passive :
+            Joints that cannot be commanded, shape (n,).
+        q, v :
+            Joint positions, and velocities that move the place as it should.
+        """
+        lower, upper = self.bounds(q)
+        full = (v >= upper - _AT_BOUND) | (v <= lower + _AT_BOUND)
+        fixed = passive | full
+        K = without(J[:3], fixed)
+        V = K.A.T.dot(K.U[:, [s > RTOL * K.s[0] for s in K.s]])
+        V = np.linalg.qr(V)[0]
+        angular = np.where(fixed, 0.0, J[3:])
+        left = Svd(angular - angular.dot(V).dot(V.T), left_only=True)
+        scale = Svd(np.ascontiguousarray(J[3:]), left_only=True).s[0]
+        change = damped_inverse(left, turn - J[3:].dot(v), WARY * scale)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(change > 0.0, upper - v, lower - v) / change
+        share = np.nanmin(np.where(change == 0.0, np.inf, room), initial=1.0)
+        return v + max(float(share), 0.0) * change
 
 
 def _stretch(
@@ -198,8 +242,9 @@ def _stretch(
         return given, State(*(x[0] for x in last))
     law = rates_law(robot, course, known)
     samples, q_end = _integrate(law, q, times, span, tick)
-    v = np.array([law(t, x) for t, x in zip(times.tolist(), samples, strict=True)])
-    v = v.reshape(samples.shape)
+    v = np.empty_like(samples)
+    for i, t in enumerate(times.tolist()):
+        v[i] = law(t, samples[i])
     return Motion(samples, v, _accelerations(law, times, samples, v)), _state(law, span[1], q_end)
 
 
@@ -256,32 +301,32 @@ def _in_small_steps(
 
 
 def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
-    """Return the derivative of the velocities, shape (N, n)."""
-    if len(t) < _FEW or np.diff(t).max() > _DENSE:
-        states = (_state(law, *row) for row in zip(t.tolist(), q, strict=True))
-        return np.array([state.a for state in states]).reshape(q.shape)
-    from scipy.interpolate import CubicSpline
+    """Return the derivative of the velocities, shape (N, n).
 
-    derivative: Matrix = CubicSpline(t, v)(t, 1)  # a third of the cost
-    return derivative
+    A spline through the velocities has it at half the cost, but not near its ends, nor where the
+    law has a kink (a limit takes over): there it is a quotient of what follows.
+    """
+    a, rough = np.empty_like(v), np.ones(len(t), dtype=np.bool_)
+    if len(t) > 4 * _REACH and (steps := np.diff(t)).max() <= _DENSE:
+        from scipy.interpolate import CubicSpline
+
+        slopes = np.diff(v, axis=0) / steps[:, None]
+        kinks = np.abs(np.diff(slopes, axis=0)).max(axis=1) > _KINK * np.abs(slopes).max()
+        rough[1:-1] = np.convolve(kinks, np.ones(2 * _REACH + 1), "same") > 0.0
+        rough[: _REACH + 1] = rough[-_REACH - 1 :] = True
+        a = CubicSpline(t, v)(t, 1)
+    for i in np.flatnonzero(rough).tolist():
+        a[i] = (law(t[i] + _QUOTIENT, q[i] + _QUOTIENT * v[i]) - v[i]) / _QUOTIENT
+    return a
 
 
 def _state(law: Law, t: float, q: Vector) -> State:
-    """Return the state at a time: the velocity is the law's, the acceleration its derivative."""
+    """Return the state right before a time at which something may change."""
     v = law(t, q)
-    before, after = (law(t + step, q + step * v) for step in (-_QUOTIENT, _QUOTIENT))
-    return State(q, v, (after - before) / (2.0 * _QUOTIENT))
+    return State(q, v, (v - law(t - _QUOTIENT, q - _QUOTIENT * v)) / _QUOTIENT)
 
 
 def _at_most(size: float, x: Vector) -> Vector:
     """Return x, or a vector of its direction and this size if x is longer."""
     square = x.dot(x)
     return x if square <= size * size else x * (size / np.sqrt(square))
-
-
-def _rotation_vector(R: Matrix) -> Vector:
-    """Return axis times angle of a rotation, rad, shape (3,)."""
-    import pinocchio as pin
-
-    vector: Vector = pin.log3(R)
-    return vector

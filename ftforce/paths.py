@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,8 @@ from ftforce.errors import InputError
 from ftforce.source import LARGEST_NUMBER
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
 PEAK = 1.875  # largest over mean speed of the timing law
@@ -95,12 +96,33 @@ class Path:
         """How long it is, m."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
+    def legs(self) -> tuple[Leg, ...]:
+        """Return the lines, each with its times."""
+        lines, times = np.diff(self.points, axis=0), self.times.tolist()
+        return tuple(map(Leg, times, times[1:], self.points, lines))
+
     def at(self, t: float) -> tuple[Vector, Vector]:
         """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
-        i = min(max(bisect_right(self.times, t) - 1, 0), len(self.times) - 2)
-        start, end = self.times.item(i), self.times.item(i + 1)
-        u = min(max((t - start) / (end - start), 0.0), 1.0)
-        line = self.points[i + 1] - self.points[i]
+        return leg_at(self.legs(), t).at(t)
+
+
+class Leg(NamedTuple):
+    """A straight line of a path: from when to when (s), from where (m), and as a vector (m)."""
+
+    start: float
+    end: float
+    point: Vector
+    line: Vector
+
+    def at(self, t: float) -> tuple[Vector, Vector]:
+        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        duration = self.end - self.start
+        u = min(max((t - self.start) / duration, 0.0), 1.0)
         s = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / (end - start)
-        return self.points[i] + s * line, rate * line
+        rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration
+        return self.point + s * self.line, rate * self.line
+
+
+def leg_at(legs: Sequence[Leg], t: float) -> Leg:
+    """Return the leg at a time, the first or last one outside."""
+    return next((leg for leg in legs if t < leg.end), legs[-1])

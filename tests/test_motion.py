@@ -90,8 +90,11 @@ def path_error(robot, start, motion, times=None):
 
 
 def assert_consistent(t, motion, tol=1e-5):
-    """Check that velocities integrate to positions, and accelerations to velocities."""
-    for rate, whole in ((motion.v, motion.q), (motion.a, motion.v)):
+    """Check that velocities integrate to positions, and accelerations to velocities.
+
+    A spline through accelerations is less exact: they have kinks at the ends of a line.
+    """
+    for rate, whole, tol in ((motion.v, motion.q, tol), (motion.a, motion.v, 10.0 * tol)):
         integral = CubicSpline(t, rate).antiderivative()(t)
         size = max(np.abs(rate).max(), 1e-3)
         assert_close(whole - whole[0], integral, scale=size, tol=tol)
