@@ -108,15 +108,16 @@ def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
     return tuple(
         Phase(
             start,
-            _joined(e for e in events if e.time <= start),
-            _joined(e for e in events if e.time + delay <= start),
+            joined(e for e in events if e.time <= start),
+            joined(e for e in events if e.time + delay <= start),
         )
         for start in sorted(times)
         if math.isfinite(start)
     )
 
 
-def _joined(events: Iterable[FaultEvent]) -> FaultSet:
+def joined(events: Iterable[FaultEvent]) -> FaultSet:
+    """Return all faults of events in the order of their times, of each joint the last."""
     latest: dict[int, Fault] = {}
     for event in events:
         latest |= {fault.joint: fault for fault in event.faults.faults}

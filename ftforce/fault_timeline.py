@@ -16,8 +16,9 @@ from ftforce.errors import InputError
 from ftforce.fault_census import check_size, checked_mode, direction_or_force
 from ftforce.fault_events import Phase
 from ftforce.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.history import VERDICTS
-from ftforce.kinematics import task_jacobian
+from ftforce.history import CODES, VERDICTS
+from ftforce.history_doubts import force_doubts, lacking, limit_doubts, off_path
+from ftforce.kinematics import rotation_vector, task_jacobian, tip_pose
 from ftforce.limits_reader import URDF, choose_limits
 from ftforce.metrics import Verdict
 from ftforce.motion import advance
@@ -28,10 +29,11 @@ from ftforce.task import Axes, Task
 from ftforce.trajectory import start_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.courses import Motion
     from ftforce.dynamics import Payload
     from ftforce.fault_census import Progress
     from ftforce.limits import Limits
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
     from ftforce.trajectory import Start, Trajectory
 
 MOST_CELLS = 20_000_000
-_CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +114,8 @@ class Timeline(Displayed):
     capability :
         Largest force that can be commanded, N (N·m), shape (N, S); infinite if no known limit
         ends it, NaN if nothing holds the arm.
+    warnings :
+        What makes the answer doubtful.
     verdict :
         Index in ``ftforce.history.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
         tolerated.
@@ -138,6 +141,7 @@ class Timeline(Displayed):
     margin: Matrix
     capability: Matrix
     verdict: NDArray[np.int8]
+    warnings: tuple[str, ...] = ()
 
     def worst(self) -> tuple[WorstInstant, ...]:
         """Return the worst instant of each set, the worst set first."""
@@ -161,15 +165,8 @@ class Timeline(Displayed):
             verdict=VERDICTS[int(codes[index])],
             capability=float(capability[least]),
             capability_time=float(self.t[least]),
-            not_tolerated=float(np.mean(codes == _CODES[Verdict.NOT_TOLERATED])),
+            not_tolerated=float(np.mean(codes == CODES[Verdict.NOT_TOLERATED])),
         )
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What makes the answer doubtful."""
-        if self.robot.mass == 0.0 and self.conditions.gravity.any():
-            return ("the URDF has no masses: weight and motion of the arm are missing",)
-        return ()
 
 
 def timeline(
@@ -257,7 +254,10 @@ def timeline(
     _check_count(len(start.times), robot, faults)
     ray = direction_or_force(wanted, direction, F)
     case = _Case(robot, wanted, conditions, counted, bearing, F, ray, rtol, wary)
-    q, jump, margin, capability, verdict = _cells(case, start, sets, progress)
+    tick = _counted(progress, 2 * len(start.times))
+    phase = Phase(0.0, FaultSet(), FaultSet())
+    motion = advance(robot, start.course, start.q, start.times, (phase,), tick=tick).motion
+    jump, margin, capability, verdict = _cells(case, motion, sets, tick)
     return Timeline(
         robot=robot,
         task=wanted,
@@ -273,13 +273,26 @@ def timeline(
         rtol=rtol,
         wary=wary,
         t=start.times,
-        q=q,
+        q=read_only(motion.q),
         sets=sets,
         jump=jump,
         margin=margin,
         capability=capability,
         verdict=verdict,
+        warnings=tuple(_doubts(case, start, motion)),
     )
+
+
+def _counted(progress: Progress | None, total: int) -> Callable[[int], None]:
+    done = 0
+
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        if progress is not None:
+            progress(done, total)
+
+    return tick
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -309,15 +322,32 @@ class _Case:
         )  # fmt: skip
 
 
+def _doubts(case: _Case, start: Start, motion: Motion) -> Iterator[str]:
+    """Name what makes the answer doubtful."""
+    robot, task, t = case.robot, case.task, start.times
+    yield from start.warnings
+    if robot.mass == 0.0 and case.conditions.gravity.any():
+        yield "the URDF has no masses: weight and motion of the arm are missing"
+    kept = start.course.orientation
+    error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
+        R, x = tip_pose(robot, q)
+        error[i] = start.course.at(time).x - x
+        if kept is not None:
+            turn[i] = rotation_vector(kept @ R.T)
+    yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
+    yield from limit_doubts(robot, motion.q, motion.v)
+    if case.F is not None:
+        exerted = np.array([case.at(*row).F for row in zip(*motion, strict=True)])
+        missing = lacking(task.unweigh_force(case.F), task.unweigh_force(exerted))
+        yield from force_doubts(t, task, missing)
+
+
 def _cells(
-    case: _Case, start: Start, sets: tuple[FaultSet, ...], progress: Progress | None
-) -> tuple[Matrix, Matrix, Matrix, Matrix, NDArray[np.int8]]:
-    """Return joint positions, jumps, margins, capabilities and verdicts of every instant."""
-    robot, count = case.robot, len(start.times)
-    phase = Phase(0.0, FaultSet(), FaultSet())
-    motion = advance(
-        robot, start.course, start.q, start.times, (phase,), tick=lambda _: None
-    ).motion
+    case: _Case, motion: Motion, sets: tuple[FaultSet, ...], tick: Callable[[int], None]
+) -> tuple[Matrix, Matrix, Matrix, NDArray[np.int8]]:
+    """Return jumps, margins, capabilities and verdicts of every instant."""
+    robot, count = case.robot, len(motion.q)
     jump, margin, capability = (np.full((count, len(sets)), math.nan) for _ in range(3))
     verdict = np.zeros((count, len(sets)), dtype=np.int8)
     masks = [
@@ -335,14 +365,12 @@ def _cells(
             size = report.jump_norm if case.task.force_rows else report.moment_jump_norm
             jump[i, j] = math.nan if size is None else size
             margin[i, j] = report.margin
-            verdict[i, j] = _CODES[report.verdict]
+            verdict[i, j] = CODES[report.verdict]
             reduced = reduce_decomposed(here.healthy, locked, case.rtol, swinging)
             rnea = here.rnea_after(faults)
             capability[i, j] = set_capability(here, reduced, rnea, largest).commanded
-        if progress is not None:
-            progress(i + 1, count)
-    q, jump, margin, capability = map(read_only, (motion.q, jump, margin, capability))
-    return q, jump, margin, capability, read_only(verdict)
+        tick(1)
+    return read_only(jump), read_only(margin), read_only(capability), read_only(verdict)
 
 
 def _check_count(instants: int, robot: Robot, faults: int) -> None:
@@ -357,6 +385,6 @@ def _check_count(instants: int, robot: Robot, faults: int) -> None:
 def _badness(instant: WorstInstant) -> tuple[float, ...]:
     jump = math.inf if math.isnan(instant.jump) else round(instant.jump, 9)
     return (
-        -_CODES[instant.verdict], -instant.not_tolerated, -jump,
+        -CODES[instant.verdict], -instant.not_tolerated, -jump,
         round(instant.margin, 9), len(instant.faults), *instant.faults.joints,
     )  # fmt: skip

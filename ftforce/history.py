@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ftforce.task import Task
 
 VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
-_ROUNDING = 1e-9  # N·m or N: a torque that balances but for rounding
+CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}
 RUNS = ("healthy", "unremapped", "remapped")
 
 
@@ -150,9 +150,13 @@ class Run:
     position :
         Place of the tip in the root's axes, m, shape (N, 3).
     orientation :
-        Its orientation, a unit quaternion x, y, z, w, shape (N, 4).
+        Its orientation, a unit quaternion x, y, z, w that never jumps to its negative, shape
+        (N, 4).
     path_error :
         Where the tip should be minus where it is, m, shape (N, 3).
+    orientation_error :
+        Rotation, as axis times angle in the root's axes, that would bring the orientation back
+        that the tip is to keep, rad, shape (N, 3); 0 if it may turn.
     velocity_jump :
         Velocity of the tip minus that of its path, in the root's axes, m/s, shape (N, 3).
     rnea :
@@ -166,7 +170,8 @@ class Run:
     brake :
         What the brakes of locked joints carry, shape (N, n); 0 at other joints.
     unbalanced :
-        Torques that nothing balances: they move the arm, shape (N, n).
+        Torques that nothing balances: they move the arm, shape (N, n); 0 up to ``rtol`` of the
+        torques for weight, motion and force.
     used :
         Share of each motor's limit that is used, shape (N, n); NaN where it is unknown.
     force :
@@ -186,6 +191,7 @@ class Run:
     position: Matrix
     orientation: Matrix
     path_error: Matrix
+    orientation_error: Matrix
     velocity_jump: Matrix
     rnea: Matrix
     force_part: Matrix
@@ -210,8 +216,19 @@ class Run:
 
         From there on the arm does not move as its positions say.
         """
-        loose = np.isnan(self.force).any(axis=1) | (np.abs(self.unbalanced) > _ROUNDING).any(axis=1)
+        loose = np.isnan(self.force).any(axis=1) | self.unbalanced.any(axis=1)
         return int(loose.argmax()) if loose.any() else None
+
+    @property
+    def until_fall(self) -> slice:
+        """The instants up to the first at which nothing holds the arm, which is the last."""
+        return slice(None if self.falls_from is None else self.falls_from + 1)
+
+    @property
+    def orientation_error_norm(self) -> Vector:
+        """Angle by which the tip is turned, rad, shape (N,)."""
+        norms: Vector = np.linalg.norm(self.orientation_error, axis=1)
+        return norms
 
     @property
     def path_error_norm(self) -> Vector:
@@ -221,6 +238,25 @@ class Run:
 
 
 QUANTITIES = tuple(field.name for field in fields(Run))
+MOTIONS = ("q", "v", "a")
+SCALARS = ("margin", "verdict")
+
+
+def width(quantity: str, n: int, m: int) -> int | None:
+    """Return how many numbers a quantity has at an instant; ``None`` for a single one.
+
+    Parameters
+    ----------
+    quantity :
+        A name of `QUANTITIES`.
+    n, m :
+        Numbers of joints and of task components.
+    """
+    if quantity in SCALARS:
+        return None
+    sizes = {"position": 3, "orientation": 4, "path_error": 3, "orientation_error": 3,
+             "velocity_jump": 3, "force": m, "jump": m}  # fmt: skip
+    return sizes.get(quantity, n)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

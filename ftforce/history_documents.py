@@ -91,18 +91,20 @@ def _event(event: EventReport) -> Document:
 
 def _run(history: History, run: Run) -> Document:
     """Return the worst of a run; what nothing holds is ``None``."""
-    jump, error = history.jump_norm(run), run.path_error_norm
+    here = run.until_fall
+    jump, error = history.jump_norm(run)[here], run.path_error_norm[here]
     names = [joint.name for joint in history.setting.joints]
     return {
         "verdict": worst_verdict(run).value,
         "falls_at": None if run.falls_from is None else float(history.t[run.falls_from]),
         "force_jump": _peak(history.t, jump),
         "path_error": _peak(history.t, error),
+        "orientation_error": _peak(history.t, run.orientation_error_norm[here]),
         "margin": {"least": float(run.margin.min()), "time": float(history.t[run.margin.argmin()])},
-        "torque": dict(zip(names, map(_largest, run.motor.T), strict=True)),
-        "brake": dict(zip(names, map(_largest, run.brake.T), strict=True)),
-        "unbalanced": dict(zip(names, map(_largest, run.unbalanced.T), strict=True)),
-        "used": dict(zip(names, map(_largest, run.used.T), strict=True)),
+        "torque": dict(zip(names, map(_largest, run.motor[here].T), strict=True)),
+        "brake": dict(zip(names, map(_largest, run.brake[here].T), strict=True)),
+        "unbalanced": dict(zip(names, map(_largest, run.unbalanced[here].T), strict=True)),
+        "used": dict(zip(names, map(_largest, run.used[here].T), strict=True)),
     }
 
 

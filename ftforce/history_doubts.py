@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +12,17 @@ from ftforce.faults import FaultMode
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ftforce.arrays import Matrix
+    from ftforce.arrays import Matrix, Vector
     from ftforce.faults import FaultSet
     from ftforce.history import History
     from ftforce.limits import Limits
     from ftforce.robot import Robot
+    from ftforce.task import Task
 
 ON_PATH = 1e-5  # m: away from singularities and limits the tip is no farther from its path
+ORIENTED = 1e-5  # rad: likewise
 _SLACK = 1e-6  # rad, m, or relative: limits are printed rounded
+_STEP = 0.05  # of the largest speed: by more no velocity changes between two samples unforeseen
 
 
 def history_doubts(
@@ -37,39 +41,101 @@ def history_doubts(
     """
     if robot.mass == 0.0:
         yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
-    yield from _off_path(history)
-    yield from _unsupported(history)
-    q = np.vstack([run.q for run in history.runs.values()])
-    v = np.vstack([run.v for run in history.runs.values()])
-    yield from _outside(robot, q)
-    yield from _too_fast(robot, v)
+    healthy, t = history.healthy, history.t
+    yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
+    yield from force_doubts(t, history.setting.task, unsupported(history))
+    q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
+    v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
+    yield from limit_doubts(robot, q, v)
+    yield from _steps(history)
     yield from _unjudged(robot, limits, faults)
     if limits is None:
         yield from _beyond_effort(robot, history)
 
 
-def _off_path(history: History) -> Iterator[str]:
-    error = history.healthy.path_error_norm
+def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
+    """Say that even the healthy arm leaves its path, or the orientation it is to keep.
+
+    Parameters
+    ----------
+    t :
+        Times, s, shape (N,).
+    error, turn :
+        How far it is off, m and rad, shape (N,).
+    """
+    where = "it is close to a singularity or to its limits there"
     worst = int(error.argmax())
     if error[worst] > ON_PATH:
-        yield (
-            f"even the healthy arm leaves its path, by {length_in_words(float(error[worst]))} at "
-            f"{history.t[worst]:g} s: it is close to a singularity or to its limits there"
-        )
+        off = length_in_words(float(error[worst]))
+        yield f"even the healthy arm leaves its path, by {off} at {t[worst]:g} s: {where}"
+    worst = int(turn.argmax())
+    if turn[worst] > ORIENTED:
+        degrees = math.degrees(float(turn[worst]))
+        yield f"even the healthy arm turns its tip, by {degrees:.3g}° at {t[worst]:g} s: {where}"
 
 
-def _unsupported(history: History) -> Iterator[str]:
-    """Say that even the healthy arm lacks a part of the force: no fault takes it."""
-    task, run = history.setting.task, history.healthy
-    lacking = np.array(history.setting.force) - (run.force + run.jump)
+def unsupported(history: History) -> Matrix:
+    """Return what even the healthy arm lacks of the force, N and N·m, shape (N, m)."""
+    run, asked = history.healthy, np.array(history.setting.force)
+    return lacking(asked, run.force + run.jump)
+
+
+def lacking(asked: Vector, exerted: Matrix) -> Matrix:
+    """Return what is missing of a force, without rounding, shape (N, m)."""
+    missing = np.nan_to_num(asked - exerted)
+    return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
+
+
+def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
+    """Say that even the healthy arm lacks a part of the force: no fault takes it.
+
+    Parameters
+    ----------
+    t :
+        Times, s, shape (N,).
+    task :
+        The task.
+    missing :
+        What is lacking, N and N·m, shape (N, m).
+    """
     for rows, unit in ((task.force_rows, "N"), (task.moment_rows, "N·m")):
-        size = np.linalg.norm(np.nan_to_num(lacking[:, list(rows)]), axis=1)
-        if size.max(initial=0.0) > _SLACK * np.abs(history.setting.force).max():
+        size = np.linalg.norm(missing[:, list(rows)], axis=1)
+        if size.any():
             worst = int(size.argmax())
             yield (
                 f"even the healthy arm cannot exert {size[worst]:.3g} {unit} of the force at "
-                f"{history.t[worst]:g} s: it has no such direction there"
+                f"{t[worst]:g} s: it has no such direction there"
             )
+
+
+def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
+    """Name joints beyond their limits of position and speed.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q, v :
+        Joint positions and velocities, rad or m, and per s, shape (N, n).
+    """
+    yield from _outside(robot, q)
+    yield from _too_fast(robot, v)
+
+
+def _steps(history: History) -> Iterator[str]:
+    """Say that velocities change in a step where nothing failed: no torque does that."""
+    run, t, setting = history.answer, history.t, history.setting
+    v, a = run.v[run.until_fall], run.a[run.until_fall]
+    off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))
+    for event in setting.events:  # where they may
+        for time in (event.time, event.time + setting.delay):
+            off[max(int(np.searchsorted(t, time)) - 1, 0) :][:1] = 0.0
+    sizes = off.max(axis=1, initial=0.0)
+    if len(sizes) and sizes.max() > _STEP * np.abs(v).max() > 0.0:
+        yield (
+            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (at a limit or a "
+            "singularity, or the rate is low): accelerations and torques there mean little"
+        )
 
 
 def _outside(robot: Robot, q: Matrix) -> Iterator[str]:

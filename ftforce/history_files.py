@@ -22,12 +22,14 @@ from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
 from ftforce.history import (
     QUANTITIES,
     RUNS,
+    SCALARS,
     VERDICTS,
     EventReport,
     History,
     JointInfo,
     Run,
     Setting,
+    width,
 )
 from ftforce.metrics import Verdict
 from ftforce.source import read_bytes
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Matrix
 
 FORMATS = ("csv", "npz", "parquet")
+LONGEST_CELL = 10_000_000  # characters: what was simulated stands in one
 LARGEST_FILE = 20_000_000_000  # bytes
 _KIND = "a history that ftforce wrote (.csv, .npz or .parquet)"
 _VERSION = 1
@@ -48,7 +51,12 @@ _WORDS = [verdict.value for verdict in VERDICTS]
 _LISTS = ("force", "effort", "gravity", "warnings", "notes")
 _PER_JOINT = {"q": "", "v": "/s", "a": "/s²"}
 _TORQUES = ("rnea", "force_part", "U", "motor", "brake", "unbalanced")
-_PLACES = {"position": "m", "path_error": "m", "velocity_jump": "m/s"}
+_PLACES = {
+    "position": "m",
+    "path_error": "m",
+    "orientation_error": "rad",
+    "velocity_jump": "m/s",
+}
 
 
 class Column(NamedTuple):
@@ -72,13 +80,15 @@ class Column(NamedTuple):
 def columns_of(setting: Setting) -> list[Column]:
     """Return the columns of a run's numbers."""
     columns: list[Column] = []
-    for quantity in QUANTITIES[:-2]:
+    for quantity in QUANTITIES:
+        if quantity in SCALARS:
+            continue
         names, units = _components(setting, quantity)
         columns += [
             Column(quantity, i, f"{quantity}_{name}" + (f" [{unit}]" if unit else ""))
             for i, (name, unit) in enumerate(zip(names, units, strict=True))
         ]
-    return [*columns, *(Column(quantity, None, quantity) for quantity in QUANTITIES[-2:])]
+    return [*columns, *(Column(quantity, None, quantity) for quantity in SCALARS)]
 
 
 def _components(setting: Setting, quantity: str) -> tuple[Sequence[str], Sequence[str]]:
@@ -154,6 +164,8 @@ def load_history(path: str | PathLike[str]) -> History:
 def _about(history: History) -> str:
     setting = asdict(history.setting)
     task = history.setting.task
+    setting["effort"] = [None if math.isnan(x) else x for x in history.setting.effort]
+    setting["delay"] = None if math.isinf(history.setting.delay) else history.setting.delay
     setting["task"] = {"components": task.components, "axes": task.axes, "length": task.length}
     content = {
         "format": "ftforce history",
@@ -162,7 +174,7 @@ def _about(history: History) -> str:
         "verdicts": _WORDS,
         "setting": setting,
     }
-    return json.dumps(content, ensure_ascii=False)
+    return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
 
 def _read_about(text: str) -> tuple[Setting, list[str]]:
@@ -172,6 +184,8 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
     if about["version"] != _VERSION:
         raise InputError(f"has version {about['version']}; this ftforce reads {_VERSION}")
     content = about["setting"]
+    content["effort"] = [math.nan if x is None else x for x in content["effort"]]
+    content["delay"] = math.inf if content["delay"] is None else content["delay"]
     task = content["task"]
     setting = Setting(
         **{
@@ -179,10 +193,7 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
             "joints": tuple(JointInfo(**joint) for joint in content["joints"]),
             "task": Task(tuple(task["components"]), task["axes"], task["length"]),
             "events": tuple(map(_event, content["events"])),
-            **{
-                name: tuple(content[name])
-                for name in ("force", "effort", "gravity", "warnings", "notes")
-            },
+            **{name: tuple(content[name]) for name in _LISTS},
         }
     )
     runs = about["runs"]
@@ -199,13 +210,11 @@ def _event(content: dict[str, Any]) -> EventReport:
 def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) -> History:
     """Return a history of arrays by run and quantity, after checking their shapes."""
     count, n, m = len(t), len(setting.joints), setting.task.m
-    sizes = {"position": 3, "orientation": 4, "path_error": 3, "velocity_jump": 3,
-             "force": m, "jump": m}  # fmt: skip
     found: dict[str, Run | None] = dict.fromkeys(RUNS)
     for name, arrays in runs.items():
         for quantity in QUANTITIES:
-            flat = quantity in QUANTITIES[-2:]
-            wanted = (count,) if flat else (count, sizes.get(quantity, n))
+            size = width(quantity, n, m)
+            wanted = (count,) if size is None else (count, size)
             kind = "int8" if quantity == "verdict" else "float64"
             if arrays[quantity].shape != wanted or arrays[quantity].dtype != kind:
                 raise InputError(f"holds {quantity} of another shape or type than it needs")
@@ -279,7 +288,7 @@ def _from_table(setting: Setting, names: list[str], table: dict[str, Any]) -> Hi
         for quantity, _, header in columns:
             arrays.setdefault(quantity, []).append(table[header][rows])
         runs[name] = {
-            quantity: parts[0].copy() if quantity in QUANTITIES[-2:] else np.stack(parts, axis=1)
+            quantity: parts[0].copy() if quantity in SCALARS else np.stack(parts, axis=1)
             for quantity, parts in arrays.items()
         }
     t, *path = (table[header][:count] for header in _SHARED)
@@ -303,8 +312,11 @@ def _cell(value: Any) -> Any:
 
 
 def _from_csv(data: bytes) -> History:
-    csv.field_size_limit(max(csv.field_size_limit(), 10_000_000))  # the about cell
-    header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+    usual = csv.field_size_limit(LONGEST_CELL)  # of the whole process, so it is put back
+    try:
+        header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+    finally:
+        csv.field_size_limit(usual)
     if header[-1:] != [_ABOUT] or not rows:
         raise InputError("is no history of ftforce: its last column is not 'about'")
     setting, names = _read_about(rows[0][-1])

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.history import VERDICTS
-from ftforce.history_doubts import ON_PATH, length_in_words
+from ftforce.history_doubts import ON_PATH, ORIENTED, length_in_words, unsupported
 from ftforce.metrics import Verdict
 from ftforce.words import amounts, joined, number, percent, ratio, size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ftforce.arrays import Vector
     from ftforce.fault_timeline import Timeline, WorstInstant
     from ftforce.faults import FaultSet
@@ -34,7 +36,8 @@ def history_sentence(history: History) -> str:
     off = ""
     if run.path_error_norm.max() > ON_PATH and run.falls_from is None:
         off = ", but off the path" if verdict is Verdict.TOLERATED else ", and off the path"
-    return f"{verdict.value.capitalize()}{off}: {when}, {about}. {_about_path(history, run)}"
+    parts = [f"{verdict.value.capitalize()}{off}: {when}, {about}.", _about_path(history, run)]
+    return " ".join([*parts, *_about_healthy(history)])
 
 
 def _events_in_words(events: tuple[EventReport, ...]) -> str:
@@ -42,31 +45,61 @@ def _events_in_words(events: tuple[EventReport, ...]) -> str:
 
 
 def _about_force(history: History, run: Run, verdict: Verdict) -> str:
-    asked = np.array(history.setting.force)
-    whole = amounts(history.setting.task, asked)
+    whole = _asked_in_words(history)
     how = "the remap" if history.remapped is not None else "the arm, without any remap,"
     if not history.setting.events:
         how = "the arm"
     if verdict is Verdict.TOLERATED:
-        return f"{how} keeps the whole {whole} at the tip to the end, at {history.t[-1]:g} s"
-    first = int(np.argmax(run.verdict == run.verdict.max()))
-    since = f"from {history.t[first]:g} s on" if first else "from the start"
+        return f"{how} keeps {whole} at the tip to the end, at {history.t[-1]:g} s"
+    since = _since(history, run)
     if np.isnan(run.force).any():
         fallen = int(np.argmax(np.isnan(run.force).any(axis=1)))
         return f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
-    jump = history.jump_norm(run)
-    worst = int(jump.argmax())
     if verdict is Verdict.BORDERLINE:
         return (
-            f"{since} it depends on the tolerance whether the whole {whole} are kept (smallest "
-            f"margin {ratio(float(run.margin.min()))})"
+            f"{since} it depends on the tolerance whether {whole} is kept (smallest margin "
+            f"{ratio(float(run.margin.min()))})"
         )
+    jump = history.jump_norm(run)[run.until_fall]
+    worst = int(jump.argmax())
     loss = amounts(history.setting.task, run.jump[worst])
-    words = f"{since} the force is not kept: it jumps by up to {loss} of {whole}, at "
+    words = f"{since} {whole} is not kept: the force jumps by up to {loss}, at "
     words += f"{history.t[worst]:g} s"
     if run.falls_from is not None:
         words += ", and torques that nothing balances move the arm"
     return words
+
+
+def _asked_in_words(history: History) -> str:
+    """Say the force that is asked for, or if even the healthy arm lacks some, what it can."""
+    asked = np.array(history.setting.force)
+    whole = amounts(history.setting.task, asked)
+    if unsupported(history).any():
+        return f"what the healthy arm can exert of the {whole}"
+    return f"the whole {whole}"
+
+
+def _since(history: History, run: Run) -> str:
+    """Say when the worst verdict holds."""
+    bad = run.verdict == run.verdict.max()
+    first = int(np.argmax(bad))
+    if bad[first:].all():
+        return f"from {history.t[first]:g} s on" if first else "from the start"
+    return f"at {percent(float(bad.mean()))} of all instants, first at {history.t[first]:g} s,"
+
+
+def _about_healthy(history: History) -> Iterator[str]:
+    """Say what no fault is to blame for."""
+    lacking = unsupported(history)
+    if lacking.any():
+        worst = int(np.linalg.norm(lacking, axis=1).argmax())
+        missing = amounts(history.setting.task, lacking[worst])
+        when = f"at {history.t[worst]:g} s"
+        yield f"Even the healthy arm cannot exert {missing} of the request {when}."
+    verdict = worst_verdict(history.healthy)
+    if history.setting.events and verdict is not Verdict.TOLERATED:
+        since = _since(history, history.healthy).removesuffix(",")
+        yield f"Even the healthy arm is {verdict.value} {since}."
 
 
 def _about_path(history: History, run: Run) -> str:
@@ -74,13 +107,15 @@ def _about_path(history: History, run: Run) -> str:
         return "Where that takes the arm is not simulated."
     error = run.path_error_norm
     worst = int(error.argmax())
+    turn = float(run.orientation_error_norm.max())
+    turned = f" It turns by up to {math.degrees(turn):.3g}°." if turn > ORIENTED else ""
     if error[worst] <= ON_PATH:
         off = length_in_words(float(error[worst])).removeprefix("< ")
-        return f"The tip stays within {off} of its path."
+        return f"The tip stays within {off} of its path.{turned}"
     last = length_in_words(float(error[-1]))
     return (
         f"The tip leaves its path by up to {length_in_words(float(error[worst]))}, at "
-        f"{history.t[worst]:g} s; at the end it is {last} off."
+        f"{history.t[worst]:g} s; at the end it is {last} off.{turned}"
     )
 
 
@@ -107,7 +142,7 @@ def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
         return "a direction of force is lost"
     if math.isnan(worst.jump):
         return "nothing holds the arm"
-    unit = "N" if timeline.task.force_rows else "N·m"
+    unit = timeline.task.size_unit
     return f"the force jumps by {size(worst.jump)} {unit}"
 
 

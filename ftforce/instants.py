@@ -11,7 +11,6 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ftforce import metrics
 from ftforce.arrays import Vector, read_only
@@ -24,8 +23,8 @@ from ftforce.closed_forms import (
 )
 from ftforce.dynamics import mass_matrix, rnea_torque
 from ftforce.errors import InputError
-from ftforce.history import QUANTITIES, VERDICTS, Run
-from ftforce.kinematics import frame_jacobian
+from ftforce.history import CODES, MOTIONS, QUANTITIES, SCALARS, Run, width
+from ftforce.kinematics import frame_jacobian, quaternion, rotation_vector
 from ftforce.metrics import Verdict
 from ftforce.reduced import ReducedJacobian, reduce
 from ftforce.verdicts import judge
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
     from ftforce.task import Task
 
 _CHUNK = 500  # instants between two ticks
-_CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}
 
 
 class Case(NamedTuple):
@@ -100,6 +98,14 @@ class Faults(NamedTuple):
         return cls(faults.mask(n), faults.swinging_mask(n), counted, largest)
 
 
+class TipPath(NamedTuple):
+    """What the tip should do: position (m) and velocity (m/s), shape (N, 3), and orientation."""
+
+    x: Matrix
+    x_dot: Matrix
+    orientation: Matrix | None
+
+
 class Known(NamedTuple):
     """Faults, and what the controller takes them for; ``None`` if it knows them."""
 
@@ -141,7 +147,7 @@ class Balance(NamedTuple):
 def run_of(
     case: Case,
     motion: Motion,
-    course: tuple[Matrix, Matrix],
+    course: TipPath,
     times: Vector,
     phases: Sequence[Phase],
     *,
@@ -157,7 +163,7 @@ def run_of(
     motion :
         Of the joints.
     course :
-        Position (m) and velocity (m/s) of the tip's path, shape (N, 3) each.
+        What the tip should do.
     times, phases :
         When which faults are there, and known.
     tick :
@@ -176,31 +182,33 @@ def run_of(
         actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
         faults = Known(actual, None if phase.actual == phase.known else known)
         for i in range(first, last):
-            _fill(run, i, case, motion, faults)
+            _fill(run, i, case, course, faults)
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
         _finish(run, slice(first, last), case, course, actual)
+    _without_sign_changes(run.orientation)
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 
 
 def _empty_run(case: Case, motion: Motion) -> Run:
     count, n, m = len(motion.q), case.robot.n, case.task.m
-    sizes = {"position": 3, "orientation": 4, "path_error": 3, "velocity_jump": 3,
-             "force": m, "jump": m}  # fmt: skip
-    arrays = {name: np.zeros((count, sizes.get(name, n))) for name in QUANTITIES[3:-2]}
+    rest = [name for name in QUANTITIES if name not in {*MOTIONS, *SCALARS}]
+    arrays = {name: np.zeros((count, width(name, n, m) or 1)) for name in rest}
     arrays["used"].fill(np.nan)  # a limit that is unknown, or none
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, motion: Motion, faults: Known) -> None:
+def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     """Compute what every instant needs of its own; `_finish` does the rest for all of a phase."""
     robot, task = case.robot, case.task
-    q, v, a = motion.q[i], motion.v[i], motion.a[i]
+    q, v, a = run.q[i], run.v[i], run.a[i]
     J = frame_jacobian(robot, q, "world")  # places the tip, too; in tool axes Pinocchio does not
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
-    run.orientation[i] = pin.Quaternion(R).coeffs()
+    run.orientation[i] = quaternion(R)
+    if course.orientation is not None:
+        run.orientation_error[i] = rotation_vector(course.orientation @ R.T)
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
@@ -212,15 +220,13 @@ def _fill(run: Run, i: int, case: Case, motion: Motion, faults: Known) -> None:
     run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
     run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
     run.margin[i] = metrics.margin(found.reduced)
-    run.verdict[i] = _CODES[found.verdict]
+    run.verdict[i] = CODES[found.verdict]
 
 
-def _finish(
-    run: Run, here: slice, case: Case, course: tuple[Matrix, Matrix], actual: Faults
-) -> None:
+def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) -> None:
     """Make of a phase's raw numbers what a run holds."""
-    run.path_error[here] = course[0][here] - run.position[here]
-    run.velocity_jump[here] -= course[1][here]
+    run.path_error[here] = course.x[here] - run.position[here]
+    run.velocity_jump[here] -= course.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
     limited = actual.known_largest > 0.0  # not where it is unknown, or there is no torque
@@ -248,6 +254,12 @@ def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
     U = np.where(reduced.commanding, F_after.dot(J), 0.0)
     motor = np.where(reduced.commanding, rnea + U, 0.0)
     return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
+
+
+def _without_sign_changes(quaternions: Matrix) -> None:
+    """Turn quaternions, of which q and -q mean the same, so that neighbours are close."""
+    turned = np.where(np.vecdot(quaternions[1:], quaternions[:-1]) < 0.0, -1.0, 1.0)
+    quaternions[1:] *= np.cumprod(turned)[:, None]
 
 
 def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
@@ -278,6 +290,8 @@ def _unaware(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> B
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *meant.F.dot(J))
     moved = _over(math.hypot(*unbalanced), scale)
+    if moved <= case.rtol:  # what is lost up to the tolerance moves nothing
+        unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, meant.F, F_after, moved)
     return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
 
@@ -287,10 +301,11 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> V
 
     With masses what is left of them accelerates the arm as it would; else the Euclidean inverse.
     """
-    open_joints = reduce(
-        read_only(np.where(reduced.locked, 0.0, reduced.J)), np.zeros_like(reduced.locked),
-        reduced.rtol,
-    )  # fmt: skip
+    # Ranks are judged by the healthy arm, as everywhere.
+    K = np.where(reduced.locked, 0.0, reduced.J)
+    size = float(np.linalg.norm(K, 2))
+    rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
+    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), rtol)
     F = exerted_force(open_joints, over)
     left = np.where(reduced.locked, 0.0, over - F.dot(reduced.J))
     if math.hypot(*left) <= 1e-12 * math.hypot(*over) or not case.robot.mass:

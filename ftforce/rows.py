@@ -142,7 +142,7 @@ def _capability(capability: Capability) -> list[Row]:
 def _timeline(timeline: Timeline) -> list[Row]:
     names, task = timeline.robot.names, timeline.task
     unit = words.unit_of_size(task, timeline.direction)
-    jump_unit = "N" if task.force_rows else "N·m"
+    jump_unit = task.size_unit
     header = ("t [s]", "fault_set", "joints", f"jump [{jump_unit}]", "margin",
               f"capability [{unit}]", "verdict", "axes", "task", "length [m]", "limits",
               "capability_limits", "rtol", "wary")  # fmt: skip

@@ -15,11 +15,11 @@ from ftforce.changes import change_of_velocity, impact_of_lock
 from ftforce.conditions import Conditions
 from ftforce.dynamics import mass_matrix
 from ftforce.errors import InputError
-from ftforce.fault_events import Events, FaultEvent, Phase, phases, read_events
+from ftforce.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.history_doubts import history_doubts
-from ftforce.instants import Case, run_of
+from ftforce.instants import Case, TipPath, run_of
 from ftforce.kinematics import task_jacobian
 from ftforce.limits_reader import NONE, choose_limits
 from ftforce.motion import State, advance
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.arrays import Matrix
     from ftforce.dynamics import Payload
     from ftforce.fault_census import Progress
     from ftforce.limits_reader import LimitsLike
@@ -149,9 +148,9 @@ def simulate(
     )
     history = History(
         _setting(scene, asked, reports, wait),
-        start.times, scene.path[0], healthy, unremapped, remapped,
+        start.times, scene.path.x, healthy, unremapped, remapped,
     )  # fmt: skip
-    doubts = history_doubts(robot, case.limits, _joined(events), history)
+    doubts = history_doubts(robot, case.limits, joined(events), history)
     found = (*start.warnings, *doubts)
     return replace(history, setting=replace(history.setting, warnings=found))
 
@@ -162,7 +161,7 @@ class _Scene(NamedTuple):
     case: Case
     start: Start
     events: tuple[FaultEvent, ...]
-    path: tuple[Matrix, Matrix]
+    path: TipPath
     tick: Callable[[int], None]
 
 
@@ -187,10 +186,10 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
     return healthy, unremapped, remapped, aware.arrivals
 
 
-def _tip_path(start: Start) -> tuple[Matrix, Matrix]:
+def _tip_path(start: Start) -> TipPath:
     targets = [start.course.at(t) for t in start.times.tolist()]
     x, x_dot = (np.array([target[i] for target in targets]) for i in range(2))
-    return read_only(x), read_only(x_dot)
+    return TipPath(read_only(x), read_only(x_dot), start.course.orientation)
 
 
 def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:
@@ -215,11 +214,6 @@ def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
             )
 
 
-def _joined(events: Sequence[FaultEvent]) -> FaultSet:
-    """Return all faults, of each joint the last."""
-    return phases(events, NEVER)[-1].actual
-
-
 def _event_report(
     scene: _Scene, event: FaultEvent, arrival: State | None, healthy: Run
 ) -> EventReport:
@@ -227,7 +221,7 @@ def _event_report(
     case, events = scene.case, scene.events
     robot, task = case.robot, case.task
     state = arrival or State(healthy.q[0], healthy.v[0], healthy.a[0])
-    so_far = _joined([other for other in events if other.time <= event.time])
+    so_far = joined([other for other in events if other.time <= event.time])
     impact, velocity = _velocity_jumps(case, state, so_far)
     found = _analysis(case, state, so_far)
     force_jump: float | None = None

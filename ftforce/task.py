@@ -141,6 +141,11 @@ class Task:
         return tuple("N" if name[0] == "f" else "N·m" for name in self.components)
 
     @property
+    def size_unit(self) -> str:
+        """Unit of the size of a force: N, or of a task of moments alone N·m."""
+        return "N" if self.force_rows else "N·m"
+
+    @property
     def velocity_units(self) -> tuple[str, ...]:
         """Unit of each component of the tip's velocity: m/s or rad/s."""
         return tuple("m/s" if name[0] == "f" else "rad/s" for name in self.components)

@@ -138,6 +138,10 @@ MALFORMED = {
     "delay": (["dh5", *LINE, *PUSH, "--delay", "-1"], "delay must be 0 s or more"),
     "rate": (["dh5", *LINE[:-1], "0", *PUSH], "rate must be positive"),
     "paper and robot": (["dh5", "--paper"], "leave out ROBOT"),
+    "paper and more": (
+        ["--paper", "--limits", "urdf", "--deg", "--rtol", "1e-5", "--to", "1,2,3"],
+        "leave out --to, --deg, --limits, --rtol",
+    ),
 }  # fmt: skip
 
 
@@ -178,14 +182,20 @@ def test_plots(tmp_path, ending):
 
 
 def test_interrupted_nothing_is_written(tmp_path):
-    program = [sys.executable, "-m", "ftforce", "simulate", "dh5", "--from", "0.9,0.3,0.2", "--to",
+    # A shell's background job ignores interrupts, and hands that down.
+    start = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from ftforce.cli import main; main()"
+    )
+    program = [sys.executable, "-c", start, "simulate", "dh5", "--from", "0.9,0.3,0.2", "--to",
                "0.8,0.4,0.25", "--speed", "0.00002", *PUSH, "--fault", "3@1", "-o",
                "run.npz"]  # fmt: skip
+
     with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         try:
             time.sleep(5.0)
             assert process.poll() is None  # it would take minutes
-            for _ in range(5):  # while modules are imported Python may swallow one
+            for _ in range(3):  # while modules are imported Python may swallow one
                 process.send_signal(signal.SIGINT)
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(timeout=10)

@@ -33,7 +33,8 @@ def test_nothing_is_doubtful(dh5):
 def test_a_path_out_of_reach(dh5):
     far = Path.through([(0.9, 0.3, 0.2), (1.4, 0.35, 0.25)], speed=0.2)
     history = ftforce.simulate(dh5, far, **PUSH)
-    found, lacking = history.warnings
+    found, lacking, abrupt = history.warnings
+    assert abrupt.startswith("joint velocities change abruptly at ")  # 10 Hz are few
     error = history.healthy.path_error_norm
     i = error.argmax()
     assert found.startswith("even the healthy arm leaves its path, by ")

@@ -278,3 +278,26 @@ def test_npz_opens_in_plain_numpy(tmp_path, history):
 def test_every_field_of_a_run_is_written(history):
     assert {field.name for field in fields(history.healthy)} == set(QUANTITIES)
     assert {column.quantity for column in columns_of(history.setting)} == set(QUANTITIES)
+
+
+def test_what_was_simulated_is_plain_json(tmp_path, history):
+    """Unknown limits and a remap that never acts are null, not NaN and Infinity."""
+    dh5 = ftforce.load_robot("dh5")
+    unknown = ftforce.limits.Limits.of([150, np.nan, 80, 40, 20])
+    written = ftforce.simulate(
+        dh5, LINE, force=[1, 2, 3], faults="3@1", remap=False, limits=unknown, rate=5
+    )
+    for form in FORMATS:
+        ftforce.save(written, tmp_path / f"run.{form}")
+        found = ftforce.load_history(tmp_path / f"run.{form}")
+        assert found.setting.delay == np.inf
+        assert np.isnan(found.setting.effort[1])
+    with np.load(tmp_path / "run.npz") as archive:
+        json.loads(str(archive["about"]), parse_constant=pytest.fail)
+
+
+def test_reading_leaves_the_csv_module_as_it_was(tmp_path, history):
+    usual = csv.field_size_limit()
+    ftforce.save(history, tmp_path / "run.csv")
+    ftforce.load_history(tmp_path / "run.csv")
+    assert csv.field_size_limit() == usual

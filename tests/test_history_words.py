@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from ftforce.history_words import (
 )
 from ftforce.section_v import END, START
 from ftforce.trajectory import Path
+from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
 
@@ -52,8 +55,8 @@ def test_a_force_that_jumps(dh5):
     history = simulated(dh5, faults="free:4@1")
     jump = history.jump_norm(history.remapped)
     sentence = history_sentence(history)
-    assert sentence.startswith("Not tolerated: after 4 joint4 free at 1 s, from 1 s on the force")
-    assert f"by up to {jump.max():.2f} N of 94.87 N, at {history.t[jump.argmax()]:g} s" in sentence
+    assert sentence.startswith("Not tolerated: after 4 joint4 free at 1 s, from 1 s on the whole")
+    assert f"jumps by up to {jump.max():.2f} N, at {history.t[jump.argmax()]:g} s" in sentence
 
 
 def test_torques_that_nothing_balances(dh5):
@@ -110,3 +113,62 @@ def test_timelines(dh5):
 def test_peak():
     assert peak(np.array([1.0, -3.456, np.nan])) == "3.46"
     assert peak(np.array([np.nan])) == "–"
+
+
+PLANE = robot(
+    link("a"), link("b"), link("c"), link("d"), link("e"),
+    joint("one", "a", "b", axis="0 1 0"),
+    joint("two", "b", "c", axis="0 1 0", xyz="0.4 0 0", rpy="0 0 0"),
+    joint("three", "c", "d", axis="0 1 0", xyz="0.4 0 0", rpy="0 0 0"),
+    joint("end", "d", "e", "fixed", xyz="0.3 0 0", rpy="0 0 0"),
+)  # fmt: skip
+
+
+def test_a_force_that_no_arm_exerts_is_not_kept(tmp_path):
+    """What an arm in a plane is asked to push out of it, it cannot."""
+    arm = load(tmp_path, PLANE, tip="e")
+    q = [0.3, 0.6, 0.4]
+    x = ftforce.trajectory.tip_at(arm, q, None)
+    J = ftforce.kinematics.frame_jacobian(arm, np.array(q), "world")[:3]
+    across = np.linalg.svd(J)[0][:, -1]
+    along = J[:, 0] / np.linalg.norm(J[:, 0])
+    line = Path.through([x, x + 0.05 * along], speed=0.1)
+    case = {"faults": "2@0.3", "rate": 20, "gravity": [0, 0, 0], "axes": "world"}
+    sentence = history_sentence(ftforce.simulate(arm, line, q, force=30.0 * across, **case))
+    assert "keeps what the healthy arm can exert of the 30.00 N" in sentence
+    assert "Even the healthy arm cannot exert 30.00 N of the request" in sentence
+    both = 40.0 * along + 30.0 * across
+    history = ftforce.simulate(arm, line, q, force=both, **case)
+    assert history.healthy.force @ across == pytest.approx(0.0, abs=1e-9)
+    assert "of the 50.00 N" in history_sentence(history)
+
+
+def test_no_fault_is_blamed_for_what_the_healthy_arm_cannot_do():
+    panda = ftforce.load_robot("panda")
+    line = Path.through([(0.3, 0, 0.5), (0.4, 0.3, 0.4)], speed=0.2)
+    history = ftforce.simulate(panda, line, force=[0, 0, 300], faults="4@1", limits="urdf", rate=20)
+    assert worst_verdict(history.healthy).value == "not tolerated"
+    sentence = history_sentence(history)
+    assert "Even the healthy arm is not tolerated from the start." in sentence
+
+
+def test_verdicts_that_come_and_go_are_said_with_their_share(dh5):
+    verdict = simulated(dh5).healthy.verdict.copy()
+    verdict[[3, 7]] = 2
+    history = simulated(dh5)
+    run = replace(history.healthy, verdict=verdict)
+    history = replace(history, healthy=run, unremapped=run, remapped=run)
+    share = 2 / len(verdict)
+    assert f"at {100 * share:.3g}% of all instants, first at {history.t[3]:g} s" in (
+        history_sentence(history)
+    )
+
+
+def test_a_tip_that_turns_is_said_to():
+    ur5 = ftforce.load_robot("ur5")
+    x = ftforce.trajectory.tip_at(ur5, None, None)
+    line = Path.through([x, x + np.array([0.1, 0.1, -0.1])], speed=0.1, keep_orientation=True)
+    history = ftforce.simulate(ur5, line, force=[0, 0, 0], faults="6@0.5", rate=20)
+    turn = np.rad2deg(history.remapped.orientation_error_norm.max())
+    assert turn > 1.0
+    assert history_sentence(history).endswith(f"It turns by up to {turn:.3g}°.")

@@ -94,10 +94,10 @@ def assert_consistent(t, motion, tol=1e-5):
 
     A spline through accelerations is less exact: they have kinks at the ends of a line.
     """
-    for rate, whole, tol in ((motion.v, motion.q, tol), (motion.a, motion.v, 10.0 * tol)):
+    for rate, whole, within in ((motion.v, motion.q, tol), (motion.a, motion.v, 10.0 * tol)):
         integral = CubicSpline(t, rate).antiderivative()(t)
         size = max(np.abs(rate).max(), 1e-3)
-        assert_close(whole - whole[0], integral, scale=size, tol=tol)
+        assert_close(whole - whole[0], integral, scale=size, tol=within)
 
 
 # ---- a healthy arm ---------------------------------------------------------------------------

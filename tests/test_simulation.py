@@ -15,7 +15,9 @@ from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryE
 from ftforce.fault_events import FaultEvent, phases, read_events
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.history import QUANTITIES, VERDICTS
+from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
+from ftforce.posture import choose_posture
 from ftforce.simulation import simulate
 from ftforce.trajectory import Path, Recording
 from helpers import assert_close, serial_urdf
@@ -692,3 +694,36 @@ def test_events_may_be_given_as_objects(dh5):
     one = simulate(dh5, path, force=PUSH, faults=[FaultEvent(1.0, FaultSet.locked([2]))], rate=2)
     other = simulate(dh5, path, force=PUSH, faults="3@1", rate=2)
     assert one.remapped.force.tobytes() == other.remapped.force.tobytes()
+
+
+def test_place_comes_before_orientation():
+    """Five joints cannot keep both; each instant turns as little as the place leaves open."""
+    ur5 = ftforce.load_robot("ur5")
+    q = choose_posture(ur5).q
+    R0, x = tip_pose(ur5, q)
+    line = Path.through([x, x + np.array([0.1, 0.1, -0.1])], speed=0.1, keep_orientation=True)
+    for faults, most in (((), 1e-9), ("6@0.5", 1.0)):
+        run = simulate(ur5, line, force=np.zeros(3), faults=faults, rate=20).remapped
+        assert run.path_error_norm.max() < 1e-6
+        for i in (0, 12, -1):
+            turned = pin.log3(R0 @ tip_pose(ur5, run.q[i])[0].T)
+            assert_close(run.orientation_error[i], turned, scale=1.0)
+        assert run.orientation_error_norm.max() < most
+    assert run.orientation_error_norm[-1] > 0.1
+
+
+def test_a_tip_that_may_turn_has_no_orientation_error(dh5):
+    run = simulate(dh5, Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.1),
+                   force=np.zeros(3), rate=10).healthy  # fmt: skip
+    assert not run.orientation_error.any()
+
+
+def test_quaternions_never_jump_to_their_negatives(panda):
+    t = np.linspace(0.0, 2.0, 101)
+    q = np.tile(panda.postures["default"], (101, 1))
+    q[:, 6] = np.linspace(-2.8, 2.8, 101)
+    run = simulate(panda, Recording.of(panda, t, q), force=np.zeros(3), faults="1@1").remapped
+    assert (np.vecdot(run.orientation[1:], run.orientation[:-1]) > 0.99).all()
+    for i in (0, 50, 100):
+        R = pin.Quaternion(*run.orientation[i][[3, 0, 1, 2]]).matrix()
+        assert_close(R, tip_pose(panda, q[i])[0])

@@ -1,7 +1,8 @@
 """``ftforce simulate``: an arm along a trajectory while joints fail."""
 
+import inspect
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -41,6 +42,8 @@ from ftforce.errors import InputError
 
 if TYPE_CHECKING:
     from ftforce.history import History
+
+_BESIDE_PAPER = {"paper", "rate", "delay", "no_remap", "plot", "form", "output"}
 
 Robot = Annotated[
     str | None,
@@ -108,11 +111,9 @@ def simulate(
     Three histories come out: as if healthy, without the remap, and with it. -o FILE with .csv,
     .npz or .parquet keeps every instant of them.
     """
+    given = dict(locals())
     if paper:
-        given = {"ROBOT": robot, "--from": start, "--to": to, "--force": force, "--fault": fault,
-                 "--q": q, "--posture": posture}  # fmt: skip
-        if named := [name for name, value in given.items() if value]:
-            raise InputError(f"--paper says all of that itself; leave out {', '.join(named)}")
+        _refuse_beside_paper(given)
         history = _paper(rate, delay, remap=not no_remap)
     elif robot is None:
         raise InputError("which robot? Give a URDF file or a known name (see `ftforce robots`)")
@@ -156,6 +157,26 @@ def simulate(
                 progress=progress,
             )  # fmt: skip
     _show(history, plot, form, output)
+
+
+def _refuse_beside_paper(given: dict[str, object]) -> None:
+    """Refuse every option that Section V leaves no choice of.
+
+    Raises
+    ------
+    InputError
+        There is one.
+    """
+    named = []
+    for name, parameter in inspect.signature(simulate).parameters.items():
+        if name in _BESIDE_PAPER or given[name] == parameter.default:
+            continue
+        info = get_args(parameter.annotation)[1]
+        declared = [word for word in info.param_decls or () if word.startswith("--")]
+        is_argument = isinstance(info, typer.models.ArgumentInfo)
+        named.append(name.upper() if is_argument else (declared or [f"--{name}"])[0])
+    if named:
+        raise InputError(f"--paper says all of that itself; leave out {', '.join(named)}")
 
 
 def _paper(rate: float | None, delay: float, *, remap: bool) -> "History":

@@ -9,6 +9,7 @@ import numpy as np
 from rich.text import Text
 
 from ftforce import words
+from ftforce.history import VERDICTS
 from ftforce.history_doubts import length_in_words
 from ftforce.history_words import (
     history_sentence,
@@ -100,7 +101,7 @@ def _loads(setting: Setting) -> str:
 
 def _events(history: History) -> TitledTable:
     task = history.setting.task
-    unit = "N" if task.force_rows else "N·m"
+    unit = task.size_unit
     result = table(
         "At the faults: jumps of the tip's velocity, and of the force after the remap",
         "time", "joints", "at impact", "remapped", "force", "verdict", left=2, folded=(1, 5),
@@ -120,9 +121,9 @@ def _speed(jump: tuple[float, ...]) -> str:
 
 def _runs(history: History) -> TitledTable:
     task = history.setting.task
-    unit = "N" if task.force_rows else "N·m"
+    unit = task.size_unit
     result = table(
-        "The three histories, at their worst",
+        "The histories, at their worst",
         "", "off path", f"force jump [{unit}]", "margin", "unbalanced", "limit used", "verdict",
         folded=(0, 6),
     )  # fmt: skip
@@ -130,9 +131,9 @@ def _runs(history: History) -> TitledTable:
         result.add_row(
             RUN_NAMES[name],
             _off_path(run),
-            _largest(history.jump_norm(run), "nothing holds"),
+            _largest(history.jump_norm(run)[run.until_fall], "nothing holds"),
             ratio(float(run.margin.min())),
-            _largest(np.abs(run.unbalanced).max(axis=1), "–"),
+            _largest(np.abs(run.unbalanced[run.until_fall]).max(axis=1), "–"),
             _used(run),
             verdict_text(worst_verdict(run)),
         )
@@ -152,7 +153,8 @@ def _largest(values: Vector, otherwise: str) -> str:
 
 
 def _used(run: Run) -> str:
-    known = run.used[~np.isnan(run.used)]
+    used = run.used[run.until_fall]
+    known = used[~np.isnan(used)]
     return words.percent(float(known.max())) if len(known) else "–"
 
 
@@ -166,10 +168,11 @@ def _joints(history: History) -> TitledTable:
     answer, setting = history.answer, history.setting
     for i, joint in enumerate(setting.joints):
         limit = setting.effort[i]
-        brake = peak(answer.brake[:, i]) if answer.brake[:, i].any() else ""
+        load = answer.brake[answer.until_fall, i]
+        brake = peak(load) if load.any() else ""
         result.add_row(
             str(i + 1), joint.name, joint.torque_unit,
-            *(peak(run.motor[:, i]) for run in runs.values()),
+            *(peak(run.motor[run.until_fall, i]) for run in runs.values()),
             brake, "unknown" if math.isnan(limit) else f"{limit:g}",
         )  # fmt: skip
     return result
@@ -192,7 +195,7 @@ def _instants(history: History) -> TitledTable:
             "–" if math.isnan(jump[i]) else size(float(jump[i])),
             "–" if math.isnan(jump[i]) else length_in_words(float(run.path_error_norm[i])),
             ratio(float(run.margin[i])),
-            verdict_text(run.verdicts[i]),
+            verdict_text(VERDICTS[run.verdict[i]]),
         )
     return result
 

@@ -253,20 +253,29 @@ def path(history: History, *, ax: Axes | None = None) -> Axes:
         solid.plot(*history.path.T, color="0.85", linewidth=7.0, label="wanted")
         for name, run in history.runs.items():
             stroke = STROKES[name]
-            solid.plot(*run.position[: run.falls_from].T, label=stroke.words, **stroke.options())
+            solid.plot(*run.position[run.until_fall].T, label=stroke.words, **stroke.options())
         tip = history.answer.position
         for place, marker, words in _places(history):
             options = {"color": BLACK, "markerfacecolor": "white", "markersize": 5.0}
             solid.plot(*tip[place].T, linestyle="none", marker=marker, label=words, **options)
-        _cube(solid, np.vstack([history.path, *(run.position for run in history.runs.values())]))
+        _cube(
+            solid,
+            np.vstack(
+                [history.path, *(run.position[run.until_fall] for run in history.runs.values())]
+            ),
+        )
         axes.set_title("Path of the tip")
         axes.legend(loc="upper right", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.0)
     return axes
 
 
 def _places(history: History) -> list[tuple[list[int], str, str]]:
+    falls = history.answer.falls_from
+    last = len(history.t) - 1 if falls is None else falls
     faults = [history.index(event.time) for event in history.setting.events]
-    found = [([0], "o", "start"), ([-1], "s", "end")]
+    faults = [i for i in faults if i <= last]
+    end = ([last], "s", "end") if falls is None else ([last], "v", "falls")
+    found = [([0], "o", "start"), end]
     return [*found, (faults, "X", "fault")] if faults else found
 
 

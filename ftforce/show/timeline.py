@@ -64,7 +64,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
 
 def _sets(timeline: Timeline, most: int) -> TitledTable:
     unit = words.unit_of_size(timeline.task, timeline.direction)
-    of_jump = "N" if timeline.task.force_rows else "N·m"
+    of_jump = timeline.task.size_unit
     instants = timeline.worst()
     result = table(
         f"The worst instant of each fault set ({timeline.mode}), worst set first",
