@@ -726,4 +726,4 @@ def test_quaternions_never_jump_to_their_negatives(panda):
     assert (np.vecdot(run.orientation[1:], run.orientation[:-1]) > 0.99).all()
     for i in (0, 50, 100):
         R = pin.Quaternion(*run.orientation[i][[3, 0, 1, 2]]).matrix()
-        assert_close(R, tip_pose(panda, q[i])[0])
+        assert_close(R, tip_pose(panda, run.q[i])[0])
