@@ -57,7 +57,7 @@ class Phase(NamedTuple):
 
 
 def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
-    """Return events in the order of their times.
+    """Return events in the order of their times; those of one time are one.
 
     Parameters
     ----------
@@ -91,7 +91,10 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
                     "are free or weak can fail once more, in another way"
                 )
             modes[fault.joint] = fault
-    return tuple(found)
+    together: dict[float, list[FaultEvent]] = {}
+    for event in found:
+        together.setdefault(event.time, []).append(event)
+    return tuple(FaultEvent(time, joined(events)) for time, events in together.items())
 
 
 def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
@@ -128,7 +131,7 @@ def _read(robot: Robot, text: object) -> FaultEvent:
     if not isinstance(text, str):
         raise InputError(f"a fault event is a text such as {EXAMPLES}, got {text!r}")
     joints, at, time = text.rpartition("@")
-    if not at or not joints.strip():
+    if not at or not joints.strip() or not time.strip():
         raise InputError(f"a fault event needs joints and a time, e.g. {EXAMPLES}; got {text!r}")
     try:
         seconds = read_numbers(time, 1)[0]

@@ -54,18 +54,6 @@ def save(
     return write_whole(path, to_content(result, form))
 
 
-def check_form(result: object, form: str) -> None:
-    """Refuse a form that only histories have.
-
-    Raises
-    ------
-    InputError
-        The result is none.
-    """
-    if not isinstance(result, History):
-        raise InputError(f".{form} is for histories of `ftforce simulate`; use .json or .csv")
-
-
 def to_content(result: object, form: str) -> str | bytes:
     """Return a result as the content of a file.
 

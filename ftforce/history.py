@@ -64,9 +64,10 @@ class EventReport:
         Jump of it that Appendix A's remap leaves, likewise; empty without a lock.
     force_jump :
         Norm of the jump of the force that the remap leaves, N (N·m if the task has moments alone);
-        ``None`` if nothing can hold the arm.
+        ``None`` if nothing can hold the arm. With a remap at once that of the first sample with
+        the fault; else of the state right before it.
     verdict :
-        At that instant.
+        Likewise.
     """
 
     time: float

@@ -48,6 +48,13 @@ def history_doubts(
     v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
     yield from limit_doubts(robot, q, v)
     yield from _steps(history)
+    for event in history.setting.events:
+        acts = event.time + history.setting.delay
+        if math.isfinite(acts) and acts > history.t[-1]:
+            yield (
+                f"the remap of the fault at {event.time:g} s would act at {acts:g} s, after the "
+                f"end at {history.t[-1]:g} s"
+            )
     yield from _unjudged(robot, limits, faults)
     if limits is None:
         yield from _beyond_effort(robot, history)

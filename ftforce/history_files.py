@@ -244,6 +244,8 @@ def _npz_bytes(history: History) -> bytes:
 
 def _from_npz(data: bytes) -> History:
     with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        if "about" not in archive:
+            raise InputError("is no history of ftforce: it does not say what was simulated")
         setting, names = _read_about(str(archive["about"]))
         runs = {
             name: {quantity: archive[f"{name}.{quantity}"] for quantity in QUANTITIES}
@@ -338,9 +340,12 @@ def _parquet_bytes(history: History) -> bytes:
 
 
 def _from_parquet(data: bytes) -> History:
-    parquet, _ = _pyarrow()
-    table = parquet.read_table(io.BytesIO(data))
-    setting, names = _read_about((table.schema.metadata or {})[_KEY].decode())
+    parquet, arrow = _pyarrow()
+    # Without threads: at exit they may end the interpreter with an error.
+    table = parquet.read_table(arrow.BufferReader(data), use_threads=False, pre_buffer=False)
+    if _KEY not in (about := table.schema.metadata or {}):
+        raise InputError("is no history of ftforce: it does not say what was simulated")
+    setting, names = _read_about(about[_KEY].decode())
     columns = {
         name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)
     }

@@ -46,15 +46,24 @@ def _events_in_words(events: tuple[EventReport, ...]) -> str:
 
 def _about_force(history: History, run: Run, verdict: Verdict) -> str:
     whole = _asked_in_words(history)
-    how = "the remap" if history.remapped is not None else "the arm, without any remap,"
+    acts = [event.time + history.setting.delay for event in history.setting.events]
+    how = "the remap" if min(acts, default=0.0) <= history.t[-1] else "the arm, without any remap,"
     if not history.setting.events:
         how = "the arm"
+    if verdict is Verdict.TOLERATED and not any(history.setting.force):
+        return f"the arm carries its own weight and moves freely to the end, at {history.t[-1]:g} s"
     if verdict is Verdict.TOLERATED:
         return f"{how} keeps {whole} at the tip to the end, at {history.t[-1]:g} s"
     since = _since(history, run)
     if np.isnan(run.force).any():
         fallen = int(np.argmax(np.isnan(run.force).any(axis=1)))
-        return f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
+        words = f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
+        if verdict is Verdict.BORDERLINE:
+            words += (
+                f" at the tolerance {history.setting.rtol:g}; what is missing is small, and a "
+                f"tolerance up to {history.setting.wary:g} gives another answer"
+            )
+        return words
     if verdict is Verdict.BORDERLINE:
         return (
             f"{since} it depends on the tolerance whether {whole} is kept (smallest margin "
@@ -130,10 +139,10 @@ def timeline_sentence(timeline: Timeline) -> str:
             f"Tolerated: whichever of these faults happens, and when, {kept} can be kept. The "
             f"smallest margin, {ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
         )
-    share = f"not tolerated at {percent(worst.not_tolerated)} of all instants"
+    share = f"At {percent(worst.not_tolerated)} of all instants it is not tolerated"
     if worst.verdict is Verdict.BORDERLINE:
         return f"Borderline. {when}, with a margin of {ratio(worst.margin)}."
-    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}. It is {share}."
+    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}. {share}."
 
 
 def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:

@@ -8,14 +8,16 @@ import numpy as np
 
 from ftforce.arrays import Svd, Vector, read_only
 from ftforce.errors import InputError
-from ftforce.kinematics import frame_jacobian, tip_pose
+from ftforce.kinematics import frame_jacobian, reach_bound, tip_pose
 from ftforce.posture import samples
 from ftforce.rates import damped_inverse
 
 if TYPE_CHECKING:
+    from ftforce.arrays import Matrix
     from ftforce.robot import Robot
 
 REACHED = 1e-9  # m
+FAR = 2.0  # times the stretched arm
 _INSIDE = 1e-6  # rad or m: the solver starts that far inside the limits
 _MOST_STEPS = 60  # of each search: those that arrive need some ten
 _DAMPED_BELOW = 1e-6  # of σ_max
@@ -40,6 +42,8 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
         No posture within the limits was found; the message says how close the tip gets.
     """
     closest, place = np.inf, point
+    if np.linalg.norm(tip_pose(robot, near)[1] - point) <= REACHED:
+        return read_only(near)  # as it was given, be it outside the limits
     for seed in (near, *samples(robot)):
         q = _polished(robot, point, _solve(robot, point, seed))
         there = tip_pose(robot, q)[1]
@@ -54,6 +58,33 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
         f"{_in_words(place)} m is the nearest found, {closest:.3g} m away; in the posture that "
         f"was tried first it is at {_in_words(here)} m"
     )
+
+
+def check_reach(robot: Robot, points: Matrix) -> None:
+    """Refuse points far beyond the stretched arm: millimetres taken for metres, mostly.
+
+    A path may leave the reach a little: the arm does what it can, and the error is reported.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    points :
+        In the root's axes, m, shape (k, 3).
+
+    Raises
+    ------
+    InputError
+        A point is farther from the first joint than twice all links in a row.
+    """
+    first, length = reach_bound(robot)
+    distances = np.linalg.norm(points - first, axis=1)
+    far = int(distances.argmax())
+    if distances[far] > FAR * length:
+        raise InputError(
+            f"the tip cannot reach {_in_words(points[far])} m in the root's axes: that is "
+            f"{distances[far]:.4g} m from the first joint, and the stretched arm has {length:.4g} m"
+        )
 
 
 def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:

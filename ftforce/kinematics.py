@@ -32,6 +32,23 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
     return pose.rotation.copy(), pose.translation.copy()
 
 
+def reach_bound(robot: Robot) -> tuple[Vector, float]:
+    """Return the place of the first joint, m, shape (3,), and the length of all links in a row, m.
+
+    The tip is never farther from there; infinite if a joint slides without limits.
+    """
+    model = robot.model
+    places = [placement.translation for placement in model.jointPlacements.tolist()[1:]]
+    links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
+    slides = 0.0
+    for joint in robot.joints:
+        if joint.type == "prismatic":  # its followers slide with it, at most as far each
+            slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
+    scale = np.abs(robot.coordinates.G).max(initial=1.0)
+    length = float(sum(map(np.linalg.norm, links))) + slides * scale
+    return places[0].copy(), length + float(np.abs(robot.coordinates.offset).sum())
+
+
 def quaternion(R: Matrix) -> Vector:
     """Return the unit quaternion x, y, z, w of a rotation (3, 3); its sign is left open."""
     coefficients: Vector = pin.Quaternion(R).coeffs()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot import Robot
 
+LARGEST_FILE = 2_000_000_000  # bytes
 GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
 _KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
 _SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
@@ -164,7 +165,7 @@ class Sheet(NamedTuple):
         TrajectoryError
             It cannot be read, or a cell is empty or no number.
         """
-        text = read_text(path, TrajectoryError, _KIND)
+        text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
         try:
             return cls(printable(path), *_table(text))
         except InputError as problem:

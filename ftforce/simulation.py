@@ -17,7 +17,7 @@ from ftforce.dynamics import mass_matrix
 from ftforce.errors import InputError
 from ftforce.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
 from ftforce.faults import FaultMode, FaultSet
-from ftforce.history import EventReport, History, JointInfo, Run, Setting
+from ftforce.history import VERDICTS, EventReport, History, JointInfo, Run, Setting
 from ftforce.history_doubts import history_doubts
 from ftforce.instants import Case, TipPath, run_of
 from ftforce.kinematics import task_jacobian
@@ -125,6 +125,8 @@ def simulate(
     endless = isinstance(delay, float) and math.isinf(delay)
     if not (endless or is_number(delay)) or delay < 0.0:
         raise InputError(f"the delay must be 0 s or more, got {delay!r}")
+    if delay and not remap:
+        raise InputError("a delay is until the remap acts; leave it out if it never does")
     wanted = Task.parse(task, axes, length)
     names = ", ".join(wanted.components)
     asked = as_vector(force, wanted.m, "force", f"{names} of the task '{wanted}'")
@@ -150,6 +152,9 @@ def simulate(
         _setting(scene, asked, reports, wait),
         start.times, scene.path.x, healthy, unremapped, remapped,
     )  # fmt: skip
+    if wait == 0.0:  # the table of the faults and that of the instants say the same
+        reports = tuple(_as_sampled(history, event) for event in reports)
+        history = replace(history, setting=replace(history.setting, events=reports))
     doubts = history_doubts(robot, case.limits, joined(events), history)
     found = (*start.warnings, *doubts)
     return replace(history, setting=replace(history.setting, warnings=found))
@@ -236,6 +241,19 @@ def _event_report(
         force_jump=force_jump,
         verdict=found.verdict,
     )
+
+
+def _as_sampled(history: History, event: EventReport) -> EventReport:
+    """Return the report with force jump and verdict of the first sample with the fault.
+
+    They were those of the state right before it: accelerations change with the fault, and with
+    them the force that a joint without torque leaves.
+    """
+    run = history.answer
+    i = int(np.searchsorted(history.t, event.time))
+    jump = float(history.jump_norm(run)[i])
+    known = None if math.isnan(jump) else jump
+    return replace(event, force_jump=known, verdict=VERDICTS[run.verdict[i]])
 
 
 def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:

@@ -21,7 +21,9 @@ LARGEST_FILE = 100_000_000  # bytes; a URDF with every mesh's name in it has som
 LARGEST_NUMBER = 1e9  # of a length, angle, mass …; what is computed from them stays finite
 
 
-def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> str:
+def read_text(
+    path: str | PathLike[str], error: type[FileError], kind: str, largest: int | None = None
+) -> str:
     """Read a UTF-8 file.
 
     Parameters
@@ -32,13 +34,15 @@ def read_text(path: str | PathLike[str], error: type[FileError], kind: str) -> s
         What to raise.
     kind :
         What the file should be, for messages, e.g. ``"a URDF"``.
+    largest :
+        How many bytes it may have; 100 MB if not given.
 
     Raises
     ------
     FileError
         Of the type ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
     """
-    data = read_bytes(path, error, kind, LARGEST_FILE)
+    data = read_bytes(path, error, kind, LARGEST_FILE if largest is None else largest)
     if flaw := _flaw(data):
         raise error(path, f"{flaw}; {kind} was expected")
     return data.decode("utf-8-sig")

@@ -11,7 +11,7 @@ import numpy as np
 from ftforce.arrays import Vector, is_number, read_only
 from ftforce.courses import PathCourse, RecordedCourse
 from ftforce.errors import InputError
-from ftforce.inverse_kinematics import posture_at
+from ftforce.inverse_kinematics import check_reach, posture_at
 from ftforce.kinematics import tip_pose
 from ftforce.paths import Path
 from ftforce.posture import Posture, choose_posture
@@ -138,6 +138,7 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
 
 
 def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
+    check_reach(robot, path.points)
     q = posture_at(robot, path.points[0], posture.q)
     source = posture.source
     if np.abs(q - posture.q).max() > _SAME:
@@ -147,7 +148,8 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
     words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
     if path.keeps_orientation:
         words += ", orientation kept"
-    return Start(PathCourse(robot, path, q), q, read_only(times), words, source)
+    course = PathCourse(robot, path, q)
+    return Start(course, q, read_only(times), words, source, posture.warnings)
 
 
 def _in_words(point: Vector) -> str:

@@ -438,7 +438,9 @@ def test_output_follows_the_ending(tmp_path, command, ending):
     file = tmp_path / f"result.{ending}"
     result = run(command, DH5, "--locked", "3", "-o", str(file))
     assert result.stdout == f"wrote {file}\n"
-    start = {"json": "{", "csv": "quantity,", "txt": "Robot", "svg": "<svg", "html": "<pre"}[ending]
+    start = {"json": "{", "csv": "quantity,", "txt": "Robot", "svg": "<svg", "html": "<!doctype"}[
+        ending
+    ]
     assert file.read_text(encoding="utf-8").startswith(start)
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
 

@@ -247,3 +247,92 @@ def test_json_holds_no_nan():
     text = run("simulate", "dh5", *LINE, "--force", "0,0,0", "--fault", "free:2,3,4,5@1",
                "--format", "json").stdout  # fmt: skip
     assert json.loads(text, parse_constant=pytest.fail)["runs"]["remapped"]["falls_at"] == 1.0
+
+
+def test_a_posture_that_looks_like_degrees_is_kept_and_doubted():
+    result = document("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "10",
+                      "--force", "0,0,30", "--q", "0,-45,0,-135,0,90,45")  # fmt: skip
+    assert result["start"]["q"] == [0, -45, 0, -135, 0, 90, 45]
+    assert any("these look like degrees" in words for words in result["warnings"])
+
+
+def test_millimetres_for_metres_are_refused_at_once():
+    words = ["simulate", "panda", "--speed", "0.2", "--force", "0,0,30", "--to"]
+    message = run(*words, "400,300,400", status=1).stderr
+    assert "the tip cannot reach (400, 300, 400) m" in message
+    assert "the stretched arm has 1." in message
+    assert run(*words, "0.9,0.3,0.9", "--rate", "5", "--to", "0.4,0.3,0.4").exit_code == 0
+
+
+UNWRITABLE = {
+    "unknown ending": (["-o", "run.xyz"], "must end in .json, .csv, .txt, .svg, .html, .htm, .npz"),
+    "typing error": (["-o", "run.parquett"], "the name must end in"),
+    "another form": (["-o", "run.npz", "--format", "csv"], "the ending is none of --format csv"),
+    "no folder": (["-o", "nowhere/run.npz"], "cannot be written (No such file or directory)"),
+    "plot, no folder": (["--plot", "nowhere/a.png"], "cannot be written (No such file"),
+    "plot, ending": (["--plot", "a.jpg"], "the name must end in .png, .pdf or .svg"),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), UNWRITABLE.values(), ids=UNWRITABLE)
+def test_files_that_could_not_be_written_are_refused_before_the_work(monkeypatch, options, message):
+    def never(*_, **__):
+        raise AssertionError("it was computed first")
+
+    monkeypatch.setattr(sys.modules["ftforce.simulation"], "simulate", never)
+    result = run("simulate", "dh5", *LINE, *PUSH, *options, status=1)
+    assert message in result.stderr
+    assert result.stdout == ""
+
+
+def test_a_delay_beyond_the_end():
+    found = document("simulate", "dh5", *LINE, *PUSH, "--fault", "4@1", "--delay", "20")
+    assert "the arm, without any remap, keeps" in found["summary"]
+    assert any("would act at 21 s, after the end" in words for words in found["warnings"])
+    message = run(
+        "simulate", "dh5", *LINE, *PUSH, "--fault", "4@1", "--delay", "1", "--no-remap", status=1
+    ).stderr
+    assert "a delay is until the remap acts" in message
+
+
+def test_a_free_motion_is_called_one():
+    found = document("simulate", "dh5", *LINE, "--force", "0,0,0", "--fault", "4@1")
+    assert "the remap carries its own weight and moves freely" not in found["summary"]
+    assert "moves freely to the end" in found["summary"]
+
+
+def test_tables_of_a_wrench_fit_80_columns():
+    shown = run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "10",
+                "--force", "0,0,30,1,0,0", "--task", "wrench", "--length", "0.2", "--fault",
+                "weak:4:0.05@1").stdout  # fmt: skip
+    (heading,) = [
+        line for line in shown.splitlines() if line.startswith("time") and "margin" in line
+    ]
+    assert heading.split() == ["time", "|f|", "[N]", "|m|", "[N·m]", "jump", "off", "path", "margin",
+                               "verdict"]  # fmt: skip
+
+
+def test_faults_of_one_time_are_one_row():
+    found = document("simulate", "dh5", *LINE, *PUSH, "--fault", "4@1", "--fault", "free:5@1")
+    (event,) = found["events"]
+    assert event["faults"] == "4 joint4 locked, 5 joint5 free"
+
+
+def test_tables_of_faults_and_of_instants_say_the_same():
+    found = document("simulate", "ur5", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--force", "5,0,30",
+                     "--axes", "world", "--fault", "3@1", "--fault", "free:5@1.5", "--payload",
+                     "1.5")  # fmt: skip
+    ur5 = ftforce.load_robot("ur5")
+    start = ftforce.trajectory.tip_at(ur5, None, None)
+    line = Path.through([start, [0.4, 0.3, 0.4]], speed=0.2)
+    wanted = ftforce.simulate(ur5, line, force=[5, 0, 30], axes="world", faults=["3@1", "free:5@1.5"],
+                              payload=1.5)  # fmt: skip
+    jump = wanted.jump_norm(wanted.remapped)
+    assert found["events"][1]["force_jump"] == jump[wanted.index(1.5)]
+
+
+def test_html_is_a_page(tmp_path):
+    run("simulate", "dh5", *LINE, *PUSH, "-o", "run.html")
+    page = (tmp_path / "run.html").read_text("utf-8")
+    assert page.startswith("<!doctype html>")
+    assert '<meta charset="utf-8">' in page

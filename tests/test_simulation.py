@@ -650,7 +650,7 @@ BAD = {
     "fault late": ({"faults": "3@99"}, "the fault at 99 s comes after the end of the trajectory"),
     "one fault late": ({"faults": ["3@1", "4@99"]}, "the fault at 99 s comes after the end of"),
     "fault twice": ({"faults": ["3@0.1", "3@0.2"]}, "joint 3 (joint3) is locked already at 0.2 s"),
-    "no time": ({"faults": "3@"}, "the time of the fault '3@'"),
+    "no time": ({"faults": "3@"}, "a fault event needs joints and a time"),
     "rate 0": ({"rate": 0}, "the rate must be positive"),
     "rate huge": ({"rate": 1e12}, "5.63e+12 samples are more than 5,000,000"),
     "task": ({"task": "push"}, "no "),

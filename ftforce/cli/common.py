@@ -3,9 +3,11 @@
 Exit status: 0 done, 1 the input is wrong, 2 the command line itself is, 130 interrupted.
 """
 
+import errno
 import functools
 import inspect
 import math
+import os
 import sys
 from collections.abc import Callable
 from enum import StrEnum
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ftforce.cli.printing import printing, say, silence
-from ftforce.errors import FtforceError, InputError, printable
+from ftforce.errors import FtforceError, InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -30,6 +32,11 @@ class Format(StrEnum):
     JSON = "json"
     CSV = "csv"
 
+
+_ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
+_HISTORY_ENDINGS = ("npz", "parquet")
+_DATA = ("json", "csv", *_HISTORY_ENDINGS)
+_PLOT_ENDINGS = ("png", "pdf", "svg")
 
 RobotArgument = Annotated[
     str,
@@ -151,12 +158,21 @@ Output = Annotated[
         help="Write to this file (.json .csv .txt .svg .html), whole or not at all.",
     ),
 ]
+HistoryOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Write to this file, whole or not at all: every instant (.csv .npz .parquet), a "
+        "summary (.json), the tables (.txt .svg .html).",
+    ),
+]
 PlotOption = Annotated[
     Path | None,
     typer.Option(
         "--plot",
         metavar="FILE",
-        help="Draw the result into this file (.png .pdf .svg); needs ftforce[plot].",
+        help="Draw the result into this file (.png .pdf .svg); needs the extra plot.",
     ),
 ]
 _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
@@ -168,6 +184,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
         try:
+            if "form" in kwargs:
+                check_outputs(command.__name__, **kwargs)
             command(*args, **kwargs)
         except BrokenPipeError:  # the reader, `head` for one, has seen enough
             silence()
@@ -188,6 +206,49 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {**command.__annotations__, "debug": _Debug}
     return run
+
+
+def check_outputs(
+    command: str,
+    *,
+    form: Format | None,
+    output: Path | None,
+    plot: Path | None = None,
+    **_others: Any,
+) -> None:
+    """Refuse files that could not be written, before anything is computed for them.
+
+    Raises
+    ------
+    InputError
+        A name has an ending that says nothing, or another form than was asked for.
+    OutputError
+        There is no such folder.
+    """
+    if output is not None:
+        endings = _ENDINGS + (_HISTORY_ENDINGS if command == "simulate" else ())
+        ending = output.suffix.lower().removeprefix(".")
+        if ending in _HISTORY_ENDINGS and command != "simulate":
+            raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
+        if ending and ending not in endings and form is None:
+            raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
+        if form not in {None, ending} and ending in _DATA:
+            raise InputError(f"{printable(output)}: the ending is none of --format {form}")
+    if plot is not None:
+        if plot.suffix.lower().removeprefix(".") not in _PLOT_ENDINGS:
+            raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")
+        from ftforce.show.canvas import needs_matplotlib
+
+        needs_matplotlib()
+    for path in (output, plot):
+        if path is not None and not path.parent.is_dir():
+            above = next(folder for folder in path.parents if folder.exists())
+            reason = os.strerror(errno.ENOENT if above.is_dir() else errno.ENOTDIR)
+            raise OutputError(path, f"cannot be written ({reason})")
+
+
+def _listed(endings: tuple[str, ...]) -> str:
+    return f"{', '.join(f'.{ending}' for ending in endings[:-1])} or .{endings[-1]}"
 
 
 def _reason(error: Exception) -> str:
@@ -261,7 +322,7 @@ def emit(
         Shown on stderr where the form has no place for them.
     """
     picture = None if plot is None else _plot(result, plot)  # before anything is written
-    _emit(shown, result, form or _form_of(output, result), output, title, warnings)
+    _emit(shown, result, form or _form_of(output), output, title, warnings)
     if plot is not None and picture is not None:
         from ftforce.source import write_whole
 
@@ -301,14 +362,11 @@ def _emit(
         say(f"wrote {printable(write_whole(output, content))}")
 
 
-def _form_of(output: Path | None, result: object) -> str:
+def _form_of(output: Path | None) -> str:
     ending = "" if output is None else output.suffix.lower().removeprefix(".")
     if ending in {Format.JSON, Format.CSV}:
         return ending
     if ending in {"npz", "parquet"}:
-        from ftforce.files import check_form
-
-        check_form(result, ending)
         return ending
     return Format.TABLE
 
@@ -325,4 +383,4 @@ def _picture(shown: "RenderableType", output: Path, title: str) -> str:
     ending = output.suffix.lower()
     if ending == ".svg":
         return export.to_svg(shown, title)
-    return export.to_html(shown) if ending in {".html", ".htm"} else export.to_text(shown)
+    return export.to_page(shown, title) if ending in {".html", ".htm"} else export.to_text(shown)

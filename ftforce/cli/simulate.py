@@ -12,9 +12,9 @@ from ftforce.cli.common import (
     Degrees,
     FormatOption,
     Gravity,
+    HistoryOutput,
     Length,
     LimitsOption,
-    Output,
     PayloadOption,
     PlotOption,
     Positions,
@@ -104,7 +104,7 @@ def simulate(
     wary: Wary = 1e-2,
     plot: PlotOption = None,
     form: FormatOption = None,
-    output: Output = None,
+    output: HistoryOutput = None,
 ) -> None:
     """Move an arm along a trajectory while its tool presses and joints fail.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from html import escape
 
 from rich.console import Console, RenderableType
 
@@ -26,6 +27,14 @@ def to_html(shown: RenderableType, width: int = 100) -> str:
     style = "font-family:Menlo,Consolas,'DejaVu Sans Mono',monospace;line-height:1.25"
     return _recorded(shown, width).export_html(
         inline_styles=True, code_format=f'<pre style="{style}"><code>{{code}}</code></pre>'
+    )
+
+
+def to_page(shown: RenderableType, title: str) -> str:
+    """Return a page of HTML."""
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>{escape(title)}</title></head>\n<body>{to_html(shown)}</body></html>\n"
     )
 
 

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 
     from ftforce.arrays import Vector
     from ftforce.history import EventReport, History, Run, Setting
+    from ftforce.task import Task
 
+_WIDEST = 3  # components that find room in a row
 RUN_NAMES = {"healthy": "as if healthy", "unremapped": "without remap", "remapped": "with remap"}
 
 
@@ -102,8 +104,9 @@ def _loads(setting: Setting) -> str:
 def _events(history: History) -> TitledTable:
     task = history.setting.task
     unit = task.size_unit
+    leaves = "after the remap" if history.remapped is not None else "that a remap would leave"
     result = table(
-        "At the faults: jumps of the tip's velocity, and of the force after the remap",
+        "At the faults: jumps of the tip's velocity, and of the force " + leaves,
         "time", "joints", "at impact", "remapped", "force", "verdict", left=2, folded=(1, 5),
     )  # fmt: skip
     for event in history.setting.events:
@@ -181,23 +184,37 @@ def _joints(history: History) -> TitledTable:
 def _instants(history: History) -> TitledTable:
     """Return the answer's force and path at the start, around each fault and at the end."""
     task, run = history.setting.task, history.answer
+    columns = _force_columns(task)
     result = table(
         f"Instants, {RUN_NAMES['unremapped' if history.remapped is None else 'remapped']}",
-        "time",
-        *(f"{name} [{unit}]" for name, unit in zip(task.components, task.units, strict=True)),
-        "jump", "off path", "margin", "verdict", folded=(0, task.m + 4),
+        "time", *columns, "jump", "off path", "margin", "verdict",
+        folded=(0, len(columns) + 4),
     )  # fmt: skip
     jump = history.jump_norm(run)
     for label, i in _shown(history, history.setting.events):
         result.add_row(
             label,
-            *(number(x) if not math.isnan(x) else "–" for x in run.force[i].tolist()),
+            *(_force_cell(rows, run.force[i]) for rows in columns.values()),
             "–" if math.isnan(jump[i]) else size(float(jump[i])),
             "–" if math.isnan(jump[i]) else length_in_words(float(run.path_error_norm[i])),
             ratio(float(run.margin[i])),
             verdict_text(VERDICTS[run.verdict[i]]),
         )
     return result
+
+
+def _force_columns(task: Task) -> dict[str, list[int]]:
+    """Return the components by their headings; of many only the sizes find room."""
+    if task.m <= _WIDEST:
+        headings = zip(task.components, task.units, strict=True)
+        return {f"{name} [{unit}]": [i] for i, (name, unit) in enumerate(headings)}
+    sizes = {"|f| [N]": task.force_rows, "|m| [N·m]": task.moment_rows}
+    return {heading: list(rows) for heading, rows in sizes.items() if rows}
+
+
+def _force_cell(rows: list[int], force: Vector) -> str:
+    x = float(force[rows[0]]) if len(rows) == 1 else float(np.linalg.norm(force[rows]))
+    return "–" if math.isnan(x) else number(x)
 
 
 def _shown(history: History, events: Sequence[EventReport]) -> list[tuple[str, int]]:
