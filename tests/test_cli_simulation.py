@@ -302,14 +302,11 @@ def test_a_free_motion_is_called_one():
 
 
 def test_tables_of_a_wrench_fit_80_columns():
-    shown = run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "10",
-                "--force", "0,0,30,1,0,0", "--task", "wrench", "--length", "0.2", "--fault",
-                "weak:4:0.05@1").stdout  # fmt: skip
-    (heading,) = [
-        line for line in shown.splitlines() if line.startswith("time") and "margin" in line
-    ]
-    assert heading.split() == ["time", "|f|", "[N]", "|m|", "[N·m]", "jump", "off", "path", "margin",
-                               "verdict"]  # fmt: skip
+    words = ["simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "10"]
+    wrench = ["--force", "0,0,30,1,0,0", "--task", "wrench", "--length", "0.2"]
+    lines = run(*words, *wrench, "--fault", "weak:4:0.05@1").stdout.splitlines()
+    (heading,) = (one for one in lines if one.startswith("time") and "margin" in one)
+    assert " ".join(heading.split()) == "time |f| [N] |m| [N·m] jump off path margin verdict"
 
 
 def test_faults_of_one_time_are_one_row():
@@ -319,14 +316,15 @@ def test_faults_of_one_time_are_one_row():
 
 
 def test_tables_of_faults_and_of_instants_say_the_same():
-    found = document("simulate", "ur5", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--force", "5,0,30",
-                     "--axes", "world", "--fault", "3@1", "--fault", "free:5@1.5", "--payload",
-                     "1.5")  # fmt: skip
+    events = ["3@1", "free:5@1.5"]
+    flags = [word for event in events for word in ("--fault", event)]
+    push = ["--force", "5,0,30", "--axes", "world", "--payload", "1.5"]
+    found = document("simulate", "ur5", "--to", "0.4,0.3,0.4", "--speed", "0.2", *push, *flags)
     ur5 = ftforce.load_robot("ur5")
     start = ftforce.trajectory.tip_at(ur5, None, None)
     line = Path.through([start, [0.4, 0.3, 0.4]], speed=0.2)
-    wanted = ftforce.simulate(ur5, line, force=[5, 0, 30], axes="world", faults=["3@1", "free:5@1.5"],
-                              payload=1.5)  # fmt: skip
+    options = {"force": [5, 0, 30], "axes": "world", "payload": 1.5}
+    wanted = ftforce.simulate(ur5, line, faults=events, **options)
     jump = wanted.jump_norm(wanted.remapped)
     assert found["events"][1]["force_jump"] == jump[wanted.index(1.5)]
 
