@@ -198,11 +198,11 @@ def tip_load(
         requested = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
         wanted = task.weigh_force(requested)
         F = supported_force(reduced, wanted)
-        return TipLoad(_without_rounding(F, F, wanted), requested, None)
+        return TipLoad(without_rounding(F, F, wanted), requested, None)
     if torque is not None:
         tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
         F = exerted_force(reduced, tau) if M is None else dynamically_exerted_force(reduced, tau, M)
-        return TipLoad(_without_rounding(F, F.dot(reduced.J), tau), None, tau)
+        return TipLoad(without_rounding(F, F.dot(reduced.J), tau), None, tau)
     return None
 
 
@@ -226,9 +226,16 @@ def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: st
     return mass_matrix(robot, q, conditions.payload)
 
 
-def _without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
+def without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
     """Return F, or zero if the part of the request that it stands for is only rounding.
 
     Otherwise the verdict would judge the direction of rounding errors.
+
+    Parameters
+    ----------
+    F :
+        Force that is exerted, weighted, shape (m,).
+    part, whole :
+        What it makes of the request, and the request: forces or torques.
     """
     return F if part.dot(part) > (_ROUNDING * _ROUNDING) * whole.dot(whole) else np.zeros_like(F)

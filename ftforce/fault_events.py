@@ -139,7 +139,7 @@ def _read(robot: Robot, text: object) -> FaultEvent:
         raise InputError(f"the time of the fault {text!r}: {problem}; it is in s") from None
     mode, colon, rest = joints.partition(":")
     word = mode.strip().lower()
-    if not colon:
+    if not colon or joints.strip() in robot.names:  # a name may hold a colon
         return FaultEvent(seconds, named_faults(robot, locked=joints))
     if word not in set(FaultMode):
         raise InputError(

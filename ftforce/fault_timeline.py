@@ -10,7 +10,7 @@ import numpy as np
 
 from ftforce.arrays import Matrix, Svd, Vector, as_vector, read_only
 from ftforce.closed_forms import supported_force
-from ftforce.conditions import Conditions, rnea_change
+from ftforce.conditions import Conditions, rnea_change, without_rounding
 from ftforce.display import Displayed
 from ftforce.errors import InputError
 from ftforce.fault_census import check_size, checked_mode, direction_or_force
@@ -315,7 +315,10 @@ class _Case:
         moving = self.conditions._replace(velocity=v, acceleration=a)
         healthy = Svd(self.task.weigh_jacobian(task_jacobian(robot, q, self.task)))
         whole = reduce_decomposed(healthy, nothing, self.rtol)
-        F = None if self.F is None else supported_force(whole, self.F)
+        F = None
+        if self.F is not None:
+            F = supported_force(whole, self.F)
+            F = without_rounding(F, F, self.F)
         return SharedCase(
             robot, self.task, Posture(q, "along the trajectory"), moving, self.limits, healthy,
             whole, rnea_change(robot, q, moving, nothing), F, False, self.ray, self.rtol, self.wary,

@@ -21,6 +21,7 @@ from ftforce.closed_forms import (
     force_jump,
     supported_force,
 )
+from ftforce.conditions import without_rounding
 from ftforce.dynamics import mass_matrix, rnea_torque
 from ftforce.errors import InputError
 from ftforce.history import CODES, MOTIONS, QUANTITIES, SCALARS, Run, width
@@ -240,6 +241,8 @@ def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
     locked, swinging, counted, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, swinging)
     F = supported_force(reduced, case.F)
+    if reduced.rank < reduced.m:
+        F = without_rounding(F, F, case.F)
     bounded = None
     if counted is None and swinging is None:
         F_after: Vector | None = force_jump(reduced, F).F_after

@@ -85,8 +85,7 @@ def test_names_of_any_kind(tmp_path, name):
     assert read_events(robot, f"locked:{name}@3") == ((3.0, locked(1)),)
     assert read_events(robot, f"free:{name}@3") == ((3.0, free(1)),)
     assert read_events(robot, f"weak:{name}:0.5@3") == ((3.0, weak(1, 0.5)),)
-    if ":" not in name:
-        assert read_events(robot, f"{name}@3") == ((3.0, locked(1)),)
+    assert read_events(robot, f"{name}@3") == ((3.0, locked(1)),)
 
 
 AGAIN = [
