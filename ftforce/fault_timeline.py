@@ -24,7 +24,7 @@ from ftforce.metrics import Verdict
 from ftforce.motion import advance
 from ftforce.posture import Posture
 from ftforce.reduced import RTOL, WARY, check_tolerances, reduce_decomposed
-from ftforce.set_reports import SharedCase, report_set, set_capability
+from ftforce.set_reports import SharedCase, commanded_force, report_set
 from ftforce.task import Axes, Task
 from ftforce.trajectory import start_of
 
@@ -371,7 +371,7 @@ def _cells(
             verdict[i, j] = CODES[report.verdict]
             reduced = reduce_decomposed(here.healthy, locked, case.rtol, swinging)
             rnea = here.rnea_after(faults)
-            capability[i, j] = set_capability(here, reduced, rnea, largest).commanded
+            capability[i, j] = commanded_force(here, reduced, rnea, largest)
         tick(1)
     return read_only(jump), read_only(margin), read_only(capability), read_only(verdict)
 

@@ -20,6 +20,7 @@ from ftforce.verdicts import judge
 
 if TYPE_CHECKING:
     from ftforce.faults import FaultSet
+    from ftforce.feasible import FeasibleForces, Reach
     from ftforce.limits import Limits
     from ftforce.metrics import Verdict
     from ftforce.posture import Posture
@@ -196,14 +197,10 @@ def set_capability(
     rnea, largest :
         Torques for weight and motion, and the largest of each joint, with the set, shape (n,).
     """
-    task, rays, ends, stops, size = case.task, [], [], [], 1.0
+    rays, ends, stops = [], [], []
     for reading in Reading:
         feasible = feasible_forces(reduced, rnea, largest, reading)
-        if case.direction is None:
-            space = case.whole.healthy.U[:, : case.whole.rank]
-            ray, size = weakest_direction(feasible, space).reach, task.weighted_unit
-        else:
-            ray = reach(feasible, task.weigh_force(case.direction))
+        ray, size = _ray(case, feasible)
         end = end_of(feasible, ray)
         rays.append(ray)
         ends.append(end)
@@ -213,3 +210,19 @@ def set_capability(
     commanded, held = (math.nan if ray.is_empty else ray.most * size for ray in rays)
     least = math.nan if rays[0].is_empty else rays[0].least * size
     return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
+
+
+def commanded_force(
+    case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
+) -> float:
+    """Return the largest force that can be commanded: `set_capability`'s first number alone."""
+    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, Reading.COMMANDED))
+    return math.nan if ray.is_empty else ray.most * size
+
+
+def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
+    """Return how far the case's direction goes, and the unit of that; or the weakest one's."""
+    if case.direction is not None:
+        return reach(feasible, case.task.weigh_force(case.direction)), 1.0
+    space = case.whole.healthy.U[:, : case.whole.rank]
+    return weakest_direction(feasible, space).reach, case.task.weighted_unit
