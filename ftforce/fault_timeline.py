@@ -257,7 +257,7 @@ def timeline(
     tick = _counted(progress, 2 * len(start.times))
     phase = Phase(0.0, FaultSet(), FaultSet())
     motion = advance(robot, start.course, start.q, start.times, (phase,), tick=tick).motion
-    jump, margin, capability, verdict = _cells(case, motion, sets, tick)
+    exerted, jump, margin, capability, verdict = _cells(case, motion, sets, tick)
     return Timeline(
         robot=robot,
         task=wanted,
@@ -279,7 +279,7 @@ def timeline(
         margin=margin,
         capability=capability,
         verdict=verdict,
-        warnings=tuple(_doubts(case, start, motion)),
+        warnings=tuple(_doubts(case, start, motion, exerted)),
     )
 
 
@@ -325,8 +325,8 @@ class _Case:
         )  # fmt: skip
 
 
-def _doubts(case: _Case, start: Start, motion: Motion) -> Iterator[str]:
-    """Name what makes the answer doubtful."""
+def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:
+    """Name what makes the answer doubtful; the healthy arm exerts weighted forces (N, m)."""
     robot, task, t = case.robot, case.task, start.times
     yield from start.warnings
     if robot.mass == 0.0 and case.conditions.gravity.any():
@@ -341,18 +341,18 @@ def _doubts(case: _Case, start: Start, motion: Motion) -> Iterator[str]:
     yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
     yield from limit_doubts(robot, motion.q, motion.v)
     if case.F is not None:
-        exerted = np.array([case.at(*row).F for row in zip(*motion, strict=True)])
         missing = lacking(task.unweigh_force(case.F), task.unweigh_force(exerted))
         yield from force_doubts(t, task, missing)
 
 
 def _cells(
     case: _Case, motion: Motion, sets: tuple[FaultSet, ...], tick: Callable[[int], None]
-) -> tuple[Matrix, Matrix, Matrix, NDArray[np.int8]]:
-    """Return jumps, margins, capabilities and verdicts of every instant."""
+) -> tuple[Matrix, Matrix, Matrix, Matrix, NDArray[np.int8]]:
+    """Return what the healthy arm exerts, jumps, margins, capabilities and verdicts over time."""
     robot, count = case.robot, len(motion.q)
     jump, margin, capability = (np.full((count, len(sets)), math.nan) for _ in range(3))
     verdict = np.zeros((count, len(sets)), dtype=np.int8)
+    exerted = np.zeros((count, case.task.m))
     masks = [
         (
             faults.mask(robot.n),
@@ -363,6 +363,7 @@ def _cells(
     ]
     for i in range(count):
         here = case.at(motion.q[i], motion.v[i], motion.a[i])
+        exerted[i] = 0.0 if here.F is None else here.F
         for j, (faults, (locked, swinging, largest)) in enumerate(zip(sets, masks, strict=True)):
             report = report_set(here, faults)
             size = report.jump_norm if case.task.force_rows else report.moment_jump_norm
@@ -373,7 +374,8 @@ def _cells(
             rnea = here.rnea_after(faults)
             capability[i, j] = commanded_force(here, reduced, rnea, largest)
         tick(1)
-    return read_only(jump), read_only(margin), read_only(capability), read_only(verdict)
+    jump, margin, capability = map(read_only, (jump, margin, capability))
+    return exerted, jump, margin, capability, read_only(verdict)
 
 
 def _check_count(instants: int, robot: Robot, faults: int) -> None:
