@@ -32,7 +32,7 @@ def history(**options):
     return ftforce.simulate(ftforce.load_robot("dh5"), line, force=[80, 50, 10], rate=10, **options)
 
 
-def same_force(file, wanted):
+def assert_same_forces(file, wanted):
     found = ftforce.load_history(file)
     for name, one in wanted.runs.items():
         np.testing.assert_array_equal(found.runs[name].force, one.force)
@@ -43,7 +43,7 @@ def same_force(file, wanted):
 def test_a_lock_as_in_python():
     shown = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1", "-o", "run.npz").stdout
     assert "wrote run.npz" in shown
-    found = same_force("run.npz", history(faults="3@1"))
+    found = assert_same_forces("run.npz", history(faults="3@1"))
     assert found.setting == history(faults="3@1").setting
 
 
@@ -51,7 +51,7 @@ def test_events_of_every_mode():
     events = ["3@1", "free:4@2", "weak:5:0.5@1.5"]
     flags = [word for event in events for word in ("--fault", event)]
     run("simulate", "dh5", *LINE, *PUSH, *flags, "--delay", "0.3", "-o", "run.npz")
-    same_force("run.npz", history(faults=events, delay=0.3))
+    assert_same_forces("run.npz", history(faults=events, delay=0.3))
 
 
 def test_without_remap():
@@ -111,7 +111,7 @@ def test_a_recorded_motion_and_waypoints():
     File("points.csv").write_text("x,y,z\n0.9,0.3,0.2\n0.85,0.35,0.25\n")
     options = ["--speed", "0.05", "--rate", "10"]
     run("simulate", "dh5", "points.csv", *options, *PUSH, "--fault", "3@1", "-o", "run.npz")
-    same_force("run.npz", history(faults="3@1"))
+    assert_same_forces("run.npz", history(faults="3@1"))
 
 
 def test_without_from_the_tip_starts_where_the_posture_has_it():
