@@ -36,6 +36,7 @@ from ftforce.cli.trajectories import (
     Speed,
     To,
     TrajectoryArgument,
+    place_of,
     trajectory_of,
 )
 from ftforce.errors import InputError
@@ -123,13 +124,9 @@ def simulate(
         )
     else:
         from ftforce import simulation
-        from ftforce.posture import choose_posture
 
         arm = load(robot, tip, base, posture)
-        given_place = q is not None or posture is not None
-        place = None
-        if trajectory is None or given_place:
-            place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)
+        place = place_of(arm, trajectory, q, posture, degrees=deg)
         with progress_bar("instants") as progress:
             history = simulation.simulate(
                 arm,

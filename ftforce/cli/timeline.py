@@ -37,6 +37,7 @@ from ftforce.cli.trajectories import (
     Speed,
     To,
     TrajectoryArgument,
+    place_of,
     trajectory_of,
 )
 
@@ -79,13 +80,10 @@ def timeline(
     The healthy arm moves; jump, margin and capability say how much each fault would take then.
     """
     from ftforce import fault_timeline
-    from ftforce.posture import choose_posture
     from ftforce.show.timeline import timeline_view
 
     arm = load(robot, tip, base, posture)
-    place = None
-    if trajectory is None or q is not None or posture is not None:
-        place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)
+    place = place_of(arm, trajectory, q, posture, degrees=deg)
     course = trajectory_of(
         arm, trajectory, start, to, speed=speed, keep_orientation=keep_orientation, place=place
     )

@@ -52,6 +52,17 @@ MaxGap = Annotated[
 ]
 
 
+def place_of(
+    robot: "Robot", file: str | None, q: str | None, posture: str | None, *, degrees: bool
+) -> "Posture | None":
+    """Return the posture near which a path begins; ``None`` where a file may say it itself."""
+    if file is not None and q is None and posture is None:
+        return None
+    from ftforce.posture import choose_posture
+
+    return choose_posture(robot, numbers(q, "--q"), posture, degrees=degrees)
+
+
 def trajectory_of(
     robot: "Robot",
     file: str | None,
