@@ -1,0 +1,1 @@
+"""Many postures: kernels that know arrays only, and the sweep that runs them in chunks."""

@@ -1,0 +1,141 @@
+"""What the kernels are given, as arrays and numbers: mechanism, faults, question, answers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ftforce.arrays import Mask, Matrix, Vector
+
+Whole = NDArray[np.int64]
+Codes = NDArray[np.int8]
+
+
+class Mechanism(NamedTuple):
+    """A tree of E joints with one degree of freedom each, driven by the chain's n numbers.
+
+    Joint e turns about, or slides along, the z axis of its own frame by
+    ``ratio · q[driver] + offset``. Parents come before their children.
+
+    Attributes
+    ----------
+    parent :
+        Index of the joint that carries each, -1 for the root, shape (E,).
+    slides :
+        Whether it is prismatic, shape (E,).
+    placement :
+        Its frame in its parent's before it moves: rotation by rows and translation, m, (E, 12).
+    driver :
+        Which of the n joints drives it, shape (E,).
+    ratio, offset :
+        1 and 0 but for mimic joints, shape (E,).
+    moves_tip :
+        Whether it lies between root and tip, shape (E,).
+    tip :
+        The tip's frame in that of the joint that carries it, as in ``placement``, shape (12,).
+    tip_parent :
+        Index of that joint.
+    mass :
+        Of what each joint carries up to the next ones, kg, shape (E,).
+    centre :
+        Centre of that mass in the joint's frame, m, shape (E, 3).
+    gravity :
+        In the root's axes, m/s², shape (3,).
+    """
+
+    parent: Whole
+    slides: Mask
+    placement: Matrix
+    driver: Whole
+    ratio: Vector
+    offset: Vector
+    moves_tip: Mask
+    tip: Vector
+    tip_parent: int
+    mass: Vector
+    centre: Matrix
+    gravity: Vector
+
+
+class Faults(NamedTuple):
+    """S fault sets.
+
+    Attributes
+    ----------
+    locked, free :
+        True at the joints that a brake holds, and at those without torque, shape (S, n).
+    swings :
+        Whether any joint of the set is without torque, shape (S,).
+    start, joints :
+        Set s locks ``joints[start[s]:start[s + 1]]``.
+    """
+
+    locked: Mask
+    free: Mask
+    swings: Mask
+    start: Whole
+    joints: Whole
+
+
+class Question(NamedTuple):
+    """What is asked at every posture.
+
+    Attributes
+    ----------
+    rows, weights :
+        Rows of the frame Jacobian, linear first, and their weights (1 or L), shape (m,).
+    in_tool :
+        Whether the rows, the force and the direction are in the axes of the tip frame.
+    is_whole :
+        Whether the rows are all forces, all moments or both, in order: then everything that is
+        reported is the same in all axes, and J is not turned into those of the tip.
+    force :
+        Weighted force that is asked for, shape (m,), or (0,) without.
+    direction :
+        Weighted direction of the capability, shape (m,), or (0,) without.
+    effort, brake :
+        Largest torques of motors and brakes, N·m (N), NaN where unknown, shape (n,).
+    rtol, wary :
+        Tolerances.
+    weighs :
+        Whether the arm's weight matters to what is asked.
+    """
+
+    rows: Whole
+    weights: Vector
+    in_tool: bool
+    is_whole: bool
+    force: Vector
+    direction: Vector
+    effort: Vector
+    brake: Vector
+    rtol: float
+    wary: float
+    weighs: bool
+
+
+class Answers(NamedTuple):
+    """Arrays that the kernels fill, as in `ftforce.batch.results.Block`; (0, 0) if not asked for.
+
+    Attributes
+    ----------
+    tip, rank, healthy_margin :
+        Shapes (k, 3), (k,) and (k,).
+    verdict, rank_lost, sigma_min, margin, rho, jump, moment_jump, relative_jump, capability :
+        Shape (S, k).
+    """
+
+    tip: Matrix
+    rank: Codes
+    healthy_margin: Vector
+    verdict: Codes
+    rank_lost: Codes
+    sigma_min: Matrix
+    margin: Matrix
+    rho: Matrix
+    jump: Matrix
+    moment_jump: Matrix
+    relative_jump: Matrix
+    capability: Matrix
