@@ -175,3 +175,112 @@ def tridiagonal_step(m, p, slope, bend, x, step):
         step[b] = m * p[b] / (s + math.copysign(math.sqrt(max(bent, 0.0)), s))
     for b in range(LANES):
         x[b] += step[b]
+
+
+@inner
+def share_of_three(A, x, F, share):
+    """Share of ‖F‖² along the eigenvector u of 3 x 3 matrices for a simple eigenvalue x.
+
+    ``adj(A - x I) = (λ₂ - x)(λ₃ - x) u uᵀ``, whose trace is the factor.
+    """
+    for b in range(LANES):
+        d0, d1, d2 = A[0, 0, b] - x[b], A[1, 1, b] - x[b], A[2, 2, b] - x[b]
+        p, q, r = A[1, 0, b], A[2, 0, b], A[2, 1, b]
+        f0, f1, f2 = F[0, b], F[1, b], F[2, b]
+        c0, c1, c2 = d1 * d2 - r * r, d0 * d2 - q * q, d0 * d1 - p * p
+        across = f0 * f1 * (q * r - p * d2) + f0 * f2 * (p * r - q * d1) + f1 * f2 * (p * q - r * d0)
+        along = f0 * f0 * c0 + f1 * f1 * c1 + f2 * f2 * c2 + 2.0 * across
+        share[b] = along / ((c0 + c1 + c2) * (f0 * f0 + f1 * f1 + f2 * f2))
+
+
+@inner
+def count_below(diagonal, square, bound, count, p):
+    """How many eigenvalues of tridiagonal matrices lie below a bound: Sturm's negative pivots."""
+    for b in range(LANES):
+        p[b] = diagonal[0, b] - bound[b]
+        count[b] = 1.0 if p[b] < 0.0 else 0.0
+    for k in range(1, diagonal.shape[0]):
+        for b in range(LANES):
+            p[b] = diagonal[k, b] - bound[b] - square[k - 1, b] / p[b]
+            count[b] += 1.0 if p[b] < 0.0 else 0.0
+
+
+@inner
+def share_of_tridiagonal(A, diagonal, square, x, F, share, ahead, back, z):
+    """Share of ‖F‖² along the eigenvector for a simple eigenvalue x of matrices that
+    `tridiagonalize` was given, by the twisted factorisation (Parlett and Dhillon 1997).
+    """
+    m = diagonal.shape[0]
+    reflect_vector(A, square, F, share)
+    for b in range(LANES):
+        ahead[0, b] = diagonal[0, b] - x[b]
+        back[m - 1, b] = diagonal[m - 1, b] - x[b]
+    for k in range(1, m):
+        for b in range(LANES):
+            ahead[k, b] = diagonal[k, b] - x[b] - square[k - 1, b] / ahead[k - 1, b]
+        for b in range(LANES):
+            j = m - 1 - k
+            back[j, b] = diagonal[j, b] - x[b] - square[j, b] / back[j + 1, b]
+    # The twist is where the two factorisations miss each other least; there the vector is 1.
+    least, twist = z[m], z[m + 1]
+    for b in range(LANES):
+        least[b], twist[b] = math.inf, 0.0
+    for k in range(m):
+        for b in range(LANES):
+            gap = abs(ahead[k, b] + back[k, b] - (diagonal[k, b] - x[b]))
+            twist[b] = k if gap < least[b] else twist[b]
+            least[b] = min(gap, least[b])
+    for k in range(m):
+        for b in range(LANES):
+            z[k, b] = 1.0 if twist[b] == k else 0.0
+    for k in range(m - 2, -1, -1):
+        for b in range(LANES):
+            aside = beside(A, square, k, b, m)
+            z[k, b] = -aside / ahead[k, b] * z[k + 1, b] if k < twist[b] else z[k, b]
+    for k in range(m - 1):
+        for b in range(LANES):
+            aside = beside(A, square, k, b, m)
+            z[k + 1, b] = -aside / back[k + 1, b] * z[k, b] if k + 1 > twist[b] else z[k + 1, b]
+    along, length, size = ahead[0], back[0], least
+    for b in range(LANES):
+        along[b], length[b], size[b] = 0.0, 0.0, 0.0
+    for k in range(m):
+        for b in range(LANES):
+            along[b] += z[k, b] * F[k, b]
+        for b in range(LANES):
+            length[b] += z[k, b] * z[k, b]
+        for b in range(LANES):
+            size[b] += F[k, b] * F[k, b]
+    for b in range(LANES):
+        share[b] = along[b] * along[b] / (length[b] * size[b])
+
+
+@inner
+def beside(A, square, k, b, m):
+    """Return the element beside the diagonal of the tridiagonal matrix, with its sign."""
+    if k == m - 2:
+        return A[m - 1, m - 2, b]
+    return -math.copysign(math.sqrt(square[k, b]), A[k + 1, k, b])
+
+
+@inner
+def reflect_vector(A, square, F, along):
+    """F ← Hₘ₋₃ … H₀ F, with the reflections whose vectors `tridiagonalize` left in A."""
+    m = A.shape[0]
+    for k in range(m - 2):
+        for b in range(LANES):
+            head = A[k + 1, k, b] + math.copysign(math.sqrt(square[k, b]), A[k + 1, k, b])
+            along[b] = head * F[k + 1, b]
+        for i in range(k + 2, m):
+            for b in range(LANES):
+                along[b] += A[i, k, b] * F[i, b]
+        for b in range(LANES):
+            length = math.sqrt(square[k, b])
+            size = square[k, b] + abs(A[k + 1, k, b]) * length
+            along[b] = along[b] / size if size > 0.0 else 0.0
+        for b in range(LANES):
+            head = A[k + 1, k, b] + math.copysign(math.sqrt(square[k, b]), A[k + 1, k, b])
+            F[k + 1, b] -= along[b] * head
+        for i in range(k + 2, m):
+            for b in range(LANES):
+                F[i, b] -= along[b] * A[i, k, b]

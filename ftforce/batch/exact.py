@@ -17,6 +17,7 @@ from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
 
 _SWEEPS = 40
 _ORTHOGONAL = 4e-16
+_LEAST = 1e-18
 _ROUNDING = 1e-12
 
 
@@ -58,11 +59,14 @@ def decompose(W, U, s):
     U[:] = 0.0
     for i in range(m):
         U[i, i] = 1.0
+    nothing = 0.0  # rows this short are rounding
+    for i in range(m):
+        nothing = max(nothing, _LEAST * norm(W[i]))
     for _ in range(_SWEEPS):
         turned = False
         for i in range(m - 1):
             for j in range(i + 1, m):
-                turned |= rotate(W, U, i, j)
+                turned |= rotate(W, U, i, j, nothing)
         if not turned:
             break
     for i in range(m):
@@ -81,14 +85,15 @@ def decompose(W, U, s):
 
 
 @inner
-def rotate(W, U, i, j):
-    """Make rows i and j orthogonal; return whether they were not."""
+def rotate(W, U, i, j, nothing):
+    """Make rows i and j orthogonal; return whether they were not, and both are something."""
     a, b, c = 0.0, 0.0, 0.0
     for k in range(W.shape[1]):
         a += W[i, k] * W[i, k]
         b += W[j, k] * W[j, k]
         c += W[i, k] * W[j, k]
-    if not abs(c) > _ORTHOGONAL * math.sqrt(a) * math.sqrt(b):
+    a_norm, b_norm = math.sqrt(a), math.sqrt(b)
+    if not (abs(c) > _ORTHOGONAL * a_norm * b_norm and min(a_norm, b_norm) > nothing):
         return False
     zeta = (b - a) / (2.0 * c)
     t = math.copysign(1.0, zeta) / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))

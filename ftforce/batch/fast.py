@@ -14,18 +14,18 @@ import math
 from ftforce.batch import eigenvalues, lanes
 from ftforce.batch.jit import inner, kernel
 from ftforce.batch.lanes import LANES
+from ftforce.batch.results import BORDERLINE, TOLERATED
 
 UNDECIDED = -1
-LEAST_MARGIN = 1e-2
+LEAST_MARGIN = 1e-3
 """Below, the square root of an eigenvalue of K Kᵀ has lost too many digits."""
-_CLEAR = 1.0 + 1e-6
+_CLEAR = 1.0 + 1e-6  # closer to a bound than this nothing is decided here
 
 
 @kernel
 def evaluate(mechanism, faults, question, q, answers, work):
-    """Fill the answers for the postures q, shape (k, n), where no tolerance is near."""
+    """Fill the answers for the postures q, shape (k, n), where no bound is near."""
     k = q.shape[0]
-    safe = max(question.wary * _CLEAR, LEAST_MARGIN)
     forget(answers)
     for first in range(0, k, LANES):
         count = min(LANES, k - first)
@@ -37,18 +37,21 @@ def evaluate(mechanism, faults, question, q, answers, work):
             for b in range(count):
                 answers.tip[first + b, i] = work.tip[9 + i, b]
         lanes.gram(work.J, work.A)
-        evaluate_healthy(safe, first, count, work, answers)
+        evaluate_healthy(question, first, count, work, answers)
         if question.direction.size:
             if question.weighs:
                 lanes.weight_torque(mechanism, work)
             reaches(question, work)
         for s in range(faults.locked.shape[0]):
+            if faults.swings[s]:  # a joint without torque always takes a direction
+                leave(answers.verdict[s], first, count)
+                continue
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
             lanes.downdate(work.A, work.J, joints, work.B)
             outermost_eigenvalue(-1.0, work)
-            mark_clear(safe, work)
+            if mark_clear(question, work):
+                decide(question, work, answers.verdict[s], first, count)
             write(work, answers.sigma_min[s], answers.margin[s], answers.rho[s], first, count)
-            decide(work.clear, faults.swings[s], answers.verdict[s], first, count)
             if question.direction.size:
                 write_capability(faults.locked[s], work, answers.capability[s], first, count)
 
@@ -63,7 +66,7 @@ def forget(answers):
 
 
 @inner
-def evaluate_healthy(safe, first, count, work, answers):
+def evaluate_healthy(question, first, count, work, answers):
     """Take σ_max(J), σ_min(J) and w(J) of J Jᵀ, and what divides by them."""
     m = work.J.shape[0]
     x, step, largest = work.x, work.step, work.largest
@@ -73,7 +76,7 @@ def evaluate_healthy(safe, first, count, work, answers):
         largest[b] = x[b] if abs(step[b]) <= eigenvalues.CLOSE * x[b] else math.nan
     lanes.downdate(work.A, work.J, work.chosen[:0], work.B)
     outermost_eigenvalue(-1.0, work)
-    mark_clear(safe, work)
+    mark_clear(question, work)
     for b in range(LANES):
         work.over[0, b] = 1.0 / math.sqrt(largest[b])
     for b in range(LANES):
@@ -95,7 +98,7 @@ def outermost_eigenvalue(side, work):
         for b in range(LANES):
             step[b] = 0.0
         return
-    diagonal, square, p = work.terms[0, :m], work.terms[1], work.terms[2]
+    diagonal, square, p = work.terms[5, :m], work.terms[1], work.terms[2]
     slope, bend = work.terms[3], work.terms[4]
     for b in range(LANES):
         x[b] = 0.0
@@ -112,13 +115,86 @@ def outermost_eigenvalue(side, work):
 
 
 @inner
-def mark_clear(safe, work):
-    """Mark with 1 the lanes whose σ_min is clearly larger than every tolerance."""
+def mark_clear(question, work):
+    """Mark with 1 where σ_min is clearly larger than every tolerance; return whether not all are.
+
+    With 0.5 it is known well and clearly larger than rtol: no direction is lost, but with a larger
+    tolerance one might be.
+    """
     x, step, largest, clear = work.x, work.step, work.largest, work.clear
+    least = max(question.rtol * _CLEAR, LEAST_MARGIN) ** 2
+    safe = max(question.wary * _CLEAR, LEAST_MARGIN) ** 2
+    unclear = 0
     for b in range(LANES):
         converged = abs(step[b]) <= eigenvalues.CLOSE * x[b]
-        far = x[b] > safe * safe * largest[b]
-        clear[b] = 1.0 if converged & far else 0.0
+        known = converged & (x[b] > least * largest[b])
+        far = converged & (x[b] > safe * largest[b])
+        clear[b] = 1.0 if far else (0.5 if known else 0.0)
+        unclear += 0 if far else 1
+    return unclear > 0
+
+
+@inner
+def decide(question, work, verdict, first, count):
+    """Judge where one direction, and no more, would be lost by a larger tolerance.
+
+    That tolerance is the margin. The force is kept with smaller ones, and with larger ones if its
+    share along the direction, which then jumps, is below.
+    """
+    asks, m = question.force.size > 0, work.B.shape[0]
+    below, share = work.bound, work.share
+    if m > 1:
+        only_one_below(question.wary / _CLEAR, work, below)
+    if asks:
+        lanes.turn_vector(question, question.force, work.tip, work.vector)
+        share_of_smallest(work, share)
+    for b in range(count):
+        if work.clear[b] == 1.0:
+            continue
+        margin2 = work.x[b] / work.largest[b]
+        certain = work.clear[b] == 0.5 and (m == 1 or below[b] == 1.0)
+        certain = certain and margin2 * _CLEAR < (question.wary / _CLEAR) ** 2
+        code = BORDERLINE
+        if asks:
+            close = abs(share[b] - margin2) <= (_CLEAR - 1.0) * margin2
+            certain = certain and not close and share[b] >= 0.0
+            code = TOLERATED if share[b] < margin2 else BORDERLINE
+        verdict[first + b] = code if certain else UNDECIDED
+
+
+@inner
+def only_one_below(wary, work, below):
+    """Count the eigenvalues of K Kᵀ that a tolerance a little above ``wary`` would take for lost."""
+    m, largest, bound = work.B.shape[0], work.largest, work.share
+    for b in range(LANES):
+        bound[b] = (wary * _CLEAR * _CLEAR * _CLEAR) ** 2 * largest[b]
+    if m > 3 or m == 2:
+        eigenvalues.count_below(work.terms[5, :m], work.terms[1], bound, below, work.terms[2, 0])
+        return
+    third, unused = work.terms[0, 0], work.terms[0, 1]
+    eigenvalues.outermost_of_three(work.B, 1.0, third, unused)
+    for b in range(LANES):
+        second = work.B[0, 0, b] + work.B[1, 1, b] + work.B[2, 2, b] - third[b] - work.x[b]
+        below[b] = 1.0 if second > bound[b] else 2.0
+
+
+@inner
+def share_of_smallest(work, share):
+    """Share of the force along the direction of the smallest eigenvalue of K Kᵀ."""
+    m, terms = work.B.shape[0], work.terms
+    if m == 3:
+        eigenvalues.share_of_three(work.B, work.x, work.vector, share)
+    else:
+        eigenvalues.share_of_tridiagonal(
+            work.B, terms[5, :m], terms[1], work.x, work.vector, share, terms[2], terms[3], terms[4]
+        )
+
+
+@inner
+def leave(verdict, first, count):
+    """Leave all postures undecided."""
+    for b in range(count):
+        verdict[first + b] = UNDECIDED
 
 
 @inner
@@ -141,14 +217,6 @@ def copy(lane, row, first, count):
     """Copy the lanes that are postures."""
     for b in range(count):
         row[first + b] = lane[b]
-
-
-@inner
-def decide(clear, swings, verdict, first, count):
-    """Leave undecided what is not clear; a joint without torque always takes a direction."""
-    for b in range(count):
-        if swings or not clear[b] > 0.0:
-            verdict[first + b] = UNDECIDED
 
 
 @inner

@@ -52,9 +52,11 @@ class Work(NamedTuple):
     largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN if it is not known well enough
     determinant: np.ndarray  # (LANES,)
     over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
-    clear: np.ndarray  # (LANES,): 1 where no tolerance is near, else 0
+    clear: np.ndarray  # (LANES,): 1 where no tolerance is near
+    bound: np.ndarray  # (LANES,)
+    share: np.ndarray  # (LANES,): of a force along a direction
     reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
-    terms: np.ndarray  # (5, m + 3, LANES): of the eigenvalues
+    terms: np.ndarray  # (6, m + 3, LANES): of the eigenvalues
 
 
 @kernel
@@ -67,7 +69,7 @@ def workspace(joints, n, m):
         np.empty((m, n, LANES)), np.zeros((n, LANES)), np.empty((joints, 3, LANES)),
         np.empty(joints), np.zeros((6, LANES)), np.empty((m, m, LANES)), np.empty((m, m, LANES)),
         line.copy(), line.copy(), line.copy(), line.copy(), np.empty((2, LANES)), line.copy(),
-        np.empty((n, 4, LANES)), np.empty((5, m + 3, LANES)),
+        line.copy(), line.copy(), np.empty((n, 4, LANES)), np.empty((6, m + 3, LANES)),
     )  # fmt: skip
 
 

@@ -1,0 +1,180 @@
+"""What a sweep asks at every posture, checked once and turned into arrays; and the asking."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.arrays import read_only
+from ftforce.batch.layout import Answers, Faults, Mechanism, Question
+from ftforce.batch.results import Block
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ftforce.arrays import Matrix, Vector
+    from ftforce.faults import FaultSet
+    from ftforce.limits import Limits
+    from ftforce.task import Task
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """All that a worker needs to answer for postures: arrays and numbers, so it can be sent.
+
+    Attributes
+    ----------
+    mechanism, faults, question :
+        As the kernels take them.
+    n :
+        Number of joints.
+    has_moment_jump :
+        Whether the task has forces and moments, whose jumps share no unit.
+    """
+
+    mechanism: Mechanism
+    faults: Faults
+    question: Question
+    n: int
+    has_moment_jump: bool
+
+    def evaluator(self) -> Evaluator:
+        """Return what answers for postures; one per thread, for it owns a workspace."""
+        return Evaluator(self)
+
+
+class Evaluator:
+    """Answers for blocks of postures.
+
+    Parameters
+    ----------
+    plan :
+        What is asked.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        from ftforce.batch import exact, lanes
+
+        self.plan = plan
+        m = plan.question.rows.size
+        self._work = lanes.workspace(plan.mechanism.parent.size, plan.n, m)
+        self._one = exact.scratch(m, plan.n)
+
+    def __call__(self, q: Matrix) -> Block:
+        """Return the answers for postures.
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, C-contiguous, shape (k, n).
+        """
+        from ftforce.batch import fast, settle
+
+        plan = self.plan
+        answers = empty_answers(plan, len(q))
+        given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
+        fast.evaluate(*given)
+        settle.settle(*given, self._one)
+        return _block(answers)
+
+
+def empty_answers(plan: Plan, k: int) -> Answers:
+    """Return arrays for the answers about k postures."""
+    S, asks = len(plan.faults.locked), plan.question.force.size > 0
+    nothing = np.empty((0, 0))
+
+    def wanted(is_asked: bool) -> Matrix:
+        return np.empty((S, k)) if is_asked else nothing
+
+    return Answers(
+        tip=np.empty((k, 3)),
+        rank=np.empty(k, np.int8),
+        healthy_margin=np.empty(k),
+        verdict=np.empty((S, k), np.int8),
+        rank_lost=np.empty((S, k), np.int8),
+        sigma_min=np.empty((S, k)),
+        margin=np.empty((S, k)),
+        rho=np.empty((S, k)),
+        jump=wanted(asks),
+        moment_jump=wanted(asks and plan.has_moment_jump),
+        relative_jump=wanted(asks),
+        capability=wanted(plan.question.direction.size > 0),
+    )
+
+
+def _block(answers: Answers) -> Block:
+    """Return the answers, ``None`` for what was not asked."""
+    given: dict[str, Any] = answers._asdict()
+    for name in ("jump", "moment_jump", "relative_jump", "capability"):
+        if not given[name].shape[0]:
+            given[name] = None
+    return Block(**given)
+
+
+def faults_of(sets: Sequence[FaultSet], n: int) -> Faults:
+    """Return fault sets as arrays.
+
+    Parameters
+    ----------
+    sets :
+        Locked and free joints.
+    n :
+        Number of joints.
+    """
+    locked = np.array([one.mask(n) for one in sets]).reshape(-1, n)
+    free = np.zeros_like(locked)
+    for row, one in zip(free, sets, strict=True):
+        row[list(one.swinging)] = True
+    start = np.concatenate([[0], np.cumsum(locked.sum(axis=1))]).astype(np.int64)
+    joints = np.nonzero(locked)[1].astype(np.int64)
+    arrays = (locked, free, free.any(axis=1), start, joints)
+    return Faults(*map(read_only, arrays))
+
+
+def question_of(
+    task: Task,
+    n: int,
+    *,
+    force: Vector | None,
+    direction: Vector | None,
+    limits: Limits | None,
+    rtol: float,
+    wary: float,
+    weighs: bool,
+) -> Question:
+    """Return what is asked as arrays.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    n :
+        Number of joints.
+    force, direction :
+        Unweighted, in the task's axes, shape (m,); ``None`` if not asked.
+    limits :
+        Those that end the capability; ``None`` for none.
+    rtol, wary :
+        Tolerances.
+    weighs :
+        Whether the arm's weight matters.
+    """
+    rows = np.arange(6)[task.rows].astype(np.int64)
+    unknown = np.full(n, np.nan)
+    nothing = np.zeros(0)
+    weights = np.ones(task.m) if task.weights is None else task.weights
+    return Question(
+        rows=read_only(rows),
+        weights=read_only(weights.copy()),
+        in_tool=task.axes == "tool",
+        is_whole=rows.tolist() in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]),
+        force=read_only(nothing if force is None else task.weigh_force(force).copy()),
+        direction=read_only(nothing if direction is None else task.weigh_force(direction).copy()),
+        effort=read_only((unknown if limits is None else limits.effort).copy()),
+        brake=read_only((unknown if limits is None else limits.brake).copy()),
+        rtol=rtol,
+        wary=wary,
+        weighs=weighs,
+    )
