@@ -12,7 +12,8 @@
         ├── SRDFError
         ├── DHTableError
         ├── LimitsError              a file of torque limits
-        ├── TrajectoryError          a file of a trajectory, or of a history
+        ├── TrajectoryError          a file of a trajectory, of a history, or of postures
+        ├── SweepError               a stored sweep
         └── OutputError              a result could not be written
 
 A fault that cannot be tolerated is an answer, not an error: it is reported in the result.
@@ -117,6 +118,10 @@ class LimitsError(FileError):
 
 class TrajectoryError(FileError):
     """A file of a trajectory or of a history that cannot be read or does not fit the robot."""
+
+
+class SweepError(FileError):
+    """A stored sweep that is missing, damaged or none."""
 
 
 class OutputError(FileError):

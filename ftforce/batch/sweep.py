@@ -1,0 +1,343 @@
+"""Many postures, all fault sets: how much of the workspace survives, which joint is critical."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce import __version__
+from ftforce.arrays import Vector, as_vector, read_only
+from ftforce.batch.bins import Bins, Workspace
+from ftforce.batch.drawn import Drawn
+from ftforce.batch.job import PIECE, Job
+from ftforce.batch.mechanism import mechanism_of
+from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.posture_files import postures_from_file
+from ftforce.batch.postures import Listed, Postures, whole_number
+from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
+from ftforce.conditions import Conditions
+from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.fault_census import check_size, checked_mode, direction_or_force
+from ftforce.faults import FaultMode, fault_sets
+from ftforce.kinematics import reach_bound, tip_pose
+from ftforce.limits_reader import NONE, URDF, choose_limits
+from ftforce.reduced import RTOL, WARY, check_tolerances
+from ftforce.task import Axes, Task
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from os import PathLike
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.batch.runner import Runner
+    from ftforce.dynamics import Payload
+    from ftforce.fault_census import Progress
+    from ftforce.faults import FaultSet
+    from ftforce.limits import Limits
+    from ftforce.limits_reader import LimitsLike
+    from ftforce.robot import Robot
+
+CHUNK = 65_536
+CELLS = 20  # along the longest axis of the workspace, about
+
+
+def sweep(
+    robot: Robot,
+    q: ArrayLike | str | PathLike[str] | Postures | None = None,
+    *,
+    n: float | None = None,
+    method: str = "sobol",
+    seed: int = 0,
+    faults: int = 1,
+    mode: FaultMode | str = FaultMode.LOCKED,
+    force: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    limits: LimitsLike = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    rtol: float = RTOL,
+    wary: float = WARY,
+    keep: Keep | None = None,
+    cell: float | None = None,
+    output: str | PathLike[str] | None = None,
+    chunk: int = CHUNK,
+    threads: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Analyse every set of up to ``faults`` failed joints at many postures.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Postures: rad or m, shape (k, n); or a file (.npy .csv .parquet); or
+        `ftforce.batch.postures.Grid`. Without: ``n`` postures are drawn within the limits.
+    n :
+        How many to draw.
+    method, seed :
+        ``sobol`` (scrambled) or ``uniform``, and the seed that makes them come again.
+    faults, mode :
+        Size of the largest sets; ``locked`` or ``free``.
+    force :
+        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,).
+    direction :
+        Of the capability, in the task's axes, shape (m,); the force's if not given.
+    limits :
+        Of the capability: ``urdf`` (if not given), a TOML or CSV file, `ftforce.limits.Limits`;
+        ``none`` asks for no capability. Verdict and jump do not count them.
+    gravity, payload, task, length, axes, rtol, wary :
+        As in `ftforce.analyze`.
+    keep :
+        ``all`` samples, each posture's ``worst`` set, or the ``summary`` alone; if not given all
+        where there is an output, else the summary.
+    cell :
+        Edge of the workspace's cells, m; if not given about a twentieth of the reach.
+    output :
+        Zarr group to write; in memory if not given. A sweep that was stopped goes on.
+    chunk :
+        Postures that are done, and stored, at a time.
+    threads :
+        On this machine; one per processor if not given.
+    workers, scheduler :
+        Instead: a number of processes, or the address of a Dask scheduler.
+    progress :
+        Called after every chunk with the postures done, and their number.
+
+    Raises
+    ------
+    InputError
+        A malformed value.
+    FileError
+        A file cannot be read or written, or the output holds another sweep.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> arm = ftforce.load_robot("dh5")
+    >>> result = ftforce.sweep(arm, n=1000, force=[80, 50, 10])
+    >>> result.joints[0].joint + 1  # the critical one
+    2
+    """
+    needs_numba()
+    check_tolerances(rtol, wary)
+    check_size(robot, faults)
+    how = checked_mode(mode)
+    wanted = Task.parse(task, axes, length)
+    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
+    F = _force(wanted, force)
+    ray = direction_or_force(wanted, direction, None if F is None else wanted.weigh_force(F))
+    counted = None
+    if ray is not None and limits != NONE:
+        counted = choose_limits(robot, URDF if limits is None else limits)
+    ray = None if counted is None else ray
+    postures = _postures(robot, q, n, method, seed)
+    sets = tuple(fault_sets(robot.n, faults, how))
+    weighs = ray is not None or how is FaultMode.FREE
+    own = None if conditions.is_model_gravity else conditions.gravity
+    plan = Plan(
+        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
+        faults_of(sets, robot.n),
+        question_of(
+            wanted, robot.n, force=F, direction=ray, limits=counted, rtol=rtol, wary=wary,
+            weighs=weighs,
+        ),
+        robot.n,
+        bool(wanted.force_rows and wanted.moment_rows),
+    )  # fmt: skip
+    kept = _checked_keep(keep, output)
+    size = min(whole_number(chunk, "chunk", PIECE), postures.count)
+    job = Job(
+        plan, postures, Bins(_size_of(wanted, F), ray is not None),
+        _workspace(robot, postures, cell), kept, size,
+    )  # fmt: skip
+    setting = _setting(
+        robot, wanted, conditions, counted, postures,
+        mode=how.value, largest=faults, force=F, direction=ray, rtol=rtol, wary=wary,
+        keep=kept, chunk=size,
+    )  # fmt: skip
+    runner = _runner(threads, workers, scheduler, output)
+    return _run(job, setting, sets, None if output is None else Path(output), runner, progress)
+
+
+def needs_numba() -> None:
+    """Say what is missing if the extra for sweeps is not installed.
+
+    Raises
+    ------
+    FtforceError
+        It is not.
+    """
+    try:
+        import numba  # noqa: F401
+        import xarray  # noqa: F401
+        import zarr  # noqa: F401
+    except ImportError as problem:
+        raise FtforceError(
+            f"sweeps need {problem.name}: install the extra with pip install 'ftforce[sweep]'"
+        ) from None
+
+
+def _force(task: Task, force: ArrayLike | None) -> Vector | None:
+    if force is None:
+        return None
+    F = as_vector(force, task.m, "force", f"{', '.join(task.components)} of the task '{task}'")
+    if not F.any():
+        raise InputError("the force needs a component that is not zero, or leave it out")
+    return F
+
+
+def _size_of(task: Task, F: Vector | None) -> float | None:
+    """Return the norm of the force that jumps are compared with, N (N·m)."""
+    if F is None:
+        return None
+    rows = list(task.force_rows or task.moment_rows)
+    return math.hypot(*F[rows]) or math.hypot(*task.weigh_force(F))
+
+
+def _checked_keep(keep: str | None, output: object) -> str:
+    if keep is None:
+        return "summary" if output is None else "all"
+    if keep not in KEEPS:
+        raise UnknownNameError("choice of what to keep", keep, KEEPS)
+    return keep
+
+
+def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> Postures:
+    if q is None and n is None:
+        raise InputError("give postures, or how many to draw (n, --samples)")
+    if q is not None and n is not None:
+        raise InputError("give either postures or how many to draw, not both")
+    if q is None:
+        assert n is not None
+        return Drawn.of(robot, n, method, seed)
+    if isinstance(q, (str, Path)):
+        return postures_from_file(robot, q)
+    if hasattr(q, "block") and hasattr(q, "identity"):
+        if q.n != robot.n:
+            raise InputError(f"the postures are of {q.n} joints; the chain has {robot.numbered()}")
+        found: Postures = q
+        return found
+    return Listed.of(robot, q)
+
+
+def _workspace(robot: Robot, postures: Postures, cell: float | None) -> Workspace:
+    """Return cells around all that the tip can reach."""
+    centre, radius = reach_bound(robot)
+    if not math.isfinite(radius):  # a joint slides without limits: look where the postures are
+        q = postures.block(0, min(postures.count, PIECE))
+        places = np.array([tip_pose(robot, read_only(row.copy()))[1] for row in q])
+        centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+        radius = 1.5 * float(np.ptp(places, axis=0).max()) + 1e-3
+    edge = _round_length(2.0 * radius / CELLS) if cell is None else cell
+    return Workspace.around(centre, radius, edge)
+
+
+def _round_length(x: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, not above x."""
+    power = 10.0 ** math.floor(math.log10(x))
+    step = max(step for step in (1.0, 2.0, 5.0) if step * power <= x * (1.0 + 1e-9))
+    return float(f"{step * power:.6g}")
+
+
+def _setting(
+    robot: Robot,
+    task: Task,
+    conditions: Conditions,
+    limits: Limits | None,
+    postures: Postures,
+    *,
+    force: Vector | None,
+    direction: Vector | None,
+    **plain: Any,
+) -> SweepSetting:
+    unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
+    return SweepSetting(
+        robot=robot.name,
+        base=robot.base,
+        tip=robot.tip,
+        joints=robot.names,
+        joint_units=tuple(joint.unit for joint in robot.joints),
+        task=str(task),
+        components=task.components,
+        axes=task.axes,
+        length=task.length,
+        force=None if force is None else tuple(force.tolist()),
+        direction=None if direction is None else tuple(direction.tolist()),
+        limits=None if limits is None else limits.source,
+        unknown_limits=tuple(robot.names[i] for i in unknown),
+        gravity=tuple(conditions.gravity.tolist()),
+        payload=None if conditions.payload is None else str(conditions.payload),
+        postures=str(postures),
+        count=postures.count,
+        is_random=isinstance(postures, Drawn),
+        version=__version__,
+        **plain,
+    )
+
+
+def _runner(
+    threads: int | None, workers: int | None, scheduler: str | None, output: object
+) -> Runner:
+    from ftforce.batch.runner import in_threads, threads_of
+
+    if workers is None and scheduler is None:
+        return in_threads(threads_of(threads))
+    if threads is not None:
+        raise InputError("threads are this process's; give either threads or workers")
+    from ftforce.batch.cluster import on_cluster
+
+    return on_cluster(workers, scheduler, output)
+
+
+def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
+    """Return what makes this sweep this one: all that its bytes depend on."""
+    plain = setting.to_dict()
+    for name in ("postures", "count", "is_random"):
+        del plain[name]
+    arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
+    content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+    same = {
+        **plain,
+        "postures": job.postures.identity(),
+        "cell": job.workspace.edge,
+        "arrays": hashlib.sha256(content).hexdigest()[:16],
+    }
+    found: dict[str, Any] = _as_json(same)
+    return found
+
+
+def _as_json(value: Any) -> Any:
+    import json
+
+    return json.loads(json.dumps(value))
+
+
+def _run(
+    job: Job,
+    setting: SweepSetting,
+    sets: tuple[FaultSet, ...],
+    path: Path | None,
+    runner: Runner,
+    progress: Progress | None,
+) -> Sweep:
+    from ftforce.batch import store
+    from ftforce.batch.runner import run
+
+    opened = store.create(path, job, setting, sets, _identity(job, setting))
+    if path is not None and opened.done.all():
+        return store.open_sweep(path)
+    run(job, opened, runner, progress)
+    store.finish(opened, setting)
+    dataset = store.dataset_of(opened.store)
+    return Sweep(setting, sets, opened.summary, None if path is None else str(path), dataset)
