@@ -59,9 +59,7 @@ def outermost_of_three(A, side, x, determinant):
         a20, a21, a22 = A[2, 0, b], A[2, 1, b], A[2, 2, b]
         aside = a10 * a10 + a20 * a20 + a21 * a21
         bent = a10 * a21 - a11 * a20
-        determinant[b] = (
-            a00 * (a11 * a22 - a21 * a21) - a10 * (a10 * a22 - a21 * a20) + a20 * bent
-        )
+        determinant[b] = a00 * (a11 * a22 - a21 * a21) - a10 * (a10 * a22 - a21 * a20) + a20 * bent
         t = (a00 + a11 + a22) * (1.0 / 3.0)
         d0, d1, d2 = a00 - t, a11 - t, a22 - t
         p2 = (d0 * d0 + d1 * d1 + d2 * d2 + 2.0 * aside) * (1.0 / 6.0)
@@ -76,6 +74,15 @@ def outermost_of_three(A, side, x, determinant):
         for k in range(DEGREE - 1, -1, -1):
             cosine = cosine * u + _TRISECTED[k]
         x[b] = t + side * 2.0 * p * cosine
+    if side > 0.0:
+        return
+    # The sum has lost the digits of a small eigenvalue, the determinant has not: λ₁ = det / λ₂λ₃.
+    for b in range(LANES):
+        a00, a10, a11 = A[0, 0, b], A[1, 0, b], A[1, 1, b]
+        a20, a21, a22 = A[2, 0, b], A[2, 1, b], A[2, 2, b]
+        minors = a00 * a11 - a10 * a10 + a00 * a22 - a20 * a20 + a11 * a22 - a21 * a21
+        others = minors - x[b] * (a00 + a11 + a22 - x[b])
+        x[b] = determinant[b] / others if others > 0.0 else 0.0
 
 
 @inner
@@ -158,6 +165,8 @@ def tridiagonal_values(diagonal, square, x, p, slope, bend):
 @inner
 def tridiagonal_root(diagonal, square, x, step, p, slope, bend):
     """Run from x to the nearest eigenvalue; the last step, too."""
+    for b in range(LANES):
+        step[b] = math.inf
     for _ in range(ROUNDS):
         for _ in range(STEPS):
             tridiagonal_values(diagonal, square, x, p, slope, bend)
@@ -168,13 +177,14 @@ def tridiagonal_root(diagonal, square, x, step, p, slope, bend):
 
 @inner
 def tridiagonal_step(m, p, slope, bend, x, step):
-    """Take one of Laguerre's steps."""
+    """Take one of Laguerre's steps; lanes that arrived stay, so that no lane depends on others."""
     for b in range(LANES):
         s = -slope[b]
         bent = (m - 1) * ((m - 1) * s * s - m * p[b] * bend[b])
-        step[b] = m * p[b] / (s + math.copysign(math.sqrt(max(bent, 0.0)), s))
-    for b in range(LANES):
-        x[b] += step[b]
+        new = m * p[b] / (s + math.copysign(math.sqrt(max(bent, 0.0)), s))
+        moves = not abs(step[b]) <= CLOSE * x[b]
+        step[b] = new if moves else step[b]
+        x[b] += new if moves else 0.0
 
 
 @inner
@@ -188,7 +198,9 @@ def share_of_three(A, x, F, share):
         p, q, r = A[1, 0, b], A[2, 0, b], A[2, 1, b]
         f0, f1, f2 = F[0, b], F[1, b], F[2, b]
         c0, c1, c2 = d1 * d2 - r * r, d0 * d2 - q * q, d0 * d1 - p * p
-        across = f0 * f1 * (q * r - p * d2) + f0 * f2 * (p * r - q * d1) + f1 * f2 * (p * q - r * d0)
+        across = (
+            f0 * f1 * (q * r - p * d2) + f0 * f2 * (p * r - q * d1) + f1 * f2 * (p * q - r * d0)
+        )
         along = f0 * f0 * c0 + f1 * f1 * c1 + f2 * f2 * c2 + 2.0 * across
         share[b] = along / ((c0 + c1 + c2) * (f0 * f0 + f1 * f1 + f2 * f2))
 

@@ -17,8 +17,9 @@ from ftforce.batch.lanes import LANES
 from ftforce.batch.results import BORDERLINE, TOLERATED
 
 UNDECIDED = -1
-LEAST_MARGIN = 1e-3
-"""Below, the square root of an eigenvalue of K Kᵀ has lost too many digits."""
+LEAST_MARGIN = 2e-4
+"""Below, the square root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
+relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5e-9 from 4e-4 on."""
 _CLEAR = 1.0 + 1e-6  # closer to a bound than this nothing is decided here
 
 
@@ -78,12 +79,12 @@ def evaluate_healthy(question, first, count, work, answers):
     outermost_eigenvalue(-1.0, work)
     mark_clear(question, work)
     for b in range(LANES):
-        work.over[0, b] = 1.0 / math.sqrt(largest[b])
+        work.over[0, b] = 1.0 / math.sqrt(max(largest[b], 0.0))
     for b in range(LANES):
-        work.over[1, b] = 1.0 / math.sqrt(work.determinant[b])
+        work.over[1, b] = 1.0 / math.sqrt(max(work.determinant[b], 0.0))
     for b in range(count):
         answers.rank[first + b] = m if work.clear[b] > 0.0 else UNDECIDED
-        answers.healthy_margin[first + b] = math.sqrt(x[b]) * work.over[0, b]
+        answers.healthy_margin[first + b] = math.sqrt(max(x[b], 0.0)) * work.over[0, b]
 
 
 @inner
@@ -202,13 +203,13 @@ def write(work, sigma_min, margin, rho, first, count):
     """Write the measures; where they are not good enough they will be written over."""
     sigma, value, over = work.x, work.step, work.over
     for b in range(LANES):
-        sigma[b] = math.sqrt(sigma[b])
+        sigma[b] = math.sqrt(max(sigma[b], 0.0))
     copy(sigma, sigma_min, first, count)
     for b in range(LANES):
         value[b] = sigma[b] * over[0, b]
     copy(value, margin, first, count)
     for b in range(LANES):
-        value[b] = math.sqrt(work.determinant[b]) * over[1, b]
+        value[b] = math.sqrt(max(work.determinant[b], 0.0)) * over[1, b]
     copy(value, rho, first, count)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.batch.jit import inner, kernel
 
-LANES = 64
+LANES = 128
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
@@ -88,11 +88,6 @@ def turn(angle, cosine, sine):
     farthest = 0.0
     for b in range(LANES):
         farthest = max(farthest, abs(angle[b]))
-    if not farthest <= FARTHEST:
-        for b in range(LANES):
-            cosine[b] = math.cos(angle[b])
-            sine[b] = math.sin(angle[b])
-        return
     for b in range(LANES):
         x = angle[b]
         k = math.floor(x * _QUADRANTS + 0.5)
@@ -106,6 +101,11 @@ def turn(angle, cosine, sine):
         v = c if swapped else s
         cosine[b] = -u if (quadrant == 1.0) | (quadrant == 2.0) else u
         sine[b] = -v if quadrant >= 2.0 else v
+    if not farthest <= FARTHEST:
+        for b in range(LANES):
+            if not abs(angle[b]) <= FARTHEST:
+                cosine[b] = math.cos(angle[b])
+                sine[b] = math.sin(angle[b])
 
 
 @inner

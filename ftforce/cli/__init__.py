@@ -20,6 +20,7 @@ COMMANDS = (
     "capability",
     "simulate",
     "timeline",
+    "sweep",
     "inspect",
     "robots",
     "dh",
