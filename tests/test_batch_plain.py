@@ -14,13 +14,13 @@ import ftforce
 from ftforce.batch.drawn import Drawn
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
-from ftforce.batch.results import Block
 from ftforce.faults import FaultSet, fault_sets
 from ftforce.limits_reader import choose_limits
 from ftforce.task import Task
 
 if TYPE_CHECKING:
     from ftforce.arrays import Matrix
+    from ftforce.batch.results import Block
     from ftforce.robot import Robot
 
 VERDICTS = ("tolerated", "borderline", "not tolerated")

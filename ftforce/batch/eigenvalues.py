@@ -1,15 +1,17 @@
 """Smallest and largest eigenvalues of symmetric matrices, LANES of them side by side.
 
-Those of three rows have a closed form. Otherwise Laguerre's iteration on the characteristic polynomial, begun beside all its roots, runs to the
-nearest one without ever passing it, and near it every step triples the digits (Parlett 1964; all
-roots are real). From 0 it finds the smallest eigenvalue of K Kᵀ, from the trace the largest of
-J Jᵀ. The last step says how good the result is. Where two roots are close it takes more steps, and
-where even these do not do, the lane is left to `ftforce.batch.exact`.
+Those of three rows have a closed form. Otherwise Laguerre's iteration on the characteristic
+polynomial, begun beside all its roots, runs to the nearest one without ever passing it, and near
+it every step triples the digits (Parlett 1964; all roots are real). From 0 it finds the smallest
+eigenvalue of K Kᵀ, from the trace the largest of J Jᵀ. The last step says how good the result is.
+Where two roots are close it takes more steps, and where even these do not do, the lane is left to
+`ftforce.batch.settle`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -17,8 +19,17 @@ from numpy.polynomial import chebyshev
 from ftforce.batch.jit import inner
 from ftforce.batch.lanes import LANES
 
+if TYPE_CHECKING:
+    from ftforce.arrays import Vector
+
 DEGREE = 20
 _LEAST = 1e-300  # of three equal eigenvalues nothing is left to divide by
+
+
+def _of_half(u: Vector) -> Vector:
+    """Return cos(acos(r)/3) of u = 2 √((1 + r)/2) - 1."""
+    value: Vector = np.cos(np.arccos(0.5 + 0.5 * u) / 1.5)
+    return value
 
 
 def _trisected() -> tuple[float, ...]:
@@ -26,7 +37,8 @@ def _trisected() -> tuple[float, ...]:
 
     In √((1 + r)/2) = cos(acos(r)/2) it has no singularity near, so the series ends quickly.
     """
-    half = chebyshev.chebinterpolate(lambda u: np.cos(np.arccos(0.5 + 0.5 * u) / 1.5), DEGREE)
+    interpolate: Any = chebyshev.chebinterpolate  # annotated for functions of one number
+    half = interpolate(_of_half, DEGREE)
     return tuple(chebyshev.cheb2poly(half).tolist())
 
 
@@ -118,7 +130,7 @@ def tridiagonalize(A, diagonal, square, v, w):
 
 @inner
 def reflect(A, first, v, w):
-    """A ← H A H on the rows from ``first`` on, H = I - β v vᵀ with β in w[0]."""
+    """Set A ← H A H on the rows from ``first`` on, H = I - β v vᵀ with β in w[0]."""
     m = A.shape[0]
     for b in range(LANES):
         w[m + 1, b] = 0.0
@@ -219,8 +231,9 @@ def count_below(diagonal, square, bound, count, p):
 
 @inner
 def share_of_tridiagonal(A, diagonal, square, x, F, share, ahead, back, z):
-    """Share of ‖F‖² along the eigenvector for a simple eigenvalue x of matrices that
-    `tridiagonalize` was given, by the twisted factorisation (Parlett and Dhillon 1997).
+    """Share of ‖F‖² along the eigenvector of a simple eigenvalue x, of `tridiagonalize`'s matrices.
+
+    By the twisted factorisation (Parlett and Dhillon 1997).
     """
     m = diagonal.shape[0]
     reflect_vector(A, square, F, share)

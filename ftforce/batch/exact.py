@@ -45,11 +45,10 @@ class Scratch(NamedTuple):
 def scratch(m, n):
     """Return a workspace of one posture."""
     return Scratch(
-        np.zeros(1, dtype=np.int64), np.empty((m, n)), np.empty((m, m)), np.empty(m), np.zeros(m), np.zeros(m), np.zeros(n), np.empty((m, n)),
-        np.empty((m, m)), np.empty(m), np.zeros(m), np.empty((m, n)), np.empty(m), np.empty(n),
-        np.empty(n),
+        np.zeros(1, dtype=np.int64), np.empty((m, n)), np.empty((m, m)), np.empty(m), np.zeros(m),
+        np.zeros(m), np.zeros(n), np.empty((m, n)), np.empty((m, m)), np.empty(m), np.zeros(m),
+        np.empty((m, n)), np.empty(m), np.empty(n), np.empty(n),
     )  # fmt: skip
-
 
 
 @inner

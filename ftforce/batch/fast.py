@@ -18,7 +18,7 @@ from ftforce.batch.results import BORDERLINE, TOLERATED
 
 UNDECIDED = -1
 LEAST_MARGIN = 2e-4
-"""Below, the square root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
+"""Below, the root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
 relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5e-9 from 4e-4 on."""
 _CLEAR = 1.0 + 1e-6  # closer to a bound than this nothing is decided here
 
@@ -165,7 +165,7 @@ def decide(question, work, verdict, first, count):
 
 @inner
 def only_one_below(wary, work, below):
-    """Count the eigenvalues of K Kᵀ that a tolerance a little above ``wary`` would take for lost."""
+    """Count the eigenvalues of K Kᵀ that a tolerance just above ``wary`` would take for lost."""
     m, largest, bound = work.B.shape[0], work.largest, work.share
     for b in range(LANES):
         bound[b] = (wary * _CLEAR * _CLEAR * _CLEAR) ** 2 * largest[b]
@@ -259,7 +259,7 @@ def reaches(question, work):
 
 @inner
 def interval(limit, idle, lever, weight, largest, ends):
-    """Interval of s·d that one limit allows; a joint without a lever only has to bear its weight."""
+    """Interval of s·d that one limit allows; without a lever it only has to bear the weight."""
     if not limit > 0.0:  # unknown
         for b in range(LANES):
             ends[0, b] = -math.inf

@@ -20,8 +20,8 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inner(function: Callable[..., Any]) -> Any:
     """Compile a function that only kernels call: without the door for Python, which costs time."""
-    return njit(
+    compiled: Any = njit  # its annotations leave out the last three
+    return compiled(
         function, cache=True, nogil=True, error_model="numpy", fastmath=_FUSED,
         no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False,
     )  # fmt: skip
-

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.batch.results import Block
 from ftforce.batch.summary import Summary
 
 if TYPE_CHECKING:
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from ftforce.batch.bins import Bins, Workspace
     from ftforce.batch.plan import Evaluator, Plan
     from ftforce.batch.postures import Postures
+    from ftforce.batch.results import Block
 
     Samples = dict[str, NDArray[Any]]
 
@@ -96,8 +96,11 @@ class Job:
             summary.add(block, first)
             if self.keep != "summary":
                 pieces.append(samples_of(q, block, self.keep))
-        joined = {name: np.concatenate([p[name] for p in pieces]) for name in pieces[0]} if pieces \
+        joined = (
+            {name: np.concatenate([p[name] for p in pieces]) for name in pieces[0]}
+            if pieces
             else {}
+        )
         return summary, joined
 
     @property

@@ -19,7 +19,8 @@ LANES = 128
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
 _QUADRANTS = 2.0 / math.pi
-_PIO2_1, _PIO2_2, _PIO2_3 = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624871116645580e-21  # fmt: skip
+_PIO2_1, _PIO2_2 = 1.57079632673412561417e00, 6.07710050630396597660e-11
+_PIO2_3 = 2.02226624871116645580e-21
 FARTHEST = 1e5
 """Angles up to this, rad, are reduced by the three parts; others by the C library."""
 
@@ -254,7 +255,7 @@ def weight_torque(mechanism, work):
 
 @inner
 def gram(J, A):
-    """A = J Jᵀ, its lower triangle, shape (m, m, LANES)."""
+    """Set A = J Jᵀ, its lower triangle, shape (m, m, LANES)."""
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for j in range(i + 1):

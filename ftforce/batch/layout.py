@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ftforce.arrays import Mask, Matrix, Vector
+if TYPE_CHECKING:
+    from ftforce.arrays import Mask, Matrix, Vector
 
 Whole = NDArray[np.int64]
 Codes = NDArray[np.int8]

@@ -14,6 +14,8 @@ from ftforce.batch.results import Block
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from ftforce.arrays import Matrix, Vector
     from ftforce.faults import FaultSet
     from ftforce.limits import Limits
@@ -129,7 +131,8 @@ def faults_of(sets: Sequence[FaultSet], n: int) -> Faults:
         row[list(one.swinging)] = True
     start = np.concatenate([[0], np.cumsum(locked.sum(axis=1))]).astype(np.int64)
     joints = np.nonzero(locked)[1].astype(np.int64)
-    arrays = (locked, free, free.any(axis=1), start, joints)
+    swings = np.asarray(free.any(axis=1))
+    arrays: list[NDArray[Any]] = [locked, free, swings, start, joints]
     return Faults(*map(read_only, arrays))
 
 

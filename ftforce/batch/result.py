@@ -97,7 +97,10 @@ class SweepSetting:
     @classmethod
     def from_dict(cls, found: dict[str, Any]) -> SweepSetting:
         """Return it from what JSON made of it: lists become tuples again."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in found.items()})
+        known: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in found.items()
+        }
+        return cls(**known)
 
     @property
     def n(self) -> int:

@@ -10,7 +10,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Protocol
 
 from ftforce.batch import store
-from ftforce.errors import FtforceError, InputError, OutputError
+from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -85,7 +85,11 @@ def threads_of(threads: int | None) -> int:
         It is no whole number from 1 on.
     """
     if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
         raise InputError(f"threads must be a whole number from 1 on, got {threads!r}")
     return threads
@@ -94,9 +98,7 @@ def threads_of(threads: int | None) -> int:
 def in_threads(threads: int) -> Runner:
     """Return what does chunks in threads of this process."""
 
-    def runner(
-        job: Job, opened: Opened, chunks: Iterable[int]
-    ) -> Iterator[tuple[int, Summary]]:
+    def runner(job: Job, opened: Opened, chunks: Iterable[int]) -> Iterator[tuple[int, Summary]]:
         def work(index: int) -> tuple[int, Summary]:
             summary, samples = job.run(index)
             write(job, opened, index, samples)

@@ -38,10 +38,7 @@ def is_undecided(answers, at):
     """Return whether something about a posture was left undecided."""
     if answers.rank[at] == UNDECIDED:
         return True
-    for s in range(answers.verdict.shape[0]):
-        if answers.verdict[s, at] == UNDECIDED:
-            return True
-    return False
+    return any(answers.verdict[s, at] == UNDECIDED for s in range(answers.verdict.shape[0]))
 
 
 @inner
@@ -106,9 +103,7 @@ def settle_set(faults, question, s, at, one, answers):
     answers.margin[s, at] = ratio(one.t[m - 1], scale)
     answers.rho[s, at] = relative_manipulability(one, rank)
     if not swings:
-        answers.verdict[s, at] = exact.judge_locked(
-            one, asks, question.rtol, question.wary
-        )
+        answers.verdict[s, at] = exact.judge_locked(one, asks, question.rtol, question.wary)
     if asks:
         write_jump(question, s, at, after, unbalanced, one, answers)
     if question.direction.size:

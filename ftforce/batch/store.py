@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import io
 import json
-import os
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -55,9 +54,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "rho": ("1", "relative manipulability w(K)/w(J), NaN where w(J) = 0"),
     "jump": ("N", "norm of the force jump, NaN where the arm cannot stand still"),
     "moment_jump": ("N m", "norm of the moments' jump"),
-    "relative_jump": ("1", "weighted force jump over the force, 1 where the arm cannot stand still"),
-    "capability": ("N", "largest force commanded in the direction within the limits, NaN where the "
-                   "arm cannot stand still"),
+    "relative_jump": ("1", "weighted jump over the weighted force, 1 where nothing holds the arm"),
+    "capability": ("N", "largest force commanded in the direction, NaN where nothing holds the arm"),
     "worst_set": ("1", "index of the fault set with the worst verdict, then jump, then margin"),
 }  # fmt: skip
 
@@ -210,14 +208,15 @@ def _create(
     shape: tuple[int, ...],
     dtype: Any,
     dimensions: tuple[str, ...],
+    *,
     setting: SweepSetting,
     chunks: tuple[int, ...] | None = None,
-) -> zarr.Array:
+) -> Any:
     bare = name.removeprefix("worst_") if name != "worst_set" else name
     unit, words = _WORDS.get(bare, ("1", name.replace("_", " ")))
     if bare in {"jump", "capability"} and setting.size_unit == "N·m":
         unit = "N m"
-    array: zarr.Array = group.create_array(
+    return group.create_array(
         name,
         shape=shape,
         dtype=dtype,
@@ -226,7 +225,6 @@ def _create(
         attributes={_DIMENSIONS: list(dimensions), "units": unit, "long_name": words},
         config={"write_empty_chunks": True},
     )
-    return array
 
 
 def _create_coordinates(
@@ -289,7 +287,8 @@ def save_progress(opened: Opened) -> None:
     if opened.path is None:
         return
     stream = io.BytesIO()
-    np.savez(stream, done=np.packbits(opened.done), **opened.summary.arrays())
+    arrays: dict[str, Any] = {"done": np.packbits(opened.done), **opened.summary.arrays()}
+    np.savez(stream, **arrays)
     write_whole(opened.path / _PROGRESS, stream.getvalue())
 
 
@@ -310,8 +309,8 @@ def finish(opened: Opened, setting: SweepSetting) -> None:
             full = f"{_SUMMARY}{name}"
             if full in opened.group:
                 del opened.group[full]
-            array = _create(opened.group, full, shaped.shape, values.dtype, dimensions[name], setting)
-            array[...] = shaped
+            given = (opened.group, full, shaped.shape, values.dtype, dimensions[name], setting)
+            _create(*given)[...] = shaped
         about = dict(opened.group.attrs[_ABOUT])  # type: ignore[arg-type]
         opened.group.attrs[_ABOUT] = about | {"complete": True}
         if opened.path is not None:
@@ -366,7 +365,8 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         setting = SweepSetting.from_dict(about["setting"])
         sets = sets_from_lists(about["sets"])
         bins = Bins(**about["bins"])
-        grid = {k: tuple(v) if isinstance(v, list) else v for k, v in about["workspace"].items()}
+        stored = about["workspace"].items()
+        grid: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stored}
         workspace = Workspace(**grid)
         if about["complete"]:
             summary = _stored_summary(folder, bins, workspace)
@@ -409,7 +409,7 @@ def _progress(
 ) -> tuple[Summary, NDArray[np.bool_]]:
     """Return what is done so far."""
     file = path / _PROGRESS
-    if not os.path.exists(file):
+    if not file.exists():
         return Summary.empty(n_sets, bins, workspace), np.zeros(chunks, np.bool_)
     try:
         with np.load(file) as found:
