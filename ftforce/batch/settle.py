@@ -38,7 +38,10 @@ def is_undecided(answers, at):
     """Return whether something about a posture was left undecided."""
     if answers.rank[at] == UNDECIDED:
         return True
-    return any(answers.verdict[s, at] == UNDECIDED for s in range(answers.verdict.shape[0]))
+    for s in range(answers.verdict.shape[0]):  # noqa: SIM110 - numba knows no generators here
+        if answers.verdict[s, at] == UNDECIDED:
+            return True
+    return False
 
 
 @inner
