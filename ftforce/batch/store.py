@@ -54,8 +54,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "rho": ("1", "relative manipulability w(K)/w(J), NaN where w(J) = 0"),
     "jump": ("N", "norm of the force jump, NaN where the arm cannot stand still"),
     "moment_jump": ("N m", "norm of the moments' jump"),
-    "relative_jump": ("1", "weighted jump over the weighted force, 1 where nothing holds the arm"),
-    "capability": ("N", "largest force commanded in the direction, NaN where nothing holds the arm"),
+    "relative_jump": ("1", "weighted jump over the weighted force, 1 if nothing holds the arm"),
+    "capability": ("N", "largest force commanded in the direction, NaN if nothing holds it"),
     "worst_set": ("1", "index of the fault set with the worst verdict, then jump, then margin"),
 }  # fmt: skip
 
@@ -197,8 +197,8 @@ def _create_samples(group: zarr.Group, job: Job, setting: SweepSetting) -> None:
             dimensions = ("posture", "fault_set")
         count = job.postures.count
         _create(
-            group, name, (count, *one.shape[1:]), one.dtype, dimensions, setting,
-            (min(job.chunk, count), *one.shape[1:]),
+            group, name, (count, *one.shape[1:]), one.dtype, dimensions, setting=setting,
+            chunks=(min(job.chunk, count), *one.shape[1:]),
         )  # fmt: skip
 
 
@@ -309,8 +309,8 @@ def finish(opened: Opened, setting: SweepSetting) -> None:
             full = f"{_SUMMARY}{name}"
             if full in opened.group:
                 del opened.group[full]
-            given = (opened.group, full, shaped.shape, values.dtype, dimensions[name], setting)
-            _create(*given)[...] = shaped
+            given = (opened.group, full, shaped.shape, values.dtype, dimensions[name])
+            _create(*given, setting=setting)[...] = shaped
         about = dict(opened.group.attrs[_ABOUT])  # type: ignore[arg-type]
         opened.group.attrs[_ABOUT] = about | {"complete": True}
         if opened.path is not None:

@@ -167,7 +167,8 @@ def sweep(
         keep=kept, chunk=size,
     )  # fmt: skip
     runner = _runner(threads, workers, scheduler, output)
-    return _run(job, setting, sets, None if output is None else Path(output), runner, progress)
+    path = None if output is None else Path(output)
+    return _run(job, setting, sets, path=path, runner=runner, progress=progress)
 
 
 def needs_numba() -> None:
@@ -327,6 +328,7 @@ def _run(
     job: Job,
     setting: SweepSetting,
     sets: tuple[FaultSet, ...],
+    *,
     path: Path | None,
     runner: Runner,
     progress: Progress | None,
