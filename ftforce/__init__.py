@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ftforce.analysis import Analysis, analyze
+    from ftforce.batch.result import Sweep
+    from ftforce.batch.store import open_sweep
+    from ftforce.batch.sweep import sweep
     from ftforce.closed_forms import Remap, remap
     from ftforce.dh import DHTable
     from ftforce.documents import to_dict
@@ -46,6 +49,7 @@ _HOMES = {
     "History": "history",
     "Remap": "closed_forms",
     "Robot": "robot",
+    "Sweep": "batch.result",
     "Task": "task",
     "Timeline": "fault_timeline",
     "Verdict": "metrics",
@@ -55,9 +59,11 @@ _HOMES = {
     "known_robots": "registry",
     "load_history": "history_files",
     "load_robot": "load",
+    "open_sweep": "batch.store",
     "remap": "closed_forms",
     "save": "files",
     "simulate": "simulation",
+    "sweep": "batch.sweep",
     "timeline": "fault_timeline",
     "to_dict": "documents",
     "write_robot": "generate",
@@ -74,6 +80,7 @@ __all__ = [
     "History",
     "Remap",
     "Robot",
+    "Sweep",
     "Task",
     "Timeline",
     "Verdict",
@@ -83,9 +90,11 @@ __all__ = [
     "known_robots",
     "load_history",
     "load_robot",
+    "open_sweep",
     "remap",
     "save",
     "simulate",
+    "sweep",
     "timeline",
     "to_dict",
     "write_robot",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ftforce import capability_words, metrics, sentences
 from ftforce.analysis import Analysis
+from ftforce.batch.result import Sweep
 from ftforce.document_parts import (
     Document,
     arm_part,
@@ -33,6 +34,7 @@ from ftforce.history import History
 from ftforce.history_documents import history_document, timeline_document
 from ftforce.replicate import ERRATA, Replication
 from ftforce.robot import Robot
+from ftforce.sweep_documents import sweep_document
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -233,6 +235,7 @@ def _set(names: Sequence[str], report: SetReport) -> Document:
 
 
 to_dict.register(History, history_document)
+to_dict.register(Sweep, sweep_document)
 to_dict.register(Timeline, timeline_document)
 
 

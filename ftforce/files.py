@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from ftforce.analysis import Analysis
+    from ftforce.batch.result import Sweep
     from ftforce.fault_census import Census
     from ftforce.fault_timeline import Timeline
     from ftforce.force_capability import Capability
@@ -30,7 +31,7 @@ HISTORY_FORMATS = ("json", *history_files.FORMATS)
 
 
 def save(
-    result: Analysis | Capability | Census | History | Robot | Replication | Timeline,
+    result: Analysis | Capability | Census | History | Robot | Replication | Sweep | Timeline,
     path: str | PathLike[str],
 ) -> Path:
     """Write a result to a file, whole or not at all.

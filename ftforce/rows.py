@@ -10,6 +10,7 @@ import numpy as np
 
 from ftforce import words
 from ftforce.analysis import Analysis
+from ftforce.batch.result import Sweep
 from ftforce.document_parts import finite
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
@@ -20,6 +21,7 @@ from ftforce.force_capability import Amount, Capability
 from ftforce.history import VERDICTS
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
+from ftforce.sweep_documents import sweep_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,6 +160,9 @@ def _timeline(timeline: Timeline) -> list[Row]:
         cells = zip(timeline.t.tolist(), *columns, verdicts, strict=True)
         rows += [(t, *about, *values, *conventions) for t, *values in cells]
     return rows
+
+
+to_rows.register(Sweep, sweep_rows)
 
 
 @to_rows.register(Robot)

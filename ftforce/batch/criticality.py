@@ -197,14 +197,19 @@ def _quantile(counts: Counts, edges: Vector, p: float, confidence: float) -> Est
 def _capability(
     summary: Summary, sets: list[int], edges: Vector, confidence: float
 ) -> Estimate | None:
-    """Return the median; no limit counts above all edges, and no rest below them, as 0."""
+    counts = capability_counts(summary)
+    return None if counts is None else _quantile(counts[sets], edges, 0.5, confidence)
+
+
+def capability_counts(summary: Summary) -> Counts | None:
+    """Return the histogram of capabilities: no limit counts above all edges, no rest below them."""
     counts, unlimited = summary.capability, summary.capability_unlimited
     if counts is None or unlimited is None or summary.capability_unknown is None:
         return None
-    counts = counts[sets]
-    counts[:, 0] += summary.capability_unknown[sets]
-    counts[:, -1] += unlimited[sets]
-    return _quantile(counts, edges, 0.5, confidence)
+    counts = counts.copy()
+    counts[:, 0] += summary.capability_unknown
+    counts[:, -1] += unlimited
+    return counts
 
 
 def _rank(joint: JointCriticality) -> tuple[float, ...]:

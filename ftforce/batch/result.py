@@ -7,13 +7,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ftforce.batch.criticality import criticality, survival
+from ftforce.batch.set_summaries import set_summaries, tolerating_every_set
 from ftforce.display import Displayed
 from ftforce.faults import Fault, FaultMode, FaultSet
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ftforce.batch.criticality import JointCriticality, Survival
+    from ftforce.batch.criticality import Estimate, JointCriticality, Survival
+    from ftforce.batch.set_summaries import SetSummary
     from ftforce.batch.summary import Summary
 
 Keep = Literal["all", "worst", "summary"]
@@ -142,6 +144,26 @@ class Sweep(Displayed):
         """Every joint, most critical first."""
         return criticality(self.summary, self.sets, self.setting.n)
 
+    @cached_property
+    def ranked(self) -> tuple[SetSummary, ...]:
+        """Every fault set, worst first."""
+        return set_summaries(self.summary, self.sets)
+
+    @property
+    def done(self) -> int:
+        """Number of postures that are done: fewer than asked for while it runs or if it stopped."""
+        return int(self.summary.postures)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all postures are done."""
+        return self.done == self.setting.count
+
+    @property
+    def every_set(self) -> Estimate:
+        """Share of the postures that tolerate every fault set."""
+        return tolerating_every_set(self.summary)
+
     def survival(self, joints: tuple[int, ...] | None = None) -> Survival:
         """Return the share of postures of each cell of the workspace that tolerate a fault set.
 
@@ -181,11 +203,19 @@ class Sweep(Displayed):
     def warnings(self) -> tuple[str, ...]:
         """What makes the answer doubtful."""
         doubts = []
+        if not self.is_complete:
+            doubts.append(
+                f"only {self.done:,} of {self.setting.count:,} postures are done: the same "
+                "command goes on"
+            )
         if self.setting.unknown_limits:
             names = ", ".join(self.setting.unknown_limits)
             doubts.append(f"unknown effort limits count as none: {names}")
         if not self.setting.is_random:
-            doubts.append("the postures were not drawn: intervals hold only if they stand for all")
+            doubts.append(
+                "the postures were not drawn at random: intervals hold only as far as they stand "
+                "for others"
+            )
         return tuple(doubts)
 
 

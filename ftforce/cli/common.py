@@ -35,6 +35,7 @@ class Format(StrEnum):
 
 _ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet")
+_MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
 _DATA = ("json", "csv", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
@@ -226,10 +227,12 @@ def check_outputs(
         There is no such folder.
     """
     if output is not None:
-        endings = _ENDINGS + (_HISTORY_ENDINGS if command == "simulate" else ())
+        endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
         ending = output.suffix.lower().removeprefix(".")
         if ending in _HISTORY_ENDINGS and command != "simulate":
             raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
+        if ending == "zarr" and command != "sweep":
+            raise InputError(".zarr is for `ftforce sweep`; use .json or .csv")
         if ending and ending not in endings and form is None:
             raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
         if form not in {None, ending} and ending in _DATA:

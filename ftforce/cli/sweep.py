@@ -1,7 +1,7 @@
 """``ftforce sweep``: many postures, all fault sets."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,20 +10,26 @@ from ftforce.cli.common import (
     Base,
     Direction,
     Force,
+    FormatOption,
     Gravity,
     Length,
     LimitsOfCapability,
     PayloadOption,
+    PlotOption,
     RobotArgument,
     Rtol,
     TaskOption,
     Tip,
     Wary,
+    emit,
     load,
     numbers,
 )
-from ftforce.cli.printing import printing
 from ftforce.cli.progress import rate_bar
+
+if TYPE_CHECKING:
+    from ftforce.batch.postures import Postures
+    from ftforce.robot import Robot
 
 
 def sweep(
@@ -45,7 +51,7 @@ def sweep(
     deg: Annotated[bool, typer.Option("--deg", help="--postures is in degrees.")] = False,
     grid: Annotated[
         str | None,
-        typer.Option(metavar="K|K1,K2,…", help="Instead: K positions of every joint, all combined."),
+        typer.Option(metavar="K|K1,K2,…", help="Instead: K positions of every joint, combined."),
     ] = None,
     faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1,
     mode: Annotated[
@@ -67,7 +73,7 @@ def sweep(
         str | None,
         typer.Option(
             metavar="all|worst|summary",
-            help="Samples that --output keeps: every posture and set, each posture's worst set, none.",
+            help="What a .zarr keeps of each posture: every set, its worst set, or nothing.",
             show_default="all",
         ),
     ] = None,
@@ -79,16 +85,9 @@ def sweep(
             show_default="about a twentieth of the reach",
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR.zarr",
-            help="Keep the result here; the same command goes on if it was stopped.",
-        ),
-    ] = None,
-    chunk: Annotated[int, typer.Option(help="Postures that are done and stored at a time.")] = 65_536,
+    chunk: Annotated[
+        int, typer.Option(help="Postures that are done, and stored, at a time.")
+    ] = 65_536,
     threads: Annotated[
         int | None, typer.Option(help="Threads on this machine.", show_default="all processors")
     ] = None,
@@ -98,20 +97,31 @@ def sweep(
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://…", help="Instead: a Dask cluster's scheduler.")
     ] = None,
-    top: Annotated[int, typer.Option(min=1, help="How many sets the table shows.")] = 40,
+    top: Annotated[int, typer.Option(min=1, help="How many sets the table shows.")] = 20,
+    plot: PlotOption = None,
+    form: FormatOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR.zarr|FILE",
+            help="Keep the sweep in DIR.zarr: the same command goes on if it was stopped. Or write "
+            "the tables to a file (.json .csv .txt .svg .html).",
+        ),
+    ] = None,
 ) -> None:
     """Analyse every set of up to --faults failed joints at many postures.
 
     Draws postures within the joint limits, or takes recorded ones or a grid; says how much of the
     workspace survives, and which joint is the critical one.
     """
-    from rich.console import Console
-
     from ftforce.batch import sweep as batch
     from ftforce.show.sweep import sweep_view
 
     arm = load(robot, tip, base, None)
     source = _source(arm, samples, postures, grid, deg=deg)
+    stored = output is not None and output.suffix.lower() == ".zarr"
     try:
         with rate_bar("postures") as progress:
             result = batch.sweep(
@@ -134,7 +144,7 @@ def sweep(
                 wary=wary,
                 keep=keep,  # type: ignore[arg-type] # likewise
                 cell=cell,
-                output=output,
+                output=output if stored else None,
                 chunk=chunk,
                 threads=threads,
                 workers=workers,
@@ -142,18 +152,25 @@ def sweep(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        kept = "nothing was kept (give an --output)"
-        if output is not None:
+        kept = "nothing was kept (--output DIR.zarr would)"
+        if stored:
             kept = "what is finished is kept: the same command goes on from there"
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
-    with printing():
-        Console().print(sweep_view(result, most=top))
+    emit(
+        sweep_view(result, most=top),
+        result,
+        form=form,
+        output=None if stored else output,
+        plot=plot,
+        title=f"ftforce sweep {arm.name}",
+        warnings=result.warnings,
+    )
 
 
 def _source(
-    arm: object, samples: float | None, postures: Path | None, grid: str | None, *, deg: bool
-) -> object:
+    arm: "Robot", samples: float | None, postures: Path | None, grid: str | None, *, deg: bool
+) -> "Postures | None":
     """Return the postures that are not drawn, ``None`` if they are.
 
     Raises
@@ -169,12 +186,12 @@ def _source(
     if postures is not None:
         from ftforce.batch.posture_files import postures_from_file
 
-        return postures_from_file(arm, postures, degrees=deg)  # type: ignore[arg-type]
+        return postures_from_file(arm, postures, degrees=deg)
     if grid is not None:
         from ftforce.batch.postures import Grid
 
         counts = _counts(grid)
-        return Grid.of(arm, counts[0] if len(counts) == 1 else counts)  # type: ignore[arg-type]
+        return Grid.of(arm, counts[0] if len(counts) == 1 else counts)
     return None
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.analysis import Analysis
+from ftforce.batch.result import Sweep
 from ftforce.closed_forms import Remap
 from ftforce.fault_census import Census
 from ftforce.fault_timeline import Timeline
@@ -22,6 +23,7 @@ from ftforce.show.history import history_view
 from ftforce.show.remap import remap_view
 from ftforce.show.replication import replication_view
 from ftforce.show.robot import robot_view
+from ftforce.show.sweep import sweep_view
 from ftforce.show.timeline import timeline_view
 
 if TYPE_CHECKING:
@@ -41,4 +43,5 @@ render.register(History, history_view)
 render.register(Remap, remap_view)
 render.register(Replication, replication_view)
 render.register(Robot, robot_view)
+render.register(Sweep, sweep_view)
 render.register(Timeline, timeline_view)
