@@ -1,0 +1,343 @@
+"""Where in the workspace a fault is survived: a sweep's cells, pooled over a depth or in slices.
+
+Counts are pooled and not shares: a cell with many postures weighs more than one with few.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.arrays import read_only
+from ftforce.batch.statistics import wilson
+from ftforce.display import Displayed
+from ftforce.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ftforce.arrays import Matrix, Vector
+    from ftforce.batch.result import Sweep
+
+    Values = NDArray[np.float64]
+    Counts = NDArray[np.int64]
+
+AXES = "xyz"
+PLANES = ("xy", "xz", "yz")
+QUANTITIES = ("rho", "margin", "jump", "capability")
+USUAL = ("rho", "margin")
+_ROUNDING = 1e-9  # of an edge: a slice on the border of two cells is the upper one
+
+
+class Cells(NamedTuple):
+    """Cells of any arrangement.
+
+    Attributes
+    ----------
+    postures, tolerated :
+        Postures whose tip lies in the cell, and how many of them tolerate the faults.
+    share, low, high :
+        Tolerated over postures and the ends of its 95 % interval (Wilson); NaN without postures.
+    """
+
+    postures: Counts
+    tolerated: Counts
+    share: Values
+    low: Values
+    high: Values
+
+    @classmethod
+    def of(cls, postures: Counts, tolerated: Counts) -> Cells:
+        """Return cells of these counts."""
+        low, high = wilson(tolerated, postures)
+        with np.errstate(invalid="ignore"):
+            share = tolerated / postures
+        return cls(postures, tolerated, share, low, high)
+
+
+class Flat(NamedTuple):
+    """Cells of a plane of the root's axes.
+
+    Attributes
+    ----------
+    plane :
+        Names of its axes, to the right and up.
+    edges :
+        Borders of the cells along the two, m, shapes (u + 1,) and (v + 1,).
+    depth :
+        What the cells hold along the third axis, m: from, to.
+    cells :
+        Shape (u, v).
+    """
+
+    plane: str
+    edges: tuple[Vector, Vector]
+    depth: tuple[float, float]
+    cells: Cells
+
+
+class Located(NamedTuple):
+    """Cells that hold postures.
+
+    Attributes
+    ----------
+    place :
+        Their middles in the root's axes, m, shape (k, 3).
+    edge :
+        m.
+    cells :
+        Shape (k,).
+    """
+
+    place: Matrix
+    edge: float
+    cells: Cells
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceMap(Displayed):
+    """What is looked at in a sweep; `workspace_map` makes it.
+
+    Attributes
+    ----------
+    sweep :
+        The sweep.
+    joints :
+        Numbers from 1 of the joints that fail together; ``None``: every set of the sweep.
+    plane :
+        ``xy``, ``xz`` or ``yz``; ``None`` for all three.
+    at :
+        Where along the third axis the slice lies, m; ``None`` pools the whole depth.
+    solid :
+        Whether pictures have three dimensions.
+    quantities :
+        Histograms and quantiles that are shown: ``rho``, ``margin``, ``jump``, ``capability``.
+    """
+
+    sweep: Sweep
+    joints: tuple[int, ...] | None = None
+    plane: str | None = None
+    at: float | None = None
+    solid: bool = False
+    quantities: tuple[str, ...] = USUAL
+
+    @cached_property
+    def grid(self) -> Cells:
+        """All cells, shape (nx, ny, nz)."""
+        return grid_of(self.sweep, self.joints)
+
+    @cached_property
+    def flat(self) -> Flat:
+        """The map: cells of the plane, or of xz if all three are looked at."""
+        return self.projected(self.plane or "xz")
+
+    def projected(self, plane: str) -> Flat:
+        """Return the map of a plane."""
+        return flatten(self.sweep, self.grid, plane, self.at)
+
+    @cached_property
+    def located(self) -> Located:
+        """The cells that hold postures, of the slice if there is one, with x slowest."""
+        return self.located_of(self.joints)
+
+    def located_of(self, joints: tuple[int, ...] | None) -> Located:
+        """Return the cells that hold postures with what another fault set does to them."""
+        grid = self.grid if joints == self.joints else grid_of(self.sweep, joints)
+        workspace = self.sweep.summary.workspace
+        chosen = grid.postures > 0
+        if self.plane is not None and self.at is not None:
+            axis = depth_axis(self.plane)
+            layer = np.arange(chosen.shape[axis]) == layer_at(self.sweep, axis, self.at)
+            chosen = chosen & np.expand_dims(layer, tuple({0, 1, 2} - {axis}))
+        index = np.argwhere(chosen)
+        place = np.array(workspace.origin) + (index + 0.5) * workspace.edge
+        return Located(
+            read_only(place), workspace.edge, Cells(*(values[chosen] for values in grid))
+        )
+
+    def worst(self, most: int) -> list[int]:
+        """Return which of the located cells surely are the worst: by the interval's upper end.
+
+        So a cell of three postures that happen to fail does not come before one of three hundred.
+        Cells that tolerate everything are none of the worst.
+        """
+        cells = self.located.cells
+        order = np.lexsort((cells.share, cells.high))
+        return [i for i in order.tolist() if cells.tolerated[i] < cells.postures[i]][:most]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the map doubtful."""
+        found = list(self.sweep.warnings)
+        if outside := int(self.sweep.summary.outside):
+            found.append(f"{outside:,} tips lie outside the cells and count in the outermost ones")
+        return tuple(found)
+
+
+def workspace_map(
+    sweep: Sweep,
+    joints: Sequence[int] | None = None,
+    *,
+    plane: str | None = None,
+    at: float | None = None,
+    solid: bool = False,
+    quantities: Sequence[str] = USUAL,
+) -> WorkspaceMap:
+    """Look at where in the workspace a fault is survived.
+
+    Parameters
+    ----------
+    sweep :
+        A sweep.
+    joints :
+        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+    plane :
+        ``xy``, ``xz`` or ``yz``.
+    at :
+        Where along the third axis a slice lies, m; if not given the whole depth is pooled.
+    solid :
+        Whether pictures have three dimensions.
+    quantities :
+        Some of ``rho``, ``margin``, ``jump`` and ``capability``.
+
+    Raises
+    ------
+    InputError
+        The sweep has no posture yet, no such set or quantity, or nothing lies in the slice.
+    """
+    if not int(sweep.summary.postures):
+        raise InputError("no posture of the sweep is done yet; the command that began it goes on")
+    if plane is not None and plane not in PLANES:
+        raise UnknownNameError("plane", plane, PLANES)
+    if solid and (plane is not None or at is not None):
+        raise InputError("a picture of three dimensions has no plane; leave out plane and at")
+    if at is not None and plane is None:
+        raise InputError("a slice needs its plane: xy, xz or yz")
+    chosen = None if joints is None else tuple(sorted(joints))
+    if chosen is not None:
+        sweep.index_of(chosen)
+    if plane is not None and at is not None:
+        check_slice(sweep, plane, at)
+    for quantity in quantities:
+        check_quantity(sweep, quantity)
+    return WorkspaceMap(sweep, chosen, plane, at, solid, tuple(quantities))
+
+
+def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
+    """Return all cells of the workspace, shape (nx, ny, nz).
+
+    Raises
+    ------
+    InputError
+        The sweep has no such set.
+    """
+    summary = sweep.summary
+    tolerated = summary.cell_tolerates_all
+    if joints is not None:
+        tolerated = summary.cell_tolerated[:, sweep.index_of(joints)]
+    shape = summary.workspace.shape
+    return Cells.of(summary.cell_postures.reshape(shape), tolerated.reshape(shape))
+
+
+def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
+    """Return the cells of a plane: pooled over the depth, or one layer of them.
+
+    Raises
+    ------
+    InputError
+        There is no such plane, or nothing lies in the slice.
+    """
+    if plane not in PLANES:
+        raise UnknownNameError("plane", plane, PLANES)
+    workspace, axis = sweep.summary.workspace, depth_axis(plane)
+    low = workspace.origin[axis]
+    depth = (low, low + workspace.shape[axis] * workspace.edge)
+    if at is None:
+        counts = (grid.postures.sum(axis), grid.tolerated.sum(axis))
+    else:
+        check_slice(sweep, plane, at)
+        layer = layer_at(sweep, axis, at)
+        depth = (low + layer * workspace.edge, low + (layer + 1) * workspace.edge)
+        counts = (grid.postures.take(layer, axis), grid.tolerated.take(layer, axis))
+    first, second = (_borders(sweep, AXES.index(name)) for name in plane)
+    return Flat(plane, (first, second), depth, Cells.of(*counts))
+
+
+def pooled(counts: Counts, factor: int, starts: Sequence[int] | None = None) -> Counts:
+    """Return the sums of blocks of so many cells along every axis.
+
+    Parameters
+    ----------
+    counts :
+        Of any number of axes.
+    factor :
+        Cells of a block along each.
+    starts :
+        First cell along each; what lies before is left out.
+    """
+    for axis in range(counts.ndim):
+        first = 0 if starts is None else starts[axis]
+        counts = np.add.reduceat(
+            counts, np.arange(first, counts.shape[axis], factor), axis=axis, dtype=np.int64
+        )
+    return counts
+
+
+def depth_axis(plane: str) -> int:
+    """Return the axis that a plane lacks."""
+    return next(i for i, name in enumerate(AXES) if name not in plane)
+
+
+def layer_at(sweep: Sweep, axis: int, at: float) -> int:
+    """Return the layer of cells that holds a position along an axis."""
+    workspace = sweep.summary.workspace
+    place = (at - workspace.origin[axis]) / workspace.edge
+    return min(max(math.floor(place + _ROUNDING), 0), workspace.shape[axis] - 1)
+
+
+def check_slice(sweep: Sweep, plane: str, at: float) -> None:
+    """Check that postures lie at this depth or beyond it on both sides.
+
+    Raises
+    ------
+    InputError
+        They do not; the message says where they lie.
+    """
+    axis, workspace = depth_axis(plane), sweep.summary.workspace
+    others = tuple({0, 1, 2} - {axis})
+    layers = np.flatnonzero(sweep.summary.cell_postures.reshape(workspace.shape).sum(others))
+    low = workspace.origin[axis] + int(layers.min()) * workspace.edge
+    high = workspace.origin[axis] + (int(layers.max()) + 1) * workspace.edge
+    slack = _ROUNDING * workspace.edge
+    if not low - slack <= at <= high + slack:
+        raise InputError(
+            f"no posture has its tip at {AXES[axis]} = {at:g} m; they lie from "
+            f"{AXES[axis]} = {low:.4g} to {high:.4g} m"
+        )
+
+
+def check_quantity(sweep: Sweep, quantity: str) -> None:
+    """Check that the sweep counts this.
+
+    Raises
+    ------
+    InputError
+        It does not, or there is no such quantity.
+    """
+    if quantity not in QUANTITIES:
+        raise UnknownNameError("quantity", quantity, QUANTITIES)
+    if getattr(sweep.summary, quantity) is None:
+        needs = "a force" if quantity == "jump" else "a force or a direction, and limits"
+        raise InputError(f"the sweep has no {quantity}: it was made without {needs}")
+
+
+def _borders(sweep: Sweep, axis: int) -> Vector:
+    workspace = sweep.summary.workspace
+    steps = np.arange(workspace.shape[axis] + 1)
+    return read_only(workspace.origin[axis] + steps * workspace.edge)

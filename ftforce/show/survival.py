@@ -1,0 +1,334 @@
+"""Maps of a sweep's workspace, flat and solid. `ftforce.show.plots` has all plots."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.batch.workspace_map import (
+    AXES,
+    Cells,
+    depth_axis,
+    pooled,
+    workspace_map,
+)
+from ftforce.show.canvas import BLACK, ROW_OF_TEXT, canvas, head, wrapped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from ftforce.arrays import Vector
+    from ftforce.batch.result import Sweep
+    from ftforce.batch.workspace_map import Counts, Flat, Values, WorkspaceMap
+
+UNSURE = 0.2
+"""Width of a share's interval from which a cell is marked: it holds too few postures."""
+UNSURE_WORDS = f"95 % interval wider than {100.0 * UNSURE:.0f} points"
+ROBUST = 60  # postures of a block of a solid picture, so that a share means something
+_FEWEST_BLOCKS = 8  # along the longest side of a solid picture
+_FLOORS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
+_COLOURS = "cividis"  # for all kinds of colour vision, and even in grey: dark where it is bad
+_FAINTEST = 0.03
+_FAIL = {"locked": "locked", "free": "swinging free"}
+
+
+class Scale(NamedTuple):
+    """What the colours mean: from the share ``floor``, dark, to 1, bright."""
+
+    floor: float
+    reaches_below: bool
+
+
+def survival(
+    sweep: Sweep,
+    joints: Sequence[int] | None = None,
+    *,
+    plane: str = "xz",
+    at: float | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw which share of the postures tolerates a fault, over the workspace: dark where it is bad.
+
+    The whole depth is pooled: all postures of a column of cells count alike. With ``at`` there is
+    one layer of cells. Where no posture has its tip the map is white. A cell with a dot has so few
+    postures that its share is known to no better than 20 points.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    joints :
+        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+    plane :
+        ``xy``, ``xz`` or ``yz``, of the root's axes.
+    at :
+        Where along the third axis a slice lies, m; if not given the whole depth is pooled.
+    ax :
+        Axes to draw on; a new figure's if not given.
+
+    Raises
+    ------
+    InputError
+        The sweep has no such set, there is no such plane, nothing lies in the slice, or the axes
+        are none of two dimensions.
+    """
+    found = workspace_map(sweep, joints, plane=plane, at=at)
+    with canvas(ax, 4.6) as axes:
+        one = scale_of(found.flat.cells)
+        paint_flat(axes, found, found.flat, one)
+        colour_bar(axes, [axes], one)
+        title = f"Postures that tolerate {faults_in_words(sweep, found.joints)}"
+        lines = wrapped(axes, [title, depth_in_words(found, found.flat)])
+        head(axes, lines, map_key([found.flat.cells]))
+    return axes
+
+
+def survival_3d(
+    sweep: Sweep, joints: Sequence[int] | None = None, *, ax: Axes | None = None
+) -> Axes:
+    """Draw the cells of the workspace in space: bad ones are dark, the others all but transparent.
+
+    Cells are pooled into larger ones until most hold enough postures for a share.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    joints :
+        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+    ax :
+        Axes with ``projection="3d"``; a new figure's if not given.
+
+    Raises
+    ------
+    InputError
+        The sweep has no such set, or the axes are none of three dimensions.
+    """
+    found = workspace_map(sweep, joints)
+    factor = _block(found.grid.postures)
+    starts = [int(x) for x in _window(found.grid.postures)[:, 0]]
+    counts = (found.grid.postures, found.grid.tolerated)
+    cells = Cells.of(*(pooled(one, factor, starts) for one in counts))
+    edge = factor * sweep.summary.workspace.edge
+    corner = np.array(sweep.summary.workspace.origin)
+    corner = corner + np.array(starts) * sweep.summary.workspace.edge
+    with canvas(ax, 5.0, solid=True) as axes:
+        one = scale_of(cells)
+        _paint_solid(axes, cells, corner, edge, one)
+        colour_bar(axes, [axes], one, pad=0.08, shrink=0.7)
+        title = f"Postures that tolerate {faults_in_words(sweep, found.joints)}"
+        lines = [title, f"blocks of {edge:g} m; the brighter, the more transparent"]
+        if not _is_sure(cells)[cells.postures > 0].all():
+            lines.append(f"small: {UNSURE_WORDS}")
+        axes.set_title(wrapped(axes, lines))
+    return axes
+
+
+def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:
+    """Say which faults a map is about."""
+    setting = sweep.setting
+    how = _FAIL.get(setting.mode, setting.mode)
+    if joints is not None:
+        if len(joints) == 1:
+            return f"joint {joints[0]} ({setting.joints[joints[0] - 1]}) {how}"
+        return f"joints {', '.join(map(str, joints[:-1]))} and {joints[-1]} {how}"
+    if setting.largest == 1:
+        return f"any one joint {how}"
+    between = "or" if setting.largest == 2 else "to"
+    return f"any 1 {between} {setting.largest} joints {how}"
+
+
+def depth_in_words(found: WorkspaceMap, flat: Flat) -> str:
+    """Say what a map shows of the axis that it lacks."""
+    edge, name = found.sweep.summary.workspace.edge, AXES[depth_axis(flat.plane)]
+    if found.at is None:
+        return f"{flat.plane} plane, all {name} pooled, cells of {edge:g} m"
+    low, high = (_metres(x) for x in flat.depth)
+    return f"slice {name} = {low} to {high} m, cells of {edge:g} m"
+
+
+def _metres(x: float) -> str:
+    return f"{x:.4g}".replace("-", "−") if abs(x) > 1e-9 else "0"
+
+
+def scale_of(*maps: Cells) -> Scale:
+    """Return the colours' scale of maps that share it: fine enough to show what differs.
+
+    Cells of few postures do not count: one that fails would take all contrast from the others.
+    """
+    shares = [cells.share[cells.postures > 0] for cells in maps]
+    sure = [cells.share[_is_sure(cells)] for cells in maps]
+    lowest = min((float(one.min()) for one in sure if one.size), default=0.0)
+    if lowest >= 1.0:  # nothing differs
+        lowest = 0.0
+    floor = max(step for step in _FLOORS if step <= lowest)
+    below = any(bool((one < floor).any()) for one in shares)
+    return Scale(floor, below)
+
+
+def _is_sure(cells: Cells) -> Any:
+    return (cells.postures > 0) & (cells.high - cells.low <= UNSURE)
+
+
+def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
+    """Paint a map's cells, with the border of the workspace, the origin and doubtful cells."""
+    cells = flat.cells
+    empty = cells.postures == 0
+    u, v = flat.edges
+    ax.pcolormesh(
+        u, v, np.ma.masked_where(empty, cells.share).T, vmin=one.floor, vmax=1.0, cmap=_COLOURS,
+        rasterized=True,
+    )  # fmt: skip
+    _draw_border(ax, flat, ~empty)
+    _mark_unsure(ax, flat, one)
+    ax.plot(0.0, 0.0, linestyle="none", marker="P", markersize=5.5, markerfacecolor="white",
+            markeredgecolor=BLACK, markeredgewidth=0.8, zorder=4)  # fmt: skip
+    spans = _window(found.grid.postures)
+    borders = [_border(found, axis) for axis in range(3)]
+    for name, fit in zip(flat.plane, (ax.set_xlim, ax.set_ylim), strict=True):
+        axis = AXES.index(name)
+        low, high = borders[axis][spans[axis]].tolist()
+        room = 0.04 * (high - low)
+        fit(low - room, high + room)
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"{flat.plane[0]} [m]")
+    ax.set_ylabel(f"{flat.plane[1]} [m]")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(_few_ticks(5))
+
+
+def _border(found: WorkspaceMap, axis: int) -> Vector:
+    workspace = found.sweep.summary.workspace
+    return workspace.origin[axis] + np.arange(workspace.shape[axis] + 1) * workspace.edge
+
+
+def _window(postures: Counts) -> Any:
+    """Return the first and behind the last layer that holds postures, shape (3, 2)."""
+    found = []
+    for axis in range(3):
+        layers = np.flatnonzero(postures.sum(tuple({0, 1, 2} - {axis})))
+        found.append((int(layers.min()), int(layers.max()) + 1))
+    return np.array(found)
+
+
+def _draw_border(ax: Axes, flat: Flat, filled: Any) -> None:
+    """Draw a line between cells with postures and those without: bright is not white."""
+    from matplotlib.collections import LineCollection
+
+    u, v = flat.edges
+    around = np.pad(filled, 1)
+    lines = []
+    for i, j in np.argwhere(around[1:, 1:-1] != around[:-1, 1:-1]).tolist():
+        lines.append([(u[i], v[j]), (u[i], v[j + 1])])
+    for i, j in np.argwhere(around[1:-1, 1:] != around[1:-1, :-1]).tolist():
+        lines.append([(u[i], v[j]), (u[i + 1], v[j])])
+    ax.add_collection(
+        LineCollection(lines, colors="0.3", linewidths=0.7, capstyle="projecting"),
+        autolim=False,
+    )
+
+
+def _mark_unsure(ax: Axes, flat: Flat, one: Scale) -> None:
+    cells = flat.cells
+    chosen = (cells.postures > 0) & ~_is_sure(cells)
+    i, j = np.nonzero(chosen)
+    u, v = (0.5 * (edges[1:] + edges[:-1]) for edges in flat.edges)
+    is_dark = cells.share[chosen] < 0.5 * (1.0 + one.floor)
+    ax.scatter(u[i], v[j], s=2.0, c=np.where(is_dark, "white", "black"), linewidth=0.0, zorder=3)
+
+
+def map_key(maps: Sequence[Cells]) -> list[Any]:
+    """Return what the legend of maps has to explain."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    found: list[Any] = [
+        Patch(facecolor="white", edgecolor="0.3", linewidth=0.7, label="no posture"),
+        Line2D([], [], linestyle="none", marker="P", markersize=5.5, markerfacecolor="white",
+               markeredgecolor=BLACK, markeredgewidth=0.8, label="origin of the root's axes"),
+    ]  # fmt: skip
+    if any(((cells.postures > 0) & ~_is_sure(cells)).any() for cells in maps):
+        found.append(
+            Line2D([], [], linestyle="none", marker="o", markersize=1.8, color=BLACK,
+                   label=UNSURE_WORDS)
+        )  # fmt: skip
+    return found
+
+
+def colour_bar(ax: Axes, beside: Sequence[Axes], one: Scale, **place: Any) -> None:
+    """Add the bar that says what the colours mean, beside axes that share it."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    figure: Any = ax.get_figure(root=False)
+    shades = ScalarMappable(Normalize(one.floor, 1.0), _COLOURS)
+    options = {"pad": 0.02, "fraction": 0.05, "aspect": 24.0} | place
+    bar = figure.colorbar(
+        shades, ax=list(beside), extend="min" if one.reaches_below else "neither", **options
+    )
+    bar.set_label("tolerated [% of the postures]")
+    steps = np.linspace(one.floor, 1.0, 6 if one.floor in {0.0, 0.5, 0.9, 0.95, 0.99, 0.995} else 5)
+    bar.set_ticks(steps.tolist(), labels=[f"{100.0 * step:.4g}" for step in steps])
+
+
+def _block(postures: Counts) -> int:
+    """Return how many cells along each side a block of a solid picture has."""
+    spans = _window(postures)
+    longest = int((spans[:, 1] - spans[:, 0]).max())
+    starts = spans[:, 0].tolist()
+    factor = 1
+    while longest // (factor + 1) >= _FEWEST_BLOCKS:
+        counts = pooled(postures, factor, starts)
+        if np.median(counts[counts > 0]) >= ROBUST:
+            break
+        factor += 1
+    return factor
+
+
+def _paint_solid(ax: Any, cells: Cells, corner: Vector, edge: float, one: Scale) -> None:
+    from matplotlib import colormaps
+
+    index = np.argwhere(cells.postures > 0)
+    share = cells.share[cells.postures > 0]
+    place = corner + (index + 0.5) * edge
+    badness = np.clip((1.0 - share) / (1.0 - one.floor), 0.0, 1.0)
+    colours = colormaps[_COLOURS](1.0 - badness)
+    colours[:, 3] = _opacity(badness)
+    low, high = place.min(axis=0) - 0.5 * edge, place.max(axis=0) + 0.5 * edge
+    side = 0.5 * float((high - low).max())
+    size = 0.8 * _points(ax) * edge / (2.0 * side)
+    size = np.where(_is_sure(cells)[cells.postures > 0], size, 0.4 * size)
+    ax.scatter(*place.T, s=size**2, c=colours, marker="s", linewidth=0.0, depthshade=False,
+               rasterized=True)  # fmt: skip
+    ax.plot([0.0], [0.0], [0.0], linestyle="none", marker="P", markersize=6.0,
+            markerfacecolor="white", markeredgecolor=BLACK)  # fmt: skip
+    for name, middle in zip(AXES, (0.5 * (low + high)).tolist(), strict=True):
+        getattr(ax, f"set_{name}lim")(middle - side, middle + side)
+        getattr(ax, f"set_{name}label")(f"{name} [m]")
+        getattr(ax, f"{name}axis").set_major_locator(_few_ticks(5, prune="both"))
+        getattr(ax, f"{name}axis").labelpad = -2.0
+    ax.tick_params(pad=-1.0)
+    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.95)
+    ax.view_init(elev=22.0, azim=-55.0)
+
+
+def _opacity(badness: Values) -> Values:
+    return np.asarray(_FAINTEST + (1.0 - _FAINTEST) * badness**1.5)
+
+
+def _points(ax: Axes) -> float:
+    """Return about how long an edge of the cube of axes of three dimensions is, pt."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    box = ax.get_window_extent()
+    return float(72.0 / figure.dpi * min(box.width, box.height) / (math.sqrt(2.0) * ROW_OF_TEXT))
+
+
+def _few_ticks(most: int, **options: Any) -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(most, **options)
