@@ -12,6 +12,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ftforce.version import __version__
+
 if TYPE_CHECKING:
     from ftforce.analysis import Analysis, analyze
     from ftforce.batch.result import Sweep
@@ -35,8 +37,6 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.simulation import simulate
     from ftforce.task import Task
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "Analysis": "analysis",

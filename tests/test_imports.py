@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import subprocess
 import sys
 from pathlib import Path
@@ -69,3 +70,7 @@ def test_no_module_hides_a_public_name():
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'analyse'"):
         ftforce.analyse  # noqa: B018
+
+
+def test_the_version_is_that_of_the_package():
+    assert importlib.metadata.version("ftforce") == ftforce.__version__

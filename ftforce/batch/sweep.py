@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce import __version__
 from ftforce.arrays import Vector, as_vector, read_only
 from ftforce.batch.bins import Bins, Workspace
 from ftforce.batch.drawn import Drawn
@@ -27,6 +26,7 @@ from ftforce.kinematics import reach_bound, tip_pose
 from ftforce.limits_reader import NONE, URDF, choose_limits
 from ftforce.reduced import RTOL, WARY, check_tolerances
 from ftforce.task import Axes, Task
+from ftforce.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
