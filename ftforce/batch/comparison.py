@@ -1,0 +1,439 @@
+"""Arms side by side: the same question, as many postures within the limits of each."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+from ftforce.arrays import is_number
+from ftforce.batch.arm_report import ArmReport, arm_report
+from ftforce.batch.result import Sweep, SweepSetting
+from ftforce.display import Displayed
+from ftforce.errors import FileError, InputError, listed, printable
+from ftforce.robot import Robot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.batch.drawn import Drawn
+    from ftforce.dynamics import Payload
+    from ftforce.fault_census import Progress
+    from ftforce.faults import FaultMode
+    from ftforce.limits_reader import LimitsLike
+    from ftforce.task import Axes, Task
+
+Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
+
+SAMPLES = 100_000
+ENOUGH = 0.95
+CELLS = 20  # along the reach to either side: as many for every arm, whatever its size
+_FULL = 0.99  # share of postures at which a healthy arm should command the whole task
+_ALIKE = 1.3  # cells over reach may differ by this factor
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Displayed):
+    """Arms side by side.
+
+    Attributes
+    ----------
+    arms :
+        Best first: by the share of postures x fault sets that are tolerated, then the share of
+        postures that tolerate every set, then the evenness of ρ, then the name.
+    enough :
+        Share of a cell's postures that must tolerate every set for the cell to survive.
+    warnings :
+        What makes the answer doubtful.
+    """
+
+    arms: tuple[ArmReport, ...]
+    enough: float
+    warnings: tuple[str, ...]
+
+    @property
+    def question(self) -> SweepSetting:
+        """What was asked of every arm: task, axes, mode, force and the like of the first one."""
+        return self.arms[0].setting
+
+    @property
+    def best(self) -> tuple[ArmReport, ...]:
+        """The arms that may be the best as far as the intervals tell."""
+        return tuple(arm for arm in self.arms if arm.first == 1)
+
+    def __getitem__(self, name: str) -> ArmReport:
+        """Return the arm of this name.
+
+        Raises
+        ------
+        UnknownNameError
+            There is none.
+        """
+        from ftforce.errors import UnknownNameError
+
+        for arm in self.arms:
+            if arm.name == name:
+                return arm
+        raise UnknownNameError("arm", name, [arm.name for arm in self.arms], "in the comparison")
+
+
+class _Entry(NamedTuple):
+    """An arm that was named, loaded: a robot to sweep, or a sweep."""
+
+    name: str
+    hints: tuple[str, ...]
+    arm: Robot | Sweep
+
+
+def compare(
+    arms: Iterable[Arm] | Mapping[str, Arm],
+    *,
+    n: float | None = None,
+    method: str | None = None,
+    seed: int | None = None,
+    faults: int | None = None,
+    mode: FaultMode | str | None = None,
+    force: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    limits: LimitsLike = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    task: str | Iterable[str] | Task | None = None,
+    length: float | None = None,
+    axes: Axes | None = None,
+    rtol: float | None = None,
+    wary: float | None = None,
+    cell: float | None = None,
+    enough: float = ENOUGH,
+    tip: str | None = None,
+    base: str | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Sweep arms over as many postures each, with the same question, and rank them.
+
+    All options but ``enough`` and ``threads`` are about arms that are swept now; a stored sweep
+    was asked already, and must have been asked the same.
+
+    Parameters
+    ----------
+    arms :
+        Two or more: robots, URDFs, names of known robots, sweeps, or folders of stored sweeps. A
+        mapping names them.
+    n :
+        Postures of each, drawn within its limits; 1e5 if not given.
+    method, seed :
+        How they are drawn, see `ftforce.sweep`; the seed is the same for all.
+    faults, mode, force, direction, limits, gravity, payload, task, axes, rtol, wary :
+        As in `ftforce.sweep`.
+    length :
+        Characteristic length, m, one for all arms: it says how a moment counts beside a force.
+    cell :
+        Edge of the workspace's cells, m; if not given a tenth of each arm's longest reach.
+    enough :
+        Share of a cell's postures that must tolerate every set for the cell to survive.
+    tip, base :
+        Links of every arm that is loaded here; each robot's own if not given.
+    threads :
+        On this machine; one per processor if not given.
+    progress :
+        Called with the postures done, and their number, over all arms.
+
+    Raises
+    ------
+    InputError
+        Fewer than two arms, a malformed value, or sweeps that were not asked the same; the message
+        names the arm.
+    FileError
+        A file cannot be read.
+
+    Examples
+    --------
+    >>> result = compare(["kinova", "dh5"], n=2000)
+    >>> [arm.name for arm in result.arms]
+    ['kinova', 'dh5']
+    """
+    if not (is_number(enough) and 0.0 < enough <= 1.0):
+        raise InputError(f"enough is a share above 0 and up to 1, got {enough!r}")
+    options = {
+        "n": n, "method": method, "seed": seed, "faults": faults, "mode": mode, "force": force,
+        "direction": direction, "limits": limits, "gravity": gravity, "payload": payload,
+        "task": task, "length": length, "axes": axes, "rtol": rtol, "wary": wary, "cell": cell,
+    }  # fmt: skip
+    asked = {key: value for key, value in options.items() if value is not None}
+    entries = _named(_loaded(arms, tip, base))
+    stored = [one for one in entries if isinstance(one.arm, Sweep)]
+    loading = {"tip": tip, "base": base}
+    idle = [*asked, *(key for key, value in loading.items() if value is not None)]
+    if len(stored) == len(entries) and idle:
+        raise InputError(
+            f"every arm is a sweep that was asked already; leave out {', '.join(idle)}"
+        )
+    for one in stored:
+        _check_same(stored[0], one)
+    reports = _Reports(asked, enough, threads, progress).of(entries)
+    return Comparison(_ranked(reports), float(enough), _warnings(reports))
+
+
+def _loaded(arms: Iterable[Arm] | Mapping[str, Arm], tip: str | None, base: str | None) -> Any:
+    if isinstance(arms, (str, os.PathLike, Robot, Sweep)):
+        raise InputError("a comparison needs a list of arms, two or more, got one")
+    pairs = arms.items() if isinstance(arms, Mapping) else ((None, arm) for arm in arms)
+    entries = [_entry(name, arm, tip, base) for name, arm in pairs]
+    if len(entries) < 2:
+        raise InputError(f"a comparison needs two arms or more, got {len(entries)}")
+    return entries
+
+
+def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _Entry:
+    """Load what was given, and note what could tell it from others of its name."""
+    found, hints = given, tuple[str, ...]()
+    if isinstance(given, (str, os.PathLike)):
+        hints = (printable(Path(given).name), printable(given))
+        found = _read(given, tip, base)
+    if isinstance(found, Robot):
+        return _Entry(name or found.name, hints or (found.tip, printable(found.path)), found)
+    if isinstance(found, Sweep):
+        path = found.path or found.setting.tip
+        own = (printable(Path(path).name), printable(path))
+        return _Entry(name or found.setting.robot, hints or own, found)
+    raise InputError(
+        "arms are robots, URDFs, names of known robots, sweeps or folders of stored sweeps, "
+        f"got {given!r}"
+    )
+
+
+def _read(given: str | os.PathLike[str], tip: str | None, base: str | None) -> Robot | Sweep:
+    path = Path(given)
+    if path.suffix == ".zarr" or (path.is_dir() and not _is_known(given)):
+        from ftforce.batch.store import open_sweep
+
+        sweep = open_sweep(path)
+        if not sweep.summary.postures:
+            raise InputError(f"{printable(path)}: no posture of this sweep is done yet")
+        return sweep
+    from ftforce.load import load_robot
+
+    return load_robot(given, tip=tip, base=base)
+
+
+def _is_known(given: object) -> bool:
+    from ftforce.registry import known_robots
+
+    return given in known_robots()
+
+
+def _named(entries: Sequence[_Entry]) -> list[_Entry]:
+    """Tell arms of one name apart: by their files if these differ, else by numbers."""
+    counts = Counter(one.name for one in entries)
+    found = []
+    for i, one in enumerate(entries):
+        name = one.name
+        if counts[name] > 1:
+            alike = [k for k, other in enumerate(entries) if other.name == name]
+            name = f"{name} {_apart([entries[k].hints for k in alike], alike.index(i))}"
+        found.append(one._replace(name=name))
+    return found
+
+
+def _apart(hints: Sequence[tuple[str, ...]], i: int) -> str:
+    for kind in zip(*hints, strict=True):
+        if len(set(kind)) == len(kind):
+            return f"({kind[i]})"
+    return f"#{i + 1}"
+
+
+class _Reports:
+    """Makes the reports of arms, sweeping those that are robots."""
+
+    def __init__(
+        self, asked: dict[str, Any], enough: float, threads: int | None, progress: Progress | None
+    ) -> None:
+        self.asked, self.enough = asked, enough
+        self.threads, self.progress = threads, progress
+        self.done = self.total = 0
+
+    def of(self, entries: Sequence[_Entry]) -> list[ArmReport]:
+        """Return one report per arm."""
+        # Every arm's postures before the first sweep: most of what is wrong shows there.
+        drawn = {one.name: self._drawn(one) for one in entries if isinstance(one.arm, Robot)}
+        self.total = sum(postures.count for postures in drawn.values())
+        found: list[ArmReport] = []
+        first = next((one for one in entries if isinstance(one.arm, Sweep)), None)
+        for one in entries:
+            swept, healthy = one, None
+            if isinstance(one.arm, Robot):
+                swept, healthy = self._swept(one, one.arm, drawn[one.name])
+            first = swept if first is None else first
+            _check_same(first, swept)
+            assert isinstance(swept.arm, Sweep)
+            found.append(
+                arm_report(swept.arm, one.name, enough=self.enough, healthy_capability=healthy)
+            )
+        return found
+
+    def _drawn(self, one: _Entry) -> Drawn:
+        from ftforce.batch.drawn import Drawn
+
+        asked = {key: self.asked[key] for key in ("method", "seed") if key in self.asked}
+        with _naming(one.name):
+            return Drawn.of(one.arm, self.asked.get("n", SAMPLES), **asked)  # type: ignore[arg-type]
+
+    def _swept(self, one: _Entry, robot: Robot, postures: Drawn) -> tuple[_Entry, Any]:
+        from ftforce.batch.healthy import healthy_capability
+        from ftforce.batch.sweep import sweep
+        from ftforce.kinematics import reach_bound
+
+        before = self.done
+
+        def progress(done: int, _: int, /) -> None:
+            self.done = before + done
+            if self.progress is not None:
+                self.progress(self.done, self.total)
+
+        reach = reach_bound(robot)[1]
+        asked = {k: v for k, v in self.asked.items() if k not in {"n", "method", "seed"}}
+        with _naming(one.name):
+            result = sweep(
+                robot, postures,
+                **{"cell": 2.0 * reach / CELLS if math.isfinite(reach) else None, **asked},
+                threads=self.threads, progress=progress,
+            )  # fmt: skip
+            healthy = healthy_capability(
+                robot, result.setting, postures, limits=asked.get("limits"),
+                payload=asked.get("payload"), threads=self.threads,
+            )  # fmt: skip
+        return one._replace(arm=result), healthy
+
+
+class _naming:  # noqa: N801 - used as a function
+    """Put the arm's name before what is wrong with it; files name themselves."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __enter__(self) -> None:
+        """Do nothing."""
+
+    def __exit__(self, _kind: object, problem: BaseException | None, _trace: object) -> None:
+        """Name the arm."""
+        if isinstance(problem, InputError) and not isinstance(problem, FileError):
+            raise InputError(f"{self.name}: {problem}") from None
+
+
+# What makes a question: two arms that were not asked the same cannot stand side by side.
+_QUESTION = ("components", "axes", "length", "mode", "largest", "force", "limits", "direction",
+             "gravity", "payload", "rtol", "wary")  # fmt: skip
+_CALLED = {"components": "task", "largest": "size of sets"}
+
+
+def _check_same(one: _Entry, other: _Entry) -> None:
+    """Refuse two sweeps that were not asked the same.
+
+    Raises
+    ------
+    InputError
+        They were not; the message says in what they differ.
+    """
+    assert isinstance(one.arm, Sweep)
+    assert isinstance(other.arm, Sweep)
+    differs = [
+        f"{_CALLED.get(key, key)} {_in_words(a)} and {_in_words(b)}"
+        for key in _QUESTION
+        for a, b in [(_asked(one.arm.setting, key), _asked(other.arm.setting, key))]
+        if not _is_same(a, b)
+    ]
+    if differs:
+        raise InputError(
+            f"{one.name} and {other.name} were not asked the same: {'; '.join(differs)}"
+        )
+
+
+def _asked(setting: SweepSetting, key: str) -> Any:
+    value = getattr(setting, key)
+    if key == "length" and not any(name[0] == "m" for name in setting.components):
+        return None  # it weighs nothing
+    if key == "limits":  # an arm's limits are its own; whether they count is the question
+        return "none" if value is None else "counted"
+    return value
+
+
+def _is_same(a: Any, b: Any) -> bool:
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_is_same, a, b))
+    if is_number(a) and is_number(b):
+        return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)
+    return bool(a == b)
+
+
+def _in_words(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_in_words, value))})"
+    return "none" if value is None else f"{value:g}" if is_number(value) else str(value)
+
+
+def _ranked(reports: Sequence[ArmReport]) -> tuple[ArmReport, ...]:
+    """Sort arms, and say which ranks their intervals leave open.
+
+    An arm is behind another for certain if its interval lies wholly below the other's.
+    """
+    found = []
+    for arm in sorted(reports, key=_rank):
+        ahead = sum(other.tolerated.low > arm.tolerated.high for other in reports)
+        behind = sum(other.tolerated.high < arm.tolerated.low for other in reports)
+        found.append(replace(arm, first=ahead + 1, last=len(reports) - behind))
+    return tuple(found)
+
+
+def _rank(arm: ArmReport) -> tuple[float, float, float, str]:
+    evenness = 0.0 if math.isnan(arm.evenness) else arm.evenness
+    return (-arm.tolerated.value, -arm.every.value, -evenness, arm.name)
+
+
+def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
+    """Say what makes the answer doubtful, arms of one trouble together."""
+    found = []
+    weak = [f"{arm.name} at {arm.full_rank:.0%}" for arm in reports if arm.full_rank < _FULL]
+    if weak:
+        found.append(
+            "healthy arms that cannot command the whole task at most postures, so that shares are "
+            f"about what they can: {listed(weak)} of the postures"
+        )
+    slides = [arm.name for arm in reports if "m" in arm.setting.joint_units]
+    if slides and len({unit for arm in reports for unit in arm.setting.joint_units}) > 1:
+        found.append(
+            "joints that slide: margin, ρ and verdict weigh 1 m of them like 1 rad of a hinge: "
+            f"{listed(slides)}"
+        )
+    unknown = [
+        f"{arm.name} ({listed(arm.setting.unknown_limits, 3)})"
+        for arm in reports if arm.setting.unknown_limits
+    ]  # fmt: skip
+    if unknown:
+        found.append(f"unknown effort limits count as none: {listed(unknown)}")
+    return (*found, *_doubts_of_postures(reports))
+
+
+def _doubts_of_postures(reports: Sequence[ArmReport]) -> list[str]:
+    found = []
+    given = [arm.name for arm in reports if not arm.setting.is_random]
+    if given:
+        found.append(f"postures that were not drawn within the limits: {listed(given)}")
+    unfinished = [arm.name for arm in reports if arm.postures < arm.setting.count]
+    if unfinished:
+        found.append(f"sweeps that are not finished: {listed(unfinished)}")
+    counts = [f"{arm.postures:,} of {arm.name}" for arm in reports]
+    if len({arm.postures for arm in reports}) > 1:
+        found.append(f"not the same number of postures: {listed(counts)}")
+    cells = [arm.workspace.cell / arm.workspace.reach for arm in reports if arm.workspace.reach]
+    if cells and max(cells) > _ALIKE * min(cells):
+        found.append(
+            "cells of other sizes beside the reach: shares of the workspace compare roughly only"
+        )
+    return found

@@ -1,0 +1,78 @@
+"""The capability of an arm with no failed joint, over the postures of a sweep."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.batch.arm_report import capability_of
+from ftforce.batch.bins import Bins, Workspace
+from ftforce.batch.job import PIECE, Job
+from ftforce.batch.mechanism import mechanism_of
+from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.runner import threads_of
+from ftforce.conditions import Conditions
+from ftforce.faults import FaultSet
+from ftforce.limits_reader import URDF, choose_limits
+from ftforce.task import Task
+
+if TYPE_CHECKING:
+    from ftforce.batch.criticality import Estimate
+    from ftforce.batch.drawn import Drawn
+    from ftforce.batch.result import SweepSetting
+    from ftforce.limits_reader import LimitsLike
+    from ftforce.robot import Robot
+
+_ANYWHERE = Workspace((0.0, 0.0, 0.0), 1.0, (1, 1, 1))
+
+
+def healthy_capability(
+    robot: Robot,
+    setting: SweepSetting,
+    postures: Drawn,
+    *,
+    limits: LimitsLike = None,
+    payload: Any = None,
+    threads: int | None = None,
+) -> tuple[Estimate, Estimate] | None:
+    """Return the quantiles 5 % and 50 % of the capability, N (N·m); ``None`` without a direction.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    setting :
+        What its sweep asked.
+    postures :
+        Those of the sweep.
+    limits, payload :
+        As the sweep was given them.
+    threads :
+        On this machine; one per processor if not given.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    if setting.direction is None:
+        return None
+    axes: Any = setting.axes
+    conditions = Conditions.of(robot, gravity=setting.gravity, payload=payload)
+    own = None if conditions.is_model_gravity else conditions.gravity
+    plan = Plan(
+        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=True),
+        faults_of((FaultSet(),), robot.n),
+        question_of(
+            Task.parse(setting.components, axes, setting.length), robot.n,
+            force=None, direction=np.array(setting.direction),
+            limits=choose_limits(robot, URDF if limits is None else limits),
+            rtol=setting.rtol, wary=setting.wary, weighs=True,
+        ),
+        robot.n,
+        False,
+    )  # fmt: skip
+    job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
+    summary = job.empty_summary()
+    with ThreadPoolExecutor(threads_of(threads)) as pool:
+        for part, _ in pool.map(job.run, range(job.chunks)):
+            summary.merge(part)
+    return capability_of(summary)
