@@ -1,0 +1,362 @@
+"""The remap inside a control loop: fault sets that are chosen before, microseconds per posture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.batch.mechanism import mechanism_of
+from ftforce.batch.plan import faults_of, question_of
+from ftforce.conditions import Conditions
+from ftforce.errors import FtforceError, InputError
+from ftforce.fault_census import check_size, checked_mode
+from ftforce.faults import FaultMode, FaultSet, fault_sets
+from ftforce.history import VERDICTS
+from ftforce.reduced import RTOL, WARY, check_tolerances
+from ftforce.task import Axes, Task
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ftforce.batch.layout import Faults, Mechanism, Question, Whole
+    from ftforce.dynamics import Payload
+    from ftforce.metrics import Verdict
+    from ftforce.named_faults import Joints
+    from ftforce.robot import Robot
+
+FaultSets: TypeAlias = "int | FaultSet | Iterable[FaultSet | Joints]"
+
+_FLOAT = np.dtype(np.float64)
+
+
+class Remapped(NamedTuple):
+    """What `Remapper` says about S fault sets: arrays that its next call overwrites.
+
+    The arrays are read-only. Numbers are NaN where nothing holds the arm.
+
+    Attributes
+    ----------
+    U :
+        Motor torques meant for the force after the remap, N·m (N if prismatic), weight and motion
+        apart, shape (S, n); 0 at locked joints. At a joint without torque it is what balances the
+        joint's weight, as in `ftforce.changes.TorqueChange`.
+    self_motion :
+        Part of the torques that exerts no static force but moves the arm, shape (n,).
+    force_before :
+        Force that the healthy arm exerts, F̂, N and N·m, in the task's axes, shape (m,).
+    force_after :
+        Force that each set leaves, shape (S, m).
+    jump :
+        ΔF, the one less the other, shape (S, m).
+    jump_norm :
+        Norm of the jump's forces, N, shape (S,); ``None`` if the task has none.
+    moment_jump_norm :
+        Norm of its moments, N·m, shape (S,); ``None`` if the task has none.
+    margin :
+        σ_min(K)/σ_max(J), shape (S,).
+    sigma_min :
+        σ_min(K) of the weighted Jacobian, m (1 for a slide), shape (S,).
+    rank_lost :
+        Rank of J less that of K, shape (S,).
+    verdict :
+        Index in ``ftforce.history.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
+        tolerated.
+    """
+
+    U: Matrix
+    self_motion: Vector
+    force_before: Vector
+    force_after: Matrix
+    jump: Matrix
+    jump_norm: Vector | None
+    moment_jump_norm: Vector | None
+    margin: Vector
+    sigma_min: Vector
+    rank_lost: Whole
+    verdict: Whole
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdict of each set; for the screen, as it makes new objects."""
+        return tuple(VERDICTS[code] for code in self.verdict.tolist())
+
+    def copy(self) -> Remapped:
+        """Return arrays that stay as they are."""
+        kept = (None if array is None else read_only(array.copy()) for array in self)
+        return Remapped(*kept)  # type: ignore[arg-type] # which are None does not change
+
+
+class Remapper:
+    """Remap torques after faults that are chosen in advance, as `ftforce.analyze` would.
+
+    Everything but the posture and the torques is checked and laid out here, once. A call costs
+    microseconds and allocates no memory; its result is overwritten by the next call. A remapper
+    serves one thread: give each its own, for instance by ``copy.copy``.
+
+    Needs numba, from the extra ``sweep``. The first remapper on a machine waits for its compiler,
+    up to half a minute.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    faults :
+        All sets of up to so many joints; or the sets themselves: joints by number (from 1) or
+        name, masks of shape (n,), or `ftforce.FaultSet` for sets of both modes.
+    mode :
+        Of the joints that are not in a `ftforce.FaultSet`: ``locked`` or ``free``.
+    gravity, payload :
+        As in `ftforce.analyze`. They count where a joint is free: its weight has to be balanced.
+        Motion does not.
+    task, length, axes, rtol, wary :
+        As in `ftforce.analyze`.
+
+    Raises
+    ------
+    InputError
+        A malformed value, no sets, or weak joints: they need limits, which `ftforce.analyze`
+        knows.
+    FtforceError
+        numba is missing.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> import numpy as np
+    >>> arm = ftforce.load_robot("dh5")
+    >>> remapper = Remapper(arm, [[2], [2, 4, 5]])
+    >>> q = np.radians([10.0, 70.0, 25.0, 65.0, 0.0])
+    >>> result = remapper(q, force=np.array([80.0, 50.0, 10.0]))
+    >>> result.jump_norm.round(2), result.verdict
+    (array([ 0.  , 43.66]), array([0, 2]))
+    """
+
+    __slots__ = ("_by_force", "_by_torque", "_options", "_result", "_robot", "_sets", "_task")
+
+    def __init__(
+        self,
+        robot: Robot,
+        faults: FaultSets = 1,
+        *,
+        mode: FaultMode | str = FaultMode.LOCKED,
+        gravity: ArrayLike | None = None,
+        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        task: str | Iterable[str] | Task = "force",
+        length: float | None = None,
+        axes: Axes = "tool",
+        rtol: float = RTOL,
+        wary: float = WARY,
+    ) -> None:
+        check_tolerances(rtol, wary)
+        self._robot = robot
+        self._task = Task.parse(task, axes, length)
+        self._sets = _fault_sets(robot, faults, checked_mode(mode))
+        conditions = Conditions.of(robot, gravity=gravity, payload=payload)
+        self._options = {
+            "gravity": gravity, "payload": payload, "task": self._task, "rtol": rtol, "wary": wary,
+        }  # fmt: skip
+        answer = _kernel()
+        failed = faults_of(self._sets, robot.n)
+        weighs = bool(failed.swings.any())
+        own = None if conditions.is_model_gravity else conditions.gravity
+        mechanism = mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs)
+        question = question_of(
+            self._task, robot.n, force=None, direction=None, limits=None, rtol=rtol, wary=wary,
+            weighs=weighs,
+        )  # fmt: skip
+        constants = _constants(mechanism, question, failed)
+        work, self._result = _workspace(len(mechanism.parent), self._task, robot.n, len(self._sets))
+        self._by_torque = partial(answer, False, *constants, *work)
+        self._by_force = partial(answer, True, *constants, *work)
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self._robot
+
+    @property
+    def task(self) -> Task:
+        """Components and axes of the forces."""
+        return self._task
+
+    @property
+    def sets(self) -> tuple[FaultSet, ...]:
+        """The fault sets, in the order of the answers."""
+        return self._sets
+
+    @property
+    def result(self) -> Remapped:
+        """Answers of the last call; of the last that was answered, if one raised an error."""
+        return self._result
+
+    def __call__(
+        self, q: ArrayLike, tau: ArrayLike | None = None, *, force: ArrayLike | None = None
+    ) -> Remapped:
+        """Answer for one posture.
+
+        Arrays of float64 are read where they are. Anything else is converted first, which takes
+        memory and some microseconds.
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, shape (n,).
+        tau :
+            Motor torques meant for the tip's force (weight and motion taken off), N·m (N), shape
+            (n,): ``torque`` of `ftforce.analyze`.
+        force :
+            Instead, the force that the tool exerts on its environment, N and N·m, in the task's
+            axes, shape (m,).
+
+        Returns
+        -------
+        :
+            `result`, the same object each time.
+
+        Raises
+        ------
+        InputError
+            Wrong sizes, not numbers, NaN or infinity; both torques and a force, or neither. The
+            answers of the call before stay.
+        """
+        run, given = self._by_torque, tau
+        if force is not None:
+            run, given = self._by_force, force
+            if tau is not None:
+                raise InputError("give either torques or a force, not both")
+        if (
+            q.__class__ is np.ndarray
+            and given.__class__ is np.ndarray
+            and q.dtype is _FLOAT  # type: ignore[union-attr]
+            and given.dtype is _FLOAT  # type: ignore[union-attr]
+            and q.ndim == given.ndim == 1  # type: ignore[union-attr]
+            and not run(q, given)
+        ):
+            return self._result
+        return self._converted(q, tau, force)
+
+    def _converted(
+        self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None
+    ) -> Remapped:
+        """Answer for anything that can be made arrays; say what is wrong with anything else."""
+        robot, task = self._robot, self._task
+        hint = f"one per joint, {robot.numbered()}"
+        q = as_vector(q, robot.n, "q", hint)
+        if force is not None:
+            names = ", ".join(task.components)
+            F = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
+            is_malformed = self._by_force(q, F)
+        elif tau is not None:
+            is_malformed = self._by_torque(q, as_vector(tau, robot.n, "tau", hint))
+        else:
+            raise InputError("give torques or a force")
+        if is_malformed:
+            raise InputError("the posture, torques or force hold numbers too large to compute with")
+        return self._result
+
+    def __repr__(self) -> str:
+        """Return robot, task and number of sets."""
+        return f"<Remapper {self._robot.name!r}: {self._task}, {len(self._sets)} fault sets>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle what it was made of: the workspace is each one's own."""
+        return partial(Remapper, **self._options), (self._robot, self._sets)
+
+
+def _kernel() -> Any:
+    try:
+        from ftforce.batch.single import answer
+    except ImportError as problem:
+        if problem.name != "numba":
+            raise
+        raise FtforceError(
+            "a Remapper needs numba: install the extra with pip install 'ftforce[sweep]'"
+        ) from None
+    return answer
+
+
+def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[FaultSet, ...]:
+    if isinstance(faults, int):  # and True, which is none
+        check_size(robot, faults)
+        return tuple(fault_sets(robot.n, faults, mode))
+    if isinstance(faults, FaultSet):
+        faults = [faults]
+    if isinstance(faults, str) or not isinstance(faults, Iterable):
+        raise InputError(
+            f"faults needs a number, or a list of sets such as [[2], [2, 4]], got {faults!r}"
+        )
+    sets = tuple(
+        one if isinstance(one, FaultSet) else FaultSet.all_of(mode, robot.indices(one))
+        for one in faults
+    )
+    if not sets:
+        raise InputError("faults needs at least one set")
+    for one in sets:
+        if one.in_mode(FaultMode.WEAK):
+            raise InputError(
+                f"the set {one} has weak joints, which need limits; ask analyze about them"
+            )
+    return sets
+
+
+def _constants(
+    mechanism: Mechanism, question: Question, faults: Faults
+) -> tuple[NDArray[Any], ...]:
+    """Return tree, body, task, locked and free as `ftforce.batch.single.answer` takes them."""
+    E, m = len(mechanism.parent), len(question.rows)
+    tree = np.zeros((E + 1, 4), dtype=np.int64)
+    tree[:E] = np.column_stack(
+        [mechanism.parent, mechanism.driver, mechanism.slides, mechanism.moves_tip]
+    )
+    tree[E, :3] = mechanism.tip_parent, question.in_tool, question.weighs
+    body = np.zeros((E + 1, 18))
+    body[:E] = np.column_stack([
+        mechanism.placement, mechanism.ratio, mechanism.offset, mechanism.mass, mechanism.centre
+    ])  # fmt: skip
+    body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
+    task = np.zeros((3, max(m, 2)))
+    task[0, :m], task[1, :m] = question.rows, question.weights
+    task[2, :2] = question.rtol, question.wary
+    return tree, body, task, faults.locked.copy(), faults.free.copy()
+
+
+def _workspace(
+    joints: int, task: Task, n: int, sets: int
+) -> tuple[tuple[NDArray[Any], ...], Remapped]:
+    """Return what `ftforce.batch.single.answer` writes to, and the part of it that it answers."""
+    from ftforce.batch import single
+
+    m = task.m
+    square = np.zeros((single.SQUARES, m, m))
+    square[0] = np.eye(m)  # in its own left vectors J has unit ones
+    torque = np.full((single.TORQUES + sets, n), np.nan)
+    torque[0] = 0.0  # no weight, unless the kernel is to find it
+    force = np.full((1 + 2 * sets, m), np.nan)
+    number = np.full((4, sets), np.nan)
+    code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
+    work = (
+        np.zeros((joints + 1, single.FRAME)), np.zeros((single.MATRICES, m, n)), square,
+        np.zeros((single.VECTORS, m)), torque, force, number, code,
+    )  # fmt: skip
+    return work, Remapped(
+        U=_view(torque[single.TORQUES :]),
+        self_motion=_view(torque[single.TORQUES - 1]),
+        force_before=_view(force[0]),
+        force_after=_view(force[1 : 1 + sets]),
+        jump=_view(force[1 + sets :]),
+        jump_norm=_view(number[2]) if task.force_rows else None,
+        moment_jump_norm=_view(number[3]) if task.moment_rows else None,
+        margin=_view(number[0]),
+        sigma_min=_view(number[1]),
+        rank_lost=_view(code[1]),
+        verdict=_view(code[0]),
+    )
+
+
+def _view(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the same memory, but not to be written to through this door."""
+    return read_only(array.view())
