@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
+CONFIDENCE = 0.95  # of all intervals: what wilson and quantile_interval take if not told
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 
