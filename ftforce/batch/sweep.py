@@ -210,7 +210,7 @@ def _checked_keep(keep: str | None, output: object) -> str:
     if keep is None:
         return "summary" if output is None else "all"
     if keep not in KEEPS:
-        raise UnknownNameError("choice of what to keep", keep, KEEPS)
+        raise UnknownNameError("value of keep", keep, KEEPS)
     return keep
 
 

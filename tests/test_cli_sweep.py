@@ -1,0 +1,168 @@
+"""``ftforce sweep`` at the command line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import ftforce
+from ftforce.cli import progress as bars
+from test_cli import run
+
+SMALL = ("sweep", "dh5", "--samples", "1000")
+
+
+def test_the_tables_name_the_critical_joint():
+    result = run(*SMALL, "--faults", "2", "--top", "3")
+    assert result.exit_code == 0, result.stderr
+    assert "15 sets of 1 to 2 joints, locked" in result.stdout
+    assert "… and 12 more (--top)" in result.stdout
+    assert "The critical joints are joint1 and joint2" in " ".join(result.stdout.split())
+    assert max(map(len, result.stdout.splitlines())) <= 80
+
+
+def test_the_command_says_what_python_says():
+    arm = ftforce.load_robot("dh5")
+    options = ("--force", "80,50,10", "--mode", "free", "--payload", "1", "--axes", "world")
+    document = json.loads(run(*SMALL, *options, "--format", "json").stdout)
+    sweep = ftforce.sweep(
+        arm, n=1000, force=[80, 50, 10], mode="free", payload=1.0, axes="world", limits="urdf"
+    )
+    expected = ftforce.to_dict(sweep)
+    assert document == json.loads(json.dumps(expected))
+
+
+def test_a_zarr_folder_is_kept_and_opens_in_xarray(tmp_path):
+    out = tmp_path / "s.zarr"
+    first = run(*SMALL, "--output", str(out), "--keep", "worst")
+    assert first.exit_code == 0, first.stderr
+    with xr.open_dataset(out, engine="zarr") as dataset:
+        assert dataset.sizes["posture"] == 1000
+        assert "worst_margin" in dataset
+    again = run(*SMALL, "--output", str(out), "--keep", "worst")
+    assert again.stdout == first.stdout
+    assert ftforce.open_sweep(out).setting.keep == "worst"
+
+
+def test_another_question_is_refused_by_an_existing_folder(tmp_path):
+    out = tmp_path / "s.zarr"
+    run(*SMALL, "-o", str(out))
+    result = run(*SMALL, "-o", str(out), "--seed", "1", status=1)
+    assert "holds another sweep" in result.stderr
+    assert "seed" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "txt", "svg", "html"])
+def test_tables_become_files(form, tmp_path):
+    file = tmp_path / f"s.{form}"
+    assert run(*SMALL, "-o", str(file)).exit_code == 0
+    assert "joint2" in file.read_text("utf-8")
+
+
+def test_postures_from_a_file_in_degrees(tmp_path):
+    q = np.array([[10.0, 70.0, 25.0, 65.0, 0.0], [-10.0, 18.0, -6.0, -5.0, -6.0]])
+    np.savetxt(
+        tmp_path / "q.csv", q, delimiter=",", comments="",
+        header="joint1,joint2,joint3,joint4,joint5",
+    )  # fmt: skip
+    arguments = ("sweep", "dh5", "--postures", str(tmp_path / "q.csv"), "--deg")
+    out = tmp_path / "s.zarr"
+    result = run(*arguments, "--force", "80,50,10", "-o", str(out))
+    assert result.exit_code == 0, result.stderr
+    assert "2 postures from q.csv" in result.stdout
+    assert "not drawn at random" in " ".join(result.stdout.split())
+    dataset = ftforce.open_sweep(out).dataset
+    np.testing.assert_allclose(dataset["q"], np.radians(q), rtol=1e-12)
+    # Table 3 of the paper: the third joint's lock costs 80 N, the others' nothing.
+    np.testing.assert_allclose(dataset["jump"][0], [0.0, 0.0, 80.0, 0.0, 0.0], atol=0.005)
+
+
+def test_a_grid(tmp_path):
+    result = run("sweep", "dh5", "--grid", "1,3,3,2,1", "--format", "json")
+    assert json.loads(result.stdout)["postures"]["count"] == 18
+    assert "warning: the postures were not drawn" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "message"),
+    [
+        ((), 2, "give one of --samples, --postures and --grid"),
+        (("--samples", "10", "--grid", "2"), 2, "give one of"),
+        (("--samples", "10", "--deg"), 2, "--deg is about --postures"),
+        (("--grid", "2.5"), 2, "--grid needs whole numbers"),
+        (("--grid", "2,2"), 1, "a grid needs 5 numbers of positions, got 2"),
+        (("--samples", "0"), 1, "the number of postures is a whole number from 1"),
+        (("--samples", "1.5"), 1, "a whole number from 1"),
+        (("--samples", "10", "--method", "halton"), 1, "no method 'halton'"),
+        (("--samples", "10", "--faults", "6"), 1, "a number from 1 to 5, got 6"),
+        (("--samples", "10", "--mode", "weak"), 1, "weak"),
+        (("--samples", "10", "--force", "0,0,0"), 1, "a component that is not zero"),
+        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "no value of keep 'some'; there is: all, worst"),
+        (("--samples", "10", "--cell", "-1"), 1, "the edge of a cell must be positive"),
+        (("--samples", "10", "--threads", "0"), 1, "threads must be a whole number from 1"),
+        (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number from 1"),
+        (("--samples", "10", "--threads", "1", "--workers", "1"), 1, "either threads or workers"),
+        (("--samples", "10", "--chunk", "10"), 1, "chunk is a whole number from 4096"),
+        (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),
+        (("--samples", "10", "-o", "nowhere/x.zarr"), 1, "cannot be written"),
+        (("--postures", "nowhere.csv"), 1, "no such file"),
+    ],
+)
+def test_wrong_words_get_one_line(words, status, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run("sweep", "dh5", *words, status=status)
+    assert message in " ".join(result.stderr.split()).replace("│ ", "")
+    assert status == 2 or result.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_zarr_is_for_sweeps(tmp_path):
+    result = run("census", "dh5", "-o", str(tmp_path / "x.zarr"), status=1)
+    assert result.stderr == "error: .zarr is for `ftforce sweep`; use .json or .csv\n"
+
+
+def test_an_interrupt_says_what_is_kept(tmp_path, monkeypatch):
+    def interrupted(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ftforce.batch.sweep.sweep", interrupted)
+    result = run(*SMALL, "-o", str(tmp_path / "x.zarr"), status=130)
+    kept = "interrupted; what is finished is kept: the same command goes on from there\n"
+    assert result.stderr == kept
+    assert "nothing was kept" in run(*SMALL, status=130).stderr
+
+
+def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):
+    clock = iter([0.0, 2.0, 2.0, 4.0, 4.0, 4.0])
+    monkeypatch.setattr(bars.time, "monotonic", lambda: next(clock, 4.0))
+    shown = []
+
+    class Bar:
+        def __init__(self, *_columns, **_options):
+            pass
+
+        def add_task(self, *_words, **_fields):
+            return 0
+
+        def start(self):
+            shown.append("start")
+
+        def stop(self):
+            shown.append("stop")
+
+        def update(self, _task, **fields):
+            shown.append(fields)
+
+    monkeypatch.setattr("rich.progress.Progress", Bar)
+    monkeypatch.setattr("rich.console.Console.is_terminal", True)
+    with bars.rate_bar("postures") as update:
+        update(1000, 5000)  # an earlier run did these
+        update(3000, 5000)
+    assert shown[0] == "start"
+    assert shown[-1] == "stop"
+    assert shown[-2]["completed"] == 3000
+    assert shown[-2]["rate"] == "1,000 postures/s"
