@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ftforce.batch.result import Sweep
+from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
 from ftforce.fault_census import Census
 from ftforce.fault_timeline import Timeline
@@ -16,6 +18,7 @@ from ftforce.force_capability import Capability
 from ftforce.history import History
 from ftforce.show import plots
 from ftforce.show.canvas import PRINT, ROW, WIDTH, fit_ticks, needs_matplotlib
+from ftforce.show.map_figure import draw_map, draw_sweep
 from ftforce.source import write_whole
 
 if TYPE_CHECKING:
@@ -36,13 +39,16 @@ _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; what a plot needs besides its rows
 
 
-def figure(result: History | Timeline | Census | Capability) -> Figure:
+Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap
+
+
+def figure(result: Drawable) -> Figure:
     """Draw all that belongs to a result.
 
     Parameters
     ----------
     result :
-        A simulation, a timeline, a census or a capability.
+        A simulation, a timeline, a census, a capability, a sweep or a map of one.
 
     Raises
     ------
@@ -64,9 +70,7 @@ def figure(result: History | Timeline | Census | Capability) -> Figure:
     return drawn
 
 
-def save_figure(
-    result: History | Timeline | Census | Capability, path: str | PathLike[str]
-) -> Path:
+def save_figure(result: Drawable, path: str | PathLike[str]) -> Path:
     """Draw a result into a ``.png``, ``.pdf`` or ``.svg`` file, whole or not at all.
 
     The same result gives the same bytes.
@@ -81,9 +85,7 @@ def save_figure(
     return write_whole(path, figure_bytes(result, path))
 
 
-def figure_bytes(
-    result: History | Timeline | Census | Capability, path: str | PathLike[str]
-) -> bytes:
+def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
     """Draw a result and return what its file would hold.
 
     Raises
@@ -186,4 +188,6 @@ _LAYOUTS: dict[type[Any], Any] = {
     Timeline: _of_timeline,
     Census: _of_census,
     Capability: _of_capability,
+    Sweep: draw_sweep,
+    WorkspaceMap: draw_map,
 }

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 ROW_HEIGHT = 0.28  # in; of a joint
 _PEAK = 0.86  # of a row's height
 _LINEAR, _LOGARITHMIC = 20, 10  # bins of the sweep that make one of the picture
+_NUMBERS = 82.0  # pt; what the numbers behind a bar need
 _HEAD = 1.2  # in; what a plot needs besides its rows
 
 
@@ -96,12 +97,19 @@ def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = Non
     found = [histogram_of(sweep, quantity, one.joint) for one in ranked]
     with canvas(ax, _HEAD + ROW_HEIGHT * len(ranked)) as axes:
         draw_rows(axes, found, logarithmic=quantity == "capability")
-        _name_rows(axes, sweep)
-        title, label = _words(sweep, quantity)
+        name_rows(axes, sweep)
+        title, label = words_of(sweep, quantity)
         axes.set_xlabel(label)
         how = f"each joint {_fails(sweep)} alone; heights: each row by itself"
         head(axes, wrapped(axes, [title, how]), mark_key(quantity))
+        without_ticks_above(axes)
     return axes
+
+
+def without_ticks_above(ax: Axes) -> None:
+    """Remove the small ticks that a logarithmic axis gives the blank one above it."""
+    for above in ax.child_axes:
+        above.minorticks_off()
 
 
 def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
@@ -149,11 +157,11 @@ def _shares(notes: dict[str, int], total: int) -> list[str]:
 def _percent(share: float) -> str:
     """Write a share in few letters, and never what is not all as 100 or what is some as 0."""
     x = 100.0 * share
-    if 0.0 < x < 0.05:
-        return "<0.1"
-    if 99.95 < x < 100.0:
-        return ">99.9"
-    return f"{x:.0f}" if x in {0.0, 100.0} else f"{x:.3g}"
+    if x > 99.9:
+        return "100" if x >= 100.0 else ">99.9"
+    if 0.0 < x < 0.001:
+        return "<0.001"
+    return f"{x:.2g}" if x < 1.0 else f"{x:.3g}"
 
 
 def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
@@ -168,12 +176,12 @@ def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
         ax.stairs(base - _PEAK * one.counts / peak, one.edges, baseline=base, fill=True,
                   facecolor=SKY, edgecolor=BLACK, linewidth=0.6, zorder=2)  # fmt: skip
         ax.axhline(base, color="0.6", linewidth=0.5, zorder=1)
-        for x, marker, colour, size in (
-            (one.median, "D", "white", 16.0), (one.bad, "^", VERMILION, 20.0),
+        for x, height, marker, colour, size in (
+            (one.median, 0.45, "D", "white", 14.0), (one.bad, 0.06, "^", VERMILION, 20.0),
         ):  # fmt: skip
-            if math.isfinite(x) and low <= x <= high:
-                ax.scatter([x], [base], s=size, marker=marker, facecolor=colour, edgecolor=BLACK,
-                           linewidth=0.7, zorder=4, clip_on=False)  # fmt: skip
+            if math.isfinite(x) and low <= x <= high:  # marks that coincide stand above each other
+                ax.scatter([x], [base - height], s=size, marker=marker, facecolor=colour,
+                           edgecolor=BLACK, linewidth=0.7, zorder=4, clip_on=False)  # fmt: skip
         if one.notes:
             ax.annotate("\n".join(one.notes), (1.0, row), (3.0, 0.0), va="center",
                         xycoords=("axes fraction", "data"), textcoords="offset points",
@@ -205,7 +213,8 @@ def mark_key(quantity: str) -> list[Any]:
     ]
 
 
-def _words(sweep: Sweep, quantity: str) -> tuple[str, str]:
+def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
+    """Say what a histogram shows, and name its axis."""
     title, label = WORDS[quantity]
     unit = sweep.setting.size_unit
     if quantity in {"jump", "capability"}:
@@ -219,7 +228,8 @@ def _fails(sweep: Sweep) -> str:
     return "swings free" if sweep.setting.mode == "free" else "locks"
 
 
-def _name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:
+def name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:
+    """Name the rows by numbers and names of the joints, which are cut to so many letters."""
     names = [
         f"{one.joint + 1} {shortened(sweep.setting.joints[one.joint], most)}"
         for one in sweep.joints
@@ -249,7 +259,7 @@ def criticality(sweep: Sweep, *, ax: Axes | None = None) -> Axes:
     """
     with canvas(ax, _HEAD + ROW_HEIGHT * len(sweep.joints)) as axes:
         draw_ranking(axes, sweep)
-        _name_rows(axes, sweep)
+        name_rows(axes, sweep)
         lines = ["Joints, most critical on top", *_cases(sweep)]
         head(axes, wrapped(axes, lines), ranking_key())
     return axes
@@ -277,8 +287,7 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
     ends = np.array([[one.not_tolerated.low, one.not_tolerated.high] for one in joints])
     _whiskers(ax, rows + 0.16, lost, 100.0 * ends.T)
     _whiskers(ax, rows - 0.16, lost + doubtful, np.array([low, high]))
-    top = float(np.nanmax(high, initial=0.0))
-    ax.set_xlim(0.0, 1.9 * top if top > 0.0 else 1.0)
+    _window_of_shares(ax, float(np.nanmax(high, initial=0.0)))
     for row, total, start, end in zip(rows, lost + doubtful, low, high, strict=True):
         words = f"{_percent(0.01 * total)} ({_percent(0.01 * start)}–{_percent(0.01 * end)})"
         ax.annotate(words, (end, row), (4.0, 0.0), textcoords="offset points",
@@ -287,7 +296,32 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
     ax.grid(axis="x", color="0.9", linewidth=0.5)
     ax.set_axisbelow(True)
     what = "postures" if sweep.setting.largest == 1 else "cases"
-    ax.set_xlabel(f"share of the {what} [%] (95 % interval)")
+    ax.set_xlabel(f"share of the {what} [%] (95 % interval)" + _none(sweep))
+
+
+def _none(sweep: Sweep) -> str:
+    """Say that no failure is ever not tolerated: the end of that interval is too small to see."""
+    if any(one.not_tolerated.value > 0.0 for one in sweep.joints):
+        return ""
+    most = max(one.not_tolerated.high for one in sweep.joints)
+    return f"\nnot tolerated: none (at most {_percent(most)} %)"
+
+
+def _window_of_shares(ax: Axes, top: float) -> None:
+    """Leave room for the numbers behind the bars; beyond 100 % the axis has none itself."""
+    from matplotlib.ticker import FixedLocator, MaxNLocator
+
+    room = min(_NUMBERS / width_of(ax), 0.6)
+    ticks = [x for x in MaxNLocator(3).tick_values(0.0, top) if x <= min(100.0, 1.05 * top)]
+    ax.set_xlim(0.0, top / (1.0 - room) if top > 0.0 else 1.0)
+    ax.xaxis.set_major_locator(FixedLocator(ticks))
+
+
+def width_of(ax: Axes) -> float:
+    """Return the width of axes, pt."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return float(72.0 * ax.bbox.width / figure.dpi)
 
 
 def _whiskers(ax: Axes, rows: Values, values: Values, ends: Values) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,14 +13,14 @@ from ftforce.batch.workspace_map import (
     pooled,
     workspace_map,
 )
-from ftforce.show.canvas import BLACK, ROW_OF_TEXT, canvas, head, wrapped
+from ftforce.show.canvas import BLACK, canvas, head, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
 
-    from ftforce.arrays import Vector
+    from ftforce.arrays import Matrix, Vector
     from ftforce.batch.result import Sweep
     from ftforce.batch.workspace_map import Counts, Flat, Values, WorkspaceMap
 
@@ -32,6 +31,7 @@ ROBUST = 60  # postures of a block of a solid picture, so that a share means som
 _FEWEST_BLOCKS = 8  # along the longest side of a solid picture
 _FLOORS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
 _COLOURS = "cividis"  # for all kinds of colour vision, and even in grey: dark where it is bad
+_OF_HEIGHT = 0.48  # edge of the cube of axes of three dimensions over their height, about
 _FAINTEST = 0.03
 _FAIL = {"locked": "locked", "free": "swinging free"}
 
@@ -41,6 +41,27 @@ class Scale(NamedTuple):
 
     floor: float
     reaches_below: bool
+
+
+class Solid(NamedTuple):
+    """Blocks of cells in space that hold postures.
+
+    Attributes
+    ----------
+    place :
+        Their middles in the root's axes, m, shape (k, 3).
+    edge :
+        m.
+    cells :
+        Shape (k,).
+    words :
+        What they are.
+    """
+
+    place: Matrix
+    edge: float
+    cells: Cells
+    words: list[str]
 
 
 def survival(
@@ -109,22 +130,13 @@ def survival_3d(
         The sweep has no such set, or the axes are none of three dimensions.
     """
     found = workspace_map(sweep, joints)
-    factor = _block(found.grid.postures)
-    starts = [int(x) for x in _window(found.grid.postures)[:, 0]]
-    counts = (found.grid.postures, found.grid.tolerated)
-    cells = Cells.of(*(pooled(one, factor, starts) for one in counts))
-    edge = factor * sweep.summary.workspace.edge
-    corner = np.array(sweep.summary.workspace.origin)
-    corner = corner + np.array(starts) * sweep.summary.workspace.edge
     with canvas(ax, 5.0, solid=True) as axes:
-        one = scale_of(cells)
-        _paint_solid(axes, cells, corner, edge, one)
+        blocks = solid_of(found)
+        one = scale_of(blocks.cells)
+        paint_solid(axes, blocks, one)
         colour_bar(axes, [axes], one, pad=0.08, shrink=0.7)
         title = f"Postures that tolerate {faults_in_words(sweep, found.joints)}"
-        lines = [title, f"blocks of {edge:g} m; the brighter, the more transparent"]
-        if not _is_sure(cells)[cells.postures > 0].all():
-            lines.append(f"small: {UNSURE_WORDS}")
-        axes.set_title(wrapped(axes, lines))
+        axes.set_title(wrapped(axes, [title, *blocks.words]))
     return axes
 
 
@@ -215,6 +227,13 @@ def _window(postures: Counts) -> Any:
     return np.array(found)
 
 
+def spans_of(found: WorkspaceMap) -> tuple[float, float, float]:
+    """Return how long the part of the workspace with postures is along x, y and z, m."""
+    window, edge = _window(found.grid.postures), found.sweep.summary.workspace.edge
+    x, y, z = (edge * (window[:, 1] - window[:, 0])).tolist()
+    return x, y, z
+
+
 def _draw_border(ax: Axes, flat: Flat, filled: Any) -> None:
     """Draw a line between cells with postures and those without: bright is not white."""
     from matplotlib.collections import LineCollection
@@ -289,20 +308,46 @@ def _block(postures: Counts) -> int:
     return factor
 
 
-def _paint_solid(ax: Any, cells: Cells, corner: Vector, edge: float, one: Scale) -> None:
+def solid_of(found: WorkspaceMap) -> Solid:
+    """Return the blocks of a picture in space, each of enough cells to hold some postures."""
+    workspace, grid = found.sweep.summary.workspace, found.grid
+    factor = _block(grid.postures)
+    starts = _window(grid.postures)[:, 0].tolist()
+    cells = Cells.of(*(pooled(one, factor, starts) for one in (grid.postures, grid.tolerated)))
+    filled = cells.postures > 0
+    edge = factor * workspace.edge
+    corner = np.array(workspace.origin) + np.array(starts) * workspace.edge
+    place = corner + (np.argwhere(filled) + 0.5) * edge
+    words = [f"blocks of {edge:g} m; the brighter, the more transparent"]
+    kept = Cells(*(values[filled] for values in cells))
+    if not _is_sure(kept).all():
+        words.append(f"small: {UNSURE_WORDS}")
+    return Solid(place, edge, kept, words)
+
+
+def paint_solid(ax: Any, blocks: Solid, one: Scale, points: float | None = None) -> None:
+    """Paint blocks as squares that face the reader.
+
+    Parameters
+    ----------
+    ax :
+        Axes of three dimensions.
+    blocks, one :
+        What is drawn, in which colours.
+    points :
+        Height of the axes, pt, if they are not laid out yet.
+    """
     from matplotlib import colormaps
 
-    index = np.argwhere(cells.postures > 0)
-    share = cells.share[cells.postures > 0]
-    place = corner + (index + 0.5) * edge
-    badness = np.clip((1.0 - share) / (1.0 - one.floor), 0.0, 1.0)
+    place, edge = blocks.place, blocks.edge
+    badness = np.clip((1.0 - blocks.cells.share) / (1.0 - one.floor), 0.0, 1.0)
     colours = colormaps[_COLOURS](1.0 - badness)
     colours[:, 3] = _opacity(badness)
     low, high = place.min(axis=0) - 0.5 * edge, place.max(axis=0) + 0.5 * edge
     side = 0.5 * float((high - low).max())
-    size = 0.8 * _points(ax) * edge / (2.0 * side)
-    size = np.where(_is_sure(cells)[cells.postures > 0], size, 0.4 * size)
-    ax.scatter(*place.T, s=size**2, c=colours, marker="s", linewidth=0.0, depthshade=False,
+    size = _OF_HEIGHT * (_points(ax) if points is None else points) * edge / (2.0 * side)
+    sizes = np.where(_is_sure(blocks.cells), size, 0.4 * size)
+    ax.scatter(*place.T, s=sizes**2, c=colours, marker="s", linewidth=0.0, depthshade=False,
                rasterized=True)  # fmt: skip
     ax.plot([0.0], [0.0], [0.0], linestyle="none", marker="P", markersize=6.0,
             markerfacecolor="white", markeredgecolor=BLACK)  # fmt: skip
@@ -312,7 +357,7 @@ def _paint_solid(ax: Any, cells: Cells, corner: Vector, edge: float, one: Scale)
         getattr(ax, f"{name}axis").set_major_locator(_few_ticks(5, prune="both"))
         getattr(ax, f"{name}axis").labelpad = -2.0
     ax.tick_params(pad=-1.0)
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.95)
+    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
     ax.view_init(elev=22.0, azim=-55.0)
 
 
@@ -321,11 +366,10 @@ def _opacity(badness: Values) -> Values:
 
 
 def _points(ax: Axes) -> float:
-    """Return about how long an edge of the cube of axes of three dimensions is, pt."""
+    """Return the height of axes that are a square, pt."""
     figure = ax.get_figure(root=True)
     assert figure is not None
-    box = ax.get_window_extent()
-    return float(72.0 / figure.dpi * min(box.width, box.height) / (math.sqrt(2.0) * ROW_OF_TEXT))
+    return float(72.0 / figure.dpi * min(ax.bbox.width, ax.bbox.height))
 
 
 def _few_ticks(most: int, **options: Any) -> Any:
