@@ -62,6 +62,16 @@ _CLOSED_OF = {
         "robot", "conventions", "limits", "capability_limits", "sets[].modes",
         "sets[].weak_factors", "columns[].modes", "columns[].weak_factors",
     },
+    "Sweep": {
+        "robot", "limits", "every_set_tolerated", "conventions.units",
+        *(f"sets[].{name}" for name in (
+            "tolerated", "borderline", "not_tolerated", "margin", "relative_manipulability",
+            "jump", "capability",
+        )),
+        *(f"joints[].{name}" for name in (
+            "not_tolerated", "alone", "margin", "relative_manipulability", "capability",
+        )),
+    },
 }  # fmt: skip
 _SHARED = "Analysis, census and capability"
 
@@ -155,6 +165,8 @@ def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
     forced = {"force": [80, 50, 10], "rate": 10}
     yield "History", ftforce.to_dict(ftforce.simulate(arm, line, faults="3@0.2", **forced))
     yield "Timeline", ftforce.to_dict(ftforce.timeline(arm, line, **forced))
+    swept = {"n": 1000, "force": [80, 50, 10], "limits": "urdf"}
+    yield "Sweep", ftforce.to_dict(ftforce.sweep(arm, **swept))
     yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
     yield "Replication", ftforce.to_dict(replicate())
 
