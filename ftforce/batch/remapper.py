@@ -307,13 +307,15 @@ def _constants(
     mechanism: Mechanism, question: Question, faults: Faults
 ) -> tuple[NDArray[Any], ...]:
     """Return tree, body, task, locked and free as `ftforce.batch.single.answer` takes them."""
-    E, m = len(mechanism.parent), len(question.rows)
+    from ftforce.batch import single
+
+    E, m, n = len(mechanism.parent), len(question.rows), faults.locked.shape[1]
     tree = np.zeros((E + 1, 4), dtype=np.int64)
     tree[:E] = np.column_stack(
         [mechanism.parent, mechanism.driver, mechanism.slides, mechanism.moves_tip]
     )
     tree[E, :3] = mechanism.tip_parent, question.in_tool, question.weighs
-    body = np.zeros((E + 1, 18))
+    body = np.zeros((E + 1, single.BODY))
     body[:E] = np.column_stack([
         mechanism.placement, mechanism.ratio, mechanism.offset, mechanism.mass, mechanism.centre
     ])  # fmt: skip
@@ -321,7 +323,10 @@ def _constants(
     task = np.zeros((3, max(m, 2)))
     task[0, :m], task[1, :m] = question.rows, question.weights
     task[2, :2] = question.rtol, question.wary
-    return tree, body, task, faults.locked.copy(), faults.free.copy()
+    failed = np.zeros((-(-len(faults.locked) // single.SIDE), n, single.SIDE))
+    for at, locked in enumerate(faults.locked):
+        failed[at // single.SIDE, :, at % single.SIDE] = locked
+    return tree, body, task, faults.locked.copy(), faults.free.copy(), failed
 
 
 def _workspace(
@@ -340,7 +345,8 @@ def _workspace(
     code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
     work = (
         np.zeros((joints + 1, single.FRAME)), np.zeros((single.MATRICES, m, n)), square,
-        np.zeros((single.VECTORS, m)), torque, force, number, code,
+        np.zeros((single.VECTORS, m)), np.zeros((m, m, single.SIDE)),
+        np.zeros((single.LINES, single.SIDE)), torque, force, number, code,
     )  # fmt: skip
     return work, Remapped(
         U=_view(torque[single.TORQUES :]),

@@ -24,8 +24,11 @@ DONE, MALFORMED = 0, 1
 """What `answer` returns: a number that is not finite, or too many or few of them, is malformed."""
 
 FRAME, BODY = 16, 18
-MATRICES, SQUARES, VECTORS, TORQUES = 4, 4, 8, 5
+MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 """Sizes of the workspace."""
+
+SIDE = 8
+"""Sets side by side: loops over them are innermost and become vector instructions."""
 
 LEAST_MARGIN = 1e-3
 """What K Kᵀ says of a smaller σ_min/σ_max has too few digits."""
@@ -33,7 +36,8 @@ LEAST_MARGIN = 1e-3
 _CLEAR = 1.0 + 1e-6  # this much beyond all tolerances, σ_min is beyond doubt
 _LARGEST = 1e200  # of a sum of squares: products with it can still be computed
 _ROUNDING = 1e-12
-_STEPS, _CLOSE = 60, 1e-13
+_STEPS, _CLOSE = 25, 1e-13
+_NOTHING = 1e-300
 
 
 class One(NamedTuple):
@@ -47,8 +51,8 @@ class One(NamedTuple):
 
 
 def answer(
-    is_force, tree, body, task, locked, free,
-    frame, matrix, square, vector, torque, force, number, code, q, given,
+    is_force, tree, body, task, locked, free, failed,
+    frame, matrix, square, vector, side, line, torque, force, number, code, q, given,
 ):  # fmt: skip
     """Answer for one posture; return `DONE`, or `MALFORMED` and leave all answers as they are.
 
@@ -66,8 +70,11 @@ def answer(
         Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
     locked, free :
         True at these joints of each set, (S, n).
-    frame, matrix, square, vector :
-        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m).
+    failed :
+        1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
+    frame, matrix, square, vector, side, line :
+        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
+        and (LINES, SIDE).
     torque :
         Workspace, its last row the answer τ_N; then the answers U; (TORQUES + S, n).
     force :
@@ -94,12 +101,13 @@ def answer(
     one = One(scratch, square[2], task, torque[3], force[0])
     learn(one, is_force, given, torque[4])
     clear = max(task[2, 1], LEAST_MARGIN) * _CLEAR
+    is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
         U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
-        margin = 0.0
-        if not any_of(free[at]) and scratch.s[m - 1] > clear * scratch.s[0]:
-            margin = margin_of(one, locked[at], square[3], vector[6], vector[7])
-        if margin > clear:
+        if is_clear and at % SIDE == 0:
+            margins(one, failed[at // SIDE], side, line, line[8])
+        margin = line[8, at % SIDE] if is_clear else 0.0
+        if margin > clear and not any_of(free[at]):
             keep_all(one, locked[at], U, after, jump)
             number[0, at] = margin
             number[1, at] = margin * scratch.s[0]
@@ -303,86 +311,110 @@ def keep_all(one, locked, U, after, jump):
 
 
 @inner
-def margin_of(one, locked, A, beside, w):
-    """Return σ_min(K)/σ_max(J) from A = K Kᵀ/σ_max(J)²; below `LEAST_MARGIN` only that it is."""
+def margins(one, failed, A, line, margin):
+    """Find σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+
+    Where it is smaller than `LEAST_MARGIN`, that is all that the answer says.
+    """
     J, s = one.scratch.J, one.scratch.s
     m, n = J.shape
     scale = 1.0 / (s[0] * s[0])
     for i in range(m):
         for j in range(i + 1):
-            A[i, j] = 0.0
-        A[i, i] = s[i] * s[i]
-    for k in range(n):
-        if locked[k]:
-            for i in range(m):
-                for j in range(i + 1):
-                    A[i, j] -= J[i, k] * J[j, k]
-    for i in range(m):
-        for j in range(i + 1):
-            A[i, j] *= scale
-            A[j, i] = A[i, j]
-    tridiagonalize(A, beside, w)
-    return math.sqrt(smallest(A, beside))
+            for b in range(SIDE):
+                A[i, j, b] = s[i] * s[i] * scale if i == j else 0.0
+            for k in range(n):
+                product = scale * J[i, k] * J[j, k]
+                for b in range(SIDE):
+                    A[i, j, b] -= failed[k, b] * product
+            for b in range(SIDE):
+                A[j, i, b] = A[i, j, b]
+    tridiagonalize(A, line)
+    smallest(A, line, margin)
+    for b in range(SIDE):
+        margin[b] = math.sqrt(max(margin[b], 0.0))
 
 
 @inner
-def tridiagonalize(A, beside, w):
-    """Bring a symmetric matrix to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
+def tridiagonalize(A, line):
+    """Bring symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
 
-    Leaves its diagonal in A, and in ``beside`` the squares of the elements beside it.
+    Leaves their diagonals, and in the rows A[k, k + 1] the squares of the elements beside them.
     """
-    m = A.shape[0]
+    m, w = A.shape[0], line
+    beta, along = line[6], line[7]
     for k in range(m - 2):
-        v, square = A[k], 0.0
+        v = A[k]
+        for b in range(SIDE):
+            beta[b] = 0.0
         for i in range(k + 1, m):
-            square += v[i] * v[i]
-        beside[k] = square
-        if square == 0.0:
-            continue
-        head, length = v[k + 1], math.sqrt(square)
-        v[k + 1] = head + math.copysign(length, head)
-        beta = 1.0 / (square + abs(head) * length)  # 2 / vᵀv
-        along = 0.0
+            for b in range(SIDE):
+                beta[b] += v[i, b] * v[i, b]
+        for b in range(SIDE):
+            square, head = beta[b], v[k + 1, b]
+            length = math.sqrt(square)
+            v[k + 1, b] = head + math.copysign(length, head)
+            beta[b] = 1.0 / (square + abs(head) * length + _NOTHING)  # 2 / vᵀv
+            A[k + 1, k, b] = square
+            along[b] = 0.0
         for i in range(k + 1, m):
-            w[i] = 0.0
+            for b in range(SIDE):
+                w[i, b] = 0.0
             for j in range(k + 1, m):
-                w[i] += A[i, j] * v[j]
-            w[i] *= beta
-            along += w[i] * v[i]
+                for b in range(SIDE):
+                    w[i, b] += A[i, j, b] * v[j, b]
+            for b in range(SIDE):
+                w[i, b] *= beta[b]
+                along[b] += w[i, b] * v[i, b]
         for i in range(k + 1, m):
-            w[i] -= 0.5 * beta * along * v[i]
+            for b in range(SIDE):
+                w[i, b] -= 0.5 * beta[b] * along[b] * v[i, b]
         for i in range(k + 1, m):
             for j in range(k + 1, m):
-                A[i, j] -= v[i] * w[j] + w[i] * v[j]
+                for b in range(SIDE):
+                    A[i, j, b] -= v[i, b] * w[j, b] + w[i, b] * v[j, b]
     if m > 1:
-        beside[m - 2] = A[m - 1, m - 2] * A[m - 1, m - 2]
+        for b in range(SIDE):
+            A[m - 1, m - 2, b] *= A[m - 1, m - 2, b]
 
 
 @inner
-def smallest(A, beside):
-    """Return the smallest eigenvalue of a tridiagonal matrix, 0 if it is not positive.
+def smallest(A, line, x):
+    """Find the smallest eigenvalues of tridiagonal matrices; 0 where they are not positive.
 
     Laguerre's iteration on the characteristic polynomial: from below it never passes the root,
-    and every step triples the digits (Parlett 1964; all roots are real).
+    and near it every step triples the digits (Parlett 1964; all roots are real). Where it has not
+    ended after `_STEPS`, the answer is 0 too.
     """
-    m, x = A.shape[0], 0.0
+    m = A.shape[0]
+    p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
+    for b in range(SIDE):
+        x[b] = 0.0
     for _ in range(_STEPS):
-        p, dp, ddp = A[0, 0] - x, -1.0, 0.0
-        q, dq, ddq = 1.0, 0.0, 0.0
+        for b in range(SIDE):
+            p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
+            q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
         for i in range(1, m):
-            a, b = A[i, i] - x, beside[i - 1]
-            p, dp, ddp, q, dq, ddq = (
-                a * p - b * q, a * dp - p - b * dq, a * ddp - 2.0 * dp - b * ddq, p, dp, ddp,
-            )  # fmt: skip
-        if not p > 0.0:
-            break
-        G = -dp / p  # Σ 1/(λ - x)
-        H = G * G - ddp / p  # Σ 1/(λ - x)²
-        step = m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
-        x += step
-        if step <= _CLOSE * x:
-            break
-    return x
+            for b in range(SIDE):
+                a, c = A[i, i, b] - x[b], A[i, i - 1, b]
+                up, dup, ddup = p[b], dp[b], ddp[b]
+                p[b] = a * up - c * q[b]
+                dp[b] = a * dup - up - c * dq[b]
+                ddp[b] = a * ddup - 2.0 * dup - c * ddq[b]
+                q[b], dq[b], ddq[b] = up, dup, ddup
+        far = 0
+        for b in range(SIDE):
+            over = 1.0 / p[b]
+            G = -dp[b] * over  # Σ 1/(λ - x)
+            H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
+            step = m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
+            step = step if p[b] > 0.0 else 0.0
+            x[b] += step
+            far += 1 if step > _CLOSE * x[b] else 0
+        if far == 0:
+            return
+    for b in range(SIDE):
+        x[b] = 0.0
 
 
 # ---- sets that may lose something --------------------------------------------------------------
@@ -463,8 +495,8 @@ _VECTOR = types.Array(float64, 1, "A", readonly=True)  # strided and read-only o
 _MASK, _WHOLE = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
 _MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
 _TYPES = int64(
-    boolean, _WHOLE, _MATRIX, _MATRIX, _MASK, _MASK,
-    _MATRIX, _CUBE, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE, _VECTOR, _VECTOR,
+    boolean, _WHOLE, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
+    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE, _VECTOR, _VECTOR,
 )  # fmt: skip
 # Python's lock stays held: taking it back can take longer than the call. One signature, so that
 # nothing is ever compiled inside a control loop.
