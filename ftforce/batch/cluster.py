@@ -1,31 +1,47 @@
 """The same chunks on Dask: the only file that knows it.
 
-Chunks are sent by number; a worker that is lost is survived, for Dask gives its chunks to another,
-and writing a chunk twice writes the same bytes. The samples go from the workers straight into the
-output, so workers must see the output's folder; only summaries travel back.
+Chunks are sent by number, several in a turn; a worker that is lost is survived, for Dask gives its
+turn to another, and writing a chunk twice writes the same bytes. The samples go from the workers
+straight into the output, so workers must see the output's folder; only summaries travel back.
 """
 
 from __future__ import annotations
 
+import time
 from contextlib import contextmanager
-from itertools import islice
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ftforce.errors import FtforceError, InputError
+from ftforce.batch.postures import Listed
+from ftforce.batch.summary import Summary
+from ftforce.errors import FtforceError, InputError, listed
+from ftforce.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Generator, Iterator
 
+    from numpy.typing import NDArray
+
+    from ftforce.arrays import Matrix
     from ftforce.batch.job import Job
-    from ftforce.batch.runner import Runner
+    from ftforce.batch.runner import Done, Runner, Turns
     from ftforce.batch.store import Opened
-    from ftforce.batch.summary import Summary
 
-AHEAD = 4
-"""Chunks that are given to each thread of the cluster beforehand."""
-PATIENCE = 30.0  # s until a scheduler answers
-_LOSSES = 10  # of workers that a chunk survives
+AHEAD = 2
+"""Turns that are given to each thread of the cluster beforehand."""
+PATIENCE = 30.0
+"""s until a scheduler answers and has a worker."""
+TURN = 2.0
+"""s of a thread's turn, at least."""
+RATE = 16.0
+"""Turns that come back a second, at most: each brings a summary of megabytes to one process."""
+LOSSES = 10
+"""Workers of a cluster on this machine that a turn may lose; then it is what kills them."""
+LOOK = 5.0
+"""s between two looks at how many workers there are."""
+
+_KEPT = "what is finished is kept if there is an --output: the same command goes on from there"
 
 
 def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Runner:
@@ -49,7 +65,8 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
     """
     if workers is not None and scheduler is not None:
         raise InputError("give either a number of workers or the address of a scheduler, not both")
-    if workers is not None and (isinstance(workers, bool) or workers < 1):
+    whole = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
+    if workers is not None and not whole:
         raise InputError(f"workers must be a whole number from 1 on, got {workers!r}")
     try:
         import distributed  # noqa: F401
@@ -58,67 +75,281 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
             "clusters need distributed: install the extra with pip install 'ftforce[cluster]'"
         ) from None
 
-    def runner(job: Job, opened: Opened, chunks: Iterable[int]) -> Iterator[tuple[int, Summary]]:
+    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
         if job.keep != "summary" and output is None:
             raise InputError("samples from a cluster need an output that all workers see")
-        with _client(workers, scheduler) as client:
-            yield from _submit(client, job, opened, iter(chunks))
+        with _quiet(), _client(workers, scheduler) as client:
+            yield from _deal(client, job, opened, turns)
 
     return runner
 
 
 @contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask's log off the terminal: what matters comes as an error of ours."""
+    import logging
+
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+@contextmanager
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Connect, or start a cluster on this machine and end it afterwards."""
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
-        except (OSError, ValueError) as problem:
+        except Exception as problem:  # what is no scheduler may make anything of the protocol
+            reason = str(problem).partition("\n")[0] or type(problem).__name__
             raise InputError(
-                f"no scheduler answers at {scheduler!r} ({problem}); "
+                f"no scheduler answers at {scheduler!r} ({reason}); "
                 "an address looks like tcp://10.0.0.1:8786"
             ) from None
         with client:
+            _check_workers(client, scheduler)
             yield client
         return
-    cluster = LocalCluster(
-        n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    )
-    with cluster, Client(cluster, set_as_default=False) as client:
+    with _local_cluster(workers) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
 
 
-def _submit(
-    client: Any, job: Job, opened: Opened, chunks: Iterator[int]
-) -> Iterator[tuple[int, Summary]]:
-    """Give chunks to the workers, a few ahead, and take their summaries as they come."""
+@contextmanager
+def _local_cluster(workers: int | None) -> Iterator[Any]:
+    import logging
+
+    import dask
+    from distributed import LocalCluster
+
+    # Workers are processes of their own, which find the level of their log here.
+    about = {
+        "distributed.scheduler.allowed-failures": LOSSES,
+        "logging.distributed": "critical",
+    }
+    with (
+        dask.config.set(about),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            host="127.0.0.1",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):
+        yield cluster
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Wait for a worker, and see that all have this ftforce.
+
+    Raises
+    ------
+    FtforceError
+        There is no worker, or one that lacks ftforce or has another version.
+    """
+    from importlib.metadata import version
+
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise FtforceError(
+            f"the scheduler at {scheduler} has no workers; start some, e.g. dask worker {scheduler}"
+        ) from None
+    # A function of Python's own: one of ftforce's would need the ftforce that is looked for.
+    found = client.run(version, "ftforce", on_error="return")
+    own = version("ftforce")
+    wrong = [
+        f"{worker} has {'none' if isinstance(one, Exception) else one}"
+        for worker, one in sorted(found.items())
+        if one != own
+    ]
+    if wrong:
+        raise FtforceError(f"all workers need ftforce {own}; {listed(wrong, 4)}")
+
+
+def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
+    """Give turns to the workers, a few ahead, and take their summaries as they come.
+
+    Raises
+    ------
+    FtforceError
+        What a worker says; or workers or the scheduler were lost.
+    """
     from distributed import as_completed
 
+    token = "" if opened.lock is None else opened.lock.token
     path = None if opened.path is None else str(opened.path.resolve())
-    shared = client.scatter(job, broadcast=False)
-    ahead = AHEAD * max(1, sum(client.nthreads().values()))
+    running, given = as_completed([], loop=client.loop), 0
+    looked, threads = 0.0, 1
+    while True:
+        if time.monotonic() - looked > LOOK:
+            looked, threads = time.monotonic(), _threads(client)
+        while given < AHEAD * threads:
+            chunks = turns.take(AHEAD * threads, max(TURN, threads / RATE))
+            if not chunks:
+                break
+            task = (_excerpt(job, chunks), path, token, __version__, chunks)
+            # Not pure: Dask shall not compare tasks. The job goes with every turn, for what is
+            # left on one worker is lost with it.
+            running.add(client.submit(do_turn, *task, pure=False))
+            given += 1
+        if not given:
+            return
+        turn = _result(next(running))
+        given -= 1
+        turns.took(len(turn.chunks), turn.seconds)
+        yield turn.chunks, Summary.from_arrays(turn.arrays, job.bins, job.workspace)
 
-    def give(index: int) -> Any:
-        return client.submit(do_chunk, shared, path, index, pure=False, retries=0)
 
-    running = as_completed([give(index) for index in islice(chunks, ahead)], loop=client.loop)
-    for future in running:
-        index, arrays = future.result()
-        from ftforce.batch.summary import Summary
-
-        yield index, Summary.from_arrays(arrays, job.bins, job.workspace)
-        for following in islice(chunks, 1):
-            running.add(give(following))
+def _threads(client: Any) -> int:
+    """Return how many threads the cluster has now, at least 1."""
+    try:
+        return max(1, sum(client.nthreads().values()))
+    except Exception:  # it is asked again; if it is lost the turns say so
+        return 1
 
 
-def do_chunk(job: Job, path: str | None, index: int) -> tuple[int, dict[str, Any]]:
-    """Do one chunk on a worker; return its number and the arrays of its summary."""
-    summary, samples = job.run(index)
-    if samples:
-        from ftforce.batch.store import write_chunk
+def _result(future: Any) -> Turn:
+    """Return what came of a turn.
 
-        assert path is not None
-        write_chunk(Path(path), job, index, samples)
-    return index, summary.arrays()
+    Raises
+    ------
+    FtforceError
+        What a worker says; or workers or the scheduler were lost.
+    """
+    from concurrent.futures import CancelledError
+
+    from distributed import KilledWorker
+
+    try:
+        found = future.result()
+    except KilledWorker as problem:
+        raise FtforceError(
+            f"{problem.allowed_failures + 1} workers were lost at the same chunks: do they have "
+            f"enough memory? {_KEPT}"
+        ) from None
+    except CancelledError:
+        raise FtforceError(f"the scheduler was lost; {_KEPT}") from None
+    except Exception as problem:
+        text = f"{type(problem).__name__}: {problem}".partition("\n")[0]
+        raise FtforceError(f"a worker failed ({text}); {_KEPT}") from problem
+    finally:
+        future.release()
+    if isinstance(found, Refusal):
+        raise found.as_error()
+    turn: Turn = found
+    return turn
+
+
+class Turn(NamedTuple):
+    """What a worker did.
+
+    Attributes
+    ----------
+    chunks :
+        Numbers.
+    arrays :
+        Of their summary.
+    seconds :
+        How long they took, s.
+    """
+
+    chunks: list[int]
+    arrays: dict[str, NDArray[Any]]
+    seconds: float
+
+
+class Refusal(NamedTuple):
+    """An error of ftforce's on a worker: sent as a value, so that Dask neither logs nor retries.
+
+    Attributes
+    ----------
+    kind, message, state :
+        What it takes to make the same error again.
+    """
+
+    kind: type[FtforceError]
+    message: str
+    state: dict[str, Any]
+
+    def as_error(self) -> FtforceError:
+        """Return the error."""
+        problem = self.kind.__new__(self.kind, self.message)
+        problem.__dict__.update(self.state)
+        return problem
+
+
+def do_turn(
+    job: Job, path: str | None, token: str, version: str, chunks: list[int]
+) -> Turn | Refusal:
+    """Do some chunks on a worker.
+
+    Parameters
+    ----------
+    job :
+        The job.
+    path, token :
+        Of the folder of the samples, and of its lock.
+    version :
+        Of the ftforce that asks.
+    chunks :
+        Numbers.
+    """
+    from ftforce.batch.store import write_chunk
+
+    start = time.monotonic()
+    try:
+        if version != __version__:
+            raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")
+        summary = job.empty_summary()
+        for index in chunks:
+            samples = job.add(index, summary)
+            if samples and path is not None:
+                write_chunk(Path(path), token, job, index, samples)
+    except FtforceError as problem:
+        return Refusal(type(problem), str(problem), vars(problem))
+    return Turn(chunks, summary.arrays(), time.monotonic() - start)
+
+
+def _excerpt(job: Job, chunks: list[int]) -> Job:
+    """Return a job that holds of given postures only what a turn needs."""
+    if not isinstance(job.postures, Listed):
+        return job
+    rows = {index: job.postures.block(*job.range(index)) for index in chunks}
+    return replace(job, postures=Excerpt(rows, job.chunk, job.postures.count, job.postures.n))
+
+
+@dataclass(frozen=True, eq=False)
+class Excerpt:
+    """Some chunks of given postures.
+
+    Attributes
+    ----------
+    rows :
+        Joint positions of the chunks, rad or m, by number of the chunk.
+    chunk :
+        Postures per chunk.
+    count, n :
+        Number of all postures, and of joints.
+    """
+
+    rows: dict[int, Matrix]
+    chunk: int
+    count: int
+    n: int
+
+    def block(self, start: int, stop: int) -> Matrix:
+        """Return postures that lie in one of the chunks, see `ftforce.batch.postures.Postures`."""
+        index = start // self.chunk
+        first = index * self.chunk
+        return self.rows[index][start - first : stop - first].copy()
+
+    def identity(self) -> dict[str, Any]:
+        """Return nothing that could be compared: an excerpt is never stored."""
+        return {"source": "excerpt"}

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ftforce.batch.plan import Evaluator, empty_answers
+from ftforce.batch.plan import _block as as_block
 from ftforce.batch.summary import Summary
 
 if TYPE_CHECKING:
@@ -16,14 +18,19 @@ if TYPE_CHECKING:
 
     from ftforce.arrays import Matrix
     from ftforce.batch.bins import Bins, Workspace
-    from ftforce.batch.plan import Evaluator, Plan
+    from ftforce.batch.layout import Answers
+    from ftforce.batch.plan import Plan
     from ftforce.batch.postures import Postures
     from ftforce.batch.results import Block
 
     Samples = dict[str, NDArray[Any]]
 
 PIECE = 4096
-"""Postures that are answered at once: their answers fit into the processor's caches."""
+"""Postures in the smallest chunk; pieces are this often halved or doubled."""
+_ANSWERS = 2**17
+"""Postures times fault sets that are answered at once: their answers stay in the caches, and
+threads ask for Python's lock a few hundred times a second, not thousands."""
+_SMALLEST, _LARGEST = PIECE // 16, 4 * PIECE
 
 PER_SET = ("verdict", "rank_lost", "sigma_min", "margin", "rho", "jump", "moment_jump",
            "relative_jump", "capability")  # fmt: skip
@@ -75,6 +82,12 @@ class Job:
         """Return the summary of no posture."""
         return Summary.empty(self.n_sets, self.bins, self.workspace)
 
+    @property
+    def piece(self) -> int:
+        """Number of postures that are answered at once, a power of two."""
+        fits = max(_SMALLEST, min(_LARGEST, _ANSWERS // max(1, self.n_sets)))
+        return 1 << (fits.bit_length() - 1)
+
     def run(self, index: int) -> tuple[Summary, Samples]:
         """Do a chunk.
 
@@ -88,27 +101,43 @@ class Job:
         FileError
             The postures come from a file that cannot be read.
         """
-        summary, pieces = self.empty_summary(), []
+        summary = self.empty_summary()
+        return summary, self.add(index, summary)
+
+    def add(self, index: int, summary: Summary) -> Samples:
+        """Do a chunk and count it in a summary, in place.
+
+        Returns
+        -------
+        :
+            What is kept of its postures, by name: arrays of the chunk's length.
+
+        Raises
+        ------
+        FileError
+            The postures come from a file that cannot be read; a part of the chunk may be counted.
+        """
         start, stop = self.range(index)
-        for first in range(start, stop, PIECE):
-            q = self.postures.block(first, min(first + PIECE, stop))
+        kept: Samples = {}
+        for first in range(start, stop, self.piece):
+            last = min(first + self.piece, stop)
+            q = self.postures.block(first, last)
             block = self._evaluator(q)
             summary.add(block, first)
-            if self.keep != "summary":
-                pieces.append(samples_of(q, block, self.keep))
-        joined = (
-            {name: np.concatenate([p[name] for p in pieces]) for name in pieces[0]}
-            if pieces
-            else {}
-        )
-        return summary, joined
+            if self.keep == "summary":
+                continue
+            for name, values in samples_of(q, block, self.keep).items():
+                if name not in kept:
+                    kept[name] = np.empty((stop - start, *values.shape[1:]), values.dtype)
+                kept[name][first - start : last - start] = values
+        return kept
 
     @property
     def _evaluator(self) -> Evaluator:
         try:
             found: Evaluator = self._per_thread.evaluator
         except AttributeError:
-            found = self._per_thread.evaluator = self.plan.evaluator()
+            found = self._per_thread.evaluator = _Reusing(self.plan)
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -118,6 +147,28 @@ class Job:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore, and start with no workspace."""
         self.__dict__.update(state, _per_thread=threading.local())
+
+
+class _Reusing(Evaluator):
+    """Answers for blocks of postures, always in the same arrays: the next block overwrites them.
+
+    New arrays of this size are new pages of memory, which cost as much as counting what is in
+    them, and which threads get one after the other only.
+    """
+
+    _answers: Answers | None = None
+
+    def __call__(self, q: Matrix) -> Block:
+        """Return the answers for postures, see `Evaluator`; valid until the next call."""
+        from ftforce.batch import fast, settle
+
+        plan, answers = self.plan, self._answers
+        if answers is None or len(answers.tip) != len(q):
+            answers = self._answers = empty_answers(plan, len(q))
+        given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
+        fast.evaluate(*given)
+        settle.settle(*given, self._one)
+        return as_block(answers)
 
 
 def samples_of(q: Matrix, block: Block, keep: str) -> Samples:

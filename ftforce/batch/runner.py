@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Protocol
 
@@ -13,23 +13,61 @@ from ftforce.batch import store
 from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Generator, Iterator
 
-    from ftforce.batch.job import Job, Samples
+    from ftforce.batch.job import Job
     from ftforce.batch.store import Opened
     from ftforce.batch.summary import Summary
     from ftforce.fault_census import Progress
 
 SAVING = 5.0  # s between two writings of the progress file
+TURN = 0.5  # s that a thread counts into a summary of its own before it is added to the others
+
+Done = tuple[list[int], "Summary"]  # chunks whose samples are written, and their summary
 
 
 class Runner(Protocol):
     """Does chunks somewhere, in any order."""
 
-    def __call__(
-        self, job: Job, opened: Opened, chunks: Iterable[int], /
-    ) -> Iterator[tuple[int, Summary]]:
-        """Yield each chunk and its summary once its samples are written."""
+    def __call__(self, job: Job, opened: Opened, turns: Turns, /) -> Generator[Done, None, None]:
+        """Yield chunks and their summary once their samples are written."""
+
+
+class Turns:
+    """Chunks that are to be done, dealt out in turns of about the same time.
+
+    A summary is megabytes, whatever it counts: one for every chunk would cost as much as the
+    chunk. So a turn is several chunks with one summary; fewer towards the end, for all to end at
+    the same time.
+
+    Parameters
+    ----------
+    chunks, count :
+        Numbers of the chunks, and how many they are.
+    """
+
+    def __init__(self, chunks: Iterator[int], count: int) -> None:
+        self._chunks, self.left = chunks, count
+        self._cost: float | None = None  # s per chunk
+
+    def take(self, hands: int, seconds: float) -> list[int]:
+        """Return the chunks of the next turn, none if all are given.
+
+        Parameters
+        ----------
+        hands :
+            How many work at the same time.
+        seconds :
+            How long the turn should take.
+        """
+        size = 1 if self._cost is None else int(seconds / max(self._cost, 1e-6))
+        taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * hands)))))
+        self.left -= len(taken)
+        return taken
+
+    def took(self, chunks: int, seconds: float) -> None:
+        """Learn how long a turn took, s."""
+        self._cost = seconds / chunks
 
 
 def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = None) -> None:
@@ -51,29 +89,26 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
     FtforceError
         Something cannot be read or written; what is finished is kept.
     """
-    total = job.postures.count
-    pending = [index for index in range(job.chunks) if not opened.done[index]]
-    finished = total - sum(_size(job, index) for index in pending)
+    done, total = opened.done, job.postures.count
+    count = int((~done).sum())
+    turns = Turns((index for index in range(job.chunks) if not done[index]), count)
+    finished = int(opened.summary.postures)
     saved = time.monotonic()
     try:
-        for index, summary in runner(job, opened, pending):
-            opened.summary.merge(summary)
-            opened.done[index] = True
-            finished += _size(job, index)
-            if progress is not None:
-                progress(finished, total)
-            if time.monotonic() - saved > SAVING:
-                store.save_progress(opened)
-                saved = time.monotonic()
+        with closing(runner(job, opened, turns)) as parts:
+            for chunks, summary in parts if count else ():
+                opened.summary.merge(summary)
+                done[chunks] = True
+                finished += int(summary.postures)
+                if progress is not None:
+                    progress(finished, total)
+                if time.monotonic() - saved > SAVING:
+                    store.save_progress(opened)
+                    saved = time.monotonic()
     finally:
-        if not opened.done.all():
+        if not done.all():
             with suppress(OutputError):  # the first trouble is the one to tell
                 store.save_progress(opened)
-
-
-def _size(job: Job, index: int) -> int:
-    start, stop = job.range(index)
-    return stop - start
 
 
 def threads_of(threads: int | None) -> int:
@@ -98,29 +133,32 @@ def threads_of(threads: int | None) -> int:
 def in_threads(threads: int) -> Runner:
     """Return what does chunks in threads of this process."""
 
-    def runner(job: Job, opened: Opened, chunks: Iterable[int]) -> Iterator[tuple[int, Summary]]:
-        def work(index: int) -> tuple[int, Summary]:
-            summary, samples = job.run(index)
-            write(job, opened, index, samples)
-            return index, summary
+    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
+        def work(chunks: list[int]) -> tuple[list[int], Summary, float]:
+            start, summary = time.monotonic(), job.empty_summary()
+            for index in chunks:
+                samples = job.add(index, summary)
+                if samples:
+                    store.write_samples(opened, index, samples)
+            return chunks, summary, time.monotonic() - start
 
-        todo = iter(chunks)
+        # Samples take longer than the summary, and what is written should count soon.
+        seconds = TURN if job.keep == "summary" else 0.0
         with ThreadPoolExecutor(threads) as pool:
-            running = {pool.submit(work, index) for index in islice(todo, 2 * threads)}
+            running = set()
             try:
-                while running:
+                while True:
+                    while len(running) < 2 * threads and (chunks := turns.take(threads, seconds)):
+                        running.add(pool.submit(work, chunks))
+                    if not running:
+                        return
                     ready, running = wait(running, return_when=FIRST_COMPLETED)
                     for future in ready:
-                        yield future.result()
-                        running |= {pool.submit(work, index) for index in islice(todo, 1)}
+                        chunks, summary, spent = future.result()
+                        turns.took(len(chunks), spent)
+                        yield chunks, summary
             finally:
                 for future in running:
                     future.cancel()
 
     return runner
-
-
-def write(job: Job, opened: Opened, index: int, samples: Samples) -> None:
-    """Write what is kept of a chunk, if anything is."""
-    if samples:
-        store.write_samples(opened, job, index, samples)

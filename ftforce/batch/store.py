@@ -1,63 +1,53 @@
 """Sweeps on disk: a Zarr group that plain xarray opens, written chunk by chunk.
 
-A chunk counts as done once it is in the progress file, which is written after the chunk's arrays
-and replaced whole. So whenever a sweep is killed, what is on disk is right, and the same command
-goes on from there and ends with the same bytes.
+What makes it safe to kill at any moment:
+
+- A chunk counts as done once it is in the progress file, which is replaced whole, after the chunk's
+  arrays are on the disk.
+- The group's attributes are written last when the folder is made, and last when it is completed.
+- A lock keeps other processes out, and its file marks the folder as ftforce's until it is complete.
+
+So the same command goes on with what is there and ends with the same bytes.
+
+Zarr's format 2 is written, with consolidated metadata. Every Zarr, from 2 on, and every xarray
+opens that without a warning; format 3 has no stable type of text yet, and none of consolidated
+metadata, so today's Zarr warns of both, and 3.0.8 cannot read the text that 3.1 writes.
 """
 
 from __future__ import annotations
 
-import errno
 import io
 import json
-from contextlib import contextmanager
-from dataclasses import asdict
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ftforce.batch import folder, variables
 from ftforce.batch.bins import Bins, Workspace
-from ftforce.batch.job import PER_SET
-from ftforce.batch.result import Sweep, SweepSetting, sets_from_lists, sets_to_lists
+from ftforce.batch.folder import disk_errors
+from ftforce.batch.job import PER_POSTURE, PER_SET, samples_of
+from ftforce.batch.result import Sweep, SweepSetting, sets_from_lists
 from ftforce.batch.summary import Summary
 from ftforce.errors import FtforceError, OutputError, SweepError
-from ftforce.source import write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable
     from os import PathLike
 
-    import zarr
     from numpy.typing import NDArray
 
     from ftforce.batch.job import Job
     from ftforce.faults import FaultSet
 
+    Tree = dict[str, Any]  # of a Zarr group: keys and contents
+
 FORMAT = 1
 _PROGRESS = ".progress.npz"
-_ABOUT = "ftforce"
+_ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _KIND = "a sweep that ftforce wrote"
-_SUMMARY = "summary_"
-_DIMENSIONS = "_ARRAY_DIMENSIONS"  # where xarray looks for them
-_PARTIAL = "*.partial"  # what Zarr leaves behind when it is killed while it writes
-
-_WORDS: dict[str, tuple[str, str]] = {
-    "q": ("rad", "joint positions (m for joints that slide)"),
-    "tip": ("m", "position of the tip in the root's axes"),
-    "healthy_rank": ("1", "rank of the healthy arm's task Jacobian J"),
-    "healthy_margin": ("1", "sigma_min(J)/sigma_max(J)"),
-    "verdict": ("1", "0 tolerated, 1 borderline, 2 not tolerated"),
-    "rank_lost": ("1", "rank of J less that of K, J without the failed joints"),
-    "sigma_min": ("m/rad", "smallest singular value of K (weighted)"),
-    "margin": ("1", "sigma_min(K)/sigma_max(J)"),
-    "rho": ("1", "relative manipulability w(K)/w(J), NaN where w(J) = 0"),
-    "jump": ("N", "norm of the force jump, NaN where the arm cannot stand still"),
-    "moment_jump": ("N m", "norm of the moments' jump"),
-    "relative_jump": ("1", "weighted jump over the weighted force, 1 if nothing holds the arm"),
-    "capability": ("N", "largest force commanded in the direction, NaN if nothing holds it"),
-    "worst_set": ("1", "index of the fault set with the worst verdict, then jump, then margin"),
-}  # fmt: skip
+_SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
 class Opened(NamedTuple):
@@ -65,49 +55,52 @@ class Opened(NamedTuple):
 
     Attributes
     ----------
+    job, setting, sets, identity :
+        What is asked.
+    path :
+        The folder; ``None`` in memory.
     store :
         What Zarr writes to: a path, or memory.
-    group :
-        The Zarr group.
-    path :
-        ``None`` in memory.
+    tree :
+        What is in memory, if it is.
+    arrays :
+        Of the samples, by name.
     summary :
         Of the chunks that are done.
     done :
         Which are, shape (chunks,).
+    lock :
+        Of the folder; ``None`` where nothing is left to write.
     """
 
-    store: Any
-    group: zarr.Group
+    job: Job
+    setting: SweepSetting
+    sets: tuple[FaultSet, ...]
+    identity: dict[str, Any]
     path: Path | None
+    store: Any
+    tree: Tree
+    arrays: dict[str, Any]
     summary: Summary
     done: NDArray[np.bool_]
+    lock: folder.Lock | None
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left to write."""
+        return self.path is not None and self.lock is None
 
-@contextmanager
-def disk_errors(path: Path | None) -> Iterator[None]:
-    """Turn what a disk refuses into one clear line.
-
-    Raises
-    ------
-    OutputError
-        Something could not be written.
-    """
-    try:
-        yield
-    except OSError as problem:
-        reason = problem.strerror or str(problem)
-        kept = "; what is finished is kept: the same command goes on from there"
-        if problem.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
-            kept = ""
-        raise OutputError(path or "memory", f"cannot be written ({reason}){kept}") from None
+    def close(self) -> None:
+        """Let other processes write."""
+        if self.lock is not None:
+            self.lock.release()
 
 
 def create(
     path: Path | None, job: Job, setting: SweepSetting, sets: tuple[FaultSet, ...],
     identity: dict[str, Any],
 ) -> Opened:  # fmt: skip
-    """Make an empty sweep, or go on with the one that is there.
+    """Make an empty sweep, or go on with the one that is there. `Opened.close` ends it.
 
     Parameters
     ----------
@@ -121,26 +114,89 @@ def create(
     Raises
     ------
     OutputError
-        There is something else; or it cannot be written.
+        There is something else, another process writes it, or it cannot be written.
     """
-    if path is not None and path.exists() and (not path.is_dir() or any(path.iterdir())):
-        return _go_on(path, job, identity)
+    asked = (job, setting, sets, identity)
+    none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
+    if path is None:
+        return _opened(asked, None, _tree(asked), none_done, None)
+    if not _is_new(path) and _checked(path, identity)["complete"]:
+        return _complete(asked, path)
+    lock = folder.lock(path)
+    try:
+        if _is_new(path):  # looked at again: now nobody else writes
+            with disk_errors(path):
+                folder.clear(path, _known())
+                _put(path, _tree(asked))
+        elif _checked(path, identity)["complete"]:
+            lock.release()
+            return _complete(asked, path)
+        with disk_errors(path):
+            folder.remove_partial(path)
+        so_far = _progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
+        return _opened(asked, path, {}, so_far, lock)
+    except BaseException:
+        lock.release()
+        raise
+
+
+def _opened(
+    asked: Any, path: Path | None, tree: Tree, so_far: tuple[Summary, Any], lock: Any
+) -> Opened:
     import zarr
     from zarr.storage import MemoryStore
 
-    store: Any = MemoryStore() if path is None else str(path)
+    store: Any = MemoryStore(tree) if path is None else str(path)
     with disk_errors(path):
-        group = zarr.open_group(store, mode="w", zarr_format=2)
-        _create_samples(group, job, setting)
-        _create_coordinates(group, setting, sets)
-        group.attrs.update(_attributes(job, setting, sets, identity))
-    done = np.zeros(job.chunks, np.bool_)
-    return Opened(store, group, path, job.empty_summary(), done)
+        group = zarr.open_group(store, mode="r+", zarr_format=2)
+        arrays = {name: group[name] for name in sample_names(asked[0])}
+    return Opened(*asked, path, store, tree, arrays, *so_far, lock)
 
 
-def _go_on(path: Path, job: Job, identity: dict[str, Any]) -> Opened:
-    import zarr
+def _complete(asked: Any, path: Path) -> Opened:
+    """Return the sweep that has nothing left to do, and remove what a killed process left."""
+    job = asked[0]
+    with suppress(OSError):  # who may not write can still read
+        _remove_traces(path)
+    summary = _stored_summary(path, job.bins, job.workspace)
+    return Opened(
+        *asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None
+    )  # fmt: skip
 
+
+def _remove_traces(path: Path) -> None:
+    folder.remove_partial(path)
+    (path / _PROGRESS).unlink(missing_ok=True)
+    (path / folder.LOCK).unlink(missing_ok=True)
+
+
+def _is_new(path: Path) -> bool:
+    """Tell whether a folder is still to be made: missing, empty, or half made and then killed."""
+    with disk_errors(path):
+        if not path.exists():
+            return True
+        if not path.is_dir():
+            return False
+        entries = {entry.name for entry in path.iterdir()}
+        if entries <= {folder.LOCK}:
+            return True
+        return _ATTRIBUTES not in entries and folder.is_half_made(path, _known())
+
+
+def _known() -> set[str]:
+    """Return the names of all that ftforce may put into the folder of a sweep, but its lock."""
+    dimensions = variables.all_coordinates()
+    return {".zgroup", _ATTRIBUTES, _CONSOLIDATED, _PROGRESS, *_SAMPLES, *dimensions}
+
+
+def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
+    """Return what a folder says of its sweep if that is the one that is asked.
+
+    Raises
+    ------
+    OutputError
+        It is another one, or none.
+    """
     about = _about(path, OutputError)
     found = about["identity"]
     if found != identity:
@@ -149,13 +205,7 @@ def _go_on(path: Path, job: Job, identity: dict[str, Any]) -> Opened:
         raise OutputError(
             path, f"holds another sweep ({differs}); give another --output, or remove that one"
         )
-    summary, done = _progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
-    if about["complete"]:
-        done[:] = True
-    for left in path.rglob(_PARTIAL):
-        left.unlink(missing_ok=True)
-    group = zarr.open_group(str(path), mode="r+", zarr_format=2)
-    return Opened(str(path), group, path, summary, done)
+    return about
 
 
 def _difference(key: str, found: object, asked: object) -> str:
@@ -165,87 +215,100 @@ def _difference(key: str, found: object, asked: object) -> str:
     return f"{key} {there} there, {here} here"
 
 
-def _attributes(
-    job: Job, setting: SweepSetting, sets: tuple[FaultSet, ...], identity: dict[str, Any]
-) -> dict[str, Any]:
-    return {
-        "title": f"fault sweep of {setting.robot}",
-        "conventions": f"axes of the force: {setting.axes}; positions in the root's axes; forces "
-        "are what the robot exerts on its environment",
-        _ABOUT: {
-            "format": FORMAT,
-            "complete": False,
-            "identity": identity,
-            "setting": setting.to_dict(),
-            "sets": sets_to_lists(sets),
-            "bins": asdict(job.bins),
-            "workspace": asdict(job.workspace),
-        },
-    }
+# ---- what is written -------------------------------------------------------------------------
 
 
-def _create_samples(group: zarr.Group, job: Job, setting: SweepSetting) -> None:
-    """Make the arrays of what is kept of every posture, from one posture's."""
-    if job.keep == "summary":
-        return
-    from ftforce.batch.job import samples_of
+def sample_names(job: Job) -> list[str]:
+    """Return the names of the arrays of samples."""
+    return [] if job.keep == "summary" else list(_one(job))
 
+
+def _one(job: Job) -> dict[str, NDArray[Any]]:
+    """Return the samples of one posture: their names, types and shapes are all samples'."""
     q = job.postures.block(0, 1)
-    for name, one in samples_of(q, job.plan.evaluator()(q), job.keep).items():
-        dimensions = ("posture", *{"q": ("joint",), "tip": ("axis",)}.get(name, ()))
-        if job.keep == "all" and name in PER_SET:
-            dimensions = ("posture", "fault_set")
-        count = job.postures.count
-        _create(
-            group, name, (count, *one.shape[1:]), one.dtype, dimensions, setting=setting,
-            chunks=(min(job.chunk, count), *one.shape[1:]),
-        )  # fmt: skip
+    return samples_of(q, job.plan.evaluator()(q), job.keep)
 
 
-def _create(
-    group: zarr.Group,
-    name: str,
-    shape: tuple[int, ...],
-    dtype: Any,
-    dimensions: tuple[str, ...],
-    *,
-    setting: SweepSetting,
-    chunks: tuple[int, ...] | None = None,
-) -> Any:
-    bare = name.removeprefix("worst_") if name != "worst_set" else name
-    unit, words = _WORDS.get(bare, ("1", name.replace("_", " ")))
-    if bare in {"jump", "capability"} and setting.size_unit == "N·m":
-        unit = "N m"
-    return group.create_array(
+def _tree(asked: Any, summary: Summary | None = None) -> Tree:
+    """Return keys and contents of the Zarr group: all but the samples.
+
+    Parameters
+    ----------
+    asked :
+        Job, setting, sets and identity.
+    summary :
+        Of the whole sweep; ``None`` if it is not complete.
+    """
+    import zarr
+    from zarr.storage import MemoryStore
+
+    job, setting, sets, identity = asked
+    tree: Tree = {}
+    store = MemoryStore(tree)
+    group = zarr.open_group(store, mode="w", zarr_format=2)
+    if job.keep != "summary":
+        for name, one in _one(job).items():
+            shape = (job.postures.count, *one.shape[1:])
+            # What is not done yet reads as NaN. A complete sweep lacks nothing, and integers
+            # with a fill value would come out of xarray as floats.
+            fill = -1 if summary is None else None
+            _create(group, name, (shape, one.dtype, fill), variables.sample(name, setting), job)
+    given = (setting, sets, job.bins, job.workspace)
+    for name, (values, variable) in variables.coordinates(*given).items():
+        _create(group, name, values, variable)
+    for name, values in (summary.arrays() if summary is not None else {}).items():
+        whole = variables.shaped(name, values, job.workspace)
+        _create(group, f"{variables.SUMMARY}{name}", whole, variables.counted(name, setting))
+    complete = summary is not None
+    about = variables.attributes(*given, version=FORMAT, identity=identity, complete=complete)
+    group.attrs.update(about)
+    zarr.consolidate_metadata(store, zarr_format=2)
+    return tree
+
+
+def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
+    """Make an array of given values, or, with a job, one that its samples will fill."""
+    from numcodecs import Blosc
+
+    values = None if isinstance(content, tuple) else content
+    shape, dtype, fill = content if values is None else (values.shape, values.dtype, None)
+    size = 0 if job is None else job.chunk
+    chunks = tuple(max(1, length) for length in shape)
+    if size:
+        chunks = (size, *chunks[1:])
+    array = group.create_array(
         name,
         shape=shape,
         dtype=dtype,
-        chunks=chunks or tuple(max(1, size) for size in shape),
-        fill_value=None if np.dtype(dtype).kind in "iub" else np.nan,  # none of ours is missing
-        attributes={_DIMENSIONS: list(dimensions), "units": unit, "long_name": words},
-        config={"write_empty_chunks": True},
+        chunks=chunks,
+        # Doubles of measures hardly compress; this takes 0.2 µs per kB and saves a quarter.
+        compressors=Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE),
+        fill_value=_fill(np.dtype(dtype), fill),
+        attributes={"_ARRAY_DIMENSIONS": list(variable.dimensions), **variable.attributes},
+        config={"write_empty_chunks": True},  # a chunk that is not there is one to be done
     )
+    if values is not None:
+        array[...] = values
 
 
-def _create_coordinates(
-    group: zarr.Group, setting: SweepSetting, sets: tuple[FaultSet, ...]
-) -> None:
-    names = {
-        "joint": list(setting.joints),
-        "axis": ["x", "y", "z"],
-        "fault_set": [str(one) for one in sets],
-    }
-    for dimension, values in names.items():
-        words = np.array(values)
-        array = group.create_array(
-            dimension, shape=words.shape, dtype=words.dtype, chunks=words.shape, fill_value="",
-            attributes={_DIMENSIONS: [dimension]},
-        )  # fmt: skip
-        array[:] = words
+def _fill(dtype: np.dtype[Any], fill: int | None) -> Any:
+    if dtype.kind == "f":
+        return np.nan
+    return "" if dtype.kind == "U" else fill
 
 
-def write_samples(opened: Opened, job: Job, index: int, samples: dict[str, NDArray[Any]]) -> None:
-    """Write what is kept of a chunk.
+def _put(path: Path, tree: Tree) -> None:
+    """Write a group's keys into files; the attributes, which tell what it is, last of all."""
+    last = [_CONSOLIDATED, _ATTRIBUTES]
+    for key in [*(key for key in tree if key not in last), *last]:
+        file, data = path / key, tree[key].to_bytes()
+        if not (file.is_file() and file.read_bytes() == data):
+            file.parent.mkdir(exist_ok=True)
+            folder.write_durably(file, data)
+
+
+def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) -> None:
+    """Write what is kept of a chunk; when this returns it is on the disk.
 
     Raises
     ------
@@ -253,27 +316,48 @@ def write_samples(opened: Opened, job: Job, index: int, samples: dict[str, NDArr
         It cannot be written.
     """
     with disk_errors(opened.path):
-        _write(opened.group, job, index, samples)
+        _write(opened.arrays, opened.job, opened.path, index, samples)
 
 
-def write_chunk(path: Path, job: Job, index: int, samples: dict[str, NDArray[Any]]) -> None:
-    """Write what is kept of a chunk from another process.
+def write_chunk(
+    path: Path, token: str, job: Job, index: int, samples: dict[str, NDArray[Any]]
+) -> None:
+    """Write what is kept of a chunk from another process, perhaps on another machine.
+
+    Parameters
+    ----------
+    path :
+        The folder.
+    token :
+        Of its lock.
+    job, index, samples :
+        The sweep, the chunk's number, and its samples.
 
     Raises
     ------
     OutputError
-        It cannot be written.
+        It cannot be written, or this machine does not see that folder.
     """
     import zarr
 
+    if folder.lock_of(path).get("token") != token:
+        raise OutputError(
+            path, "is not seen by all workers; --output needs a file system that they share, or "
+            "keep the summary alone"
+        )  # fmt: skip
     with disk_errors(path):
-        _write(zarr.open_group(str(path), mode="r+", zarr_format=2), job, index, samples)
+        group = zarr.open_group(str(path), mode="r+", zarr_format=2)
+        _write({name: group[name] for name in samples}, job, path, index, samples)
 
 
-def _write(group: zarr.Group, job: Job, index: int, samples: dict[str, NDArray[Any]]) -> None:
+def _write(
+    arrays: dict[str, Any], job: Job, path: Path | None, index: int, samples: Any
+) -> None:  # fmt: skip
     start, stop = job.range(index)
     for name, values in samples.items():
-        group[name][start:stop] = values  # type: ignore[index]
+        arrays[name][start:stop] = values
+        if path is not None:
+            folder.sync(path / name / ".".join([str(index), *["0"] * (values.ndim - 1)]))
 
 
 def save_progress(opened: Opened) -> None:
@@ -289,59 +373,32 @@ def save_progress(opened: Opened) -> None:
     stream = io.BytesIO()
     arrays: dict[str, Any] = {"done": np.packbits(opened.done), **opened.summary.arrays()}
     np.savez(stream, **arrays)
-    write_whole(opened.path / _PROGRESS, stream.getvalue())
+    with disk_errors(opened.path):
+        for name in opened.arrays:
+            folder.sync(opened.path / name)  # that the chunks are there, not only their content
+        folder.write_durably(opened.path / _PROGRESS, stream.getvalue())
 
 
-def finish(opened: Opened, setting: SweepSetting) -> None:
-    """Write the summary, mark the sweep as complete and remove the progress file.
+def finish(opened: Opened) -> None:
+    """Write the summary, mark the sweep as complete and remove what only unfinished ones have.
 
     Raises
     ------
     OutputError
         It cannot be written.
     """
-    dimensions = _summary_dimensions(opened.summary)
+    asked = (opened.job, opened.setting, opened.sets, opened.identity)
+    save_progress(opened)  # killed from here on, nothing is done again
+    tree = _tree(asked, opened.summary)
+    if opened.path is None:
+        opened.tree.update(tree)
+        return
     with disk_errors(opened.path):
-        for name, values in opened.summary.arrays().items():
-            shaped = values
-            if name.startswith("cell_"):
-                shaped = values.reshape(*opened.summary.workspace.shape, *values.shape[1:])
-            full = f"{_SUMMARY}{name}"
-            if full in opened.group:
-                del opened.group[full]
-            given = (opened.group, full, shaped.shape, values.dtype, dimensions[name])
-            _create(*given, setting=setting)[...] = shaped
-        about = dict(opened.group.attrs[_ABOUT])  # type: ignore[arg-type]
-        opened.group.attrs[_ABOUT] = about | {"complete": True}
-        if opened.path is not None:
-            (opened.path / _PROGRESS).unlink(missing_ok=True)
+        _put(opened.path, tree)
+        _remove_traces(opened.path)
 
 
-def _summary_dimensions(summary: Summary) -> dict[str, tuple[str, ...]]:
-    """Name the dimensions of the summary's arrays by their sizes' meaning."""
-    cells = ("cell_x", "cell_y", "cell_z")
-    per_set = ("fault_set",)
-    fixed: dict[str, tuple[str, ...]] = {
-        "healthy_rank": ("rank",),
-        "healthy_margin": ("share_bin",),
-        "tolerated_sets": ("tolerated_set_count",),
-        "verdicts": (*per_set, "verdict_code"),
-        "rank_lost": (*per_set, "rank"),
-        "margin": (*per_set, "share_bin"),
-        "rho": (*per_set, "share_bin"),
-        "jump": (*per_set, "jump_bin"),
-        "capability": (*per_set, "capability_bin"),
-        "cell_postures": cells,
-        "cell_tolerates_all": cells,
-        "cell_tolerated": (*cells, *per_set),
-        "cell_worst_margin": (*cells, "cell_bin"),
-        "cell_worst_rho": (*cells, "cell_bin"),
-        "cell_min_margin": (*cells, *per_set),
-    }
-    return {
-        name: fixed.get(name, per_set if values.ndim else ())
-        for name, values in summary.arrays().items()
-    }
+# ---- what is read ----------------------------------------------------------------------------
 
 
 def open_sweep(path: str | PathLike[str]) -> Sweep:
@@ -359,8 +416,8 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
     SweepError
         There is none, or it is damaged.
     """
-    folder = Path(path)
-    about = _about(folder, SweepError)
+    where = Path(path)
+    about = _about(where, SweepError)
     try:
         setting = SweepSetting.from_dict(about["setting"])
         sets = sets_from_lists(about["sets"])
@@ -369,11 +426,11 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         grid: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stored}
         workspace = Workspace(**grid)
         if about["complete"]:
-            summary = _stored_summary(folder, bins, workspace)
+            summary = _stored_summary(where, bins, workspace)
         else:
             chunks = -(-setting.count // setting.chunk)
-            summary, _ = _progress(folder, bins, workspace, len(sets), chunks)
-        return Sweep(setting, sets, summary, str(folder), dataset_of(str(folder)))
+            summary, _ = _progress(where, bins, workspace, len(sets), chunks)
+        return Sweep(setting, sets, summary, str(where), dataset_of(str(where)))
     except FtforceError:
         raise
     except Exception as problem:  # a damaged store may raise anything
@@ -384,18 +441,16 @@ def dataset_of(store: Any) -> Any:
     """Return all arrays of a store as an xarray Dataset, read when they are looked at."""
     import xarray as xr
 
-    return xr.open_dataset(
-        store, engine="zarr", consolidated=False, chunks=None, backend_kwargs={"zarr_format": 2}
-    )
+    return xr.open_dataset(store, engine="zarr", consolidated=True, chunks=None)
 
 
 def _about(path: Path, error: Any) -> dict[str, Any]:
     """Return what a folder says of the sweep in it."""
-    attributes = path / ".zattrs"
     if not path.exists():
         raise error(path, f"no such folder; {_KIND} was expected")
     try:
-        found = json.loads(attributes.read_text("utf-8"))[_ABOUT]
+        attributes = json.loads((path / _ATTRIBUTES).read_text("utf-8"))
+        found = json.loads(attributes[variables.ABOUT])
         version = found["format"]
     except (OSError, ValueError, KeyError, TypeError):
         raise error(path, f"is there but is no sweep; {_KIND} was expected") from None
@@ -423,13 +478,15 @@ def _progress(
 def _stored_summary(path: Path, bins: Bins, workspace: Workspace) -> Summary:
     import zarr
 
-    group = zarr.open_group(str(path), mode="r", zarr_format=2)
+    group = zarr.open_group(str(path), mode="r", zarr_format=2, use_consolidated=True)
     arrays = {}
-    for name, array in group.arrays():
-        if name.startswith(_SUMMARY):
-            values = np.asarray(array[...])
-            bare = name.removeprefix(_SUMMARY)
-            if bare.startswith("cell_"):
-                values = values.reshape(workspace.cells, *values.shape[3:])
-            arrays[bare] = values
+    for name, array in _arrays(group):
+        bare = name.removeprefix(variables.SUMMARY)
+        if bare != name:
+            arrays[bare] = variables.unshaped(bare, np.asarray(array[...]), workspace)
     return Summary.from_arrays(arrays, bins, workspace)
+
+
+def _arrays(group: Any) -> Iterable[tuple[str, Any]]:
+    found: Iterable[tuple[str, Any]] = group.arrays()
+    return found

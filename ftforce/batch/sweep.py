@@ -333,13 +333,14 @@ def _run(
     runner: Runner,
     progress: Progress | None,
 ) -> Sweep:
+    from contextlib import closing
+
     from ftforce.batch import store
     from ftforce.batch.runner import run
 
-    opened = store.create(path, job, setting, sets, _identity(job, setting))
-    if path is not None and opened.done.all():
-        return store.open_sweep(path)
-    run(job, opened, runner, progress)
-    store.finish(opened, setting)
+    with closing(store.create(path, job, setting, sets, _identity(job, setting))) as opened:
+        if not opened.is_complete:
+            run(job, opened, runner, progress)
+            store.finish(opened)
     dataset = store.dataset_of(opened.store)
     return Sweep(setting, sets, opened.summary, None if path is None else str(path), dataset)
