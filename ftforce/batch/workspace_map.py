@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.arrays import Mask, Matrix, Vector
     from ftforce.batch.result import Sweep
 
     Values = NDArray[np.float64]
@@ -32,6 +32,8 @@ AXES = "xyz"
 PLANES = ("xy", "xz", "yz")
 QUANTITIES = ("rho", "margin", "jump", "capability")
 USUAL = ("rho", "margin")
+ROBUST = 60  # postures of a block, so that a share means something
+_FEWEST_BLOCKS = 8  # along the longest side of the workspace
 _ROUNDING = 1e-9  # of an edge: a slice on the border of two cells is the upper one
 
 
@@ -59,6 +61,13 @@ class Cells(NamedTuple):
         with np.errstate(invalid="ignore"):
             share = tolerated / postures
         return cls(postures, tolerated, share, low, high)
+
+    def only(self, chosen: Mask) -> Cells:
+        """Return the chosen cells, in a row."""
+        return Cells(
+            self.postures[chosen], self.tolerated[chosen], self.share[chosen], self.low[chosen],
+            self.high[chosen],
+        )  # fmt: skip
 
 
 class Flat(NamedTuple):
@@ -157,17 +166,35 @@ class WorkspaceMap(Displayed):
             chosen = chosen & np.expand_dims(layer, tuple({0, 1, 2} - {axis}))
         index = np.argwhere(chosen)
         place = np.array(workspace.origin) + (index + 0.5) * workspace.edge
-        return Located(
-            read_only(place), workspace.edge, Cells(*(values[chosen] for values in grid))
-        )
+        return Located(read_only(place), workspace.edge, grid.only(chosen))
+
+    @cached_property
+    def blocks(self) -> Located:
+        """The located cells, pooled into cubes until most hold enough postures for a share.
+
+        Those of a slice stay as they are.
+        """
+        if self.at is not None:
+            return self.located
+        workspace, grid = self.sweep.summary.workspace, self.grid
+        window = window_of(grid.postures)
+        starts = window[:, 0].tolist()
+        factor = _factor(grid.postures, window)
+        counts = (pooled(one, factor, starts) for one in (grid.postures, grid.tolerated))
+        cells = Cells.of(*counts)
+        filled = cells.postures > 0
+        edge = factor * workspace.edge
+        corner = np.array(workspace.origin) + np.array(starts) * workspace.edge
+        place = corner + (np.argwhere(filled) + 0.5) * edge
+        return Located(read_only(place), edge, cells.only(filled))
 
     def worst(self, most: int) -> list[int]:
-        """Return which of the located cells surely are the worst: by the interval's upper end.
+        """Return which of the blocks surely are the worst: by the interval's upper end.
 
-        So a cell of three postures that happen to fail does not come before one of three hundred.
-        Cells that tolerate everything are none of the worst.
+        So a block of three postures that happen to fail does not come before one of three hundred.
+        Blocks that tolerate everything are none of the worst.
         """
-        cells = self.located.cells
+        cells = self.blocks.cells
         order = np.lexsort((cells.share, cells.high))
         return [i for i in order.tolist() if cells.tolerated[i] < cells.postures[i]][:most]
 
@@ -289,6 +316,26 @@ def pooled(counts: Counts, factor: int, starts: Sequence[int] | None = None) -> 
     return counts
 
 
+def window_of(postures: Counts) -> Counts:
+    """Return the first and behind the last layer that holds postures along each axis, (3, 2)."""
+    found = []
+    for axis in range(3):
+        layers = np.flatnonzero(postures.sum(tuple({0, 1, 2} - {axis})))
+        found.append((int(layers.min()), int(layers.max()) + 1))
+    return np.array(found)
+
+
+def _factor(postures: Counts, window: Counts) -> int:
+    """Return how many cells along each side a block has."""
+    longest, factor = int((window[:, 1] - window[:, 0]).max()), 1
+    while longest // (factor + 1) >= _FEWEST_BLOCKS:
+        counts = pooled(postures, factor, window[:, 0].tolist())
+        if np.median(counts[counts > 0]) >= ROBUST:
+            break
+        factor += 1
+    return factor
+
+
 def depth_axis(plane: str) -> int:
     """Return the axis that a plane lacks."""
     return next(i for i, name in enumerate(AXES) if name not in plane)
@@ -310,10 +357,8 @@ def check_slice(sweep: Sweep, plane: str, at: float) -> None:
         They do not; the message says where they lie.
     """
     axis, workspace = depth_axis(plane), sweep.summary.workspace
-    others = tuple({0, 1, 2} - {axis})
-    layers = np.flatnonzero(sweep.summary.cell_postures.reshape(workspace.shape).sum(others))
-    low = workspace.origin[axis] + int(layers.min()) * workspace.edge
-    high = workspace.origin[axis] + (int(layers.max()) + 1) * workspace.edge
+    window = window_of(sweep.summary.cell_postures.reshape(workspace.shape))[axis].tolist()
+    low, high = (workspace.origin[axis] + layer * workspace.edge for layer in window)
     slack = _ROUNDING * workspace.edge
     if not low - slack <= at <= high + slack:
         raise InputError(

@@ -62,6 +62,7 @@ class Histogram(NamedTuple):
     notes: list[str]
 
 
+_UNKNOWN = {"rho": "unknown", "margin": "J = 0", "jump": "falls"}
 WORDS = {
     "rho": ("Relative manipulability", "ρ = w(K) / w(J)"),
     "margin": ("Margin", "σ_min(K) / σ_max(J)"),
@@ -124,7 +125,7 @@ def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
         return _of_capability(counts, np.asarray(bins.capability), unknown, int(unlimited), total)
     edges = np.asarray(bins.jump if quantity == "jump" else bins.share)
     bad, median = (float(quantile(counts, edges, p)) for p in (_bad(quantity), 0.5))
-    notes = {"unknown" if quantity == "rho" else "falls" if quantity == "jump" else "J = 0": unknown}
+    notes = {_UNKNOWN[quantity]: unknown}
     shown = counts[: len(edges) - 1].copy()
     if quantity == "jump":  # most postures have none: their bar would hide all others
         notes = {"no jump": int(shown[0]), **notes, "more": int(counts[-1])}
@@ -205,12 +206,14 @@ def mark_key(quantity: str) -> list[Any]:
     """Return what the legend of histograms has to explain."""
     from matplotlib.lines import Line2D
 
-    options: dict[str, Any] = {"linestyle": "none", "markeredgecolor": BLACK, "markeredgewidth": 0.7}
     worst = "95 %" if quantity == "jump" else "5 %"
     return [
-        Line2D([], [], marker="^", markerfacecolor=VERMILION, markersize=4.5, label=worst, **options),
-        Line2D([], [], marker="D", markerfacecolor="white", markersize=4.0, label="median", **options),
-    ]
+        Line2D([], [], linestyle="none", marker=marker, markerfacecolor=colour, markersize=size,
+               markeredgecolor=BLACK, markeredgewidth=0.7, label=label)
+        for marker, colour, size, label in (
+            ("^", VERMILION, 4.5, worst), ("D", "white", 4.0, "median"),
+        )
+    ]  # fmt: skip
 
 
 def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
@@ -277,7 +280,7 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
     lost = 100.0 * np.nan_to_num([one.not_tolerated.value for one in joints])
     doubtful = 100.0 * np.nan_to_num([one.borderline for one in joints])
     low, high = (100.0 * x for x in wilson(0.01 * (lost + doubtful) * postures, postures))
-    rows = np.arange(len(joints))
+    rows = np.arange(len(joints), dtype=np.float64)
     for verdict, left, width in (
         (Verdict.NOT_TOLERATED, np.zeros(len(rows)), lost), (Verdict.BORDERLINE, lost, doubtful),
     ):  # fmt: skip
@@ -324,7 +327,7 @@ def width_of(ax: Axes) -> float:
     return float(72.0 * ax.bbox.width / figure.dpi)
 
 
-def _whiskers(ax: Axes, rows: Values, values: Values, ends: Values) -> None:
+def _whiskers(ax: Axes, rows: Values, values: Values, ends: Any) -> None:
     reach = np.abs(np.nan_to_num(ends - values))
     ax.errorbar(values, rows, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=0.8, capsize=1.6,
                 capthick=0.8, zorder=4)  # fmt: skip

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ftforce.batch.workspace_map import AXES, PLANES, workspace_map
+from ftforce.map_words import depth_in_words, faults_in_words
 from ftforce.show import histograms
 from ftforce.show.canvas import WIDTH, head
 from ftforce.show.survival import (
     colour_bar,
-    depth_in_words,
-    faults_in_words,
     map_key,
     paint_flat,
     paint_solid,
     scale_of,
-    solid_of,
+    solid_in_words,
     spans_of,
 )
 
@@ -91,7 +90,7 @@ def _draw_flat(part: SubFigure, found: WorkspaceMap) -> None:
     one = scale_of(*(flat.cells for flat in flats))
     for ax, flat in zip(axes, flats, strict=True):
         paint_flat(ax, found, flat, one)
-        ax.set_title(depth_in_words(found, flat).rpartition(", ")[0])
+        ax.set_title(depth_in_words(found, flat))
     colour_bar(axes[-1], list(axes), one, aspect=16.0)
     part.legend(
         handles=map_key([flat.cells for flat in flats]),
@@ -101,16 +100,14 @@ def _draw_flat(part: SubFigure, found: WorkspaceMap) -> None:
 
 def _draw_solid(part: SubFigure, found: WorkspaceMap) -> None:
     ax: Axes = part.add_subplot(projection="3d")
-    blocks = solid_of(found)
+    blocks = found.blocks
     one = scale_of(blocks.cells)
     paint_solid(ax, blocks, one, 72.0 * _SOLID)
     colour_bar(ax, [ax], one, pad=0.08, shrink=0.8)
-    ax.set_title("\n".join(blocks.words))
+    ax.set_title("\n".join(solid_in_words(blocks)))
 
 
-def _draw_rows(
-    part: SubFigure, sweep: Sweep, quantities: tuple[str, ...], *, ranked: bool
-) -> None:
+def _draw_rows(part: SubFigure, sweep: Sweep, quantities: tuple[str, ...], *, ranked: bool) -> None:
     """Draw the ranking and histograms, row by row the same joints."""
     count = len(quantities) + ranked
     widths = [1.25 if ranked and i == 0 else 1.0 for i in range(count)]

@@ -6,13 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.batch.workspace_map import (
-    AXES,
-    Cells,
-    depth_axis,
-    pooled,
-    workspace_map,
-)
+from ftforce.batch.workspace_map import AXES, window_of, workspace_map
+from ftforce.map_words import cells_in_words, faults_in_words
 from ftforce.show.canvas import BLACK, canvas, head, wrapped
 
 if TYPE_CHECKING:
@@ -20,20 +15,17 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.arrays import Vector
     from ftforce.batch.result import Sweep
-    from ftforce.batch.workspace_map import Counts, Flat, Values, WorkspaceMap
+    from ftforce.batch.workspace_map import Cells, Flat, Located, Values, WorkspaceMap
 
 UNSURE = 0.2
 """Width of a share's interval from which a cell is marked: it holds too few postures."""
 UNSURE_WORDS = f"95 % interval wider than {100.0 * UNSURE:.0f} points"
-ROBUST = 60  # postures of a block of a solid picture, so that a share means something
-_FEWEST_BLOCKS = 8  # along the longest side of a solid picture
 _FLOORS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
 _COLOURS = "cividis"  # for all kinds of colour vision, and even in grey: dark where it is bad
 _OF_HEIGHT = 0.48  # edge of the cube of axes of three dimensions over their height, about
 _FAINTEST = 0.03
-_FAIL = {"locked": "locked", "free": "swinging free"}
 
 
 class Scale(NamedTuple):
@@ -41,27 +33,6 @@ class Scale(NamedTuple):
 
     floor: float
     reaches_below: bool
-
-
-class Solid(NamedTuple):
-    """Blocks of cells in space that hold postures.
-
-    Attributes
-    ----------
-    place :
-        Their middles in the root's axes, m, shape (k, 3).
-    edge :
-        m.
-    cells :
-        Shape (k,).
-    words :
-        What they are.
-    """
-
-    place: Matrix
-    edge: float
-    cells: Cells
-    words: list[str]
 
 
 def survival(
@@ -103,7 +74,7 @@ def survival(
         paint_flat(axes, found, found.flat, one)
         colour_bar(axes, [axes], one)
         title = f"Postures that tolerate {faults_in_words(sweep, found.joints)}"
-        lines = wrapped(axes, [title, depth_in_words(found, found.flat)])
+        lines = wrapped(axes, [title, cells_in_words(found, found.flat)])
         head(axes, lines, map_key([found.flat.cells]))
     return axes
 
@@ -131,40 +102,13 @@ def survival_3d(
     """
     found = workspace_map(sweep, joints)
     with canvas(ax, 5.0, solid=True) as axes:
-        blocks = solid_of(found)
+        blocks = found.blocks
         one = scale_of(blocks.cells)
         paint_solid(axes, blocks, one)
         colour_bar(axes, [axes], one, pad=0.08, shrink=0.7)
         title = f"Postures that tolerate {faults_in_words(sweep, found.joints)}"
-        axes.set_title(wrapped(axes, [title, *blocks.words]))
+        axes.set_title(wrapped(axes, [title, *solid_in_words(blocks)]))
     return axes
-
-
-def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:
-    """Say which faults a map is about."""
-    setting = sweep.setting
-    how = _FAIL.get(setting.mode, setting.mode)
-    if joints is not None:
-        if len(joints) == 1:
-            return f"joint {joints[0]} ({setting.joints[joints[0] - 1]}) {how}"
-        return f"joints {', '.join(map(str, joints[:-1]))} and {joints[-1]} {how}"
-    if setting.largest == 1:
-        return f"any one joint {how}"
-    between = "or" if setting.largest == 2 else "to"
-    return f"any 1 {between} {setting.largest} joints {how}"
-
-
-def depth_in_words(found: WorkspaceMap, flat: Flat) -> str:
-    """Say what a map shows of the axis that it lacks."""
-    edge, name = found.sweep.summary.workspace.edge, AXES[depth_axis(flat.plane)]
-    if found.at is None:
-        return f"{flat.plane} plane, all {name} pooled, cells of {edge:g} m"
-    low, high = (_metres(x) for x in flat.depth)
-    return f"slice {name} = {low} to {high} m, cells of {edge:g} m"
-
-
-def _metres(x: float) -> str:
-    return f"{x:.4g}".replace("-", "−") if abs(x) > 1e-9 else "0"
 
 
 def scale_of(*maps: Cells) -> Scale:
@@ -199,9 +143,10 @@ def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
     _mark_unsure(ax, flat, one)
     ax.plot(0.0, 0.0, linestyle="none", marker="P", markersize=5.5, markerfacecolor="white",
             markeredgecolor=BLACK, markeredgewidth=0.8, zorder=4)  # fmt: skip
-    spans = _window(found.grid.postures)
+    spans = window_of(found.grid.postures)
     borders = [_border(found, axis) for axis in range(3)]
-    for name, fit in zip(flat.plane, (ax.set_xlim, ax.set_ylim), strict=True):
+    fits: tuple[Any, ...] = (ax.set_xlim, ax.set_ylim)
+    for name, fit in zip(flat.plane, fits, strict=True):
         axis = AXES.index(name)
         low, high = borders[axis][spans[axis]].tolist()
         room = 0.04 * (high - low)
@@ -209,27 +154,19 @@ def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
     ax.set_aspect("equal")
     ax.set_xlabel(f"{flat.plane[0]} [m]")
     ax.set_ylabel(f"{flat.plane[1]} [m]")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(_few_ticks(5))
+    for scale in (ax.xaxis, ax.yaxis):
+        scale.set_major_locator(_few_ticks(5))
 
 
 def _border(found: WorkspaceMap, axis: int) -> Vector:
     workspace = found.sweep.summary.workspace
-    return workspace.origin[axis] + np.arange(workspace.shape[axis] + 1) * workspace.edge
-
-
-def _window(postures: Counts) -> Any:
-    """Return the first and behind the last layer that holds postures, shape (3, 2)."""
-    found = []
-    for axis in range(3):
-        layers = np.flatnonzero(postures.sum(tuple({0, 1, 2} - {axis})))
-        found.append((int(layers.min()), int(layers.max()) + 1))
-    return np.array(found)
+    steps = np.arange(workspace.shape[axis] + 1)
+    return np.asarray(workspace.origin[axis] + steps * workspace.edge, dtype=np.float64)
 
 
 def spans_of(found: WorkspaceMap) -> tuple[float, float, float]:
     """Return how long the part of the workspace with postures is along x, y and z, m."""
-    window, edge = _window(found.grid.postures), found.sweep.summary.workspace.edge
+    window, edge = window_of(found.grid.postures), found.sweep.summary.workspace.edge
     x, y, z = (edge * (window[:, 1] - window[:, 0])).tolist()
     return x, y, z
 
@@ -294,38 +231,13 @@ def colour_bar(ax: Axes, beside: Sequence[Axes], one: Scale, **place: Any) -> No
     bar.set_ticks(steps.tolist(), labels=[f"{100.0 * step:.4g}" for step in steps])
 
 
-def _block(postures: Counts) -> int:
-    """Return how many cells along each side a block of a solid picture has."""
-    spans = _window(postures)
-    longest = int((spans[:, 1] - spans[:, 0]).max())
-    starts = spans[:, 0].tolist()
-    factor = 1
-    while longest // (factor + 1) >= _FEWEST_BLOCKS:
-        counts = pooled(postures, factor, starts)
-        if np.median(counts[counts > 0]) >= ROBUST:
-            break
-        factor += 1
-    return factor
+def solid_in_words(blocks: Located) -> list[str]:
+    """Say what a picture in space shows."""
+    words = [f"blocks of {blocks.edge:g} m; the brighter, the more transparent"]
+    return words if _is_sure(blocks.cells).all() else [*words, f"small: {UNSURE_WORDS}"]
 
 
-def solid_of(found: WorkspaceMap) -> Solid:
-    """Return the blocks of a picture in space, each of enough cells to hold some postures."""
-    workspace, grid = found.sweep.summary.workspace, found.grid
-    factor = _block(grid.postures)
-    starts = _window(grid.postures)[:, 0].tolist()
-    cells = Cells.of(*(pooled(one, factor, starts) for one in (grid.postures, grid.tolerated)))
-    filled = cells.postures > 0
-    edge = factor * workspace.edge
-    corner = np.array(workspace.origin) + np.array(starts) * workspace.edge
-    place = corner + (np.argwhere(filled) + 0.5) * edge
-    words = [f"blocks of {edge:g} m; the brighter, the more transparent"]
-    kept = Cells(*(values[filled] for values in cells))
-    if not _is_sure(kept).all():
-        words.append(f"small: {UNSURE_WORDS}")
-    return Solid(place, edge, kept, words)
-
-
-def paint_solid(ax: Any, blocks: Solid, one: Scale, points: float | None = None) -> None:
+def paint_solid(ax: Any, blocks: Located, one: Scale, points: float | None = None) -> None:
     """Paint blocks as squares that face the reader.
 
     Parameters

@@ -1,0 +1,102 @@
+"""``ftforce map``: where in the workspace a fault is survived."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ftforce.cli.common import FormatOption, Output, PlotOption, emit
+
+
+def map(  # noqa: A001 # the command's name
+    sweep: Annotated[
+        Path, typer.Argument(metavar="SWEEP.zarr", help="What `ftforce sweep -o` has written.")
+    ],
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            metavar="2,4",
+            help="Joints that fail together: numbers from 1 or names.",
+            show_default="any set of the sweep",
+        ),
+    ] = None,
+    plane: Annotated[
+        str | None,
+        typer.Option(metavar="xy|xz|yz", help="Plane of the root's axes.", show_default="xz"),
+    ] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            help="Slice of --plane at this place along the third axis, m.",
+            show_default="the whole depth is pooled",
+        ),
+    ] = None,
+    solid: Annotated[
+        bool, typer.Option("--solid", help="--plot draws the cells in three dimensions.")
+    ] = False,
+    quantity: Annotated[
+        str,
+        typer.Option(
+            metavar="rho,margin,jump,capability", help="Which histograms and quantiles to show."
+        ),
+    ] = "rho,margin",
+    top: Annotated[int, typer.Option(min=1, help="How many of the worst cells to show.")] = 8,
+    plot: PlotOption = None,
+    form: FormatOption = None,
+    output: Output = None,
+) -> None:
+    """Look at where in the workspace a sweep's postures tolerate a fault.
+
+    Shows the share of postures per cell, the worst cells, the critical joints, and quantiles.
+    """
+    from ftforce.batch.store import open_sweep
+    from ftforce.batch.workspace_map import workspace_map
+    from ftforce.show.map import map_view
+
+    opened = open_sweep(sweep)
+    found = workspace_map(
+        opened,
+        None if joints is None else _numbers(joints, opened.setting.joints),
+        plane=plane or (None if at is None else "xz"),
+        at=at,
+        solid=solid,
+        quantities=_words(quantity),
+    )
+    emit(
+        map_view(found, most=top),
+        found,
+        form=form,
+        output=output,
+        plot=plot,
+        title=f"ftforce map {sweep.name}",
+        warnings=found.warnings,
+    )
+
+
+def _words(text: str) -> list[str]:
+    return list(dict.fromkeys(text.replace(",", " ").split()))
+
+
+def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
+    """Read joints: numbers from 1, or names.
+
+    Raises
+    ------
+    InputError
+        There is none, or no such joint.
+    """
+    from ftforce.errors import InputError, UnknownNameError
+
+    found = set()
+    for word in _words(text):
+        if word in names:
+            found.add(names.index(word) + 1)
+        elif word.isdecimal() and 1 <= int(word) <= len(names):
+            found.add(int(word))
+        else:
+            numbered = [f"{i} {name}" for i, name in enumerate(names, start=1)]
+            raise UnknownNameError("joint", word, numbered)
+    if not found:
+        raise InputError("--joints needs numbers or names separated by commas, e.g. 2,4; got none")
+    return sorted(found)
