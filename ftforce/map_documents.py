@@ -11,7 +11,8 @@ from ftforce.map_words import map_sentence
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ftforce.batch.workspace_map import Located, WorkspaceMap
+    from ftforce.batch.cells import Located
+    from ftforce.batch.workspace_map import WorkspaceMap
 
 Row = tuple[Any, ...]
 EVERY = "every"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ftforce.batch.workspace_map import AXES, depth_axis
+from ftforce.batch.cells import AXES, depth_axis
 from ftforce.words import percent
 
 if TYPE_CHECKING:
+    from ftforce.batch.cells import Flat
     from ftforce.batch.result import Sweep
-    from ftforce.batch.workspace_map import Flat, WorkspaceMap
+    from ftforce.batch.workspace_map import WorkspaceMap
 
 _FAIL = {"locked": "locked", "free": "swinging free"}
 _FAILS = {"locked": ("locks", "lock"), "free": ("swings free", "swing free")}

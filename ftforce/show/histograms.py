@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ftforce.arrays import Vector
+    from ftforce.batch.cells import Counts, Values
     from ftforce.batch.result import Sweep
-    from ftforce.batch.workspace_map import Counts, Values
 
     Quantity = Literal["rho", "margin", "jump", "capability"]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.text import Text
 
+from ftforce.batch.cells import Cells, pooled
 from ftforce.batch.criticality import Estimate
 from ftforce.batch.statistics import quantile
-from ftforce.batch.workspace_map import Cells, pooled
 from ftforce.map_words import cells_in_words, faults_in_words, map_sentence
 from ftforce.show.survival import UNSURE
 from ftforce.show.sweep import joints_table, sweep_facts
@@ -21,7 +21,8 @@ from ftforce.words import NEGLIGIBLE, number, ratio, size
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from ftforce.batch.workspace_map import Flat, WorkspaceMap
+    from ftforce.batch.cells import Flat
+    from ftforce.batch.workspace_map import WorkspaceMap
 
 MOST_CELLS = 8
 """How many cells the table of the worst ones shows."""
@@ -113,7 +114,8 @@ def _worst(found: WorkspaceMap, most: int) -> TitledTable:
     what = "cells" if blocks.edge < 1.5 * found.located.edge else "blocks"
     result = table(
         f"{what.capitalize()} of {blocks.edge:g} m, surely worst first",
-        "x [m]", "y [m]", "z [m]", "postures", "tolerated", "[%] (95 % interval)", left=0, folded=(),
+        "x [m]", "y [m]", "z [m]", "postures", "tolerated", "[%] (95 % interval)",
+        left=0, folded=(),
     )  # fmt: skip
     for i in worst:
         share = Estimate(float(cells.share[i]), float(cells.low[i]), float(cells.high[i]))

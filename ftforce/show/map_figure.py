@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ftforce.batch.workspace_map import AXES, PLANES, workspace_map
+from ftforce.batch.cells import AXES, PLANES
+from ftforce.batch.workspace_map import workspace_map
 from ftforce.map_words import depth_in_words, faults_in_words
 from ftforce.show import histograms
 from ftforce.show.canvas import WIDTH, head

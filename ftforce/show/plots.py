@@ -28,7 +28,9 @@ from ftforce.show.canvas import (
     sparse,
 )
 from ftforce.show.heat import heat_map
+from ftforce.show.histograms import criticality, histogram
 from ftforce.show.slices import capability
+from ftforce.show.survival import survival, survival_3d
 from ftforce.words import NEGLIGIBLE
 
 if TYPE_CHECKING:
@@ -42,11 +44,15 @@ if TYPE_CHECKING:
 __all__ = [
     "capability",
     "census",
+    "criticality",
     "force",
     "heat_map",
+    "histogram",
     "jump",
     "path",
     "path_error",
+    "survival",
+    "survival_3d",
     "torques",
 ]
 

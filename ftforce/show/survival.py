@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.batch.workspace_map import AXES, window_of, workspace_map
+from ftforce.batch.cells import AXES, window_of
+from ftforce.batch.workspace_map import workspace_map
 from ftforce.map_words import cells_in_words, faults_in_words
 from ftforce.show.canvas import BLACK, canvas, head, wrapped
 
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ftforce.arrays import Vector
+    from ftforce.batch.cells import Cells, Flat, Located, Values
     from ftforce.batch.result import Sweep
-    from ftforce.batch.workspace_map import Cells, Flat, Located, Values, WorkspaceMap
+    from ftforce.batch.workspace_map import WorkspaceMap
 
 UNSURE = 0.2
 """Width of a share's interval from which a cell is marked: it holds too few postures."""
