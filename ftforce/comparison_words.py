@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ftforce.words import joined, number, size
+from ftforce.sweep_words import share
+from ftforce.words import NEGLIGIBLE, joined, number, size
 
 if TYPE_CHECKING:
     from ftforce.batch.arm_report import ArmReport
@@ -21,16 +22,6 @@ KEY = (
 """What arms are ranked by."""
 
 
-def share(x: float) -> str:
-    """Write a share in percent so that neither none nor all of it is claimed wrongly."""
-    if math.isnan(x):
-        return "–"
-    text = f"{100.0 * x:.2f}"
-    if text == "100.00" and x < 1.0:
-        return ">99.99"
-    return "<0.01" if text == "0.00" and x > 0.0 else text
-
-
 def ranks(arm: ArmReport) -> str:
     """Write the rank, or the ranks that the intervals leave open."""
     return str(arm.first) if arm.first == arm.last else f"{arm.first}–{arm.last}"
@@ -41,16 +32,7 @@ def fault_words(setting: SweepSetting) -> str:
     state = "swinging freely" if setting.mode == "free" else setting.mode
     if setting.largest == 1:
         return f"one joint {state}"
-    return f"one to {setting.largest} joints {state}"
-
-
-def force_words(setting: SweepSetting) -> str:
-    """Say the force that was asked for, or that none was."""
-    if setting.force is None:
-        return "every direction (none given)"
-    units = ("N" if name[0] == "f" else "N·m" for name in setting.components)
-    parts = zip(setting.components, setting.force, units, strict=True)
-    return ", ".join(f"{name} {number(x)} {unit}" for name, x, unit in parts)
+    return f"up to {setting.largest} joints {state}"
 
 
 def direction_words(setting: SweepSetting) -> str:
@@ -109,9 +91,15 @@ def _strongest(comparison: Comparison) -> list[str]:
     finite = [(x, arm) for x, arm in found if math.isfinite(x)]
     if not finite:
         return []
-    most, arm = max(finite, key=lambda pair: pair[0])
+    most, arm = max(finite, key=_first)
+    if most <= NEGLIGIBLE:
+        return []
     unit = arm.setting.size_unit
     known = "" if len(finite) == len(found) else " of those whose limits are known"
     where = f"along {direction_words(arm.setting)}{known}"
     amount = f"{size(most, 0)} {unit}, the median after a single fault"
     return [f"{arm.name} can still command most {where}: {amount}."]
+
+
+def _first(pair: tuple[float, ArmReport]) -> float:
+    return pair[0]

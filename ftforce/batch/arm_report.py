@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     Counts = NDArray[np.int64]
 
 CONFIDENCE = 0.95  # of all intervals: what wilson and quantile_interval take if not told
+FULL = 0.99  # share of postures at which a healthy arm should command the whole task
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 
@@ -155,6 +156,11 @@ class ArmReport:
     def largest(self) -> SizeReport:
         """The report of the largest sets."""
         return self.sizes[-1]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the healthy arm can command the whole task at nearly every posture."""
+        return self.full_rank >= FULL
 
     @property
     def evenness(self) -> float:

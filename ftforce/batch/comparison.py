@@ -34,7 +34,6 @@ Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 SAMPLES = 100_000
 ENOUGH = 0.95
 CELLS = 20  # along the reach to either side: as many for every arm, whatever its size
-_FULL = 0.99  # share of postures at which a healthy arm should command the whole task
 _ALIKE = 1.3  # cells over reach may differ by this factor
 
 
@@ -399,11 +398,11 @@ def _rank(arm: ArmReport) -> tuple[float, float, float, str]:
 def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
     """Say what makes the answer doubtful, arms of one trouble together."""
     found = []
-    weak = [f"{arm.name} at {arm.full_rank:.0%}" for arm in reports if arm.full_rank < _FULL]
+    weak = [f"{arm.name} at {arm.full_rank:.0%}" for arm in reports if not arm.is_whole]
     if weak:
         found.append(
-            "healthy arms that cannot command the whole task at most postures, so that shares are "
-            f"about what they can: {listed(weak)} of the postures"
+            "healthy arms that cannot command the whole task everywhere, so that their shares are "
+            f"about less: {listed(weak)} of the postures can they"
         )
     slides = [arm.name for arm in reports if "m" in arm.setting.joint_units]
     if slides and len({unit for arm in reports for unit in arm.setting.joint_units}) > 1:

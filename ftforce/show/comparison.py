@@ -12,11 +12,10 @@ from ftforce.comparison_words import (
     critical_words,
     direction_words,
     fault_words,
-    force_words,
     ranks,
-    share,
 )
 from ftforce.show.tables import facts, spaced, table, warning_lines
+from ftforce.sweep_words import force_in_words, share
 from ftforce.words import ratio, size
 
 if TYPE_CHECKING:
@@ -50,10 +49,10 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     counts = sorted({arm.postures for arm in comparison.arms})
     each = f"{counts[0]:,}" if len(counts) == 1 else f"{counts[0]:,} to {counts[-1]:,}"
     found = [
-        ("Question", f"{fault_words(asked)}, every set of them"),
+        ("Faults", f"{fault_words(asked)}, every set of them"),
         ("Task", f"{asked.task} ({', '.join(asked.components)}){length}"),
         ("Axes", f"{asked.axes}: vectors are in the axes of {_AXES[asked.axes]}"),
-        ("Force", force_words(asked)),
+        ("Force", force_in_words(asked)),
     ]
     if asked.direction is not None:
         found.append(("Limits", _limits(comparison)))
@@ -81,7 +80,7 @@ def _ranking(comparison: Comparison) -> TitledTable:
     for arm in comparison.arms:
         result.add_row(
             ranks(arm),
-            arm.name,
+            arm.name + "*" * (not arm.is_whole),
             str(arm.setting.n),
             share(arm.tolerated.value),
             f"{share(arm.tolerated.low)}–{share(arm.tolerated.high)}",
@@ -94,6 +93,8 @@ def _ranking(comparison: Comparison) -> TitledTable:
         "interval: 95 % confidence; arms whose intervals overlap share their ranks\n"
         "every set: of postures; with it: tolerated of the sets with the critical joint"
     )
+    if not all(arm.is_whole for arm in comparison.arms):
+        result.caption += "\n* healthy, it cannot command the whole task: see the warning"
     if comparison.question.largest > 1:
         result.caption += "\nsets of one size weigh as much as those of another"
     return result
@@ -101,32 +102,34 @@ def _ranking(comparison: Comparison) -> TitledTable:
 
 def _distances(comparison: Comparison, i: int) -> TitledTable:
     """Return margin and ρ of the sets of one size."""
-    several, is_last = comparison.question.largest > 1, i == comparison.question.largest - 1
+    asked = comparison.question
+    several, is_last, is_locked = asked.largest > 1, i == asked.largest - 1, asked.mode == "locked"
     joints = "a single joint" if i == 0 else f"{i + 1} joints"
-    by_size = ("tolerated\n[%]",) * several
-    even = ("worst ρ\n50 %", "even\n[%]") if is_last else ()
-    result = table(
-        f"How far from losing a direction: sets of {joints}", "arm", *by_size,
-        "margin\n5 %", "\n50 %", "ρ\n5 %", "\n50 %", "mean\nρ", *even,
-    )  # fmt: skip
+    columns = ["tolerated\n[%]"] * several + ["margin\n5 %", "\n50 %", "ρ\n5 %", "\n50 %"]
+    columns += ["mean\nρ"] * is_locked + ["worst ρ\n50 %"] * is_last
+    columns += ["even\n[%]"] * (is_last and is_locked)
+    result = table(f"How far from losing a direction: sets of {joints}", "arm", *columns)
     for arm in comparison.arms:
         one = arm.sizes[i]
-        result.add_row(
-            arm.name,
-            *((share(one.tolerated.value),) * several),
-            *(_quantile(x, 1e-3) for x in (*one.margin, *one.rho)),
-            "–" if math.isnan(one.rho_bound) else ratio(one.rho_bound),
-            *((_quantile(arm.worst_rho, 1 / 32), _evenness(arm, one)) if is_last else ()),
-        )
-    result.caption = (
-        "5 %, 50 %: of postures x sets, that many lie below; more is better\n"
-        "mean ρ: root of the mean square; it follows from n, at any posture of full rank"
+        cells = [share(one.tolerated.value)] * several
+        cells += [_quantile(x, 1e-3) for x in (*one.margin, *one.rho)]
+        cells += [_mean_rho(one)] * is_locked + [_quantile(arm.worst_rho, 1 / 32)] * is_last
+        cells += [_evenness(arm, one)] * (is_last and is_locked)
+        result.add_row(arm.name, *cells)
+    notes = ["5 %, 50 %: of postures x sets, that many lie below; more is better"]
+    notes += ["mean ρ: root of the mean square, by n alone: the same at (nearly) every posture"] * (
+        is_locked
     )
-    if is_last:
-        result.caption += (
-            "\nworst ρ: a posture's smallest, the median; even: in percent of the mean, its most"
-        )
+    notes += ["worst ρ: a posture's smallest, the median"] * is_last
+    if is_last and is_locked:
+        notes.append("even: worst over mean ρ, which it cannot exceed; more is better")
+    result.caption = "\n".join(notes)
     return result
+
+
+def _mean_rho(one: SizeReport) -> str:
+    unknown = math.isnan(one.rho_bound) or math.isnan(one.rho[1].value)
+    return "–" if unknown else ratio(one.rho_bound)
 
 
 def _quantile(found: Estimate, bin_width: float) -> str:
@@ -166,7 +169,7 @@ def _force(comparison: Comparison) -> TitledTable | None:
     if capable:
         notes += [
             f"before, after: largest commanded force along {direction_words(asked)}",
-            "kept: median after over median before, –: of a stored sweep it is not known",
+            "kept: median after over median before; –: unknown, or nothing before",
         ]
     if capable and asked.mode == "locked":
         notes += ["above 100: the brake holds a locked joint, and its motor's limit counts no more"]
@@ -202,9 +205,9 @@ def _workspace(comparison: Comparison) -> TitledTable:
         result.add_row(
             arm.name,
             f"{place.reach:.2f}",
-            *(ratio(x) for x in volumes),
+            *(f"{x:.3g}" for x in volumes),
             f"{100.0 * place.share:.1f}",
-            ratio(place.some),
+            f"{place.some:.3g}",
             f"{place.cell:.3f}",
         )
     result.caption = (

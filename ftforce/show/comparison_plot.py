@@ -13,6 +13,7 @@ from ftforce.show.canvas import (
     BLUE,
     LONGEST_NAME,
     ROW,
+    TITLE,
     VERMILION,
     WIDTH,
     canvas,
@@ -21,6 +22,8 @@ from ftforce.show.canvas import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -59,7 +62,13 @@ class Marks(NamedTuple):
     bound: Vector
 
 
-def comparison(result: Comparison, *, shown: Shown = "tolerated", ax: Axes | None = None) -> Axes:
+MOST = 50
+"""How many arms a figure shows, the best ones."""
+
+
+def comparison(
+    result: Comparison, *, shown: Shown = "tolerated", most: int = MOST, ax: Axes | None = None
+) -> Axes:
     """Draw a dot per arm, the best on top, with an interval.
 
     Parameters
@@ -69,6 +78,8 @@ def comparison(result: Comparison, *, shown: Shown = "tolerated", ax: Axes | Non
     shown :
         ``tolerated`` or ``every``, shares with their intervals of confidence; ``rho`` or
         ``margin`` of the largest sets: the median, and a line that begins at the 5 % quantile.
+    most :
+        How many arms to show, the best ones.
     ax :
         Axes to draw on; a new figure's if not given.
 
@@ -79,21 +90,32 @@ def comparison(result: Comparison, *, shown: Shown = "tolerated", ax: Axes | Non
     """
     if shown not in SHOWN:
         raise UnknownNameError("quantity", shown, SHOWN)
-    marks = marks_of(result, shown)
-    with canvas(ax, 1.0 + ROW * len(result.arms)) as axes:
-        _draw(axes, marks)
-        names = [f"{shortened(arm.name, LONGEST_NAME)}  {ranks(arm)}" for arm in result.arms]
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.4, -0.6)
-        title, label = _TITLES[shown]
-        axes.set_xlabel(label)
+    arms = result.arms[: max(most, 1)]
+    with canvas(ax, 1.0 + ROW * len(arms)) as axes:
+        marks = _panel(axes, arms, shown)
+        title = _TITLES[shown][0] + _cut(len(arms), len(result.arms))
         head(axes, title, _key(marks, is_share=shown in {"tolerated", "every"}))
     return axes
 
 
-def marks_of(result: Comparison, shown: str) -> Marks:
+def _cut(shown: int, arms: int) -> str:
+    return f", the best {shown} of {arms} arms" if shown < arms else ""
+
+
+def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
+    """Draw without title and legend; return what was drawn."""
+    marks = marks_of(arms, shown)
+    _draw(ax, marks)
+    names = [f"{shortened(arm.name, LONGEST_NAME)}  {ranks(arm)}" for arm in arms]
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_xlabel(_TITLES[shown][1])
+    return marks
+
+
+def marks_of(arms: Sequence[ArmReport], shown: str) -> Marks:
     """Return what a plot shows of the arms, best first; shares in percent."""
-    rows = np.array([_row(arm, shown) for arm in result.arms])
+    rows = np.array([_row(arm, shown) for arm in arms])
     return Marks(*(rows[:, k] for k in range(4)))
 
 
@@ -128,7 +150,7 @@ def _key(marks: Marks, *, is_share: bool) -> list[Any]:
     if np.isfinite(marks.bound).any():
         found.append(
             Line2D([], [], linestyle="none", marker="|", color=VERMILION, markersize=7.0,
-                   markeredgewidth=1.4, label="mean of each posture")
+                   markeredgewidth=1.4, label="root mean square")
         )  # fmt: skip
     return found
 
@@ -143,27 +165,24 @@ def lay_out(drawn: Figure, result: Comparison) -> None:
     result :
         The arms.
     """
-    height = min(1.3 + ROW * max(len(result.arms), 4), _HIGHEST)
+    arms = result.arms[:MOST]
+    height = min(1.3 + ROW * max(len(arms), 4), _HIGHEST)
     drawn.set_size_inches(WIDTH, height)
     axes = drawn.subplots(1, len(SHOWN), sharey=True)
     for ax, shown in zip(axes, SHOWN, strict=True):
-        comparison(result, shown=shown, ax=ax)  # type: ignore[arg-type] # one of SHOWN
-        ax.get_legend().set_visible(False)
-    _one_legend(drawn, axes[2])
+        marks = _panel(ax, arms, shown)
+        ax.set_title(_TITLES[shown][0])
+        if shown == "rho":
+            handles = _key(marks, is_share=False)
+    words = ("shares: 95 % interval; ρ and margin: from the 5 % quantile to the median",
+             "ρ: root mean square of every posture, which its worst cannot exceed")  # fmt: skip
+    for handle, label in zip(handles, words, strict=False):
+        handle.set_label(label)
+    drawn.legend(handles=handles, loc="outside lower center", ncols=1, frameon=False)
     asked = result.question
-    with_force = "" if asked.force is None else ", one force"
+    force = "" if asked.force is None else ", one force"
     drawn.suptitle(
-        f"{fault_words(asked).capitalize()}{with_force}; ranks beside the names", x=0.01, ha="left",
-        fontsize=8.0,
+        f"{fault_words(asked).capitalize()}{force}; beside each name its ranks"
+        + _cut(len(arms), len(result.arms)),
+        x=0.01, ha="left", fontsize=TITLE,
     )  # fmt: skip
-
-
-def _one_legend(drawn: Figure, ax: Axes) -> None:
-    from matplotlib.lines import Line2D
-
-    found = [Line2D([], [], color=BLUE, marker="o", linewidth=1.6,
-                    label="shares: 95 % interval; ρ, margin: from 5 % quantile to median")]  # fmt: skip
-    found += [one for one in ax.get_lines() if one.get_marker() == "|"][:1]
-    if len(found) > 1:
-        found[1].set_label("ρ: root mean square of every posture, which its worst cannot exceed")
-    drawn.legend(handles=found, loc="outside lower center", ncols=1, frameon=False)
