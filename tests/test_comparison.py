@@ -243,6 +243,17 @@ def test_size_does_not_count(tmp_path):
     assert (small.first, small.last) == (large.first, large.last) == (1, 2)
 
 
+def test_the_length_moves_margins_but_no_rho():
+    short, long = (
+        compare(["panda", "xarm7"], n=2000, task="wrench", length=length) for length in (0.1, 1.0)
+    )
+    for name in ("panda", "xarm7"):
+        one, other = short[name].sizes[0], long[name].sizes[0]
+        np.testing.assert_allclose(one.rho, other.rho, atol=1e-6)
+        assert abs(one.margin[1].value - other.margin[1].value) > 0.01
+        assert one.rho_bound == pytest.approx(math.sqrt(1 / 7))  # 0.378, theory §6
+
+
 # ---- ranks -------------------------------------------------------------------------------------
 
 
@@ -352,7 +363,7 @@ def test_robots_and_sweeps_together(tmp_path):
     assert "cells of other sizes" in " ".join(found.warnings) or len(found.warnings) == 0
     with pytest.raises(InputError, match="dh5 and kinova were not asked the same: force"):
         compare([stored, "kinova"], n=500)
-    with pytest.raises(InputError, match="leave out n, force"):
+    with pytest.raises(InputError, match=r"leave out n \(--samples\), force"):
         compare([stored, stored], n=500, force=FORCE)
     with pytest.raises(FileError, match="no such folder"):
         compare([stored, tmp_path / "none.zarr"])
@@ -490,7 +501,7 @@ def test_dots_stand_where_the_numbers_are(compared):
     drawn = Figure(layout="constrained")
     lay_out(drawn, compared)
     assert [one.get_title() for one in drawn.axes] == [
-        "Tolerated", "Every set tolerated", "ρ", "Margin",
+        "Tolerated", "Every set tolerated", "ρ, 2 joints", "Margin, 2 joints",
     ]  # fmt: skip
 
 

@@ -172,7 +172,8 @@ def compare(
     idle = [*asked, *(key for key, value in loading.items() if value is not None)]
     if len(stored) == len(entries) and idle:
         raise InputError(
-            f"every arm is a sweep that was asked already; leave out {', '.join(idle)}"
+            "every arm is a sweep that was asked already; leave out "
+            f"{', '.join('n (--samples)' if key == 'n' else key for key in idle)}"
         )
     for one in stored:
         _check_same(stored[0], one)

@@ -85,7 +85,7 @@ def _ranking(comparison: Comparison) -> TitledTable:
             share(arm.tolerated.value),
             f"{share(arm.tolerated.low)}–{share(arm.tolerated.high)}",
             share(arm.every.value),
-            critical_words(arm),
+            critical_words(arm) if arm.critical_tolerated < 1.0 else "–",
             share(arm.critical_tolerated),
         )
     result.caption = (

@@ -93,9 +93,15 @@ def comparison(
     arms = result.arms[: max(most, 1)]
     with canvas(ax, 1.0 + ROW * len(arms)) as axes:
         marks = _panel(axes, arms, shown)
-        title = _TITLES[shown][0] + _cut(len(arms), len(result.arms))
+        title = _title(result, shown) + _cut(len(arms), len(result.arms))
         head(axes, title, _key(marks, is_share=shown in {"tolerated", "every"}))
     return axes
+
+
+def _title(result: Comparison, shown: str) -> str:
+    size = result.question.largest
+    of_sets = f", {size} joints" if size > 1 and shown in {"rho", "margin"} else ""
+    return _TITLES[shown][0] + of_sets
 
 
 def _cut(shown: int, arms: int) -> str:
@@ -171,7 +177,7 @@ def lay_out(drawn: Figure, result: Comparison) -> None:
     axes = drawn.subplots(1, len(SHOWN), sharey=True)
     for ax, shown in zip(axes, SHOWN, strict=True):
         marks = _panel(ax, arms, shown)
-        ax.set_title(_TITLES[shown][0])
+        ax.set_title(_title(result, shown))
         if shown == "rho":
             handles = _key(marks, is_share=False)
     words = ("shares: 95 % interval; ρ and margin: from the 5 % quantile to the median",
