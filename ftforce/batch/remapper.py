@@ -156,7 +156,7 @@ class Remapper:
         self._task = Task.parse(task, axes, length)
         self._sets = _fault_sets(robot, faults, checked_mode(mode))
         conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-        self._options = {
+        self._options: dict[str, Any] = {
             "gravity": gravity, "payload": payload, "task": self._task, "rtol": rtol, "wary": wary,
         }  # fmt: skip
         answer = _kernel()
@@ -231,17 +231,15 @@ class Remapper:
         if (
             q.__class__ is np.ndarray
             and given.__class__ is np.ndarray
-            and q.dtype is _FLOAT  # type: ignore[union-attr]
-            and given.dtype is _FLOAT  # type: ignore[union-attr]
-            and q.ndim == given.ndim == 1  # type: ignore[union-attr]
+            and q.dtype is _FLOAT
+            and given.dtype is _FLOAT
+            and q.ndim == given.ndim == 1
             and not run(q, given)
         ):
             return self._result
         return self._converted(q, tau, force)
 
-    def _converted(
-        self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None
-    ) -> Remapped:
+    def _converted(self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None) -> Remapped:
         """Answer for anything that can be made arrays; say what is wrong with anything else."""
         robot, task = self._robot, self._task
         hint = f"one per joint, {robot.numbered()}"

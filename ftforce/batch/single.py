@@ -11,14 +11,16 @@ Nothing here allocates: it is compiled without numba's allocator, and could not 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
 from numba import boolean, float64, int64, njit, types
 
 from ftforce.batch import exact
 from ftforce.batch.jit import inner
 from ftforce.batch.results import TOLERATED
+
+if TYPE_CHECKING:
+    import numpy as np
 
 DONE, MALFORMED = 0, 1
 """What `answer` returns: a number that is not finite, or too many or few of them, is malformed."""
@@ -36,7 +38,7 @@ LEAST_MARGIN = 1e-3
 _CLEAR = 1.0 + 1e-6  # this much beyond all tolerances, σ_min is beyond doubt
 _LARGEST = 1e200  # of a sum of squares: products with it can still be computed
 _ROUNDING = 1e-12
-_STEPS, _CLOSE = 25, 1e-13
+_STEPS, _CLOSE, _NEAR, _SHORT = 40, 1e-13, 1e-9, 1.0 - 1e-7
 _NOTHING = 1e-300
 
 
@@ -380,20 +382,26 @@ def tridiagonalize(A, line):
 
 @inner
 def smallest(A, line, x):
-    """Find the smallest eigenvalues of tridiagonal matrices; 0 where they are not positive.
+    """Find the smallest eigenvalues of tridiagonal matrices.
 
     Laguerre's iteration on the characteristic polynomial: from below it never passes the root,
-    and near it every step triples the digits (Parlett 1964; all roots are real). Where it has not
-    ended after `_STEPS`, the answer is 0 too.
+    and near it every step triples the digits (Parlett 1964; all roots are real). Two roots that
+    are closer than rounding can tell from afar look like one between them, so every step is made
+    a little shorter. That no root was passed is seen from the leading minors, which are all
+    positive below it; where rounding has led astray the answer is NaN, and it is 0 where there is
+    no positive root or the iteration has not ended.
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
+    last, minor = line[6], line[7]
     for b in range(SIDE):
         x[b] = 0.0
+        last[b] = 0.0
     for _ in range(_STEPS):
         for b in range(SIDE):
             p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
             q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
+            minor[b] = p[b]
         for i in range(1, m):
             for b in range(SIDE):
                 a, c = A[i, i, b] - x[b], A[i, i - 1, b]
@@ -402,19 +410,22 @@ def smallest(A, line, x):
                 dp[b] = a * dup - up - c * dq[b]
                 ddp[b] = a * ddup - 2.0 * dup - c * ddq[b]
                 q[b], dq[b], ddq[b] = up, dup, ddup
+                minor[b] = p[b] if p[b] < minor[b] else minor[b]
         far = 0
         for b in range(SIDE):
             over = 1.0 / p[b]
             G = -dp[b] * over  # Σ 1/(λ - x)
             H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
-            step = m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
-            step = step if p[b] > 0.0 else 0.0
-            x[b] += step
-            far += 1 if step > _CLOSE * x[b] else 0
+            step = _SHORT * m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
+            is_below = minor[b] > 0.0
+            has_passed = not is_below and last[b] > _NEAR * x[b]
+            x[b] = math.nan if has_passed else x[b] + step if is_below else x[b]
+            last[b] = step if is_below else 0.0
+            far += 1 if last[b] > _CLOSE * x[b] else 0
         if far == 0:
             return
     for b in range(SIDE):
-        x[b] = 0.0
+        x[b] = 0.0 if last[b] > _CLOSE * x[b] else x[b]
 
 
 # ---- sets that may lose something --------------------------------------------------------------
@@ -496,11 +507,12 @@ _MASK, _WHOLE = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
 _MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
 _TYPES = int64(
     boolean, _WHOLE, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
-    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE, _VECTOR, _VECTOR,
+    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE,
+    _VECTOR, _VECTOR,
 )  # fmt: skip
 # Python's lock stays held: taking it back can take longer than the call. One signature, so that
 # nothing is ever compiled inside a control loop.
-_compile = njit(  # its annotations leave out the last
-    _TYPES, cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False
+_compile: Any = njit  # its annotations leave out the last option
+answer = _compile(_TYPES, cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)(
+    answer
 )
-answer = _compile(answer)
