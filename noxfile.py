@@ -46,7 +46,9 @@ def tests(session: nox.Session) -> None:
         session.run("pytest", "-n", "auto", "-m", "not thorough", env=ENVIRONMENT)
         return
     coverage = ["--cov", "--cov-branch"]
-    session.run("pytest", "-n", "auto", *coverage, "--cov-report=", env=ENVIRONMENT)
+    session.run(
+        "pytest", "-n", "auto", *coverage, "--cov-report=", "--cov-fail-under=0", env=ENVIRONMENT
+    )
     # Coverage does not see into compiled kernels: their tests run once more as plain Python.
     plain = {**ENVIRONMENT, "NUMBA_DISABLE_JIT": "1"}
     more = ["--cov-append", "--cov-report=term-missing:skip-covered", "--cov-fail-under=95"]
