@@ -16,7 +16,6 @@ from ftforce import cli
 from ftforce.batch.comparison import compare
 from ftforce.batch.sweep import sweep
 from ftforce.comparison_words import comparison_sentence
-from ftforce.dh import DHRow, DHTable, MassModel
 
 
 def run(*arguments, status=0):
@@ -61,25 +60,6 @@ def test_it_just_works():
     assert "100,000 of each arm" in output
     assert "every direction (none given)" in output
     assert "Force after" not in output
-
-
-def test_forty_arms_with_long_names(tmp_path):
-    rows = tuple(
-        DHRow(a=0.2, alpha=x, d=0.1, theta=0.0, type="revolute", lower=-2.0, upper=2.0)
-        for x in (1.0, -1.0, 1.5, 0.5)
-    )
-    files = []
-    for k in range(40):
-        name = f"a_design_of_which_the_name_is_much_too_long_for_a_table_{k:02}"
-        table = DHTable(name=name, convention="standard", rows=rows,
-                        mass=MassModel("solid cylinder", radius=0.03, density=2700.0))  # fmt: skip
-        files.append(ftforce.write_robot(table, tmp_path / f"{k}.urdf")[0])
-    output = run(*files, "--samples", 64).stdout
-    assert all(len(line.rstrip()) <= 80 for line in output.splitlines())
-    together = "".join(output.split())
-    assert "a_design_of_which" in together
-    assert output.count("1–40") == 40  # all the same: no one is ahead
-    assert "and 35 more may be as good" in " ".join(output.split())
 
 
 def test_json_and_csv(tmp_path):

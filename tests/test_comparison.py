@@ -11,6 +11,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
 
@@ -24,6 +25,7 @@ from ftforce.comparison_words import comparison_sentence
 from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import FileError, InputError, UnknownNameError
 from ftforce.files import _unsigned
+from ftforce.show.comparison import comparison_view
 from helpers import load_text, serial_urdf
 
 FORCE = [20.0, -30.0, 40.0]
@@ -245,7 +247,7 @@ def test_size_does_not_count(tmp_path):
 
 def test_the_length_moves_margins_but_no_rho():
     short, long = (
-        compare(["panda", "xarm7"], n=2000, task="wrench", length=length) for length in (0.1, 1.0)
+        compare(["panda", "xarm7"], n=2000, task="wrench", length=length) for length in (0.3, 10.0)
     )
     for name in ("panda", "xarm7"):
         one, other = short[name].sizes[0], long[name].sizes[0]
@@ -407,11 +409,43 @@ def test_doubts():
     assert "unknown effort limits count as none: so101 (shoulder_pan" in said
     assert not found["dh5"].is_whole
     assert found["tiago"].is_whole
-    assert math.isinf(found["so101"].sizes[0].capability[1].value) or not found["so101"].is_whole
     few, many = (sweep(ftforce.load_robot(x), n=n) for x, n in (("dh5", 64), ("kinova", 128)))
     assert "128 of kinova" in " ".join(compare([few, many]).warnings)
     recorded = sweep(ftforce.load_robot("dh5"), np.zeros((3, 5)))
     assert "not drawn within the limits: dh5" in " ".join(compare([recorded, many]).warnings)
+
+
+def printed(result):
+    console = Console(file=io.StringIO(), width=80)
+    console.print(comparison_view(result))
+    return console.file.getvalue()
+
+
+def test_an_arm_without_known_limits_is_not_the_strongest():
+    found = compare(["dh5", "so101"], n=300, direction=[0, 0, 1])
+    assert math.isinf(found["so101"].sizes[0].capability[1].value)
+    assert math.isinf(found["so101"].healthy_capability[0].value)
+    assert math.isnan(found["so101"].capability_kept)
+    said = comparison_sentence(found)
+    assert "of those whose limits are known" in said
+    assert "dh5 can still command most along (0.00, 0.00, 1.00)" in said
+    row = next(line for line in printed(found).splitlines() if "no limit" in line)
+    assert row.split() == ["so101", *["no", "limit"] * 4, "–"]
+    document = comparison_document(found)
+    (one,) = (arm for arm in document["arms"] if arm["name"] == "so101")
+    assert one["sizes"][0]["capability"]["q50"]["value"] is None
+
+
+def test_forty_arms_with_long_names_fit(compared):
+    arm = compared.arms[0]
+    names = [f"a_design_of_which_the_name_is_too_long_for_a_table_{k:02}" for k in range(40)]
+    many = replace(compared, arms=_ranked([with_share(arm, name, 0.9, 0.01) for name in names]))
+    output = printed(many)
+    assert all(len(line.rstrip()) <= 80 for line in output.splitlines())
+    assert output.count("1–40") == 40
+    together = "".join(output.split())
+    assert "…" not in together
+    assert "and 35 more may be as good" in " ".join(output.split())
 
 
 def test_joints_that_swing_have_no_bound():

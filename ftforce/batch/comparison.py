@@ -262,7 +262,8 @@ class _Reports:
     def of(self, entries: Sequence[_Entry]) -> list[ArmReport]:
         """Return one report per arm."""
         # Every arm's postures before the first sweep: most of what is wrong shows there.
-        drawn = {one.name: self._drawn(one) for one in entries if isinstance(one.arm, Robot)}
+        robots = {one.name: one.arm for one in entries if isinstance(one.arm, Robot)}
+        drawn = {name: self._drawn(name, robot) for name, robot in robots.items()}
         self.total = sum(postures.count for postures in drawn.values())
         found: list[ArmReport] = []
         first = next((one for one in entries if isinstance(one.arm, Sweep)), None)
@@ -278,12 +279,17 @@ class _Reports:
             )
         return found
 
-    def _drawn(self, one: _Entry) -> Drawn:
+    def _drawn(self, name: str, robot: Robot) -> Drawn:
+        """Return the postures of an arm, and check what may suit the others but not this one."""
         from ftforce.batch.drawn import Drawn
+        from ftforce.fault_census import check_size
+        from ftforce.limits_reader import choose_limits
 
         asked = {key: self.asked[key] for key in ("method", "seed") if key in self.asked}
-        with _naming(one.name):
-            return Drawn.of(one.arm, self.asked.get("n", SAMPLES), **asked)  # type: ignore[arg-type]
+        with _naming(name):
+            check_size(robot, self.asked.get("faults", 1))
+            choose_limits(robot, self.asked.get("limits"))
+            return Drawn.of(robot, self.asked.get("n", SAMPLES), **asked)
 
     def _swept(self, one: _Entry, robot: Robot, postures: Drawn) -> tuple[_Entry, Any]:
         from ftforce.batch.healthy import healthy_capability
