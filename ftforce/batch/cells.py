@@ -1,4 +1,4 @@
-"""Cells of a workspace: postures in them, and how many tolerate a fault; pooled into larger ones."""
+"""Cells of a workspace: postures in them, how many tolerate a fault; pooled into larger ones."""
 
 from __future__ import annotations
 
