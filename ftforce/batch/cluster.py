@@ -210,7 +210,7 @@ def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Done
 def _threads(client: Any) -> int:
     """Return how many threads the cluster has now, at least 1."""
     try:
-        return max(1, sum(client.nthreads().values()))
+        return max(1, int(sum(client.nthreads().values())))
     except Exception:  # it is asked again; if it is lost the turns say so
         return 1
 

@@ -7,7 +7,7 @@ import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing, suppress
 from itertools import islice
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ftforce.batch import store
 from ftforce.errors import InputError, OutputError
@@ -145,7 +145,7 @@ def in_threads(threads: int) -> Runner:
         # Samples take longer than the summary, and what is written should count soon.
         seconds = TURN if job.keep == "summary" else 0.0
         with ThreadPoolExecutor(threads) as pool:
-            running = set()
+            running: set[Any] = set()
             try:
                 while True:
                     while len(running) < 2 * threads and (chunks := turns.take(threads, seconds)):

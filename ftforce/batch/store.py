@@ -50,13 +50,30 @@ _KIND = "a sweep that ftforce wrote"
 _SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
+class Asked(NamedTuple):
+    """A sweep.
+
+    Attributes
+    ----------
+    job, setting, sets :
+        What is done.
+    identity :
+        What makes it this sweep and no other, as JSON has it.
+    """
+
+    job: Job
+    setting: SweepSetting
+    sets: tuple[FaultSet, ...]
+    identity: dict[str, Any]
+
+
 class Opened(NamedTuple):
     """A sweep that is being written.
 
     Attributes
     ----------
-    job, setting, sets, identity :
-        What is asked.
+    asked :
+        The sweep.
     path :
         The folder; ``None`` in memory.
     store :
@@ -73,10 +90,7 @@ class Opened(NamedTuple):
         Of the folder; ``None`` where nothing is left to write.
     """
 
-    job: Job
-    setting: SweepSetting
-    sets: tuple[FaultSet, ...]
-    identity: dict[str, Any]
+    asked: Asked
     path: Path | None
     store: Any
     tree: Tree
@@ -116,7 +130,7 @@ def create(
     OutputError
         There is something else, another process writes it, or it cannot be written.
     """
-    asked = (job, setting, sets, identity)
+    asked = Asked(job, setting, sets, identity)
     none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
     if path is None:
         return _opened(asked, None, _tree(asked), none_done, None)
@@ -141,7 +155,7 @@ def create(
 
 
 def _opened(
-    asked: Any, path: Path | None, tree: Tree, so_far: tuple[Summary, Any], lock: Any
+    asked: Asked, path: Path | None, tree: Tree, so_far: tuple[Summary, Any], lock: Any
 ) -> Opened:
     import zarr
     from zarr.storage import MemoryStore
@@ -149,18 +163,18 @@ def _opened(
     store: Any = MemoryStore(tree) if path is None else str(path)
     with disk_errors(path):
         group = zarr.open_group(store, mode="r+", zarr_format=2)
-        arrays = {name: group[name] for name in sample_names(asked[0])}
-    return Opened(*asked, path, store, tree, arrays, *so_far, lock)
+        arrays = {name: group[name] for name in sample_names(asked.job)}
+    return Opened(asked, path, store, tree, arrays, *so_far, lock)
 
 
-def _complete(asked: Any, path: Path) -> Opened:
+def _complete(asked: Asked, path: Path) -> Opened:
     """Return the sweep that has nothing left to do, and remove what a killed process left."""
-    job = asked[0]
+    job = asked.job
     with suppress(OSError):  # who may not write can still read
         _remove_traces(path)
     summary = _stored_summary(path, job.bins, job.workspace)
     return Opened(
-        *asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None
+        asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None
     )  # fmt: skip
 
 
@@ -229,7 +243,7 @@ def _one(job: Job) -> dict[str, NDArray[Any]]:
     return samples_of(q, job.plan.evaluator()(q), job.keep)
 
 
-def _tree(asked: Any, summary: Summary | None = None) -> Tree:
+def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
     """Return keys and contents of the Zarr group: all but the samples.
 
     Parameters
@@ -268,7 +282,7 @@ def _tree(asked: Any, summary: Summary | None = None) -> Tree:
 
 def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
     """Make an array of given values, or, with a job, one that its samples will fill."""
-    from numcodecs import Blosc
+    from numcodecs import Blosc  # type: ignore[import-untyped]
 
     values = None if isinstance(content, tuple) else content
     shape, dtype, fill = content if values is None else (values.shape, values.dtype, None)
@@ -316,7 +330,7 @@ def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) 
         It cannot be written.
     """
     with disk_errors(opened.path):
-        _write(opened.arrays, opened.job, opened.path, index, samples)
+        _write(opened.arrays, opened.asked.job, opened.path, index, samples)
 
 
 def write_chunk(
@@ -387,9 +401,8 @@ def finish(opened: Opened) -> None:
     OutputError
         It cannot be written.
     """
-    asked = (opened.job, opened.setting, opened.sets, opened.identity)
     save_progress(opened)  # killed from here on, nothing is done again
-    tree = _tree(asked, opened.summary)
+    tree = _tree(opened.asked, opened.summary)
     if opened.path is None:
         opened.tree.update(tree)
         return

@@ -45,13 +45,11 @@ _WORDS: dict[str, tuple[str, str]] = {
     "relative_jump": ("1", "weighted jump over the weighted force; 1 if nothing holds the arm"),
     "capability": (
         "force",
-        "largest force that can be commanded in the direction; infinite if no known limit ends "
-        "it, NaN if nothing holds the arm",
+        "largest force in the direction; infinite if no limit ends it, NaN if the arm falls",
     ),
     "worst_set": (
         "1",
-        "number, from 0, of the fault set with the worst verdict, then the largest relative "
-        "jump, then the smallest margin",
+        "fault set, from 0, with the worst verdict, then relative jump, then margin",
     ),
 }  # fmt: skip
 
@@ -108,7 +106,7 @@ def sample(name: str, setting: SweepSetting) -> Variable:
     unit, words = _WORDS[bare]
     if bare != name:
         words = f"of the worst fault set: {words}"
-    attributes = _units(unit, setting) | {"long_name": words}
+    attributes: dict[str, Any] = {**_units(unit, setting), "long_name": words}
     if bare == "verdict":
         attributes |= _VERDICT
     if name == "q":

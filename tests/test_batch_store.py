@@ -1,0 +1,464 @@
+"""Sweeps on disk: what other programs see, and what a kill, a full disk or another sweep does."""
+
+import errno
+import json
+import os
+import random
+import signal
+import subprocess
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import ftforce
+from ftforce.batch import folder, runner, store, variables
+from ftforce.batch.sweep import sweep
+from ftforce.errors import InputError, OutputError, SweepError, TrajectoryError
+from sweeps import LONG, child, content, differences, killed
+
+ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
+NEVER = 10**9  # a step that no process reaches
+SLOW = (
+    "import ftforce.batch.folder as f, time; s = f.sync; "
+    "f.sync = lambda path: (s(path), time.sleep({}))"
+)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def stored(arm, tmp_path_factory):
+    path = tmp_path_factory.mktemp("stored") / "all.zarr"
+    return sweep(arm, **ASKED, output=path, threads=2)
+
+
+# ---- what other programs see -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("open_it", [xr.open_zarr, lambda p: xr.open_dataset(p, engine="zarr")])
+def test_plain_xarray_opens_it_without_a_word(stored, open_it):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataset = open_it(stored.path)
+    assert dict(dataset.verdict.sizes) == {"posture": 13_000, "fault_set": 5}
+    assert dataset.verdict.dtype == np.int8
+    counts = [(dataset.verdict == code).sum("posture") for code in range(3)]
+    np.testing.assert_array_equal(np.stack(counts, axis=1), dataset.summary_verdicts)
+    np.testing.assert_array_equal(stored.summary.verdicts, dataset.summary_verdicts)
+    assert dataset.verdict.attrs["flag_meanings"].split()[0] == "tolerated"
+    assert list(dataset.verdict.attrs["flag_values"]) == [0, 1, 2]
+
+
+def test_coordinates_say_what_is_where(stored, arm):
+    dataset = xr.open_zarr(stored.path)
+    assert list(dataset.joint.values) == list(arm.names)
+    assert list(dataset.fault_set.values) == [str(one) for one in stored.sets]
+    assert list(dataset.joint_unit.values) == ["rad"] * 5
+    np.testing.assert_array_equal(dataset.joint_fails, np.eye(5))
+    grid = stored.summary.workspace
+    inside = dataset.tip.values
+    nearest = np.abs(dataset.cell_x.values[:, None] - inside[:, 0]).argmin(axis=0)
+    per_slice = np.bincount(nearest, minlength=grid.shape[0])
+    np.testing.assert_array_equal(
+        per_slice, dataset.summary_cell_postures.sum(["cell_y", "cell_z"])
+    )
+
+
+def test_bins_have_their_edges(stored):
+    dataset = xr.open_zarr(stored.path)
+    for name, values in (("share_bin", dataset.margin), ("jump_bin", dataset.jump)):
+        edges = dataset[dataset[name].attrs["bounds"]].values
+        np.testing.assert_array_equal(edges[:, 0], dataset[name])
+        np.testing.assert_array_equal(edges[1:, 0], edges[:-1, 1])
+        counted = dataset[f"summary_{values.name}"].isel(fault_set=1).values
+        i = int(counted.argmax())
+        one = values.isel(fault_set=1)
+        assert counted[i] == ((one >= edges[i, 0]) & (one < edges[i, 1])).sum()
+
+
+def test_every_array_has_words_and_nothing_hangs_on_the_command(stored):
+    dataset = xr.open_zarr(stored.path)
+    for name, array in dataset.variables.items():
+        if not name.endswith("_bounds"):
+            assert array.attrs["long_name"]
+    assert (dataset.jump.attrs["units"], dataset.tip.attrs["units"]) == ("N", "m")
+    assert dataset.attrs["rtol"] == stored.setting.rtol
+    assert dataset.attrs["axes"] == "tool"
+    text = json.dumps({k: str(v) for k, v in dataset.attrs.items()})
+    assert os.fspath(stored.path) not in text
+
+
+@pytest.mark.parametrize(
+    ("joints", "q", "sigma"),
+    [(("rad", "rad"), "rad", "m/rad"), (("m", "m"), "m", "1"), (("rad", "m"), None, None)],
+)
+def test_units_follow_the_joints(stored, joints, q, sigma):
+    setting = replace(stored.setting, joint_units=joints)
+    assert variables.sample("q", setting).attributes.get("units") == q
+    about = variables.sample("sigma_min", setting).attributes
+    assert about.get("units") == sigma
+    assert ("comment" in about) == (sigma is None)
+
+
+def test_a_task_of_moments_has_jumps_in_newton_metres(arm):
+    result = sweep(arm, n=5000, task="moment", force=[1, 2, 3])
+    assert result.dataset.summary_max_jump.attrs["units"] == "N m"
+
+
+def test_worst_sets_are_those_of_all_samples(arm, stored, tmp_path):
+    worst = sweep(arm, **ASKED, keep="worst", output=tmp_path / "w").dataset
+    whole = stored.dataset
+    at = xr.DataArray(worst.worst_set.values, dims="posture")
+    for name in ("verdict", "margin", "jump"):
+        np.testing.assert_array_equal(worst[f"worst_{name}"], whole[name].isel(fault_set=at))
+    np.testing.assert_array_equal(worst.worst_verdict, whole.verdict.max("fault_set"))
+
+
+def test_a_netcdf_file_could_hold_its_attributes(stored):
+    for value in stored.dataset.attrs.values():
+        assert isinstance(value, (str, float, int))
+
+
+def test_open_sweep_gives_back_what_sweep_gave(stored):
+    again = store.open_sweep(stored.path)
+    assert again.setting == stored.setting
+    assert again.sets == stored.sets
+    for name, array in stored.summary.arrays().items():
+        np.testing.assert_array_equal(array, again.summary.arrays()[name])
+    xr.testing.assert_identical(again.dataset, stored.dataset)
+
+
+# ---- killed ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("keep", ["summary", "worst", "all"])
+def test_killed_at_any_step_it_ends_with_the_same_bytes(arm, tmp_path, keep):
+    wanted, path = tmp_path / "undisturbed", tmp_path / "killed"
+    sweep(arm, **ASKED, keep=keep, output=wanted, threads=1)
+    asked = {**ASKED, "keep": keep, "output": str(path), "threads": 2}
+    chance = random.Random(keep)
+    # Early ones die while the folder is made, late ones while it is completed.
+    points = [1, 2, 5, *chance.choices(range(6, 200), k=6), *chance.choices(range(200, 500), k=3)]
+    assert killed(asked, [*points, NEVER]) >= 6
+    assert not differences(content(wanted), content(path))
+
+
+def test_killed_while_it_is_completed(arm, tmp_path):
+    wanted = tmp_path / "undisturbed"
+    sweep(arm, **ASKED, keep="summary", output=wanted)
+    path = tmp_path / "killed"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, keep="summary", output=path, progress=_interrupt_after(5000))
+    asked = {**ASKED, "keep": "summary", "output": str(path)}
+    assert killed(asked, [*range(20, 260, 40), NEVER]) >= 3
+    assert not differences(content(wanted), content(path))
+
+
+def test_killed_from_outside(tmp_path, arm):
+    wanted, path = tmp_path / "undisturbed", tmp_path / "killed"
+    asked = {**ASKED, "n": 60_000}
+    sweep(arm, **asked, output=wanted)
+    slow = SLOW.format(0.05)
+    for seconds in (0.3, 1.0, 2.0):
+        process = child({**asked, "output": str(path)}, before=slow)
+        process.stdout.readline()
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(seconds)
+        process.kill()
+        process.communicate()
+    sweep(arm, **asked, output=path)
+    assert not differences(content(wanted), content(path))
+
+
+def _interrupt_after(postures):
+    def progress(done, total):
+        if done >= postures:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_interrupted_from_the_keyboard_keeps_what_is_done(arm, tmp_path):
+    path = tmp_path / "s"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
+    unfinished = store.open_sweep(path)
+    done = int(unfinished.summary.postures)
+    assert 4096 <= done < 13_000
+    seen = []
+    sweep(arm, **ASKED, output=path, progress=lambda now, total: seen.append(now))
+    assert seen[0] > done
+    assert seen[-1] == 13_000
+
+
+def test_a_signal_from_the_keyboard_ends_it_cleanly(arm, tmp_path):
+    path = tmp_path / "s"
+    slow = SLOW.format(0.1)
+    process = child({**ASKED, "output": str(path)}, before=slow)
+    process.stdout.readline()
+    while not (path / "q" / "0.0").exists():
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=LONG)
+    assert "KeyboardInterrupt" in said
+    assert store.open_sweep(path).summary.postures >= 0
+    sweep(arm, **ASKED, output=path)
+
+
+def test_what_is_not_done_yet_reads_as_unknown(arm, tmp_path):
+    path = tmp_path / "s"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        verdict = xr.open_zarr(path).verdict.values
+    assert np.isnan(verdict[-1]).all()  # and not 0, which is tolerated
+    assert np.isfinite(verdict[0]).all()
+
+
+# ---- something else is there -----------------------------------------------------------------
+
+
+def test_another_command_is_refused_and_says_what_differs(arm, stored):
+    before = content(stored.path)
+    with pytest.raises(OutputError, match=r"another sweep \(rtol 1e-06 there, 1e-07 here\)"):
+        sweep(arm, **ASKED, rtol=1e-7, output=stored.path)
+    with pytest.raises(OutputError, match="keep"):
+        sweep(arm, **ASKED, keep="worst", output=stored.path)
+    assert not differences(before, content(stored.path))
+
+
+def _full_of_letters(path):
+    path.mkdir()
+    (path / "letter.txt").write_text("dear")
+
+
+def _zarr_of_somebody(path):
+    import zarr
+
+    zarr.open_group(path, mode="w", zarr_format=2).create_array("q", shape=(3,), dtype="f8")
+
+
+def _file(path):
+    path.write_text("dear")
+
+
+def _half_made_with_a_letter(path):
+    folder.lock(path).release()
+    (path / "q").mkdir()
+    (path / "letter.txt").write_text("dear")
+
+
+@pytest.mark.parametrize(
+    "make", [_full_of_letters, _zarr_of_somebody, _file, _half_made_with_a_letter]
+)
+def test_what_is_not_ours_is_never_touched(arm, tmp_path, make):
+    path = tmp_path / "theirs"
+    make(path)
+    before = content(tmp_path)
+    with pytest.raises(OutputError, match="is no sweep"):
+        sweep(arm, n=5000, output=path)
+    assert not differences(before, content(tmp_path))
+    with pytest.raises(SweepError, match="is no sweep"):
+        store.open_sweep(path)
+
+
+def test_an_empty_folder_is_taken(arm, tmp_path):
+    sweep(arm, n=5000, output=tmp_path)
+    assert store.open_sweep(tmp_path).summary.postures == 5000
+
+
+def test_what_another_command_left_half_made_is_cleared(arm, tmp_path):
+    asked = {"n": 5000, "keep": "all", "output": str(tmp_path / "s")}
+    assert killed(asked, [40]) == 1
+    assert "q/.zarray" in content(tmp_path / "s")
+    sweep(arm, n=5000, keep="summary", output=tmp_path / "s")
+    sweep(arm, n=5000, keep="summary", output=tmp_path / "undisturbed")
+    assert not differences(content(tmp_path / "undisturbed"), content(tmp_path / "s"))
+
+
+def test_only_one_process_writes(arm, tmp_path):
+    path = tmp_path / "s"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096))
+    held = folder.lock(path)
+    with pytest.raises(OutputError, match=rf"another sweep \(process {os.getpid()} on "):
+        sweep(arm, **ASKED, output=path)
+    held.release()
+    sweep(arm, **ASKED, output=path)
+
+
+def test_a_lock_of_a_killed_process_blocks_nobody(arm, tmp_path):
+    path = tmp_path / "s"
+    before = "from ftforce.batch import folder; folder.lock(__import__('pathlib').Path({!r})); "
+    process = child({"n": 1}, before=before.format(str(path)) + "print('x'); sys.stdin.read()",
+                    stdin=subprocess.PIPE)  # fmt: skip
+    process.stdout.readline()
+    with pytest.raises(OutputError, match=f"process {process.pid} on"):
+        sweep(arm, n=5000, output=path)
+    process.kill()
+    process.communicate()
+    assert (path / folder.LOCK).exists()
+    sweep(arm, n=5000, output=path)
+    assert not (path / folder.LOCK).exists()
+
+
+# ---- a disk or an input that fails -----------------------------------------------------------
+
+
+def _fails_after(calls, function, problem=errno.ENOSPC):
+    left = [calls]
+
+    def failing(*args, **more):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(problem, os.strerror(problem))
+        return function(*args, **more)
+
+    return failing
+
+
+@pytest.mark.parametrize("calls", [0, 10, 30])
+def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(arm, tmp_path, monkeypatch, calls):
+    path, wanted = tmp_path / "s", tmp_path / "undisturbed"
+    with monkeypatch.context() as patch:
+        patch.setattr(folder, "sync", _fails_after(calls, folder.sync))
+        with pytest.raises(OutputError, match=r"No space left on device.*same command") as raised:
+            sweep(arm, **ASKED, output=path, threads=1)
+    assert "\n" not in str(raised.value)
+    sweep(arm, **ASKED, output=path)
+    sweep(arm, **ASKED, output=wanted)
+    assert not differences(content(wanted), content(path))
+
+
+def test_chunks_that_are_finished_when_the_disk_is_full_stay(arm, tmp_path, monkeypatch):
+    path = tmp_path / "s"
+    with monkeypatch.context() as patch:
+        real = store.write_samples
+        patch.setattr(store, "write_samples", _fails_after(2, real))
+        with pytest.raises(OSError, match="No space"):
+            sweep(arm, **ASKED, output=path, threads=1)
+    assert store.open_sweep(path).summary.postures == 2 * 4096
+
+
+def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypatch):
+    path = tmp_path / "s"
+    real = folder.write_durably
+
+    def no_progress(file: Path, data: bytes) -> None:
+        if file.name == ".progress.npz":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(file, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(folder, "write_durably", no_progress)
+        patch.setattr(runner, "SAVING", 0.0)
+        with pytest.raises(OutputError, match="No space left on device"):
+            sweep(arm, **ASKED, output=path)
+    sweep(arm, **ASKED, output=path)
+    assert store.open_sweep(path).summary.postures == 13_000
+
+
+def test_a_disk_that_is_really_full(arm, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
+    try:
+        if subprocess.run(mount, capture_output=True, check=False).returncode:
+            pytest.skip("only root can make a small disk")
+    except FileNotFoundError:
+        pytest.skip("no mount here")
+    try:
+        asked = {**ASKED, "n": 60_000}
+        with pytest.raises(OutputError, match="No space left on device"):
+            sweep(arm, **asked, output=disk / "s")
+        subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
+        sweep(arm, **asked, output=disk / "s")
+        sweep(arm, **asked, output=tmp_path / "undisturbed")
+        assert not differences(content(tmp_path / "undisturbed"), content(disk / "s"))
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_folder_that_may_not_be_written(arm, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "open", _fails_after(0, os.open, errno.EACCES))
+    with pytest.raises(OutputError, match=r"cannot be written \(Permission denied\)$"):
+        sweep(arm, n=5000, output=tmp_path / "s")
+
+
+@pytest.mark.parametrize("harm", ["unlink", "touch"])
+def test_a_file_of_postures_that_changes_in_the_middle(arm, tmp_path, harm):
+    file, path = tmp_path / "postures.npy", tmp_path / "s"
+    q = np.random.default_rng(1).uniform(-1, 1, (13_000, 5))
+    np.save(file, q)
+
+    def progress(done, total):
+        if file.exists():
+            file.unlink()
+            if harm == "touch":
+                np.save(file, q[:-1])
+
+    with pytest.raises(TrajectoryError, match=r"postures\.npy"):
+        sweep(arm, file, chunk=4096, output=path, threads=1, progress=progress)
+    assert store.open_sweep(path).summary.postures >= 4096
+    np.save(file, q)
+    result = sweep(arm, file, chunk=4096, output=path)
+    np.testing.assert_array_equal(result.dataset.q, q)
+
+
+def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path):
+    path, wanted = tmp_path / "s", tmp_path / "undisturbed"
+    sweep(arm, **ASKED, output=wanted)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
+    (path / "margin" / "3.0").write_bytes(b"cut")  # the last chunk, which is not full
+    sweep(arm, **ASKED, output=path)
+    assert not differences(content(wanted), content(path))
+
+
+def test_damage_is_told(arm, tmp_path):
+    path = tmp_path / "s"
+    sweep(arm, n=5000, keep="summary", output=path)
+    about = json.loads((path / ".zattrs").read_text())
+    own = json.loads(about["ftforce"])
+    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps({**own, "format": 99})}))
+    with pytest.raises(SweepError, match="format 99"):
+        store.open_sweep(path)
+    del own["bins"]
+    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps(own)}))
+    with pytest.raises(SweepError, match="damaged"):
+        store.open_sweep(path)
+
+
+def test_a_damaged_progress_file_is_told(arm, tmp_path):
+    path = tmp_path / "s"
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096))
+    (path / ".progress.npz").write_bytes(b"PK")
+    with pytest.raises(SweepError, match="remove it to begin anew"):
+        sweep(arm, **ASKED, output=path)
+    (path / ".progress.npz").unlink()
+    sweep(arm, **ASKED, output=path)
+
+
+def test_no_sweep_is_no_sweep(tmp_path):
+    with pytest.raises(SweepError, match="no such folder"):
+        store.open_sweep(tmp_path / "none")
+
+
+def test_locks_that_a_file_system_lacks_are_done_without(arm, tmp_path, monkeypatch):
+    monkeypatch.setattr(folder.fcntl, "flock", _fails_after(0, None, errno.ENOTSUP))
+    sweep(arm, n=5000, output=tmp_path / "s")
+    assert store.open_sweep(tmp_path / "s").summary.postures == 5000
+
+
+def test_samples_of_a_cluster_need_an_output(arm):
+    with pytest.raises(InputError, match="need an output"):
+        sweep(arm, n=5000, keep="all", workers=1)
