@@ -6,6 +6,8 @@ import csv
 import io
 import json
 import re
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -111,6 +113,19 @@ def test_the_seed_and_the_options_arrive():
         assert "uniform random postures" in one["postures"]["source"]
         assert one["tolerated"]["value"] == arm.tolerated.value
         assert one["healthy_capability"]["q50"]["value"] == arm.healthy_capability[1].value
+
+
+def test_the_bar_is_over_all_arms(monkeypatch):
+    seen = []
+
+    @contextmanager
+    def bar(what):
+        assert what == "postures"
+        yield lambda done, total: seen.append((done, total))
+
+    monkeypatch.setattr(import_module("ftforce.cli.compare"), "rate_bar", bar)
+    run("dh5", "kinova", "--samples", 64)
+    assert seen[-1] == (128, 128)
 
 
 def test_stored_sweeps(tmp_path):

@@ -182,13 +182,13 @@ def test_the_workspace(sweeps, enough):
 
 
 def test_the_healthy_arm_pushes_as_capability_says():
-    found = compare(["dh5", "kinova"], n=64, direction=[0, 0, 1], axes="world", seed=3, payload=1.0)
+    found = compare(["dh5", "kinova"], n=64, direction=[1, 1, 1], axes="world", seed=3, payload=1.0)
     for arm in found.arms:
         robot = ftforce.load_robot(arm.name)
         most = []
         for q in Drawn.of(robot, 64, seed=3).block(0, 64):
             one = ftforce.capability(
-                robot, q, locked=[1], direction=[0, 0, 1], axes="world", payload=1.0, limits="urdf"
+                robot, q, locked=[1], direction=[1, 1, 1], axes="world", payload=1.0, limits="urdf"
             )
             amounts = {r.value: x for r, x in one.directions[-1].before.items()}
             most.append(amounts["commanded"].most)
@@ -367,6 +367,12 @@ def test_robots_and_sweeps_together(tmp_path):
         compare([stored, "kinova"], n=500)
     with pytest.raises(InputError, match=r"leave out n \(--samples\), force"):
         compare([stored, stored], n=500, force=FORCE)
+    other = tmp_path / "other.zarr"
+    sweep(ftforce.load_robot("ur5"), n=64, output=other)
+    seen = []
+    with pytest.raises(InputError, match="dh5 and ur5 were not asked the same: force"):
+        compare(["kinova", stored, other], n=500, force=FORCE, progress=lambda *x: seen.append(x))
+    assert seen == []  # nothing is swept for what will be refused
     with pytest.raises(FileError, match="no such folder"):
         compare([stored, tmp_path / "none.zarr"])
     with pytest.raises(FileError, match="is no sweep"):
