@@ -189,10 +189,10 @@ def test_all_or_nothing_has_the_whole_scale(pairs, share):
     figures.figure(every)
 
 
-def test_blocks_in_space_pool_the_samples(swinging):
-    ax = plots.survival_3d(swinging, [4])
-    found = workspace_map(swinging, [4]).blocks
-    tip, tolerated = samples(swinging, [4])
+def test_blocks_in_space_pool_the_samples(singles):
+    ax = plots.survival_3d(singles, [2])
+    found = workspace_map(singles, [2]).blocks
+    tip, tolerated = samples(singles, [2])
     assert found.cells.postures.sum() == N
     for place, every, some in zip(
         found.place, found.cells.postures, found.cells.tolerated, strict=True
@@ -423,12 +423,13 @@ def with_joints(result, count):
     )
     sets = tuple(ftforce.FaultSet.locked([i]) for i in range(count))
     chosen = np.arange(count) % result.setting.n
-    arrays = {
-        name: array[:, chosen] if name.startswith("cell_tolerated") or name == "cell_min_margin"
-        else array[chosen] if array.ndim and len(array) == result.summary.n_sets and "healthy" not in name
-        else array
-        for name, array in result.summary.arrays().items()
-    }  # fmt: skip
+    arrays = {}
+    for name, array in result.summary.arrays().items():
+        arrays[name] = array
+        if name in {"cell_tolerated", "cell_min_margin"}:
+            arrays[name] = array[:, chosen]
+        elif array.ndim and len(array) == result.summary.n_sets and "healthy" not in name:
+            arrays[name] = array[chosen]
     arrays["tolerated_sets"] = np.zeros(count + 1, np.int64)
     summary = type(result.summary).from_arrays(
         arrays, result.summary.bins, result.summary.workspace

@@ -1,0 +1,30 @@
+"""Draw the pictures of docs/guides/workspace-map.md, as ``ftforce map --plot`` does.
+
+``python docs/examples/sweep_map.py --output FOLDER``
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import ftforce
+from ftforce.batch.sweep import sweep
+from ftforce.batch.workspace_map import workspace_map
+from ftforce.show.figures import save_figure
+
+
+def draw(folder: Path) -> None:
+    """Draw a sweep of TIAGo, whose first joint slides, and the Panda in three dimensions."""
+    found = sweep(ftforce.load_robot("tiago"), n=2**17, force=[0, 0, 50])
+    save_figure(found, folder / "map-tiago.svg")
+    pairs = sweep(ftforce.load_robot("panda"), n=2**17, faults=2, force=[0, 0, 50])
+    solid = workspace_map(pairs, solid=True, quantities=["capability"])
+    save_figure(solid, folder / "map-solid.png")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    pictures = Path(__file__).parents[1] / "pictures"
+    parser.add_argument("--output", type=Path, default=pictures, metavar="FOLDER")
+    draw(parser.parse_args().output)

@@ -1,0 +1,117 @@
+"""`ftforce map` as a user types it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ftforce
+from ftforce import documents, rows
+from ftforce.batch.sweep import sweep
+from ftforce.batch.workspace_map import WorkspaceMap
+from ftforce.cli import build
+from ftforce.map_documents import map_document, map_rows
+
+N = 2048
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    """Register maps where results are written: what is registered already stays the same."""
+    documents.to_dict.register(WorkspaceMap, map_document)
+    rows.to_rows.register(WorkspaceMap, map_rows)
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sweeps") / "dh5.zarr"
+    sweep(ftforce.load_robot("dh5"), n=N, force=[80, 50, 10], output=folder, keep="summary")
+    return folder
+
+
+def run(*arguments, status=0):
+    environment = {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}
+    result = CliRunner().invoke(build("map"), ["map", *map(str, arguments)], env=environment)
+    assert result.exit_code == status, result.output
+    return result
+
+
+def test_the_tables_fit_and_say_where_and_which_joint(stored):
+    shown = run(stored).stdout
+    assert max(map(len, (line.rstrip() for line in shown.splitlines()))) <= 80
+    for words in (
+        "whichever joint locks; xz plane, all y pooled",
+        "Tolerated [% of the postures], z upwards, x to the right [m]",
+        "surely worst first",
+        "Joints, most critical first",
+        "ρ = w(K)/w(J) when the joint fails alone, quantiles over the postures",
+        "Margin σ_min(K)/σ_max(J) when the joint fails alone",
+        f"of {N:,} postures tolerate whichever joint locks",
+    ):
+        assert words in shown, words
+    assert "Capability [N]" not in shown
+    assert "Capability [N]" in run(stored, "--quantity", "capability").stdout
+
+
+def test_joints_are_numbers_or_names_and_slices_have_a_plane(stored):
+    by_name = run(stored, "--joints", "joint2", "--plane", "xy", "--at", "0").stdout
+    assert by_name == run(stored, "--joints", "2", "--plane", "xy", "--at", "0").stdout
+    assert "joint 2 (joint2) locked; slice z = " in by_name
+    assert "slice y = 0" in run(stored, "--at", "0").stdout
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+@pytest.mark.parametrize("options", ["", "--plane xy --at 0.1", "--solid"])
+def test_plots(stored, tmp_path, ending, options):
+    file = tmp_path / f"map.{ending}"
+    result = run(stored, "--plot", file, *shlex.split(options))
+    assert f"wrote {file}" in result.stderr
+    starts = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}
+    assert file.read_bytes().startswith(starts[ending])
+
+
+def test_files_hold_the_cells(stored, tmp_path):
+    run(stored, "--joints", "2", "-o", tmp_path / "map.csv")
+    header, *found = csv.reader(io.StringIO((tmp_path / "map.csv").read_text("utf-8")))
+    assert sum(int(row[header.index("postures")]) for row in found) == N
+    document = json.loads(run(stored, "--format", "json").stdout)
+    opened = ftforce.batch.store.open_sweep(stored)
+    assert sum(document["cells"]["postures"]) == N
+    assert document["sets"][0]["joints"] is None
+    for one, wanted in zip(document["sets"][1:], opened.summary.cell_tolerated.T, strict=True):
+        assert sum(one["tolerated"]) == wanted.sum()
+    low, high = (np.array(document["sets"][0][key]) for key in ("low", "high"))
+    assert (low <= document["sets"][0]["share"]).all()
+    assert (high >= document["sets"][0]["share"]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--joints 2,3", "no fault set {2, 3}; it has: {1}, {2}, {3}, {4}, {5}"),
+        ("--joints 6", "no joint '6'; there is: 1 joint1"),
+        ("--joints ,", "--joints needs numbers or names separated by commas"),
+        ("--plane zx", "no plane 'zx'; there is: xy, xz, yz"),
+        ("--at 9", "no posture has its tip at y = 9 m; they lie from y = "),
+        ("--plane xy --solid", "three dimensions has no plane"),
+        ("--quantity speed", "no quantity 'speed'; there is: rho, margin, jump, capability"),
+    ],
+)
+def test_what_is_not_there_is_said_in_a_line(stored, options, words):
+    result = run(stored, *options.split(), status=1)
+    assert words in result.stderr
+    assert result.stderr.startswith("error: ")
+    assert len(result.stderr.splitlines()) == 1
+    assert not result.stdout
+
+
+def test_what_is_no_sweep_is_said_in_a_line(tmp_path):
+    (tmp_path / "file").write_text("x")
+    for path in (tmp_path, tmp_path / "file", tmp_path / "none"):
+        assert "a sweep that ftforce wrote was expected" in run(path, status=1).stderr
