@@ -31,7 +31,7 @@ from ftforce.history import VERDICTS
 from ftforce.kinematics import task_jacobian
 from ftforce.reduced import RTOL, WARY
 from ftforce.task import Task
-from helpers import KNOWN, arms, assert_close, stretched
+from helpers import KNOWN, arms, assert_close, load_text, serial_urdf, stretched, without_masses
 
 IS_PLAIN = bool(config.DISABLE_JIT)
 ARMS = ("panda", "dh5") if IS_PLAIN else KNOWN
@@ -268,7 +268,8 @@ def test_smallest_eigenvalues(m):
     for case in range(3 if IS_PLAIN else 200):
         wanted = np.sort(10.0 ** rng.uniform(-5, 0, (single.SIDE, m)))
         if case % 3 == 1:  # twice the same, or nearly
-            wanted[:, 1:2] = wanted[:, :1] * (1.0 + rng.choice([0.0, 1e-14, 1e-9, 1e-4]))
+            gaps = np.resize([0.0, 1e-14, 1e-9, 1e-4], single.SIDE)
+            wanted[:, 1:2] = wanted[:, :1] * (1.0 + gaps[:, None])
         Q = np.linalg.qr(rng.normal(size=(single.SIDE, m, m)))[0]
         if case % 3 == 2:
             Q[:] = np.eye(m)  # diagonal already
@@ -501,6 +502,15 @@ def test_without_numba(robots, monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
     with pytest.raises(FtforceError, match=r"numba: install the extra .*ftforce\[sweep\]"):
         Remapper(robots["panda"])
+
+
+def test_a_weight_that_is_missing():
+    bare = load_text(without_masses(serial_urdf(*[("revolute", {"axis": (0, 1, 0)})] * 3)))
+    q, tau = np.array([0.3, 0.4, 0.5]), np.ones(3)
+    check_all(bare, sets_of(bare), q, tau, task="fx,fz")
+    assert Remapper(bare, 1).warnings == ()
+    assert "no masses" in Remapper(bare, 1, mode="free").warnings[0]
+    assert Remapper(load_robot("dh5"), 1, mode="free").warnings == ()
 
 
 def test_it_says_what_it_is(robots):

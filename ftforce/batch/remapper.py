@@ -189,6 +189,14 @@ class Remapper:
         return self._sets
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the answers doubtful at every posture."""
+        swings = any(one.swinging for one in self._sets)
+        if swings and self._robot.mass == 0.0:
+            return ("the URDF has no masses: the weight of the arm is missing",)
+        return ()
+
+    @property
     def result(self) -> Remapped:
         """Answers of the last call; of the last that was answered, if one raised an error."""
         return self._result
