@@ -20,7 +20,7 @@ def draw(folder: Path) -> None:
     save_figure(found, folder / "map-tiago.svg")
     pairs = sweep(ftforce.load_robot("panda"), n=2**17, faults=2, force=[0, 0, 50])
     solid = workspace_map(pairs, solid=True, quantities=["capability"])
-    save_figure(solid, folder / "map-solid.png")
+    save_figure(solid, folder / "map-solid.svg")
 
 
 if __name__ == "__main__":

@@ -75,9 +75,10 @@ def _headline(found: WorkspaceMap) -> list[str]:
         unit = f" {setting.size_unit}" if len({c[0] for c in setting.components}) == 1 else ""
         force = f"{setting.task} ({numbers}){unit} in {setting.axes} axes"
     edge = found.sweep.summary.workspace.edge
+    cells = "" if found.solid else f"; cells of {edge:g} m"
     return [
         f"{setting.robot}: postures that tolerate {faults_in_words(found.sweep, found.joints)}",
-        f"{done:,}{of} postures; {force}; cells of {edge:g} m",
+        f"{done:,}{of} postures; {force}{cells}",
     ]
 
 
