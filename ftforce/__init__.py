@@ -12,10 +12,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ftforce.version import __version__
+from ftforce.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from ftforce.analysis import Analysis, analyze
+    from ftforce.batch.comparison import Comparison, compare
+    from ftforce.batch.remapper import Remapper
     from ftforce.batch.result import Sweep
     from ftforce.batch.store import open_sweep
     from ftforce.batch.sweep import sweep
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Analysis": "analysis",
     "Census": "fault_census",
+    "Comparison": "batch.comparison",
     "DHTable": "dh",
     "Fault": "faults",
     "FaultMode": "faults",
@@ -48,6 +51,7 @@ _HOMES = {
     "FtforceError": "errors",
     "History": "history",
     "Remap": "closed_forms",
+    "Remapper": "batch.remapper",
     "Robot": "robot",
     "Sweep": "batch.result",
     "Task": "task",
@@ -56,6 +60,7 @@ _HOMES = {
     "analyze": "analysis",
     "capability": "force_capability",
     "census": "fault_census",
+    "compare": "batch.comparison",
     "known_robots": "registry",
     "load_history": "history_files",
     "load_robot": "load",
@@ -72,6 +77,7 @@ _HOMES = {
 __all__ = [
     "Analysis",
     "Census",
+    "Comparison",
     "DHTable",
     "Fault",
     "FaultMode",
@@ -79,6 +85,7 @@ __all__ = [
     "FtforceError",
     "History",
     "Remap",
+    "Remapper",
     "Robot",
     "Sweep",
     "Task",
@@ -87,6 +94,7 @@ __all__ = [
     "analyze",
     "capability",
     "census",
+    "compare",
     "known_robots",
     "load_history",
     "load_robot",

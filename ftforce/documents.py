@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 from ftforce import capability_words, metrics, sentences
 from ftforce.analysis import Analysis
+from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
+from ftforce.batch.workspace_map import WorkspaceMap
+from ftforce.comparison_documents import comparison_document
 from ftforce.document_parts import (
     Document,
     arm_part,
@@ -32,6 +35,7 @@ from ftforce.faults import FaultMode
 from ftforce.force_capability import Capability, capability_of
 from ftforce.history import History
 from ftforce.history_documents import history_document, timeline_document
+from ftforce.map_documents import map_document
 from ftforce.replicate import ERRATA, Replication
 from ftforce.robot import Robot
 from ftforce.sweep_documents import sweep_document
@@ -235,7 +239,9 @@ def _set(names: Sequence[str], report: SetReport) -> Document:
 
 
 to_dict.register(History, history_document)
+to_dict.register(Comparison, comparison_document)
 to_dict.register(Sweep, sweep_document)
+to_dict.register(WorkspaceMap, map_document)
 to_dict.register(Timeline, timeline_document)
 
 

@@ -17,23 +17,36 @@ from ftforce.source import write_whole
 
 if TYPE_CHECKING:
     from os import PathLike
+    from typing import TypeAlias
 
     from ftforce.analysis import Analysis
+    from ftforce.batch.comparison import Comparison
     from ftforce.batch.result import Sweep
+    from ftforce.batch.workspace_map import WorkspaceMap
     from ftforce.fault_census import Census
     from ftforce.fault_timeline import Timeline
     from ftforce.force_capability import Capability
     from ftforce.replicate import Replication
     from ftforce.robot import Robot
 
+    Result: TypeAlias = (
+        Analysis
+        | Capability
+        | Census
+        | Comparison
+        | History
+        | Replication
+        | Robot
+        | Sweep
+        | Timeline
+        | WorkspaceMap
+    )
+
 FORMATS = ("json", "csv")
 HISTORY_FORMATS = ("json", *history_files.FORMATS)
 
 
-def save(
-    result: Analysis | Capability | Census | History | Robot | Replication | Sweep | Timeline,
-    path: str | PathLike[str],
-) -> Path:
+def save(result: Result, path: str | PathLike[str]) -> Path:
     """Write a result to a file, whole or not at all.
 
     The name ends in ``.json`` or ``.csv``, or for a history in ``.npz`` or ``.parquet``. A

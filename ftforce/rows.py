@@ -10,7 +10,10 @@ import numpy as np
 
 from ftforce import words
 from ftforce.analysis import Analysis
+from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
+from ftforce.batch.workspace_map import WorkspaceMap
+from ftforce.comparison_documents import comparison_rows
 from ftforce.document_parts import finite
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
@@ -19,6 +22,7 @@ from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
 from ftforce.force_capability import Amount, Capability
 from ftforce.history import VERDICTS
+from ftforce.map_documents import map_rows
 from ftforce.replicate import Replication
 from ftforce.robot import Robot
 from ftforce.sweep_documents import sweep_rows
@@ -162,6 +166,8 @@ def _timeline(timeline: Timeline) -> list[Row]:
     return rows
 
 
+to_rows.register(Comparison, comparison_rows)
+to_rows.register(WorkspaceMap, map_rows)
 to_rows.register(Sweep, sweep_rows)
 
 

@@ -21,6 +21,8 @@ COMMANDS = (
     "simulate",
     "timeline",
     "sweep",
+    "map",
+    "compare",
     "inspect",
     "robots",
     "dh",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
@@ -18,6 +19,7 @@ from ftforce.force_capability import Capability
 from ftforce.history import History
 from ftforce.show import plots
 from ftforce.show.canvas import PRINT, ROW, WIDTH, fit_ticks, needs_matplotlib
+from ftforce.show.comparison_plot import lay_out
 from ftforce.show.map_figure import draw_map, draw_sweep
 from ftforce.source import write_whole
 
@@ -39,7 +41,7 @@ _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; what a plot needs besides its rows
 
 
-Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap
+Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison
 
 
 def figure(result: Drawable) -> Figure:
@@ -188,6 +190,7 @@ _LAYOUTS: dict[type[Any], Any] = {
     Timeline: _of_timeline,
     Census: _of_census,
     Capability: _of_capability,
+    Comparison: lay_out,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

@@ -27,6 +27,7 @@ from ftforce.show.canvas import (
     shortened,
     sparse,
 )
+from ftforce.show.comparison_plot import comparison
 from ftforce.show.heat import heat_map
 from ftforce.show.histograms import criticality, histogram
 from ftforce.show.slices import capability
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 __all__ = [
     "capability",
     "census",
+    "comparison",
     "criticality",
     "force",
     "heat_map",

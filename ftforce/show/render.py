@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.analysis import Analysis
+from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.closed_forms import Remap
 from ftforce.fault_census import Census
@@ -19,6 +20,7 @@ from ftforce.robot import Robot
 from ftforce.show.analysis import analysis_view
 from ftforce.show.capability import capability_view
 from ftforce.show.census import census_view
+from ftforce.show.comparison import comparison_view
 from ftforce.show.history import history_view
 from ftforce.show.remap import remap_view
 from ftforce.show.replication import replication_view
@@ -39,6 +41,7 @@ def render(result: object) -> RenderableType:
 render.register(Analysis, analysis_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
+render.register(Comparison, comparison_view)
 render.register(History, history_view)
 render.register(Remap, remap_view)
 render.register(Replication, replication_view)
