@@ -29,6 +29,7 @@ MOST_CELLS = 8
 _FACTS = ("Robot", "Axes", "Task", "Postures", "Faults", "Force", "Stored")
 _COLUMNS = 24  # cells of three letters beside a position, in 80 columns
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+_LABEL = 8  # letters of a row's position
 _ALL = "·"
 
 
@@ -54,14 +55,13 @@ def _map(found: WorkspaceMap, flat: Flat) -> Text:
     shown = Text(f"Tolerated [% of the postures], {up} upwards, {right} to the right [m]\n", "bold")
     digits = 2 if edge >= 0.0999 else 3
     every = 3 if digits == 3 else 2
-    shown.append(" " * 8)
+    longest = 3 + digits  # the last digit stands above that of its column
+    shown.append(" " * (_LABEL + 3 - longest))
     for i, x in enumerate(first[::every]):
-        label = number(x, digits)
-        # The last digit of its column stands below the last of a position.
-        shown.append(f"{label:>{3 * every if i else 3}}" if i else f"{label:>3}", style="dim")
+        shown.append(f"{number(x, digits):>{3 * every if i else longest}}", style="dim")
     shown.append("\n")
     for j in range(len(second) - 1, -1, -1):
-        shown.append(f"{number(second[j], digits):>7} ", style="dim")
+        shown.append(f"{number(second[j], digits):>{_LABEL - 1}} ", style="dim")
         for i in range(len(first)):
             shown.append_text(_cell(cells, i, j))
         shown.append("\n")
