@@ -89,13 +89,24 @@ def _quiet() -> Iterator[None]:
     """Keep Dask's log off the terminal: what matters comes as an error of ours."""
     import logging
 
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    import distributed  # noqa: F401 - which makes its loggers, each with a level of its own
+
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         yield
+    except LostError:  # a client tries to come back, and says so, long after it was closed
+        del before["distributed.client"]
+        raise
     finally:
-        logger.setLevel(before)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
+class LostError(FtforceError):
+    """The scheduler was lost."""
 
 
 @contextmanager
@@ -235,7 +246,7 @@ def _result(future: Any) -> Turn:
             f"enough memory? {_KEPT}"
         ) from None
     except CancelledError:
-        raise FtforceError(f"the scheduler was lost; {_KEPT}") from None
+        raise LostError(f"the scheduler was lost; {_KEPT}") from None
     except Exception as problem:
         text = f"{type(problem).__name__}: {problem}".partition("\n")[0]
         raise FtforceError(f"a worker failed ({text}); {_KEPT}") from problem

@@ -1,0 +1,283 @@
+"""Sweeps on Dask: the same bytes, whoever is lost on the way."""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from importlib.metadata import PackageNotFoundError, version
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.batch import cluster, folder, store
+from ftforce.batch.cluster import Refusal, Turn, do_turn
+from ftforce.batch.sweep import sweep
+from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
+from ftforce.version import __version__
+from sweeps import LONG, child, content, differences
+
+ASKED = {"n": 60_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
+
+
+class Network:
+    """A scheduler, and workers, each in a process of its own."""
+
+    def __init__(self, folder):
+        self.file, self.workers = folder / "scheduler.json", []
+        options = ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file)]
+        self.scheduler = self._start("scheduler", *options)
+        deadline = time.monotonic() + LONG
+        while not self.file.exists() or not self.file.read_text().strip().endswith("}"):
+            assert self.scheduler.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        self.address = json.loads(self.file.read_text())["address"]
+
+    @staticmethod
+    def _start(*words):
+        command = [sys.executable, "-m", "dask", *words, "--no-dashboard"]
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(command, stdout=quiet, stderr=quiet)
+
+    def add_worker(self):
+        """Start a worker of one thread that nobody restarts."""
+        options = ["--host", "127.0.0.1", "--no-nanny", "--nthreads", "1"]
+        self.workers.append(self._start("worker", self.address, *options))
+
+    def close(self):
+        """Kill them all."""
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(arm, tmp_path_factory):
+    path = tmp_path_factory.mktemp("undisturbed")
+    for keep in ("summary", "worst", "all"):
+        sweep(arm, **ASKED, keep=keep, output=path / keep)
+    return {keep: content(path / keep) for keep in ("summary", "worst", "all")}
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", LONG)  # a slow machine shall not fail a test
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory):
+    made = Network(tmp_path_factory.mktemp("network"))
+    made.add_worker()
+    made.add_worker()
+    yield made
+    made.close()
+
+
+def test_processes_of_this_machine_write_the_same_bytes(tmp_path, undisturbed):
+    path = tmp_path / "s"
+    asked = {**ASKED, "keep": "all", "workers": 2, "output": str(path)}
+    out, said = child(asked).communicate(timeout=LONG)
+    assert (out, said) == ("begins\n", "")  # Dask's log stays off the terminal
+    assert not differences(undisturbed["all"], content(path))
+
+
+@pytest.mark.parametrize("keep", ["summary", "worst"])
+def test_a_scheduler_elsewhere_gives_the_same_bytes(arm, tmp_path, network, undisturbed, keep):
+    seen = []
+    sweep(
+        arm, **ASKED, keep=keep, scheduler=network.address, output=tmp_path / "s",
+        progress=lambda done, total: seen.append(done),
+    )  # fmt: skip
+    assert not differences(undisturbed[keep], content(tmp_path / "s"))
+    assert seen == sorted(seen)
+    assert seen[-1] == 60_000
+
+
+def test_given_postures_travel_in_parts(arm, network):
+    q = np.random.default_rng(5).uniform(-2, 2, (20_000, 5))
+    there = sweep(arm, q, chunk=4096, scheduler=network.address).summary.arrays()
+    here = sweep(arm, q, chunk=4096).summary.arrays()
+    for name, array in here.items():
+        np.testing.assert_array_equal(there[name], array)
+
+
+def test_an_error_on_a_worker_is_its_own_one_line(arm, tmp_path, network):
+    file = tmp_path / "postures.npy"
+    np.save(file, np.zeros((60_000, 5)))
+
+    def remove(done, total):
+        file.unlink(missing_ok=True)
+
+    with pytest.raises(TrajectoryError, match=r"postures\.npy: cannot be read") as raised:
+        sweep(arm, file, chunk=4096, scheduler=network.address, progress=remove)
+    assert "\n" not in str(raised.value)
+    assert raised.value.path == str(file)
+
+
+def test_a_lost_worker_is_survived(arm, tmp_path, network, undisturbed):
+    network.add_worker()
+
+    def kill(done, total):
+        if network.workers[2].poll() is None and done < total:
+            network.workers[2].kill()
+
+    sweep(arm, **ASKED, keep="all", scheduler=network.address, output=tmp_path / "s", progress=kill)
+    network.workers[2].wait(LONG)
+    assert not differences(undisturbed["all"], content(tmp_path / "s"))
+
+
+def test_a_lost_scheduler_is_told_and_the_sweep_goes_on_elsewhere(arm, tmp_path, undisturbed):
+    network, path = Network(tmp_path), tmp_path / "s"
+    network.add_worker()
+    try:
+        with pytest.raises(FtforceError, match=r"scheduler was lost.*goes on") as raised:
+            sweep(
+                arm, **ASKED, keep="summary", scheduler=network.address, output=path,
+                progress=lambda done, total: network.scheduler.kill(),
+            )  # fmt: skip
+    finally:
+        network.close()
+    assert "\n" not in str(raised.value)
+    assert store.open_sweep(path).summary.postures >= 4096
+    sweep(arm, **ASKED, keep="summary", output=path)
+    assert not differences(undisturbed["summary"], content(path))
+
+
+# ---- what is told beforehand -----------------------------------------------------------------
+
+
+def test_nobody_at_the_address(arm, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    with pytest.raises(InputError, match=r"no scheduler answers at 'tcp://127\.0\.0\.1:1'"):
+        sweep(arm, n=5000, scheduler="tcp://127.0.0.1:1")
+
+
+def test_something_at_the_address_that_never_answers(arm, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(InputError, match="no scheduler answers"):
+            sweep(arm, n=5000, scheduler=address)
+
+
+@pytest.mark.parametrize("address", ["nonsense://x", "tcp://", ""])
+def test_an_address_that_is_none(arm, monkeypatch, address):
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    with pytest.raises(InputError, match="an address looks like"):
+        sweep(arm, n=5000, scheduler=address)
+
+
+def _workers(found):
+    def run(function, package, on_error):
+        return found
+
+    return SimpleNamespace(wait_for_workers=lambda n, timeout: None, run=run)
+
+
+def test_workers_need_this_ftforce():
+    same = version("ftforce")
+    cluster._check_workers(_workers({"tcp://a": same}), "tcp://s")
+    with pytest.raises(FtforceError, match=r"tcp://b has 0\.0\.9$"):
+        cluster._check_workers(_workers({"tcp://a": same, "tcp://b": "0.0.9"}), "tcp://s")
+    with pytest.raises(FtforceError, match="tcp://a has none"):
+        cluster._check_workers(_workers({"tcp://a": PackageNotFoundError()}), "tcp://s")
+
+
+def test_a_scheduler_without_workers():
+    def wait_for_workers(n, timeout):
+        raise TimeoutError
+
+    empty = SimpleNamespace(wait_for_workers=wait_for_workers)
+    with pytest.raises(FtforceError, match=r"no workers; start some, e\.g\. dask worker tcp://s"):
+        cluster._check_workers(empty, "tcp://s")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"workers": 0}, "whole number from 1"),
+        ({"workers": True}, "whole number from 1"),
+        ({"workers": 2, "scheduler": "tcp://x"}, "not both"),
+        ({"workers": 2, "threads": 2}, "either threads or workers"),
+        ({"workers": 1, "keep": "all"}, "need an output"),
+    ],
+)
+def test_options_that_make_no_sense(arm, options, words):
+    with pytest.raises(InputError, match=words):
+        sweep(arm, n=5000, **options)
+
+
+# ---- on the worker ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def opened(arm, tmp_path_factory):
+    """A sweep that has just been made."""
+    caught = []
+
+    def runner(job, made, turns):
+        caught.append(made)
+        raise KeyboardInterrupt
+        yield
+
+    import ftforce.batch.sweep as module
+
+    path = tmp_path_factory.mktemp("opened") / "s"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_runner", lambda *_: runner)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(arm, **ASKED, output=path)
+    return caught[0]
+
+
+def test_a_turn_writes_its_chunks(opened):
+    job, path = opened.asked.job, opened.path
+    token = folder.lock_of(path)["token"]
+    turn = do_turn(job, str(path), token, __version__, [2, 5])
+    assert isinstance(turn, Turn)
+    assert turn.arrays["postures"] == 2 * 4096
+    assert sorted(file.name for file in (path / "margin").glob("[0-9]*")) == ["2.0", "5.0"]
+
+
+def test_a_worker_that_sees_another_folder_says_so(opened, tmp_path):
+    for path, token in ((opened.path, "another"), (tmp_path / "none", "any")):
+        refusal = do_turn(opened.asked.job, str(path), token, __version__, [0])
+        assert isinstance(refusal, Refusal)
+        problem = refusal.as_error()
+        assert type(problem) is OutputError
+        assert problem.path == str(path)
+        assert "not seen by all workers" in str(problem)
+
+
+def test_a_worker_of_another_version_says_so(opened):
+    refusal = do_turn(opened.asked.job, None, "", "0.0.9", [0])
+    assert "all workers need ftforce 0.0.9" in str(refusal.as_error())
+
+
+def test_workers_that_die_of_the_same_chunks():
+    from distributed import KilledWorker
+
+    def result():
+        raise KilledWorker("key", None, 3)
+
+    future = SimpleNamespace(result=result, release=lambda: None)
+    with pytest.raises(FtforceError, match="4 workers were lost at the same chunks"):
+        cluster._result(future)
+
+
+def test_what_a_worker_lacks_is_told_in_one_line():
+    def result():
+        raise ModuleNotFoundError("No module named 'numba'\nand more")
+
+    future = SimpleNamespace(result=result, release=lambda: None)
+    with pytest.raises(FtforceError, match=r"a worker failed.*No module named 'numba'") as raised:
+        cluster._result(future)
+    assert "\n" not in str(raised.value)
