@@ -25,6 +25,7 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 import ftforce
+from ftforce.batch.workspace_map import workspace_map
 from ftforce.cli import app as program
 from ftforce.paths import Path
 from ftforce.replicate import replicate
@@ -61,6 +62,12 @@ _CLOSED_OF = {
     "Timeline": {
         "robot", "conventions", "limits", "capability_limits", "sets[].modes",
         "sets[].weak_factors", "columns[].modes", "columns[].weak_factors",
+    },
+    "WorkspaceMap": {"robot", "conventions", "postures"},
+    "Comparison": {
+        "question", "units", "arms[].postures", "arms[].critical_joint",
+        *(f"arms[].{name}" for name in ("tolerated", "every", "worst_rho", "healthy_capability")),
+        *(f"arms[].sizes[].{name}" for name in ("tolerated", "margin", "rho", "jump", "capability")),
     },
     "Sweep": {
         "robot", "limits", "every_set_tolerated", "conventions.units",
@@ -166,7 +173,10 @@ def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "History", ftforce.to_dict(ftforce.simulate(arm, line, faults="3@0.2", **forced))
     yield "Timeline", ftforce.to_dict(ftforce.timeline(arm, line, **forced))
     swept = {"n": 1000, "force": [80, 50, 10], "limits": "urdf"}
-    yield "Sweep", ftforce.to_dict(ftforce.sweep(arm, **swept))
+    sweep = ftforce.sweep(arm, **swept)
+    yield "Sweep", ftforce.to_dict(sweep)
+    yield "WorkspaceMap", ftforce.to_dict(workspace_map(sweep))
+    yield "Comparison", ftforce.to_dict(ftforce.compare([sweep]))
     yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
     yield "Replication", ftforce.to_dict(replicate())
 
