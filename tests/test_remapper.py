@@ -276,7 +276,9 @@ def test_smallest_eigenvalues(m):
         A = np.einsum("bik,bk,bjk->ijb", Q, wanted, Q)
         x = np.empty(single.SIDE)
         margins(np.ascontiguousarray(A), np.zeros((single.LINES, single.SIDE)), x)
-        worst = max(worst, (np.abs(x - wanted.min(axis=1)) / wanted.max(axis=1)).max())
+        assert case % 3 == 1 or not np.isnan(x).any()  # only equal roots may be given up
+        error = np.abs(x - wanted.min(axis=1)) / wanted.max(axis=1)
+        worst = max(worst, np.nanmax(error, initial=0.0))
     assert worst < 1e-13
 
 
