@@ -417,11 +417,19 @@ def smallest(A, line, x):
             G = -dp[b] * over  # Σ 1/(λ - x)
             H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
             step = _SHORT * m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
-            is_below = minor[b] > 0.0
-            has_passed = not is_below and last[b] > _NEAR * x[b]
-            x[b] = math.nan if has_passed else x[b] + step if is_below else x[b]
-            last[b] = step if is_below else 0.0
-            far += 1 if last[b] > _CLOSE * x[b] else 0
+            if minor[b] > 0.0:  # below all roots
+                x[b] += step
+                last[b] = step
+                far += 1 if step > _CLOSE * x[b] else 0
+            elif 0.0 <= last[b] <= _NEAR * x[b]:  # at the root, as far as rounding can tell
+                last[b] = 0.0
+            elif last[b] > 0.0:  # rounding may have led a little beyond it
+                x[b] -= 0.1 * _NEAR * x[b]
+                last[b] = -1.0
+                far += 1
+            else:
+                x[b] = math.nan
+                last[b] = 0.0
         if far == 0:
             return
     for b in range(SIDE):
