@@ -88,7 +88,8 @@ def examples(session: nox.Session) -> None:
     for script in ("fault_modes.py", "section_v.py", "closed_loop.py"):
         output = f"{drawn}/{script}.svg"
         session.run("python", f"docs/examples/{script}", "--output", output, env=ENVIRONMENT)
-    session.run("python", "docs/examples/plots.py", "--output", drawn, env=ENVIRONMENT)
+    for script in ("plots.py", "sweep_map.py"):
+        session.run("python", f"docs/examples/{script}", "--output", drawn, env=ENVIRONMENT)
     session.run("python", "docs/examples/pictures.py", "--check", env=ENVIRONMENT)
 
 

@@ -109,6 +109,12 @@ SESSIONS = {
     "timeline": [
         "timeline panda --to 0.4,0.3,0.4 --speed 0.2 --rate 20 --mode free --force 0,0,30",
     ],
+    "sweep": ["sweep panda --samples 100000 --faults 2 --force 0,0,50 --top 8"],
+    "workspace-map": [
+        "sweep tiago --samples 131072 --force 0,0,50 --keep summary -o tiago.zarr",
+        "map tiago.zarr",
+    ],
+    "compare": ["compare panda kinova ur5 dh5 --force 0,0,50"],
     "robots": ["robots"],
     "replicate": ["replicate"],
 }
@@ -124,10 +130,11 @@ DOCUMENTS = {
 # Limits of which the brakes are unknown.
 MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
 
-# What fault_modes.py, section_v.py, plots.py and closed_loop.py draw.
+# What fault_modes.py, section_v.py, plots.py, closed_loop.py and sweep_map.py draw.
 DRAWN = {
     "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plot-simulation.svg",
-    "plot-census.svg", "plot-capability.svg",
+    "plot-census.svg", "plot-capability.svg", "plot-compare.svg", "map-panda.svg",
+    "map-tiago.svg", "map-solid.svg",
 }  # fmt: skip
 
 # What these scripts print.
