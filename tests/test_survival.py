@@ -268,6 +268,11 @@ def test_jumps_that_are_none_are_said_and_not_drawn(swinging):
         assert ("falls" in said) is (falls > 0.0)
         counts, _ = np.histogram(values[values >= 0.06], edges)
         assert_close(heights, counts / max(counts.max(), 1), tol=1e-6)
+        marks = [np.asarray(one.get_offsets())[0] for one in ax.collections]
+        bad = [x for x, y in marks if abs(y - row - 0.44) < 1e-9]  # the triangle, not the diamond
+        large = np.nanquantile(values, 0.95)
+        if large < 60.0:
+            assert_close(bad, [large], tol=0.061, scale=1.0)
     assert any("falls" in note for note in notes.values())
     assert ax.get_xlabel() == "‖ΔF‖ [N]"
 
@@ -338,6 +343,36 @@ def test_the_map_in_a_terminal_is_the_map(pairs):
                 assert cell == "·"
             else:
                 assert int(cell) == int(100 * tolerated[column, row] // every[column, row])
+
+
+@pytest.mark.parametrize("quantity", ["rho", "margin", "jump", "capability"])
+def test_quantiles_are_those_of_the_samples(swinging, quantity):
+    shown = to_text(map_view(workspace_map(swinging, quantities=[quantity])))
+    lines = shown.rpartition("quantiles over the postures\n")[2].splitlines()[1:]
+    for line, one in zip(lines, swinging.joints, strict=False):
+        number, name, *cells = line.split()
+        assert (number, name) == (str(one.joint + 1), f"panda_joint{one.joint + 1}")
+        values = alone(swinging, quantity, one.joint)
+        if quantity == "capability":  # an arm that falls commands nothing
+            values = np.nan_to_num(values)
+        order = [0.05, 0.25, 0.5, 0.75, 0.95]
+        order = [*order, 1.0] if quantity == "jump" else [0.0, *order]
+        for cell, p in zip(cells, order, strict=True):
+            wanted = float(np.nanquantile(values, p))
+            if quantity == "capability" and p == 0.0:  # of those that do not fall
+                stands = alone(swinging, quantity, one.joint)
+                stands = stands[np.isfinite(stands)]
+                assert (cell == "–") is not bool(len(stands))
+                wanted = float(stands.min(initial=np.inf))
+            if cell == "–":
+                continue
+            if cell.startswith("<"):
+                assert wanted < float(cell[1:])
+            elif cell.startswith(">"):
+                assert wanted > 60.0
+            else:
+                within = 0.06 + 0.025 * wanted if quantity in {"jump", "capability"} else 0.006
+                assert abs(float(cell) - wanted) <= within
 
 
 def test_small_cells_are_pooled_until_80_columns_hold_them():

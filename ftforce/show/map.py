@@ -161,14 +161,14 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
         if quantity == "capability":  # as in the table of joints: what falls is 0
             histogram[0] += np.asarray(summary.capability_unknown)[place]
             histogram[-1] += np.asarray(summary.capability_unlimited)[place]
-        # A quantile is known to one bin: the extreme is known better.
-        within = min if is_jump else max
-        values = [within(float(quantile(histogram, edges, p)), extreme) for p in _SHARES]
-        if quantity == "capability":
-            values = [float(quantile(histogram, edges, p)) for p in _SHARES]
+        values = [float(quantile(histogram, edges, p)) for p in _SHARES]
+        if quantity != "capability":  # a quantile is known to one bin: the extreme is better known
+            within = min if is_jump else max
+            values = [within(x, extreme) if math.isfinite(x) else x for x in values]
         least = 0.0 if quantity == "capability" else float(edges[1])
-        cells = [_written(x, least, amount=bool(unit)) for x in values]
-        last = _written(extreme, 0.0, amount=bool(unit))
+        above = f">{ratio(float(edges[-1]))}" if is_jump else "no limit"
+        cells = [_written(x, least, above, amount=bool(unit)) for x in values]
+        last = _written(extreme, 0.0, "–", amount=bool(unit))
         result.add_row(
             str(one.joint + 1), sweep.setting.joints[one.joint],
             *([*cells, last] if is_jump else [last, *cells]),
@@ -176,12 +176,12 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
     return result
 
 
-def _written(x: float, least: float, *, amount: bool) -> str:
+def _written(x: float, least: float, above: str, *, amount: bool) -> str:
     """Write a number; what lies in the first bin, below the least, may be nothing."""
     if math.isnan(x) or x == -math.inf:
         return "–"
     if math.isinf(x):
-        return "no limit" if amount else "–"
+        return above
     if abs(x) <= NEGLIGIBLE:
         return "0"
     if x < least:
