@@ -101,7 +101,11 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--faults", "6"), 1, "a number from 1 to 5, got 6"),
         (("--samples", "10", "--mode", "weak"), 1, "weak"),
         (("--samples", "10", "--force", "0,0,0"), 1, "a component that is not zero"),
-        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "no value of keep 'some'; there is: all, worst"),
+        (
+            ("--samples", "10", "--keep", "some", "-o", "x.zarr"),
+            1,
+            "no value of keep 'some'; there is: all, worst",
+        ),
         (("--samples", "10", "--cell", "-1"), 1, "the edge of a cell must be positive"),
         (("--samples", "10", "--threads", "0"), 1, "threads must be a whole number from 1"),
         (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number from 1"),

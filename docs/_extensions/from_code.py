@@ -67,7 +67,7 @@ _CLOSED_OF = {
     "Comparison": {
         "question", "units", "arms[].postures", "arms[].critical_joint",
         *(f"arms[].{name}" for name in ("tolerated", "every", "worst_rho", "healthy_capability")),
-        *(f"arms[].sizes[].{name}" for name in ("tolerated", "margin", "rho", "jump", "capability")),
+        *(f"arms[].sizes[].{x}" for x in ("tolerated", "margin", "rho", "jump", "capability")),
     },
     "Sweep": {
         "robot", "limits", "every_set_tolerated", "conventions.units",
