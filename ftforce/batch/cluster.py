@@ -116,6 +116,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
     if scheduler is not None:
         try:
+            _ask(scheduler)
             client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
         except Exception as problem:  # what is no scheduler may make anything of the protocol
             reason = str(problem).partition("\n")[0] or type(problem).__name__
@@ -129,6 +130,26 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         return
     with _local_cluster(workers) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
+
+
+def _ask(scheduler: str) -> None:
+    """See that a scheduler answers: a client waits for ever for one that listens and is silent."""
+    import asyncio
+    from concurrent.futures import ThreadPoolExecutor
+
+    from distributed import Security
+    from distributed.core import rpc
+
+    async def ask() -> None:
+        security = Security().get_connection_args("client")
+        async with rpc(scheduler, connection_args=security) as one:
+            await one.identity()
+
+    async def ask_patiently() -> None:
+        await asyncio.wait_for(ask(), PATIENCE)
+
+    with ThreadPoolExecutor(1) as pool:  # the caller's thread may have a loop of its own
+        pool.submit(lambda: asyncio.run(ask_patiently())).result()
 
 
 @contextmanager
