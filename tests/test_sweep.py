@@ -1,0 +1,98 @@
+"""Sweeps in Python: the same numbers however they are cut, done and kept."""
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.batch import job as jobs
+from ftforce.batch.runner import Turns, threads_of
+from ftforce.batch.sweep import sweep
+from ftforce.errors import InputError, UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def reference(arm):
+    return sweep(arm, n=20_000, force=[80, 50, 10], threads=1)
+
+
+def _assert_same(first, second):
+    for name, array in first.summary.arrays().items():
+        np.testing.assert_array_equal(array, second.summary.arrays()[name], name)
+
+
+@pytest.mark.parametrize(
+    "options", [{"threads": 2}, {"chunk": 4096, "threads": 3}, {"keep": "all"}]
+)
+def test_how_it_is_done_changes_no_bit(arm, reference, options):
+    _assert_same(reference, sweep(arm, n=20_000, force=[80, 50, 10], **options))
+
+
+@pytest.mark.parametrize("answers", [2**8, 2**12])
+def test_small_pieces_change_no_bit(arm, reference, monkeypatch, answers):
+    monkeypatch.setattr(jobs, "_ANSWERS", answers)
+    _assert_same(reference, sweep(arm, n=20_000, force=[80, 50, 10]))
+
+
+def test_it_is_what_analyze_says_of_each_posture(arm):
+    result = sweep(arm, n=5000, force=[80, 50, 10], keep="all")
+    for i in (0, 17, 4095, 4096, 4999):
+        q = result.dataset.q.values[i]
+        for s, one in enumerate(result.sets):
+            found = ftforce.analyze(arm, q, locked=[one.joints[0] + 1], force=[80, 50, 10])
+            np.testing.assert_allclose(result.dataset.margin[i, s], found.margin, rtol=1e-9)
+            assert ("tolerated", "borderline", "not tolerated")[
+                int(result.dataset.verdict[i, s])
+            ] == str(found.verdict.value).replace("_", " ")
+
+
+def test_progress_rises_to_the_number_of_postures(arm):
+    seen = []
+    sweep(arm, n=30_000, chunk=4096, progress=lambda done, total: seen.append((done, total)))
+    assert [done for done, _ in seen] == sorted({done for done, _ in seen})
+    assert seen[-1] == (30_000, 30_000)
+
+
+def test_turns_deal_out_every_chunk_once():
+    turns = Turns(iter(range(1000)), 1000)
+    dealt, sizes = [], []
+    while chunks := turns.take(4, 1.0):
+        dealt += chunks
+        sizes.append(len(chunks))
+        turns.took(len(chunks), 0.01 * len(chunks))
+    assert dealt == list(range(1000))
+    assert sizes[0] == 1  # nothing is known yet
+    assert max(sizes) == 100  # a second
+    assert sizes[-1] == 1  # all end at about the same time
+
+
+def test_turns_of_no_time_are_single_chunks():
+    turns = Turns(iter(range(9)), 9)
+    turns.took(1, 1e-4)
+    assert turns.take(1, 0.0) == [0]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({}, InputError, "give postures, or how many"),
+        ({"n": 10, "q": np.zeros((3, 5))}, InputError, "not both"),
+        ({"n": 0}, InputError, "from 1"),
+        ({"n": 10, "keep": "some"}, UnknownNameError, "all"),
+        ({"n": 10, "threads": 0}, InputError, "whole number from 1"),
+        ({"n": 10, "chunk": 10}, InputError, "from 4096"),
+        ({"n": 10, "force": [0, 0, 0]}, InputError, "not zero"),
+    ],
+)
+def test_what_makes_no_sense_is_told(arm, options, error, words):
+    with pytest.raises(error, match=words):
+        sweep(arm, **options)
+
+
+def test_threads_are_those_of_the_process():
+    assert threads_of(None) >= 1
+    assert threads_of(3) == 3
