@@ -176,7 +176,7 @@ def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
     sweep = ftforce.sweep(arm, **swept)
     yield "Sweep", ftforce.to_dict(sweep)
     yield "WorkspaceMap", ftforce.to_dict(workspace_map(sweep))
-    yield "Comparison", ftforce.to_dict(ftforce.compare([sweep]))
+    yield "Comparison", ftforce.to_dict(ftforce.compare([arm, "panda"], n=1000, force=[80, 50, 10]))
     yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
     yield "Replication", ftforce.to_dict(replicate())
 

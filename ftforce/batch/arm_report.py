@@ -124,7 +124,7 @@ class ArmReport:
     sizes :
         One report per size of sets, small ones first.
     critical :
-        The critical joint, see `ftforce.batch.result.Sweep.joints`.
+        The critical joint, see `ftforce.Sweep`.
     critical_tolerated :
         Share of postures x the sets with this joint that are tolerated.
     workspace :

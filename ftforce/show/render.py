@@ -10,6 +10,7 @@ from rich.text import Text
 from ftforce.analysis import Analysis
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
+from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.closed_forms import Remap
 from ftforce.fault_census import Census
 from ftforce.fault_timeline import Timeline
@@ -22,6 +23,7 @@ from ftforce.show.capability import capability_view
 from ftforce.show.census import census_view
 from ftforce.show.comparison import comparison_view
 from ftforce.show.history import history_view
+from ftforce.show.map import map_view
 from ftforce.show.remap import remap_view
 from ftforce.show.replication import replication_view
 from ftforce.show.robot import robot_view
@@ -48,3 +50,4 @@ render.register(Replication, replication_view)
 render.register(Robot, robot_view)
 render.register(Sweep, sweep_view)
 render.register(Timeline, timeline_view)
+render.register(WorkspaceMap, map_view)
