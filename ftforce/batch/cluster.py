@@ -169,7 +169,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # none at all would be 8787, with a warning if taken
             host="127.0.0.1",
             silence_logs=logging.CRITICAL,
         ) as cluster,
