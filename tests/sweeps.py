@@ -31,14 +31,11 @@ _KILLED = """
 import json, os, signal, sys
 import ftforce, zarr, xarray
 from ftforce.batch import sweep as module
-from ftforce.batch.job import Job
 
-asked, points = json.loads(sys.argv[1])
 robot = ftforce.load_robot("dh5")
-Job.warmed = property(lambda job: job.add(0, job.empty_summary()))
-run, module._run = module._run, lambda job, *rest, **more: job.warmed
-module.sweep(robot, **asked)  # compiles and loads the kernels, starts no thread
-module._run = run
+real, module._run = module._run, lambda job, *_, **more: job.add(0, job.empty_summary())
+module.sweep(robot, n=4096, force=[80, 50, 10])  # loads the kernels and starts no thread
+module._run = real
 steps = 0
 
 def counted(function):
@@ -52,17 +49,19 @@ def counted(function):
 
 for name in ("fsync", "replace", "mkdir", "unlink", "open"):
     setattr(os, name, counted(getattr(os, name)))
-killed = 0
-for point in points:
-    child = os.fork()
-    if not child:
-        module.sweep(robot, **asked)
-        os._exit(0)
-    _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status):
-        killed += 1
-    elif status:
-        sys.exit("a process failed")
+killed = []
+for asked, points in json.loads(sys.argv[1]):
+    killed.append(0)
+    for point in points:
+        child = os.fork()
+        if not child:
+            module.sweep(robot, **asked)
+            os._exit(0)
+        _, status = os.waitpid(child, 0)
+        if os.WIFSIGNALED(status):
+            killed[-1] += 1
+        elif status:
+            sys.exit("a process failed")
 print(json.dumps(killed))
 """
 
@@ -78,18 +77,19 @@ def child(asked: dict, *, before: str = "pass", **more) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=ROOT, **more)
 
 
-def killed(asked: dict, points: list[int]) -> int:
-    """Start ``sweep(**asked)`` again and again, each killed by SIGKILL at a step.
+def killed(asked: list[tuple[dict, list[int]]]) -> list[int]:
+    """Start each ``sweep(**asked)`` again and again, each time killed by SIGKILL at a step.
 
     A step is a file that is opened, synced, replaced or removed, or a folder that is made. Returns
     how many were killed; those whose step never came ended by themselves.
     """
-    command = [sys.executable, "-c", _KILLED, json.dumps([asked, points])]
+    command = [sys.executable, "-c", _KILLED, json.dumps(asked)]
     done = subprocess.run(
         command, check=False, capture_output=True, text=True, cwd=ROOT, timeout=LONG
     )
     assert not done.returncode, done.stderr
-    return int(json.loads(done.stdout))
+    found: list[int] = json.loads(done.stdout)
+    return found
 
 
 def content(folder: str | Path) -> dict[str, bytes]:

@@ -6,6 +6,7 @@ import os
 import random
 import signal
 import subprocess
+import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -22,9 +23,9 @@ from sweeps import LONG, child, content, differences, killed
 
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 NEVER = 10**9  # a step that no process reaches
-SLOW = (
-    "import ftforce.batch.folder as f, time; s = f.sync; "
-    "f.sync = lambda path: (s(path), time.sleep({}))"
+SLOW = (  # a chunk takes a moment after it is written, which is when the test acts
+    "import ftforce.batch.store as s, time; w = s.write_samples; "
+    "s.write_samples = lambda *given: (w(*given), time.sleep(0.5))"
 )
 
 
@@ -138,43 +139,69 @@ def test_open_sweep_gives_back_what_sweep_gave(stored):
 # ---- killed ----------------------------------------------------------------------------------
 
 
+@pytest.fixture(scope="module")
+def disturbed(tmp_path_factory):
+    """Sweeps that were killed many times: their folders, and how often; all by one process."""
+    folders = {
+        name: tmp_path_factory.mktemp("disturbed") / name
+        for name in ("summary", "worst", "all", "completed", "half made")
+    }
+    asked = []
+    for keep in ("summary", "worst", "all"):
+        chance = random.Random(keep)
+        # Early ones die while the folder is made, late ones while it is completed.
+        points = [
+            1,
+            2,
+            5,
+            *chance.choices(range(6, 200), k=5),
+            *chance.choices(range(200, 500), k=3),
+        ]
+        asked.append([{**ASKED, "keep": keep, "threads": 2}, [*points, NEVER]])
+    # The chunks are done at once, so that most of the steps make or complete the folder.
+    asked.append([{**ASKED, "keep": "summary", "chunk": 13_000}, [400, *range(20, 380, 60), NEVER]])
+    asked.append([{"n": 5000, "keep": "all"}, [40]])
+    for one, path in zip(asked, folders.values(), strict=True):
+        one[0]["output"] = str(path)
+    return folders, dict(zip(folders, killed(asked), strict=True))
+
+
 @pytest.mark.parametrize("keep", ["summary", "worst", "all"])
-def test_killed_at_any_step_it_ends_with_the_same_bytes(arm, tmp_path, keep):
-    wanted, path = tmp_path / "undisturbed", tmp_path / "killed"
-    sweep(arm, **ASKED, keep=keep, output=wanted, threads=1)
-    asked = {**ASKED, "keep": keep, "output": str(path), "threads": 2}
-    chance = random.Random(keep)
-    # Early ones die while the folder is made, late ones while it is completed.
-    points = [1, 2, 5, *chance.choices(range(6, 200), k=6), *chance.choices(range(200, 500), k=3)]
-    assert killed(asked, [*points, NEVER]) >= 6
-    assert not differences(content(wanted), content(path))
+def test_killed_at_any_step_it_ends_with_the_same_bytes(arm, tmp_path, disturbed, keep):
+    folders, times = disturbed
+    assert times[keep] >= 6
+    sweep(arm, **ASKED, keep=keep, output=tmp_path / "s", threads=1)
+    assert not differences(content(tmp_path / "s"), content(folders[keep]))
 
 
-def test_killed_while_it_is_completed(arm, tmp_path):
-    wanted = tmp_path / "undisturbed"
-    sweep(arm, **ASKED, keep="summary", output=wanted)
-    path = tmp_path / "killed"
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, keep="summary", output=path, progress=_interrupt_after(5000))
-    asked = {**ASKED, "keep": "summary", "output": str(path)}
-    assert killed(asked, [*range(20, 260, 40), NEVER]) >= 3
-    assert not differences(content(wanted), content(path))
+def test_killed_while_it_is_completed(arm, tmp_path, disturbed):
+    folders, times = disturbed
+    assert times["completed"] >= 3
+    sweep(arm, **{**ASKED, "chunk": 13_000}, keep="summary", output=tmp_path / "s")
+    assert not differences(content(tmp_path / "s"), content(folders["completed"]))
 
 
-def test_killed_from_outside(tmp_path, arm):
-    wanted, path = tmp_path / "undisturbed", tmp_path / "killed"
-    asked = {**ASKED, "n": 60_000}
-    sweep(arm, **asked, output=wanted)
-    slow = SLOW.format(0.05)
-    for seconds in (0.3, 1.0, 2.0):
-        process = child({**asked, "output": str(path)}, before=slow)
-        process.stdout.readline()
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(seconds)
-        process.kill()
-        process.communicate()
-    sweep(arm, **asked, output=path)
-    assert not differences(content(wanted), content(path))
+def test_what_another_command_left_half_made_is_cleared(arm, tmp_path, disturbed):
+    path = disturbed[0]["half made"]
+    assert "q/.zarray" in content(path)
+    sweep(arm, n=5000, keep="summary", output=path)
+    sweep(arm, n=5000, keep="summary", output=tmp_path / "undisturbed")
+    assert not differences(content(tmp_path / "undisturbed"), content(path))
+
+
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
+def test_killed_or_interrupted_from_outside(tmp_path, arm, stored, sign):
+    path = tmp_path / "s"
+    process = child({**ASKED, "output": str(path), "threads": 1}, before=SLOW)
+    while not (path / "q" / "2.0").exists():  # so the first is done, and counted
+        assert process.poll() is None
+    process.send_signal(sign)
+    _, said = process.communicate(timeout=LONG)
+    assert ("KeyboardInterrupt" in said) == (sign == signal.SIGINT)
+    if sign == signal.SIGINT:
+        assert store.open_sweep(path).summary.postures >= 4096
+    sweep(arm, **ASKED, output=path)
+    assert not differences(content(stored.path), content(path))
 
 
 def _interrupt_after(postures):
@@ -198,20 +225,6 @@ def test_interrupted_from_the_keyboard_keeps_what_is_done(arm, tmp_path):
     assert seen[-1] == 13_000
 
 
-def test_a_signal_from_the_keyboard_ends_it_cleanly(arm, tmp_path):
-    path = tmp_path / "s"
-    slow = SLOW.format(0.1)
-    process = child({**ASKED, "output": str(path)}, before=slow)
-    process.stdout.readline()
-    while not (path / "q" / "0.0").exists():
-        assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=LONG)
-    assert "KeyboardInterrupt" in said
-    assert store.open_sweep(path).summary.postures >= 0
-    sweep(arm, **ASKED, output=path)
-
-
 def test_what_is_not_done_yet_reads_as_unknown(arm, tmp_path):
     path = tmp_path / "s"
     with pytest.raises(KeyboardInterrupt):
@@ -230,7 +243,7 @@ def test_another_command_is_refused_and_says_what_differs(arm, stored):
     before = content(stored.path)
     with pytest.raises(OutputError, match=r"another sweep \(rtol 1e-06 there, 1e-07 here\)"):
         sweep(arm, **ASKED, rtol=1e-7, output=stored.path)
-    with pytest.raises(OutputError, match="keep"):
+    with pytest.raises(OutputError, match=r"\(keep .all. there, .worst. here\)"):
         sweep(arm, **ASKED, keep="worst", output=stored.path)
     assert not differences(before, content(stored.path))
 
@@ -275,15 +288,6 @@ def test_an_empty_folder_is_taken(arm, tmp_path):
     assert store.open_sweep(tmp_path).summary.postures == 5000
 
 
-def test_what_another_command_left_half_made_is_cleared(arm, tmp_path):
-    asked = {"n": 5000, "keep": "all", "output": str(tmp_path / "s")}
-    assert killed(asked, [40]) == 1
-    assert "q/.zarray" in content(tmp_path / "s")
-    sweep(arm, n=5000, keep="summary", output=tmp_path / "s")
-    sweep(arm, n=5000, keep="summary", output=tmp_path / "undisturbed")
-    assert not differences(content(tmp_path / "undisturbed"), content(tmp_path / "s"))
-
-
 def test_only_one_process_writes(arm, tmp_path):
     path = tmp_path / "s"
     with pytest.raises(KeyboardInterrupt):
@@ -297,9 +301,14 @@ def test_only_one_process_writes(arm, tmp_path):
 
 def test_a_lock_of_a_killed_process_blocks_nobody(arm, tmp_path):
     path = tmp_path / "s"
-    before = "from ftforce.batch import folder; folder.lock(__import__('pathlib').Path({!r})); "
-    process = child({"n": 1}, before=before.format(str(path)) + "print('x'); sys.stdin.read()",
-                    stdin=subprocess.PIPE)  # fmt: skip
+    script = (
+        "import sys, pathlib; from ftforce.batch import folder; "
+        "held = folder.lock(pathlib.Path(sys.argv[1])); print(flush=True); sys.stdin.read()"
+    )
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, str(path)], stdin=pipe, stdout=pipe, text=True
+    )
     process.stdout.readline()
     with pytest.raises(OutputError, match=f"process {process.pid} on"):
         sweep(arm, n=5000, output=path)

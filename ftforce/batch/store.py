@@ -47,6 +47,7 @@ FORMAT = 1
 _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _KIND = "a sweep that ftforce wrote"
+_ARRAYS = "arrays"  # of the identity: a digest of all that the kernels are given
 _SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
@@ -215,7 +216,9 @@ def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
     found = about["identity"]
     if found != identity:
         keys = sorted(k for k in {*found, *identity} if found.get(k) != identity.get(k))
-        differs = "; ".join(_difference(k, found.get(k), identity.get(k)) for k in keys)
+        told = [key for key in keys if key != _ARRAYS]  # which say it in a number nobody knows
+        differs = "; ".join(_difference(k, found.get(k), identity.get(k)) for k in told)
+        differs = differs or "the robot, its limits or its masses are others"
         raise OutputError(
             path, f"holds another sweep ({differs}); give another --output, or remove that one"
         )
