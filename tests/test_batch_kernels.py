@@ -12,11 +12,11 @@ from numba import njit
 
 import urdfs
 from ftforce import analyze, census, load_robot
-from ftforce.batch import eigenvalues, lanes
-from ftforce.batch.fast import LEAST_MARGIN
-from ftforce.batch.lanes import LANES
+from ftforce.batch import eigenvalues, fast, lanes, secular, spectrum
+from ftforce.batch.layout import LANES, UNDECIDED
 from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.plan import Plan, empty_answers, faults_of, question_of
+from ftforce.batch.three import LEAST_MARGIN
 from ftforce.dynamics import Payload, weight_torque
 from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.kinematics import task_jacobian, tip_pose
@@ -128,6 +128,84 @@ def test_locked_faults_equal_the_census(robots, name, words, length):
 def test_pairs_of_locked_joints_without_a_force(robots, words, axes):
     task = Task.parse(words, axes)
     check_census(robots["panda"], postures_of(robots["panda"], 6, 1), task, faults=2)
+
+
+# Enough postures that some lie near every tolerance.
+@pytest.mark.parametrize("asks", [True, False])
+@pytest.mark.parametrize(
+    ("name", "faults", "mode"),
+    [
+        ("ur5", 1, "locked"), ("ur5", 2, "locked"), ("panda", 1, "locked"),
+        ("panda", 2, "locked"), ("panda", 1, "free"), ("ur5", 1, "free"),
+    ],
+)  # fmt: skip
+def test_wrenches_equal_the_census(robots, name, faults, mode, asks):
+    task, robot = Task.parse("wrench", "tool", 0.3), robots[name]
+    force = np.array([10.0, -20.0, 30.0, 3.0, 2.0, -1.0]) if asks else None
+    check_census(robot, postures_of(robot, 40, 11), task, faults=faults, mode=mode, force=force)
+
+
+@pytest.mark.parametrize("components", ["fx,fz", "fx,fy,fz,my,mz"])
+def test_pairs_of_locked_joints_of_other_tasks(robots, components):
+    task = Task.parse(components, "world", 0.4)
+    force = np.linspace(5.0, -9.0, task.m)
+    check_census(robots["panda"], postures_of(robots["panda"], 8, 12), task, faults=2, force=force)
+
+
+@pytest.mark.parametrize("words", ["force", "wrench"])
+def test_pairs_of_free_joints(robots, words):
+    task, robot = Task.parse(words, "tool", 0.3), robots["panda"]
+    force = np.linspace(5.0, -9.0, task.m)
+    check_census(robot, postures_of(robot, 5, 13), task, faults=2, mode="free", force=force)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "faults", "mode", "share"),
+    [
+        ("panda", "force", 1, "locked", 0.001), ("panda", "force", 2, "locked", 0.002),
+        ("panda", "wrench", 1, "locked", 0.01), ("panda", "wrench", 2, "locked", 0.02),
+        ("ur5", "wrench", 1, "locked", 0.02), ("ur5", "wrench", 2, "locked", 0.02),
+        ("panda", "force", 1, "free", 0.01), ("ur5", "wrench", 1, "free", 0.02),
+    ],
+)  # fmt: skip
+def test_the_fast_part_answers_nearly_all(robots, name, words, faults, mode, share):
+    robot, task = robots[name], Task.parse(words, "tool", 0.3)
+    sets = tuple(fault_sets(robot.n, faults, FaultMode.parse(mode)))
+    question = question_of(
+        task, robot.n, force=np.ones(task.m), direction=None, limits=None, rtol=RTOL, wary=WARY,
+        weighs=True,
+    )  # fmt: skip
+    plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
+    q = postures_of(robot, 2000, 14)
+    answers = empty_answers(plan, len(q))
+    work = lanes.workspace(plan.mechanism.parent.size, robot.n, task.m)
+    fast.evaluate(plan.mechanism, plan.faults, question, q, answers, work)
+    assert np.mean(answers.verdict == UNDECIDED) < share
+
+
+@pytest.mark.parametrize("bound", [RTOL, WARY])
+@pytest.mark.parametrize("mode", ["locked", "free"])
+def test_a_force_whose_jump_is_near_a_tolerance(robots, mode, bound):
+    robot, task, k = robots["ur5"], Task.parse("wrench", "world"), 2
+    q = postures_of(robot, 9, 15)[3:]
+    for one in q:
+        J = task_jacobian(robot, one, task)
+        K = np.delete(J, k, 1)
+        lost = J[:, k] if mode == "free" else np.linalg.svd(K)[0][:, -1]
+        lost, along = lost / np.linalg.norm(lost), np.linalg.svd(J)[0][:, 0]
+        along -= lost * (lost @ along)
+        along /= np.linalg.norm(along)
+        for shift in (-1e-3, -1e-7, 1e-7, 1e-3):
+            jump = bound * (1.0 + shift)
+            force = 50.0 * (math.sqrt(1.0 - jump**2) * along + jump * lost)
+            faulty = FaultSet((Fault(k, FaultMode.parse(mode)),))
+            # without weight, which a free joint would ask the force to carry
+            block = answer(robot, one[None], [faulty], task, force=force, gravity=np.zeros(3))
+            report = analyze(
+                robot, one, force=force, task=task, gravity=np.zeros(3), **{mode: [k + 1]}
+            )
+            assert WORDS[block.verdict[0, 0]] == report.verdict.value
+            assert abs(block.relative_jump[0, 0] / jump - 1.0) < 1e-7
 
 
 @pytest.mark.parametrize("axes", ["tool", "world"])
@@ -349,6 +427,61 @@ def test_cosine_and_sine_of_large_angles(size):
     turn(angle, cosine, sine)
     np.testing.assert_allclose(cosine, np.cos(angle), rtol=0.0, atol=3e-16)
     np.testing.assert_allclose(sine, np.sin(angle), rtol=0.0, atol=3e-16)
+
+
+@njit
+def decompose(J, force, secular_, one):
+    spectrum.decompose(J, one)
+    secular.prepare(J, one, force, True, secular_)
+    for k in range(J.shape[1]):
+        secular.find_root(k, one, one.square[0], secular.LEAST**2, secular_)
+
+
+def graded(m, n):
+    """Return matrices whose singular values lie from 1 to 1e-4, with zeros in some."""
+    rng = np.random.default_rng(16)
+    U, _, Vt = np.linalg.svd(rng.normal(size=(LANES, m, n)))
+    s = 10.0 ** rng.uniform(-4.0, 0.0, (LANES, m, 1))
+    J = U @ (s * Vt[:, :m])
+    J[0] = 0.0
+    J[1, -1] = J[1, 0]
+    J[2, :, 0] = 0.0
+    J[3, 0] = 0.0
+    return J, np.ascontiguousarray(J.transpose(1, 2, 0))
+
+
+@pytest.mark.parametrize(("m", "n"), [(1, 4), (2, 5), (3, 7), (5, 5), (6, 7), (6, 4)])
+def test_singular_values_side_by_side(m, n):
+    J, stacked = graded(m, max(m, n))
+    J[:, :, n:] = 0.0
+    stacked = np.ascontiguousarray(stacked[:, :n])
+    J = J[:, :, :n]
+    one = spectrum.spectrum(m, n)
+    decompose(stacked, np.ones((m, LANES)), secular.secular(m, n), one)
+    s = np.linalg.svd(J, compute_uv=False)
+    found = one.sigma.T
+    np.testing.assert_allclose(found[:, : s.shape[1]], s, rtol=1e-10, atol=1e-15)
+    assert not one.fails.any()
+    for b in range(LANES):  # J Jᵀ = U diag(σ²) Uᵀ
+        W = one.W[:, :, b]
+        np.testing.assert_allclose((W.T * found[b] ** 2) @ W, J[b] @ J[b].T, atol=1e-14)
+
+
+@pytest.mark.parametrize(("m", "n"), [(2, 5), (4, 7), (6, 7), (6, 8)])
+def test_roots_of_the_secular_equation(m, n):
+    J, stacked = graded(m, n)
+    one, roots = spectrum.spectrum(m, n), secular.secular(m, n)
+    decompose(stacked, np.ones((m, LANES)), roots, one)
+    known = 0
+    for b in range(LANES):
+        for k in range(n):
+            s = np.linalg.svd(np.delete(J[b], k, 1), compute_uv=False)
+            if s[-1] > 1e-4 * one.sigma[0, b] and one.sigma[-1, b] > 0.0:
+                assert abs(roots.x[k, b] / s[-1] ** 2 - 1.0) < 1e-8
+                rho = np.prod(s) / np.prod(one.sigma[:, b])
+                assert abs(roots.rest[k, b] / rho**2 - 1.0) < 1e-8
+                known += 1
+    assert known > LANES
 
 
 @njit

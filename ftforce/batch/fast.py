@@ -1,248 +1,206 @@
 """The fast part of the fault analysis: σ_min and ρ of every fault set, LANES postures at a time.
 
 J is never kept: it lives in the workspace of LANES postures, which fits into the processor's
-caches. Per posture and fault set the smallest eigenvalue and the determinant of
-K Kᵀ = J Jᵀ - Σ J_k J_kᵀ are taken. Where σ_min(K) is clearly larger than every tolerance no
-direction is lost and no force jumps, and that is all; everything else is left undecided, for
-`ftforce.batch.settle`.
+caches. Three rows have closed forms (`ftforce.batch.three`), others one decomposition of J for all
+sets that lock one joint (`ftforce.batch.secular`); some sets lose directions wherever the arm
+stands (`ftforce.batch.lost`). Where a tolerance is near nothing is decided, and what none of these
+answers is left to `ftforce.batch.settle`.
 """
 
 from __future__ import annotations
 
 import math
 
-from ftforce.batch import eigenvalues, lanes
+from ftforce.batch import lanes, lost, secular, spectrum, three
 from ftforce.batch.jit import inner, kernel
-from ftforce.batch.lanes import LANES
-from ftforce.batch.results import BORDERLINE, TOLERATED
-
-UNDECIDED = -1
-LEAST_MARGIN = 2e-4
-"""Below, the root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
-relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5e-9 from 4e-4 on."""
-_CLEAR = 1.0 + 1e-6  # closer to a bound than this nothing is decided here
+from ftforce.batch.layout import CLEAR, LANES, UNDECIDED
+from ftforce.batch.parts import part
+from ftforce.batch.results import TOLERATED
 
 
 @kernel
 def evaluate(mechanism, faults, question, q, answers, work):
     """Fill the answers for the postures q, shape (k, n), where no bound is near."""
-    k = q.shape[0]
+    k, m, n = q.shape[0], work.J.shape[0], work.J.shape[1]
+    shares, loses = common_work(faults, m, n)
     forget(answers)
     for first in range(0, k, LANES):
         count = min(LANES, k - first)
         for b in range(LANES):
             work.chosen[b] = min(first + b, k - 1)
-        lanes.place_frames(mechanism, q, work.chosen, work)
-        lanes.task_jacobian(mechanism, question, work)
+        lanes.place(mechanism, question, q, work)
         for i in range(3):
             for b in range(count):
                 answers.tip[first + b, i] = work.tip[9 + i, b]
-        lanes.gram(work.J, work.A)
-        evaluate_healthy(question, first, count, work, answers)
+        if m == 3:
+            three.evaluate_healthy(question, first, count, work, answers)
+        else:
+            evaluate_healthy(question, first, count, shares, loses, work, answers)
         if question.direction.size:
-            if question.weighs:
-                lanes.weight_torque(mechanism, work)
             reaches(question, work)
         for s in range(faults.locked.shape[0]):
-            if faults.swings[s]:  # a joint without torque always takes a direction
-                leave(answers.verdict[s], first, count)
-                continue
-            joints = faults.joints[faults.start[s] : faults.start[s + 1]]
-            lanes.downdate(work.A, work.J, joints, work.B)
-            outermost_eigenvalue(-1.0, work)
-            if mark_clear(question, work):
-                decide(question, work, answers.verdict[s], first, count)
-            write(work, answers.sigma_min[s], answers.margin[s], answers.rho[s], first, count)
-            if question.direction.size:
-                write_capability(faults.locked[s], work, answers.capability[s], first, count)
+            answer(faults, question, s, first, count, work, answers)
+
+
+@inner
+def common_work(faults, m, n):
+    """Return whether roots, and whether lost directions, serve some of the fault sets."""
+    shares, loses = False, False
+    for s in range(faults.locked.shape[0]):
+        f = faults.start[s + 1] - faults.start[s]
+        if not faults.swings[s]:
+            shares |= f == 1 or (f == 2 and n == m + 1)
+            loses |= f > n - m
+    return shares and n > m, loses and n >= m
 
 
 @inner
 def forget(answers):
     """Write what holds where nothing is lost: zeros."""
-    answers.verdict[:] = 0
+    answers.verdict[:] = TOLERATED
     answers.rank_lost[:] = 0
     for jump in (answers.jump, answers.moment_jump, answers.relative_jump):
         jump[:] = 0.0
 
 
-@inner
-def evaluate_healthy(question, first, count, work, answers):
-    """Take σ_max(J), σ_min(J) and w(J) of J Jᵀ, and what divides by them."""
-    m = work.J.shape[0]
-    x, step, largest = work.x, work.step, work.largest
-    lanes.downdate(work.A, work.J, work.chosen[:0], work.B)
-    outermost_eigenvalue(1.0, work)
+@part
+def evaluate_healthy(question, first, count, shares, loses, work, answers):
+    """Decompose J, and do what many fault sets share."""
+    spec, one = work.spectrum, work.secular
+    m, n = work.J.shape[0], work.J.shape[1]
+    smallest, largest, over = work.smallest, work.largest, work.over
+    spectrum.decompose(work.J, spec)
+    least = max(question.rtol * CLEAR, secular.LEAST) ** 2
     for b in range(LANES):
-        largest[b] = x[b] if abs(step[b]) <= eigenvalues.CLOSE * x[b] else math.nan
-    lanes.downdate(work.A, work.J, work.chosen[:0], work.B)
-    outermost_eigenvalue(-1.0, work)
-    mark_clear(question, work)
-    for b in range(LANES):
-        work.over[0, b] = 1.0 / math.sqrt(max(largest[b], 0.0))
-    for b in range(LANES):
-        work.over[1, b] = 1.0 / math.sqrt(max(work.determinant[b], 0.0))
+        smallest[b], largest[b] = spec.square[m - 1, b], spec.square[0, b]
+        over[0, b] = 1.0 / spec.sigma[0, b]
+        work.x[b] = spec.sigma[m - 1, b] * over[0, b]
+        is_clear = (smallest[b] > least * largest[b]) & (spec.fails[b] == 0.0)
+        largest[b] = largest[b] if is_clear else math.nan
     for b in range(count):
-        answers.rank[first + b] = m if work.clear[b] > 0.0 else UNDECIDED
-        answers.healthy_margin[first + b] = math.sqrt(max(x[b], 0.0)) * work.over[0, b]
+        answers.rank[first + b] = m if largest[b] > 0.0 else UNDECIDED
+        answers.healthy_margin[first + b] = work.x[b]
+    secular.prepare(work.J, spec, work.force, question.force.size > 0, one)
+    secular.prepare_bound(spec, largest, question.wary, one)
+    if shares:
+        for k in range(n):
+            secular.find_root(k, spec, largest, least, one)
+    if loses:
+        lost.prepare(spec, one.V, work.lost)
 
 
-@inner
-def outermost_eigenvalue(side, work):
-    """Leave in work.x the smallest (-1) or largest (1) eigenvalue of B, which is used up.
-
-    For the smallest the determinant is left, too.
-    """
-    m, x, step = work.B.shape[0], work.x, work.step
-    if m == 3:
-        eigenvalues.outermost_of_three(work.B, side, x, work.determinant)
-        for b in range(LANES):
-            step[b] = 0.0
+@part
+def answer(faults, question, s, first, count, work, answers):
+    """Answer for one fault set."""
+    m, n = work.J.shape[0], work.J.shape[1]
+    joints = faults.joints[faults.start[s] : faults.start[s + 1]]
+    size = 0  # of what is lost wherever the arm stands
+    if faults.swings[s]:
+        k = only_one(faults.free[s])
+        if k >= 0 and joints.size == 0:
+            lost.lose_column(k, question.wary, work, work.lost)
+            size = 1
+    elif m == 3 and n - joints.size >= 3:
+        three.answer(question, joints, s, first, count, work, answers)
+        limit(faults, question, s, first, count, work, answers, False)
         return
-    diagonal, square, p = work.terms[5, :m], work.terms[1], work.terms[2]
-    slope, bend = work.terms[3], work.terms[4]
-    for b in range(LANES):
-        x[b] = 0.0
-    if side > 0.0:
-        for i in range(m):
-            for b in range(LANES):
-                x[b] += work.B[i, i, b]
-    eigenvalues.tridiagonalize(work.B, diagonal, square, p, slope)
-    if side < 0.0:
-        eigenvalues.tridiagonal_values(diagonal, square, x, p, slope, bend)
-        for b in range(LANES):
-            work.determinant[b] = p[0, b]
-    eigenvalues.tridiagonal_root(diagonal, square, x, step, p, slope, bend)
-
-
-@inner
-def mark_clear(question, work):
-    """Mark with 1 where σ_min is clearly larger than every tolerance; return whether not all are.
-
-    With 0.5 it is known well and clearly larger than rtol: no direction is lost, but with a larger
-    tolerance one might be.
-    """
-    x, step, largest, clear = work.x, work.step, work.largest, work.clear
-    least = max(question.rtol * _CLEAR, LEAST_MARGIN) ** 2
-    safe = max(question.wary * _CLEAR, LEAST_MARGIN) ** 2
-    unclear = 0
-    for b in range(LANES):
-        converged = abs(step[b]) <= eigenvalues.CLOSE * x[b]
-        known = converged & (x[b] > least * largest[b])
-        far = converged & (x[b] > safe * largest[b])
-        clear[b] = 1.0 if far else (0.5 if known else 0.0)
-        unclear += 0 if far else 1
-    return unclear > 0
-
-
-@inner
-def decide(question, work, verdict, first, count):
-    """Judge where one direction, and no more, would be lost by a larger tolerance.
-
-    That tolerance is the margin. The force is kept with smaller ones, and with larger ones if its
-    share along the direction, which then jumps, is below.
-    """
-    asks, m = question.force.size > 0, work.B.shape[0]
-    below, share = work.bound, work.share
-    if m > 1:
-        only_one_below(question.wary / _CLEAR, work, below)
-    if asks:
-        lanes.turn_vector(question, question.force, work.tip, work.vector)
-        share_of_smallest(work, share)
-    for b in range(count):
-        if work.clear[b] == 1.0:
-            continue
-        margin2 = work.x[b] / work.largest[b]
-        certain = work.clear[b] == 0.5 and (m == 1 or below[b] == 1.0)
-        certain = certain and margin2 * _CLEAR < (question.wary / _CLEAR) ** 2
-        code = BORDERLINE
-        if asks:
-            close = abs(share[b] - margin2) <= (_CLEAR - 1.0) * margin2
-            certain = certain and not close and share[b] >= 0.0
-            code = TOLERATED if share[b] < margin2 else BORDERLINE
-        verdict[first + b] = code if certain else UNDECIDED
-
-
-@inner
-def only_one_below(wary, work, below):
-    """Count the eigenvalues of K Kᵀ that a tolerance just above ``wary`` would take for lost."""
-    m, largest, bound = work.B.shape[0], work.largest, work.share
-    for b in range(LANES):
-        bound[b] = (wary * _CLEAR * _CLEAR * _CLEAR) ** 2 * largest[b]
-    if m > 3 or m == 2:
-        eigenvalues.count_below(work.terms[5, :m], work.terms[1], bound, below, work.terms[2, 0])
+    elif m != 3 and (joints.size == 0 or (joints.size == 1 and n > m)):
+        answer_single(question, joints, s, first, count, work, answers)
+        limit(faults, question, s, first, count, work, answers, False)
         return
-    third, unused = work.terms[0, 0], work.terms[0, 1]
-    eigenvalues.outermost_of_three(work.B, 1.0, third, unused)
-    for b in range(LANES):
-        second = work.B[0, 0, b] + work.B[1, 1, b] + work.B[2, 2, b] - third[b] - work.x[b]
-        below[b] = 1.0 if second > bound[b] else 2.0
+    elif m != 3 and n == m:
+        lost.lose_span(joints, work.smallest, work.lost)
+        size = joints.size
+    elif m != 3 and n == m + 1 and joints.size == 2:
+        lost.lose_pair(joints[0], joints[1], work.secular, work.lost)
+        size = 1
+    if size == 0:
+        for b in range(count):
+            answers.verdict[s, first + b] = UNDECIDED
+        return
+    swings = faults.swings[s]
+    if question.direction.size:
+        lost.limit_capability(question, size, swings, work, work.lost)
+        limit(faults, question, s, first, count, work, answers, True)
+    lost.write(question, s, size, swings, first, count, work, work.lost, answers)
+    if swings:
+        lost.keep_idle(question, s, first, count, work, work.lost, answers)
 
 
 @inner
-def share_of_smallest(work, share):
-    """Share of the force along the direction of the smallest eigenvalue of K Kᵀ."""
-    m, terms = work.B.shape[0], work.terms
-    if m == 3:
-        eigenvalues.share_of_three(work.B, work.x, work.vector, share)
+def only_one(mask):
+    """Return the index where a mask is true, -1 if it is not true just once."""
+    found, count = -1, 0
+    for k in range(mask.size):
+        if mask[k]:
+            found, count = k, count + 1
+    return found if count == 1 else -1
+
+
+@inner
+def answer_single(question, joints, s, first, count, work, answers):
+    """Answer for a set that locks no joint, or one."""
+    one, spec, x, share, below = work.secular, work.spectrum, work.x, work.share, work.below
+    m, asks = work.J.shape[0], question.force.size > 0
+    if joints.size == 0:
+        for b in range(LANES):
+            x[b], work.determinant[b] = work.smallest[b], 1.0
+            below[b] = one.below[b]
+            share[b] = one.F[m - 1, b] ** 2 / one.size[b] if asks else 0.0
     else:
-        eigenvalues.share_of_tridiagonal(
-            work.B, terms[5, :m], terms[1], work.x, work.vector, share, terms[2], terms[3], terms[4]
-        )
-
-
-@inner
-def leave(verdict, first, count):
-    """Leave all postures undecided."""
+        k = joints[0]
+        for b in range(LANES):
+            x[b], work.determinant[b] = one.x[k, b], one.rest[k, b]
+        secular.count_below(k, one, below)
+        if asks:
+            secular.share_along(k, spec, one, share)
+    write(work, answers.sigma_min[s], answers.margin[s], answers.rho[s], first, count)
+    safe = max(question.wary * CLEAR, secular.LEAST) ** 2
     for b in range(count):
-        verdict[first + b] = UNDECIDED
+        if not x[b] > safe * work.largest[b]:
+            code = UNDECIDED
+            if x[b] > 0.0 and below[b] == 1.0:
+                code = three.judge(question, x[b] / work.largest[b], share[b])
+            answers.verdict[s, first + b] = code
 
 
 @inner
 def write(work, sigma_min, margin, rho, first, count):
     """Write the measures; where they are not good enough they will be written over."""
-    sigma, value, over = work.x, work.step, work.over
-    for b in range(LANES):
-        sigma[b] = math.sqrt(max(sigma[b], 0.0))
-    copy(sigma, sigma_min, first, count)
-    for b in range(LANES):
-        value[b] = sigma[b] * over[0, b]
-    copy(value, margin, first, count)
-    for b in range(LANES):
-        value[b] = math.sqrt(max(work.determinant[b], 0.0)) * over[1, b]
-    copy(value, rho, first, count)
-
-
-@inner
-def copy(lane, row, first, count):
-    """Copy the lanes that are postures."""
     for b in range(count):
-        row[first + b] = lane[b]
+        sigma = math.sqrt(work.x[b])
+        sigma_min[first + b] = sigma
+        margin[first + b] = sigma * work.over[0, b]
+        rho[first + b] = math.sqrt(work.determinant[b])
 
 
 @inner
-def write_capability(locked, work, capability, first, count):
+def limit(faults, question, s, first, count, work, answers, is_lost):
     """Write how far s·d goes: what is left of it is what the narrowest limit leaves."""
-    least, most, reach = work.x, work.step, work.reach  # the first two are done with
+    if not question.direction.size:
+        return
+    least, most, reach = work.line[0], work.line[1], work.reach
+    locked, free = faults.locked[s], faults.free[s]
     for b in range(LANES):
-        least[b], most[b] = 0.0, math.inf
+        least[b] = work.lost.least[b] if is_lost else 0.0
+        most[b] = work.lost.most[b] if is_lost else math.inf
     for k in range(locked.size):
+        if free[k]:
+            continue
         side = 2 if locked[k] else 0
         for b in range(LANES):
             least[b] = max(least[b], reach[k, side, b])
         for b in range(LANES):
             most[b] = min(most[b], reach[k, side + 1, b])
-    for b in range(LANES):
-        most[b] = most[b] if most[b] >= least[b] else math.nan
-    copy(most, capability, first, count)
+    for b in range(count):
+        answers.capability[s, first + b] = most[b] if most[b] >= least[b] else math.nan
 
 
 @inner
 def reaches(question, work):
     """Interval of s·d that each joint's motor, and brake, allows (`ftforce.feasible.reach`)."""
     m, n = work.J.shape[0], work.J.shape[1]
-    lever, d = work.step, work.vector
-    lanes.turn_vector(question, question.direction, work.tip, d)
+    lever, d = work.line[0], work.direction
     size = 0.0
     for i in range(m):
         size += question.direction[i] ** 2

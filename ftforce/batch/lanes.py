@@ -13,14 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.jit import inner, kernel
-
-LANES = 128
+from ftforce.batch.layout import LANES
+from ftforce.batch.lost import Lost, lost
+from ftforce.batch.secular import Secular, secular
+from ftforce.batch.spectrum import Spectrum, spectrum
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
 _QUADRANTS = 2.0 / math.pi
 _PIO2_1, _PIO2_2 = 1.57079632673412561417e00, 6.07710050630396597660e-11
 _PIO2_3 = 2.02226624871116645580e-21
+# Added and taken away again it rounds to a whole number: in vector registers, which floor is not.
+_ROUNDS = 1.5 * 2.0**52
 FARTHEST = 1e5
 """Angles up to this, rad, are reduced by the three parts; others by the C library."""
 
@@ -45,19 +49,22 @@ class Work(NamedTuple):
     weight: np.ndarray  # (n, LANES): torques that carry it
     moment: np.ndarray  # (E, 3, LANES)
     mass: np.ndarray  # (E,)
-    vector: np.ndarray  # (6, LANES): a force or a direction
-    A: np.ndarray  # (m, m, LANES): J Jᵀ
-    B: np.ndarray  # (m, m, LANES): K Kᵀ
-    x: np.ndarray  # (LANES,): an eigenvalue
-    step: np.ndarray  # (LANES,): the last one towards it
-    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN if it is not known well enough
+    force: np.ndarray  # (6, LANES): that is asked for, in the axes of the rows
+    direction: np.ndarray  # (6, LANES): of the capability
+    A: np.ndarray  # (3, 3, LANES): J Jᵀ of three rows
+    B: np.ndarray  # (3, 3, LANES): K Kᵀ of three rows
+    x: np.ndarray  # (LANES,): smallest eigenvalue of K Kᵀ
     determinant: np.ndarray  # (LANES,)
+    smallest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ
+    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing is to be decided
     over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
-    clear: np.ndarray  # (LANES,): 1 where no tolerance is near
-    bound: np.ndarray  # (LANES,)
+    below: np.ndarray  # (LANES,): how many eigenvalues of K Kᵀ lie below a bound
     share: np.ndarray  # (LANES,): of a force along a direction
     reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
-    terms: np.ndarray  # (6, m + 3, LANES): of the eigenvalues
+    line: np.ndarray  # (2, LANES)
+    spectrum: Spectrum  # of J
+    secular: Secular
+    lost: Lost
 
 
 @kernel
@@ -68,9 +75,10 @@ def workspace(joints, n, m):
         np.zeros(LANES, dtype=np.int64), np.empty((joints, LANES)), line, line.copy(),
         np.empty((joints, 12, LANES)), np.empty((12, LANES)), np.empty((6, LANES)),
         np.empty((m, n, LANES)), np.zeros((n, LANES)), np.empty((joints, 3, LANES)),
-        np.empty(joints), np.zeros((6, LANES)), np.empty((m, m, LANES)), np.empty((m, m, LANES)),
-        line.copy(), line.copy(), line.copy(), line.copy(), np.empty((2, LANES)), line.copy(),
-        line.copy(), line.copy(), np.empty((n, 4, LANES)), np.empty((6, m + 3, LANES)),
+        np.empty(joints), np.zeros((6, LANES)), np.zeros((6, LANES)), np.empty((3, 3, LANES)),
+        np.empty((3, 3, LANES)), line.copy(), line.copy(), line.copy(), line.copy(),
+        np.empty((2, LANES)), line.copy(), line.copy(), np.empty((n, 4, LANES)),
+        np.empty((2, LANES)), spectrum(m, n), secular(m, n), lost(m, n),
     )  # fmt: skip
 
 
@@ -91,12 +99,12 @@ def turn(angle, cosine, sine):
         farthest = max(farthest, abs(angle[b]))
     for b in range(LANES):
         x = angle[b]
-        k = math.floor(x * _QUADRANTS + 0.5)
+        k = (x * _QUADRANTS + _ROUNDS) - _ROUNDS
         r = ((x - k * _PIO2_1) - k * _PIO2_2) - k * _PIO2_3
         z = r * r
         s = r + r * z * (_S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * (_S5 + z * _S6)))))
         c = 1.0 - 0.5 * z + z * z * (_C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * (_C5 + z * _C6)))))
-        quadrant = k - 4.0 * math.floor(0.25 * k)
+        quadrant = k - 4.0 * ((0.25 * k - 0.375 + _ROUNDS) - _ROUNDS)
         swapped = (quadrant == 1.0) | (quadrant == 3.0)
         u = s if swapped else c
         v = c if swapped else s
@@ -167,6 +175,17 @@ def place_frames(mechanism, q, chosen, work):
             turn(work.angle[e], work.cosine, work.sine)
             turn_frame(work.frame[e], work.cosine, work.sine)
     carry_frame(work.frame[mechanism.tip_parent], mechanism.tip, work.tip)
+
+
+@inner
+def place(mechanism, question, q, work):
+    """Do all that the chosen postures need: frames, J, weight, force and direction."""
+    place_frames(mechanism, q, work.chosen, work)
+    task_jacobian(mechanism, question, work)
+    turn_vector(question, question.force, work.tip, work.force)
+    turn_vector(question, question.direction, work.tip, work.direction)
+    if question.weighs:
+        weight_torque(mechanism, work)
 
 
 @inner

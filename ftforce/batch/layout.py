@@ -10,6 +10,15 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from ftforce.arrays import Mask, Matrix, Vector
 
+LANES = 128
+"""Postures that the kernels answer side by side."""
+
+UNDECIDED = -1
+"""Verdict, or rank, that is left to the accurate part."""
+
+CLEAR = 1.0 + 1e-6
+"""Closer to a tolerance than this, relative, the fast parts decide nothing."""
+
 Whole = NDArray[np.int64]
 Codes = NDArray[np.int8]
 

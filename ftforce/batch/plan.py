@@ -57,12 +57,12 @@ class Evaluator:
     """
 
     def __init__(self, plan: Plan) -> None:
-        from ftforce.batch import exact, lanes
+        from ftforce.batch import lanes, settle
 
         self.plan = plan
         m = plan.question.rows.size
         self._work = lanes.workspace(plan.mechanism.parent.size, plan.n, m)
-        self._one = exact.scratch(m, plan.n)
+        self._one = settle.pairs(m, plan.n)
 
     def __call__(self, q: Matrix) -> Block:
         """Return the answers for postures.

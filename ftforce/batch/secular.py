@@ -1,0 +1,243 @@
+"""σ_min and ρ of every fault set that locks one joint, from one decomposition of J.
+
+With ``J = U diag(σ) Vᵀ`` and ``N = I - J†J`` the eigenvalues of ``K Kᵀ = J Jᵀ - J_k J_kᵀ`` are the
+roots x of the secular equation (Golub 1973; here without its cancellation)
+
+    x φ(x) = N_kk,    φ(x) = Σ_i v_ki² / (σ_i² - x),
+
+and ρ² = N_kk (Roberts & Maciejewski 1996). The eigenvector of a root has the components
+σ_i v_ki / (σ_i² - x) along the left vectors.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ftforce.batch.jit import inner, kernel
+from ftforce.batch.layout import CLEAR, LANES
+
+LEAST = 1e-5
+"""Smaller margins, of J or K, are left to `ftforce.batch.settle`."""
+
+_ROUNDS, _MORE = 3, 20
+_CLOSE = 1e-6
+_IDLE = 1e-28
+
+
+class Secular(NamedTuple):
+    """What the fault sets of LANES postures share."""
+
+    V: np.ndarray  # (n, m, LANES): right singular vectors, one row per joint
+    N: np.ndarray  # (n, n, LANES): its lower triangle
+    rest: np.ndarray  # (n, LANES): N_kk, to a higher relative accuracy
+    x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if it is not known well enough
+    F: np.ndarray  # (m, LANES): force along the left vectors
+    size: np.ndarray  # (LANES,): ‖F‖²
+    over: np.ndarray  # (m, LANES): 1/σ², 1/(σ² - bound)
+    below: np.ndarray  # (LANES,): how many σ² lie below the bound
+    bound: np.ndarray  # (LANES,)
+    step: np.ndarray  # (LANES,): workspace, as the rest
+    upper: np.ndarray  # (LANES,)
+    sums: np.ndarray  # (3, LANES)
+
+
+@kernel
+def secular(m, n):
+    """Return a workspace."""
+    line = np.zeros(LANES)
+    return Secular(
+        np.zeros((n, m, LANES)), np.zeros((n, n, LANES)), np.zeros((n, LANES)),
+        np.zeros((n, LANES)), np.zeros((m, LANES)), line, np.zeros((m, LANES)), line.copy(),
+        line.copy(), line.copy(), line.copy(), np.zeros((3, LANES)),
+    )  # fmt: skip
+
+
+@inner
+def prepare(J, spectrum, force, asks, one):
+    """Bring J's columns, and the force, into the left vectors; and find N."""
+    n, m = one.V.shape[0], one.V.shape[1]
+    W, sigma, over = spectrum.W, spectrum.sigma, one.step
+    for i in range(m):
+        for b in range(LANES):
+            over[b] = 1.0 / sigma[i, b]
+        for k in range(n):
+            v = one.V[k, i]
+            for b in range(LANES):
+                v[b] = W[i, 0, b] * J[0, k, b]
+            for r in range(1, m):
+                for b in range(LANES):
+                    v[b] += W[i, r, b] * J[r, k, b]
+            for b in range(LANES):
+                v[b] *= over[b]
+    complement(spectrum.Q, one)
+    if not asks:
+        return
+    for b in range(LANES):
+        one.size[b] = 0.0
+    for i in range(m):
+        for b in range(LANES):
+            one.F[i, b] = W[i, 0, b] * force[0, b]
+        for r in range(1, m):
+            for b in range(LANES):
+                one.F[i, b] += W[i, r, b] * force[r, b]
+        for b in range(LANES):
+            one.size[b] += one.F[i, b] * one.F[i, b]
+
+
+@inner
+def complement(Q, one):
+    """N = I - QᵀQ, and its diagonal as the squares of its columns: what is small stays accurate."""
+    m, n = Q.shape[0], Q.shape[1]
+    for k in range(n):
+        for b in range(LANES):
+            one.rest[k, b] = 0.0
+    for k in range(n):
+        for j in range(k + 1):
+            N = one.N[k, j]
+            for b in range(LANES):
+                N[b] = 1.0 if j == k else 0.0
+            for i in range(m):
+                for b in range(LANES):
+                    N[b] -= Q[i, k, b] * Q[i, j, b]
+            for b in range(LANES):
+                one.rest[k, b] += N[b] * N[b]
+            if j < k:
+                for b in range(LANES):
+                    one.rest[j, b] += N[b] * N[b]
+
+
+@inner
+def find_root(k, spectrum, largest, least, one):
+    """Find the smallest eigenvalue of K Kᵀ where joint k is locked.
+
+    ``F(x) = x - N_kk/φ(x)`` grows and is convex up to σ_m², for 1/φ is concave: Newton's steps come
+    down to the root from the right, and Halley's, which may pass it, are taken if they go further.
+    """
+    V, square, N, x = one.V[k], spectrum.square, one.rest[k], one.x[k]
+    m = V.shape[0]
+    start(V, N, square, x, one)
+    zeroth, first, second = one.sums[0], one.sums[1], one.sums[2]
+    for _ in range(_ROUNDS):
+        for b in range(LANES):
+            zeroth[b], first[b], second[b] = 0.0, 0.0, 0.0
+        for i in range(m):
+            for b in range(LANES):
+                d = 1.0 / (square[i, b] - x[b])
+                term = V[i, b] * V[i, b] * d
+                zeroth[b] += term
+                first[b] += term * d
+                second[b] += term * d * d
+        for b in range(LANES):
+            new = improved(x[b], N[b], zeroth[b], first[b], second[b], one.upper[b])
+            moves = not abs(one.step[b]) <= _CLOSE * x[b]
+            one.step[b] = new - x[b] if moves else one.step[b]
+            x[b] = new if moves else x[b]
+    for b in range(LANES):
+        if not abs(one.step[b]) <= _CLOSE * x[b]:
+            finish(V, N, square, b, x, one)
+        is_known = (abs(one.step[b]) <= _CLOSE * x[b]) & (x[b] > least * largest[b])
+        x[b] = x[b] if is_known else math.nan
+
+
+@inner
+def start(V, N, square, x, one):
+    """Begin with Newton's step from 0, or with the root if one term of φ were all of it.
+
+    That is never too small, and below σ_m²: with the i-th alone, N_kk σ_i²/(N_kk + v_ki²). A joint
+    whose column is zero leaves σ_m² as it is.
+    """
+    zeroth, first, most, upper = one.sums[0], one.sums[1], one.sums[2], one.upper
+    least = square[V.shape[0] - 1]
+    for b in range(LANES):
+        zeroth[b], first[b], most[b] = 0.0, 0.0, 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            d, v = 1.0 / square[i, b], V[i, b] * V[i, b]
+            zeroth[b] += v * d
+            first[b] += v * d * d
+            most[b] = max(most[b], d * (N[b] + v))
+    for b in range(LANES):
+        upper[b] = N[b] / most[b]
+        newton = N[b] * zeroth[b] / (zeroth[b] * zeroth[b] + N[b] * first[b])
+        is_idle = zeroth[b] * least[b] <= _IDLE
+        x[b] = least[b] if is_idle else min(newton, upper[b])
+        one.step[b] = 0.0 if is_idle else math.inf
+
+
+@inner
+def improved(x, N, zeroth, first, second, upper):
+    """Return the next x; the sums are φ, φ' and φ''/2."""
+    down = zeroth * zeroth + N * first
+    newton = N * (zeroth + x * first) / down  # all terms are positive
+    F = (x * zeroth - N) * zeroth
+    bend = 2.0 * N * (second - first * first / zeroth)
+    halley = x - 2.0 * F * down / (2.0 * down * down - F * bend)
+    return min(newton, halley) if newton < x else min(newton, upper)
+
+
+@inner
+def finish(V, N, square, b, x, one):
+    """Take more steps in one lane."""
+    for _ in range(_MORE):
+        zeroth, first, second = 0.0, 0.0, 0.0
+        for i in range(V.shape[0]):
+            d = 1.0 / (square[i, b] - x[b])
+            term = V[i, b] * V[i, b] * d
+            zeroth += term
+            first += term * d
+            second += term * d * d
+        new = improved(x[b], N[b], zeroth, first, second, one.upper[b])
+        one.step[b] = new - x[b]
+        x[b] = new
+        if abs(one.step[b]) <= _CLOSE * new:
+            return
+
+
+@inner
+def prepare_bound(spectrum, largest, wary, one):
+    """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
+    bound = one.bound
+    for b in range(LANES):
+        bound[b] = (wary * CLEAR * CLEAR) ** 2 * largest[b]
+        one.below[b] = 0.0
+    for i in range(spectrum.square.shape[0]):
+        for b in range(LANES):
+            gap = spectrum.square[i, b] - bound[b]
+            one.over[i, b] = 1.0 / gap
+            one.below[b] += 1.0 if gap < 0.0 else 0.0
+
+
+@inner
+def count_below(k, one, count):
+    """Count the eigenvalues of K Kᵀ below the bound.
+
+    There is one more of them than of J Jᵀ where the secular function N_kk - x φ(x) is negative
+    (Sylvester's law, on J Jᵀ - x bordered by J_k).
+    """
+    V, value = one.V[k], one.sums[0]
+    for b in range(LANES):
+        value[b] = 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            value[b] += V[i, b] * V[i, b] * one.over[i, b]
+    for b in range(LANES):
+        is_more = one.rest[k, b] - one.bound[b] * value[b] < 0.0
+        count[b] = one.below[b] + (1.0 if is_more else 0.0)
+
+
+@inner
+def share_along(k, spectrum, one, share):
+    """Share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
+    V, x, along, size = one.V[k], one.x[k], one.sums[0], one.sums[1]
+    for b in range(LANES):
+        along[b], size[b] = 0.0, 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            part = spectrum.sigma[i, b] * V[i, b] / (spectrum.square[i, b] - x[b])
+            along[b] += part * one.F[i, b]
+            size[b] += part * part
+    for b in range(LANES):
+        share[b] = along[b] * along[b] / (size[b] * one.size[b])
