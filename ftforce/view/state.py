@@ -14,7 +14,6 @@ from ftforce.arrays import Vector, as_vector, read_only
 from ftforce.conditions import INVERSES, Conditions, Inverse
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.faults import Fault, FaultMode, FaultSet
-from ftforce.limits import Limits
 from ftforce.limits_reader import NONE, URDF, choose_limits
 from ftforce.named_faults import named_faults
 from ftforce.posture import Posture, choose_posture
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.dynamics import Payload
+    from ftforce.limits import Limits
     from ftforce.limits_reader import LimitsLike
     from ftforce.named_faults import Joints, WeakJoints
     from ftforce.robot import Robot
@@ -476,6 +476,10 @@ def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
     names = ", ".join(task.components)
     given = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
     return read_only(in_components(task.components, given))
+
+
+def _bytes(vector: Vector | None) -> bytes | None:
+    return None if vector is None else vector.tobytes()
 
 
 def in_components(components: Sequence[str], vector: Vector) -> Vector:
