@@ -67,12 +67,15 @@ class Arrow(NamedTuple):
         In the root's axes, m, shape (3,); equal if there is none.
     label :
         What it is, with its size and unit.
+    mark :
+        What is written beside it; empty where another arrow lies on it and says it.
     """
 
     kind: str
     start: Vector
     end: Vector
     label: str
+    mark: str
 
     @property
     def length(self) -> float:
@@ -178,7 +181,7 @@ def picture(answer: Answer, scale: float | None = None) -> Picture:
         joints=poses,
         colours=joint_colours(robot, answer.loads),
         tip=Pose(tip[1], _wxyz(rotation)),
-        arrows=tuple(_arrow(kind, F, frame, unit) for kind, F in forces.items()),
+        arrows=_arrows(forces, frame, unit),
         lines=_lines(answer, frame, extent),
         solids=solids,
         scale=scale,
@@ -280,10 +283,19 @@ def spatial(task: Task, F: Vector) -> Vector:
     return np.array(whole).reshape(len(F), 3)
 
 
-def _arrow(kind: str, F: Vector, frame: _Frame, unit: str) -> Arrow:
-    amount = _norm(F)
-    end = frame.place if amount <= NEGLIGIBLE else frame.point(F)
-    return Arrow(kind, frame.place, end, f"{kind} {size(amount, 1)} {unit}")
+def _arrows(forces: dict[str, Vector], frame: _Frame, unit: str) -> tuple[Arrow, ...]:
+    arrows = []
+    everything_kept = _norm(forces["requested"] - forces["kept"]) <= NEGLIGIBLE
+    for kind, F in forces.items():
+        amount = _norm(F)
+        is_there = amount > NEGLIGIBLE
+        amount_text = f"{size(amount, 1)} {unit}"
+        mark = f"{kind} {amount_text}" if is_there else ""
+        if everything_kept:  # one arrow lies on the other
+            mark = f"requested = kept {amount_text}" if kind == "kept" and is_there else ""
+        end = frame.point(F) if is_there else frame.place
+        arrows.append(Arrow(kind, frame.place, end, f"{kind} {amount_text}", mark))
+    return tuple(arrows)
 
 
 def _lines(answer: Answer, frame: _Frame, extent: float) -> tuple[Line, ...]:
