@@ -15,6 +15,7 @@ from ftforce.arrays import Matrix, Vector, read_only
 from ftforce.errors import InputError
 from ftforce.faults import FaultMode
 from ftforce.kinematics import quaternion, reach_bound
+from ftforce.task import COMPONENTS
 from ftforce.view.state import in_components
 from ftforce.words import NEGLIGIBLE, size
 
@@ -47,6 +48,7 @@ _LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
 _NICE = (1.0, 2.0, 5.0, 10.0)
 _BEYOND = 1.15  # lines stand out a little beyond the longest arrow
 _CIRCLE = 24
+_HAND = 0.005  # m: finer steps of a dragged force are not meant
 
 
 class Pose(NamedTuple):
@@ -126,6 +128,8 @@ class Picture:
         What the legend adds: scales, and why something is not drawn.
     see_through :
         Whether the arm is.
+    can_pull :
+        Whether there is a force that can be dragged.
     """
 
     joints: tuple[Pose, ...]
@@ -138,6 +142,7 @@ class Picture:
     unit: str
     notes: tuple[str, ...]
     see_through: bool
+    can_pull: bool
 
 
 class _Frame(NamedTuple):
@@ -188,6 +193,7 @@ def picture(answer: Answer, scale: float | None = None) -> Picture:
         unit=unit,
         notes=(f"arrows: 0.1 m is {size(0.1 / scale, 1)} {unit}", *problem, *notes),
         see_through=shown.see_through,
+        can_pull=analysis.force is not None,
     )
 
 
@@ -260,6 +266,35 @@ def nice_scale(largest: float, extent: float) -> float:
     exact = largest / (_LONGEST * extent)  # N per m: the next larger nice number fits
     power = 10.0 ** math.floor(math.log10(exact))
     return 1.0 / next(step * power for step in _NICE if step * power >= exact * (1.0 - 1e-9))
+
+
+def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
+    """Return the wrench that is meant when the end of the requested force is put somewhere.
+
+    Parameters
+    ----------
+    picture, answer :
+        What is shown.
+    end :
+        Where the force should end, in the root's axes, m, shape (3,).
+
+    Returns
+    -------
+    :
+        N and N·m for each of `ftforce.task.COMPONENTS`, shape (6,), rounded to what a hand can
+        aim at.
+    """
+    task, scale = answer.analysis.task, picture.scale
+    w, x, y, z = picture.tip.wxyz.tolist()
+    F = pin.Quaternion(w, x, y, z).toRotationMatrix().T @ (end - picture.tip.position) / scale
+    step = 10.0 ** math.floor(math.log10(_HAND / scale))
+    wrench = answer.state.wrench.copy()
+    first = 0 if task.force_rows else 3
+    # What the task lacks is no part of the request, wherever the hand goes.
+    for row in (COMPONENTS.index(name) for name in task.components):
+        if first <= row < first + 3:
+            wrench[row] = round(round(float(F[row - first]) / step) * step, 6)
+    return read_only(wrench)
 
 
 def _forces(answer: Answer) -> dict[str, Vector]:

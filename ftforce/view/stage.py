@@ -1,0 +1,322 @@
+"""The scene: nodes that are made once, of which an update sends only what changed.
+
+Arrows are arrow-shaped handles of viser's transform controls. They alone can be drawn over
+everything else, so that no arrow ever hides inside the arm; the arrow of an axis has its colour.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, read_only
+from ftforce.kinematics import quaternion
+from ftforce.view.picture import ARROW_KINDS, FIXED, chain_joints, scene_size
+
+if TYPE_CHECKING:
+    import viser
+
+    from ftforce.robot import Robot
+    from ftforce.view.meshes import Geometry
+    from ftforce.view.picture import Arrow, Picture, Solid
+
+_AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
+_SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
+_SEE_THROUGH = 0.45
+_SOLID_OPACITY = 0.28
+_FOV = math.radians(40.0)
+_VIEW = np.array([0.80, -0.95, 0.45])  # from where one looks at the arm
+_SAME = 1e-9  # m: what moved by less did not move
+
+
+class Hands(Protocol):
+    """What touching the scene does."""
+
+    def pull(self, end: Vector, done: bool) -> None:
+        """Move the end of the requested force to a place in the root's axes, m, shape (3,)."""
+
+    def touch(self, joint: int) -> None:
+        """Click on a joint of the chain, index from 0."""
+
+
+class _Part(NamedTuple):
+    """A mesh that moves with one joint of the model."""
+
+    joint: int
+    node: Any
+
+
+class Stage:
+    """The scene of one arm on a viser server.
+
+    Parameters
+    ----------
+    server :
+        Whose scene it is.
+    robot :
+        The arm.
+    hands :
+        Called when somebody drags the force or clicks on a joint.
+    prefix :
+        Of the names of its nodes; another arm on the same server needs another one.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, robot: Robot, hands: Hands, prefix: str = ""
+    ) -> None:
+        self.server, self.robot, self.prefix = server, robot, prefix
+        self._hands = hands
+        self._moves = chain_joints(robot)
+        self._extent = scene_size(robot)
+        self._parts: list[_Part] = []
+        self._last: Picture | None = None
+        self._opacity: float | None = None
+        self._is_dragged = False
+        self._lines: Any = None
+        self._marks: list[Any] = []
+        self._solids: list[Any] = []
+        self._shown_solids: tuple[Solid, ...] = ()
+        _light(server, self._extent)
+        self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
+        self._labels = {
+            kind: server.scene.add_label(
+                f"{prefix}/force/{kind}_label", kind, anchor="bottom-left", visible=False,
+                font_screen_scale=0.85,
+            )
+            for kind in ARROW_KINDS
+        }  # fmt: skip
+        self._handle: Any = server.scene.add_transform_controls(
+            f"{prefix}/force/handle", scale=0.09 * self._extent, line_width=2.0,
+            disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.6,
+            visible=False,
+        )  # fmt: skip
+        self._handle.on_update(self._dragged)
+
+    # ---- the arm -----------------------------------------------------------------------------
+
+    def set_geometry(self, geometry: Geometry) -> None:
+        """Show the arm's links; they take their places with the picture that was shown last."""
+        scene = self.server.scene
+        for i, part in enumerate(geometry.parts):
+            moves = self._moves[part.joint]
+            node = scene.add_mesh_simple(
+                f"{self.prefix}/arm/{i}",  # never a name out of a URDF: a slash would nest
+                part.vertices,
+                part.faces,
+                color=FIXED,
+                opacity=self._opacity,
+                flat_shading=part.flat,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+                visible=self._last is not None,
+            )
+            if moves is not None:
+                node.on_click(_clicker(self._hands, moves))
+            self._parts.append(_Part(part.joint, node))
+        if self._last is not None:
+            self._pose(self._last, None)
+            self._paint(self._last, None)
+
+    def look(self, picture: Picture) -> None:
+        """Aim the camera of new tabs, and of pictures, at the arm and its force."""
+        points = [pose.position for pose in picture.joints[1:]]
+        points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
+        points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # its foot
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        centre = 0.5 * (low + high)
+        radius = max(0.5 * float(np.linalg.norm(high - low)), 0.1 * self._extent) + 0.1
+        camera = self.server.initial_camera
+        camera.fov = _FOV
+        camera.look_at = centre
+        distance = 1.25 * radius / math.sin(0.5 * _FOV)
+        camera.position = centre + distance * _VIEW / np.linalg.norm(_VIEW)
+
+    def update(self, picture: Picture) -> None:
+        """Show a picture: send what differs from the last one."""
+        last, self._last = self._last, picture
+        self._pose(picture, last)
+        self._paint(picture, last)
+        for arrow in picture.arrows:
+            self._place_arrow(arrow)
+        self._place_handle(picture)
+        self._draw_lines(picture, last)
+        self._draw_solids(picture)
+
+    def _pose(self, picture: Picture, last: Picture | None) -> None:
+        for part in self._parts:
+            pose = picture.joints[part.joint]
+            before = None if last is None else last.joints[part.joint]
+            if before is None or _moved(pose.position, before.position):
+                part.node.position = pose.position
+            if before is None or _moved(pose.wxyz, before.wxyz):
+                part.node.wxyz = pose.wxyz
+            if not part.node.visible:
+                part.node.visible = True
+
+    def _paint(self, picture: Picture, last: Picture | None) -> None:
+        self._opacity = _SEE_THROUGH if picture.see_through else None
+        for part in self._parts:
+            colour = picture.colours[part.joint]
+            if last is None or last.colours[part.joint] != colour:
+                part.node.color = colour
+            if last is None or last.see_through != picture.see_through:
+                part.node.opacity = self._opacity
+
+    # ---- forces ------------------------------------------------------------------------------
+
+    def _arrow(self, kind: str) -> Any:
+        node: Any = self.server.scene.add_transform_controls(
+            f"{self.prefix}/force/{kind}",
+            scale=1.0,
+            line_width=6.0,
+            active_axes=(_AXIS[kind] == 0, _AXIS[kind] == 1, _AXIS[kind] == 2),
+            disable_rotations=True,
+            disable_sliders=True,
+            depth_test=False,
+            visible=False,
+        )
+        node.on_update(lambda event: self._put_back(kind, event))
+        return node
+
+    def _put_back(self, kind: str, event: Any) -> None:
+        """Undo the drag of an arrow: only the handle is there to be dragged."""
+        picture = self._last
+        if event.phase == "end" and picture is not None:
+            arrow = next(arrow for arrow in picture.arrows if arrow.kind == kind)
+            self._arrows[kind].position = arrow.start + np.array([0.0, 0.0, _SAME])  # sent anew
+            self._arrows[kind].position = arrow.start
+
+    def _place_arrow(self, arrow: Arrow) -> None:
+        node, label = self._arrows[arrow.kind], self._labels[arrow.kind]
+        # Under an arrow that lies on it, it would only flicker.
+        is_shown = arrow.length > _SHORTEST and (bool(arrow.mark) or arrow.kind == "kept")
+        _assign(node, "visible", is_shown)
+        _assign(label, "visible", is_shown and bool(arrow.mark))
+        if not is_shown:
+            return
+        _assign(node, "scale", arrow.length)
+        _assign(node, "position", arrow.start)
+        _assign(node, "wxyz", along(arrow.end - arrow.start, _AXIS[arrow.kind]))
+        _assign(label, "text", arrow.mark)
+        _assign(label, "position", arrow.end)
+
+    def _place_handle(self, picture: Picture) -> None:
+        requested = picture.arrows[0]
+        _assign(self._handle, "visible", picture.can_pull)
+        if picture.can_pull and not self._is_dragged:  # never out of somebody's hand
+            _assign(self._handle, "position", requested.end)
+            _assign(self._handle, "wxyz", picture.tip.wxyz)
+
+    def _dragged(self, event: Any) -> None:
+        self._is_dragged = event.phase != "end"
+        end = read_only(np.array(self._handle.position, dtype=float))
+        self._hands.pull(end, event.phase == "end")
+
+    def _draw_lines(self, picture: Picture, last: Picture | None) -> None:
+        if last is not None and _same_lines(picture, last):
+            return
+        scene, lines = self.server.scene, picture.lines
+        if self._lines is None and lines:
+            self._lines = scene.add_line_segments(
+                f"{self.prefix}/force/lines", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8),
+                thickness=3.0, thickness_units="screen",
+            )  # fmt: skip
+        if self._lines is not None:
+            _assign(self._lines, "visible", bool(lines))
+        if lines:
+            self._lines.points = np.array([line.ends for line in lines], dtype=np.float32)
+            colours = np.array([line.colour for line in lines], dtype=np.uint8)
+            self._lines.colors = np.repeat(colours[:, None, :], 2, axis=1)
+        while len(self._marks) < len(lines):
+            name = f"{self.prefix}/force/line_{len(self._marks)}"
+            self._marks.append(scene.add_label(name, "", anchor="top-left", font_screen_scale=0.8))
+        for i, mark in enumerate(self._marks):
+            _assign(mark, "visible", i < len(lines))
+            if i < len(lines):
+                _assign(mark, "text", lines[i].label)
+                _assign(mark, "position", lines[i].ends[1])
+
+    def _draw_solids(self, picture: Picture) -> None:
+        if _same_solids(picture.solids, self._shown_solids):
+            return
+        for node in self._solids:
+            node.remove()
+        self._shown_solids = picture.solids
+        self._solids = [
+            self.server.scene.add_mesh_simple(
+                f"{self.prefix}/force/solid_{i}",
+                solid.vertices,
+                solid.faces,
+                color=solid.colour,
+                opacity=_SOLID_OPACITY,
+                flat_shading=True,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for i, solid in enumerate(picture.solids)
+        ]
+
+
+def along(vector: Vector, axis: int) -> Vector:
+    """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
+    direction = vector / np.linalg.norm(vector)
+    aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    second = np.cross(direction, aside)
+    second /= np.linalg.norm(second)
+    R: Matrix = np.zeros((3, 3))
+    R[:, axis] = direction
+    R[:, (axis + 1) % 3] = second
+    R[:, (axis + 2) % 3] = np.cross(direction, second)
+    x, y, z, w = quaternion(R).tolist()
+    return np.array([w, x, y, z])
+
+
+def _clicker(hands: Hands, joint: int) -> Any:
+    return lambda _event: hands.touch(joint)
+
+
+def _light(server: viser.ViserServer, extent: float) -> None:
+    """Set light and floor: without shadows and surroundings, which cost seconds without a GPU."""
+    scene = server.scene
+    scene.world_axes.visible = False
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.add_light_ambient("/ambient", intensity=1.5)
+    width = 0.2 * math.ceil(10.0 * extent)
+    scene.add_grid(
+        "/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
+        cell_color=(232, 232, 232), section_color=(208, 208, 208), shadow_opacity=0.0,
+    )  # fmt: skip
+
+
+def _moved(one: Vector, other: Vector) -> bool:
+    return bool(np.abs(one - other).max() > _SAME)
+
+
+def _assign(node: Any, name: str, value: Any) -> None:
+    """Assign what differs: viser sends every assignment to every tab."""
+    present = getattr(node, name)
+    same = not _moved(present, value) if isinstance(value, np.ndarray) else present == value
+    if not same:
+        setattr(node, name, value)
+
+
+def _same_lines(one: Picture, other: Picture) -> bool:
+    return len(one.lines) == len(other.lines) and all(
+        a.label == b.label and not _moved(a.ends, b.ends)
+        for a, b in zip(one.lines, other.lines, strict=True)
+    )
+
+
+def _same_solids(one: tuple[Solid, ...], other: tuple[Solid, ...]) -> bool:
+    return len(one) == len(other) and all(
+        a.vertices.shape == b.vertices.shape
+        and a.faces.shape == b.faces.shape
+        and a.colour == b.colour
+        and not _moved(a.vertices, b.vertices)
+        for a, b in zip(one, other, strict=True)
+    )
