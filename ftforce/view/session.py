@@ -1,0 +1,361 @@
+"""A page that is open: one question, one worker that answers it, and everybody who looks on.
+
+Whoever changes the question only leaves the newest one and wakes the worker. So ten tabs, and one
+that vanishes in the middle of a drag, share one question, and no answer is late by more than one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from ftforce.errors import FtforceError
+from ftforce.view.answer import answer
+from ftforce.view.markup import static_page
+from ftforce.view.panel import Panel
+from ftforce.view.picture import picture, pulled
+from ftforce.view.stage import Stage
+from ftforce.view.state import HEALTHY, command_line
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import viser
+
+    from ftforce.arrays import Vector
+    from ftforce.robot import Robot
+    from ftforce.view.answer import Answer
+    from ftforce.view.meshes import Geometry
+    from ftforce.view.picture import Picture
+    from ftforce.view.state import State
+
+PORT = 8080
+_MISTAKE = "a mistake in ftforce, please report it"
+
+
+class View(NamedTuple):
+    """What a `Mode` shows instead of the ordinary answer.
+
+    Attributes
+    ----------
+    picture :
+        The scene.
+    top, parts, below :
+        HTML of `ftforce.view.markup`: where the verdict, the tables and the legend are.
+    """
+
+    picture: Picture
+    top: str
+    parts: str
+    below: str = ""
+
+
+class Mode(Protocol):
+    """Something that takes posture and faults out of the user's hands: a history, a sweep.
+
+    It adds its own tab with ``session.panel.tabs.add_tab`` and its own nodes to
+    ``session.server.scene``; when its time, or its point, changes, it calls `Session.refresh`, or
+    `Session.change` with another question.
+    """
+
+    takes_over: bool
+    """Whether the controls of posture and faults are disabled."""
+
+    def start(self, session: Session) -> None:
+        """Begin; the session's page is up."""
+
+    def view(self, state: State) -> View | None:
+        """Return what is shown now; ``None`` for the answer to the question.
+
+        It is called by the session's worker, which shows the error if one is raised.
+        """
+
+    def stop(self) -> None:
+        """End, and every thread of its own with it."""
+
+
+class Session:
+    """The page of one arm.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    state :
+        The question with which it starts.
+    host, port :
+        Where it listens; without a port the first one that is free.
+    mode :
+        Takes over posture and faults; ``None`` if the user has them.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        state: State,
+        *,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        mode: Mode | None = None,
+    ) -> None:
+        from ftforce.view.server import open_server
+
+        self.robot, self.mode = robot, mode
+        self._state = state
+        self._answer: Answer | None = None
+        self._picture: Picture | None = None
+        self._problem = ""
+        self._is_pulled = False
+        self._lock = threading.RLock()
+        self._news = threading.Condition(self._lock)
+        self._asked, self._answered = 1, 0
+        self._ends = threading.Event()
+        self.seconds = 0.0
+        self._open = open_server(host, port)
+        self.server: viser.ViserServer = self._open.server
+        try:
+            with self.server.atomic():
+                self.stage = Stage(self.server, robot, self)
+                self.panel = Panel(self.server, robot, state, self)
+            self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
+            self._worker.start()
+            if mode is not None:
+                self.panel.disable(mode.takes_over)
+                mode.start(self)
+            self.settle()
+            if self._picture is not None:
+                self.stage.look(self._picture)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        return self._open.address
+
+    @property
+    def state(self) -> State:
+        """The newest question."""
+        with self._lock:
+            return self._state
+
+    @property
+    def answer(self) -> Answer | None:
+        """The last answer that was shown; ``None`` before the first."""
+        with self._lock:
+            return self._answer
+
+    @property
+    def picture(self) -> Picture | None:
+        """The last scene that was shown; ``None`` before the first."""
+        with self._lock:
+            return self._picture
+
+    @property
+    def problem(self) -> str:
+        """Why the newest question has no answer; empty if it has."""
+        with self._lock:
+            return self._problem
+
+    # ---- what anybody may do, from any thread ------------------------------------------------
+
+    def change(self, change: Callable[[State], State]) -> None:
+        """Change the newest question, and have it answered.
+
+        Parameters
+        ----------
+        change :
+            Makes another question of the newest one; an error that ftforce raises in it is shown
+            in the banner, and the question stays.
+        """
+        with self._lock:
+            try:
+                self._state = change(self._state)
+                self._problem = ""
+            except FtforceError as error:
+                self._problem = str(error)
+            self._ask()
+
+    def refresh(self) -> None:
+        """Have the newest question answered, or the mode asked, again."""
+        with self._lock:
+            self._ask()
+
+    def _ask(self) -> None:
+        self._asked += 1
+        self._news.notify_all()
+
+    def settle(self, seconds: float = 60.0) -> None:
+        """Wait until the newest question is answered and on its way to the tabs.
+
+        Raises
+        ------
+        TimeoutError
+            It was not in this time.
+        """
+        with self._news:
+            asked = self._asked
+            if not self._news.wait_for(lambda: self._answered >= asked, seconds):
+                raise TimeoutError(f"no answer within {seconds:g} s")
+
+    def pull(self, end: Vector, done: bool) -> None:
+        """Move the end of the requested force to a place in the root's axes, m, shape (3,)."""
+        with self._lock:
+            shown, scene = self._answer, self._picture
+            if shown is None or scene is None or not scene.can_pull:
+                return
+            wrench = pulled(scene, shown, end)
+            self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
+            self.change(lambda state: state.pushing(wrench))
+
+    def touch(self, joint: int) -> None:
+        """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
+        if self.mode is not None and self.mode.takes_over:
+            return
+
+        def toggle(state: State) -> State:
+            is_healthy = state.modes[joint] == HEALTHY
+            return state.failing(joint, "locked" if is_healthy else HEALTHY)
+
+        self.change(toggle)
+
+    # ---- the worker --------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._asked > self._answered or self._ends.is_set())
+                if self._ends.is_set():
+                    return
+                asked, state, earlier = self._asked, self._state, self._answer
+                scale = None
+                if self._is_pulled and self._picture is not None:
+                    scale = self._picture.scale
+            self._answer_now(state, earlier, scale)
+            with self._news:
+                self._answered = asked
+                self._news.notify_all()
+
+    def _answer_now(self, state: State, earlier: Answer | None, scale: float | None) -> None:
+        """Answer a question, first all of it, then send it: a tab never shows half of two."""
+        started = time.perf_counter()
+        try:
+            view = None if self.mode is None else self.mode.view(state)
+            found = answer(self.robot, state, earlier) if view is None else None
+            scene = picture(found, scale) if found is not None else view and view.picture
+            with self._lock, self.server.atomic():
+                if found is not None:
+                    self._answer = found
+                    self.panel.show(found, scene)
+                elif view is not None:
+                    self.panel.show_parts(view.top, view.parts, view.below)
+                self._show(scene)
+        except FtforceError as error:
+            self._show_problem(str(error))
+        except Exception as error:  # the page lives on; its user never meets a traceback
+            self._show_problem(f"{_MISTAKE} ({error!r})")
+        self.seconds = time.perf_counter() - started
+
+    def _show(self, scene: Picture) -> None:
+        self._picture = scene
+        self.stage.update(scene)
+        self.panel.sync(self._state)
+        if self._problem:  # of a change that was refused
+            self.panel.show_problem(self._problem)
+
+    def _show_problem(self, problem: str) -> None:
+        with self._lock, self.server.atomic():
+            self._problem = problem
+            self.panel.show_problem(problem)
+            self.panel.sync(self._state)
+
+    # ---- beginning and end -------------------------------------------------------------------
+
+    def load_geometry(self) -> None:
+        """Load the arm's meshes and show them: seconds, so the page is up before."""
+        from ftforce.view.meshes import load_geometry
+
+        self.set_geometry(load_geometry(self.robot))
+
+    def set_geometry(self, geometry: Geometry) -> None:
+        """Show the arm's links."""
+        with self._lock, self.server.atomic():
+            self.stage.set_geometry(geometry)
+
+    def run(self) -> None:
+        """Load the meshes and stay open until Ctrl-C."""
+        try:
+            self.load_geometry()
+            while not self._ends.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            pass  # how one leaves
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """End the worker, the mode and the server; may be called twice."""
+        with self._news:
+            was_open = not self._ends.is_set()
+            self._ends.set()
+            self._news.notify_all()
+        if not was_open:
+            return
+        if self.mode is not None:
+            self.mode.stop()
+        worker = getattr(self, "_worker", None)
+        if worker is not None:
+            worker.join(10.0)
+        self._open.close()
+
+    def __enter__(self) -> Session:
+        """Return itself, open."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Close."""
+        self.close()
+
+    # ---- to take along -----------------------------------------------------------------------
+
+    def page(self) -> str:
+        """Return the page as HTML that needs no server, and asks none for anything."""
+        from ftforce.view.export import scene_page
+
+        with self._lock:
+            shown, scene = self._answer, self._picture
+            assert shown is not None
+            assert scene is not None
+            part = static_page(shown, scene, command_line(self.robot, shown.state))
+            return scene_page(self.server, part, self.robot.name)
+
+    def save_page(self, client: Any) -> None:
+        """Give a tab the page as a file."""
+        with self._told():
+            client.send_file_download(f"{_file_name(self.robot)}.html", self.page().encode())
+
+    def save_picture(self, client: Any) -> None:
+        """Give a tab the scene as it sees it, as a PNG."""
+        from ftforce.view.screenshot import render_png
+
+        with self._told():
+            client.send_file_download(f"{_file_name(self.robot)}.png", render_png(client))
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Show an error in the banner: it happens in a thread of viser's."""
+        try:
+            yield
+        except FtforceError as error:
+            self._show_problem(str(error))
+        except Exception as error:  # a tab that is gone, for one
+            self._show_problem(f"nothing was saved ({error!r})")
+
+
+def _file_name(robot: Robot) -> str:
+    """Return a robot's name as part of a file's: whatever a URDF calls it."""
+    kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in robot.name)
+    return f"ftforce_{kept[:60]}"
