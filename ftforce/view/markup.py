@@ -59,11 +59,12 @@ STYLE = """
 .ftf .bar{position:relative;height:12px;background:#eee;border:1px solid #bbb;box-sizing:border-box}
 .ftf .bar i{position:absolute;left:0;top:0;bottom:0}
 .ftf .over{color:#aa2814;font-weight:600}
-.ftf .verdict{padding:7px 9px;border-radius:5px;color:#fff;font-size:13px;overflow-wrap:anywhere}
+.ftf .verdict{padding:7px 9px;border-radius:5px;color:#fff;font-size:12.5px;overflow-wrap:anywhere}
 .ftf .warning{background:#fff4d6;border-left:3px solid #e69f00}
 .ftf .warning{padding:2px 6px;margin:4px 0;overflow-wrap:anywhere}
 .ftf .key{display:inline-block;width:14px;height:9px;margin-right:5px;border:1px solid #999}
 .ftf .line{height:3px;border:0;vertical-align:middle}
+.ftf .entry{display:inline-block;margin-right:10px}
 .ftf .note{color:#666}
 .ftf code{font:11px monospace;overflow-wrap:anywhere;user-select:all}
 .ftf button{font:12px system-ui,sans-serif;padding:5px 10px;cursor:pointer;width:100%}
@@ -201,8 +202,8 @@ def torque_table(answer: Answer) -> Markup:
     unit = units.pop() if len(units) == 1 else "N·m; N if it slides"
     title = f"Motor torque [{unit}], " + ("weight included" if known else "weight unknown")
     columns = [
-        ("#", "l", "16px"), ("joint", "l", ""), ("before", "", "54px"), ("after", "", "62px"),
-        ("of limit", "l", "56px"), ("", "", "38px"),
+        ("#", "l", "26px"), ("joint", "l", ""), ("before", "", "54px"), ("after", "", "54px"),
+        ("of limit", "l", "54px"), ("", "", "42px"),
     ]  # fmt: skip
     rows = (_load_row(load) for load in answer.loads)
     return element("div", element("h3", title), table(columns, rows, "torques"))
@@ -216,13 +217,14 @@ def _load_row(load: JointLoad) -> Markup:
         after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
     colour = colour_of(mode, load.used)
     look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
-    fault = "" if load.fault is None else f" ({load.fault})"
-    name = f"{load.name}{fault}"
+    # Not by colour alone; the names of joints leave no room for the whole word.
+    place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
+    name = load.name if load.fault is None else f"{load.name}: {load.fault}"
     limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
     return row(
         [
-            element("td", str(load.number), class_="l", style=look),
-            cell(name, "l", name),
+            element("td", place, class_="l", style=look, title=name),
+            cell(load.name, "l", name),
             cell(torque_text(load.before), "", hint),
             cell(after, "", hint),
             element("td", bar(load.used, colour), title=f"limit {limit}"),
@@ -307,17 +309,15 @@ def measures(answer: Answer) -> Markup:
     analysis = answer.analysis
     reduced, bounded = analysis.reduced, analysis.bounded
     rho = analysis.relative_manipulability
+    kept = "undefined" if math.isnan(rho) else ratio(rho)
     pairs = [
         ("Margin", f"{ratio(analysis.margin)} = σ_min(K)/σ_max(J)"),
-        ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank})"),
-        ("Manipulability", "ρ undefined" if math.isnan(rho) else f"ρ = {ratio(rho)}"),
+        ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank}), ρ {kept}"),
         ("Lost", words.lost_directions(analysis.task, list(analysis.lost_directions))),
     ]
     if bounded is not None and analysis.limits is not None:
         names = ", ".join(analysis.robot.names[j] for j in bounded.binding)
         pairs.append(("At the limit", names or "none"))
-    if bounded is not None and analysis.force is not None and bounded.nearest.F.any():
-        pairs.append(("Direction", sentences.share_in_words(bounded.share)))
     brakes = [load for load in answer.loads if not math.isnan(load.brake)]
     if brakes:
         loads = ", ".join(f"{x.name} {number(x.brake)} {x.unit}" for x in brakes)
@@ -407,21 +407,25 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
 def legend(picture: Picture) -> Markup:
     """Return what colours, arrows and lines mean."""
     keys = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
-    keys += [_key(line.colour, line.label, "line") for line in picture.lines]
-    keys += [_key(mode, f"{kind} joint") for kind, mode in FAULT_COLOURS.items()]
-    steps = ", ".join(css(colour) for colour in RAMP)
-    look = f"width:60px;background:linear-gradient(90deg,{steps})"
-    ramp = element("span", class_="key", style=look)
-    keys.append(element("div", ramp, "motor load, 0 to 100% of its limit"))
-    keys.append(_key(NEUTRAL, "limit or load unknown"))
+    keys += [_key(colour, label, "line") for label, colour in _lines(picture).items()]
     keys += [_key(solid.colour, solid.label) for solid in picture.solids]
+    keys += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
+    keys.append(_key(NEUTRAL, "unknown"))
+    steps = ", ".join(css(colour) for colour in RAMP)
+    look = f"width:50px;background:linear-gradient(90deg,{steps})"
+    ramp = element("span", class_="key", style=look)
+    keys.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
     notes = (element("div", note, class_="note") for note in picture.notes)
     return block(element("h3", "Legend"), *keys, *notes, testid="legend")
 
 
+def _lines(picture: Picture) -> dict[str, Colour]:
+    return {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
+
+
 def _key(colour: Colour, words_: str, kind: str = "") -> Markup:
     sample = element("span", class_=f"key {kind}".strip(), style=f"background:{css(colour)}")
-    return element("div", sample, words_)
+    return element("span", sample, words_, class_="entry")
 
 
 def command_part(command: str, note: str = "") -> Markup:

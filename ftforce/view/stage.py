@@ -88,8 +88,8 @@ class Stage:
             for kind in ARROW_KINDS
         }  # fmt: skip
         self._handle: Any = server.scene.add_transform_controls(
-            f"{prefix}/force/handle", scale=0.09 * self._extent, line_width=2.0,
-            disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.6,
+            f"{prefix}/force/handle", scale=0.1 * self._extent, line_width=2.5,
+            disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.8,
             visible=False,
         )  # fmt: skip
         self._handle.on_update(self._dragged)
@@ -228,8 +228,8 @@ class Stage:
             _assign(self._lines, "visible", bool(lines))
         if lines:
             self._lines.points = np.array([line.ends for line in lines], dtype=np.float32)
-            colours = np.array([line.colour for line in lines], dtype=np.uint8)
-            self._lines.colors = np.repeat(colours[:, None, :], 2, axis=1)
+            colours = np.array([line.colour for line in lines])
+            self._lines.colors = np.repeat(_linear(colours)[:, None, :], 2, axis=1)
         while len(self._marks) < len(lines):
             name = f"{self.prefix}/force/line_{len(self._marks)}"
             self._marks.append(scene.add_label(name, "", anchor="top-left", font_screen_scale=0.8))
@@ -273,6 +273,11 @@ def along(vector: Vector, axis: int) -> Vector:
     R[:, (axis + 2) % 3] = np.cross(direction, second)
     x, y, z, w = quaternion(R).tolist()
     return np.array([w, x, y, z])
+
+
+def _linear(colours: Matrix) -> Any:
+    """Return colours that look as meant on lines: viser takes theirs for linear ones."""
+    return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 
 def _clicker(hands: Hands, joint: int) -> Any:

@@ -1,0 +1,219 @@
+"""``ftforce view``: the robot in the browser."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ftforce.cli.common import (
+    Acceleration,
+    AxesOption,
+    Base,
+    Degrees,
+    Force,
+    Free,
+    Gravity,
+    InverseOption,
+    Length,
+    LimitsOption,
+    Locked,
+    PayloadOption,
+    Positions,
+    PostureName,
+    RobotArgument,
+    Rtol,
+    TaskOption,
+    Tip,
+    Torque,
+    Velocity,
+    Wary,
+    Weak,
+    load,
+    numbers,
+    refuse_force_and_torque,
+)
+from ftforce.cli.printing import say
+from ftforce.errors import InputError, OutputError, printable
+
+if TYPE_CHECKING:
+    from ftforce.robot import Robot
+    from ftforce.view.session import Mode, Session
+    from ftforce.view.state import Origin, State
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+def view(
+    robot: RobotArgument,
+    locked: Locked = None,
+    free: Free = None,
+    weak: Weak = None,
+    q: Positions = None,
+    posture: PostureName = None,
+    deg: Degrees = False,
+    force: Force = None,
+    torque: Torque = None,
+    velocity: Velocity = None,
+    acceleration: Acceleration = None,
+    gravity: Gravity = None,
+    payload: PayloadOption = None,
+    limits: LimitsOption = None,
+    inverse: InverseOption = "euclidean",
+    task: TaskOption = "force",
+    length: Length = None,
+    axes: AxesOption = "tool",
+    base: Base = None,
+    tip: Tip = None,
+    rtol: Rtol = 1e-6,
+    wary: Wary = 1e-2,
+    history: Annotated[
+        Path | None,
+        typer.Option(metavar="RUN.npz", help="Play what `ftforce simulate` wrote (.npz .csv …)."),
+    ] = None,
+    sweep: Annotated[
+        Path | None,
+        typer.Option(metavar="SWEEP.zarr", help="Show the points of a stored `ftforce sweep`."),
+    ] = None,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, open no browser.")
+    ] = False,
+    host: Annotated[
+        str,
+        typer.Option(help="Address to listen on; other machines can only reach another one."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(min=1, max=65535, help="Port to listen on; without it the first free one."),
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(metavar="SCENE.html", help="Write the page into one file, and end."),
+    ] = None,
+    screenshot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Write the scene as a picture, and end."),
+    ] = None,
+) -> None:
+    """See and touch the arm in the browser: drag the force, move joints, fail them with a click.
+
+    Without --force or --torque: 20 N along each axis to begin with.
+    """
+    refuse_force_and_torque(force, torque)
+    if history is not None and sweep is not None:
+        raise typer.BadParameter("give either --history or --sweep, not both")
+    _check_outputs(export, screenshot)
+    _needs_viser()
+    from ftforce.posture import choose_posture
+    from ftforce.view.session import Session
+    from ftforce.view.state import Origin, initial_state
+
+    arm = load(robot, tip, base, posture)
+    given = numbers(q, "--q")
+    start = initial_state(
+        arm,
+        None if given is None else choose_posture(arm, given, posture, degrees=deg),
+        origin=_doubted(arm, Origin(robot, base, tip, posture)),
+        locked=",".join(locked or ()),
+        free=",".join(free or ()),
+        weak=",".join(weak or ()),
+        force=numbers(force, "--force"),
+        torque=numbers(torque, "--torque"),
+        velocity=numbers(velocity, "--velocity"),
+        acceleration=numbers(acceleration, "--acceleration"),
+        gravity=numbers(gravity, "--gravity"),
+        payload=payload,
+        limits=limits,
+        inverse=inverse,  # type: ignore[arg-type] # checked there, with a message that lists them
+        task=task,
+        length=length,
+        axes=axes,  # type: ignore[arg-type] # likewise
+        rtol=rtol,
+        wary=wary,
+    )
+    mode = _mode(arm, start, history, sweep)
+    if host not in _LOOPBACK:
+        typer.echo(
+            f"warning: everybody who reaches {printable(host)} can see and use this page", err=True
+        )
+    with Session(arm, start, host=host, port=port, mode=mode) as session:
+        if export is not None or screenshot is not None:
+            _write(session, export, screenshot)
+            return
+        say(f"{arm.name}: {session.address} (Ctrl-C ends it)")
+        if not no_browser:
+            _open(session.address)
+        session.run()
+
+
+def _needs_viser() -> None:
+    """Say how to get viser.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    if find_spec("viser") is None:
+        raise InputError("the page needs the extra `view`: pip install 'ftforce[view]'")
+
+
+def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
+    """Refuse files that could not be written, before anything is started for them."""
+    for path, endings in ((export, (".html", ".htm")), (screenshot, (".png",))):
+        if path is None:
+            continue
+        if path.suffix.lower() not in endings:
+            raise InputError(f"{printable(path)}: the name must end in {' or '.join(endings)}")
+        if not path.parent.is_dir():
+            raise OutputError(path, "cannot be written (there is no such folder)")
+
+
+def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
+    """Note where `analyze --q` would hold the joints outside the chain elsewhere."""
+    if origin.posture is None or not arm.held:
+        return origin
+    if dict(load(origin.robot, origin.tip, origin.base, None).held) == dict(arm.held):
+        return origin
+    note = (
+        f"The page holds the joints outside the chain as posture {origin.posture!r} has them; "
+        "with --q the command holds them as the default posture has them."
+    )
+    return origin._replace(note=note)
+
+
+def _mode(arm: "Robot", start: "State", history: Path | None, sweep: Path | None) -> "Mode | None":
+    """Return what plays a history or shows a sweep; ``None`` for neither."""
+    made: Any = None
+    if history is not None:
+        from ftforce.view.playback import playback
+
+        made = playback(arm, start, history)
+    if sweep is not None:
+        from ftforce.view.survey import survey
+
+        made = survey(arm, start, sweep)
+    chosen: Mode | None = made
+    return chosen
+
+
+def _write(session: "Session", export: Path | None, screenshot: Path | None) -> None:
+    from ftforce.source import write_whole
+
+    session.load_geometry()
+    if session.problem:
+        raise InputError(session.problem)
+    if export is not None:
+        say(f"wrote {printable(write_whole(export, session.page()))}")
+    if screenshot is not None:
+        say(f"wrote {printable(write_whole(screenshot, session.png()))}")
+
+
+def _open(address: str) -> None:
+    """Open the browser; without one the address is printed already."""
+    import webbrowser
+
+    try:
+        webbrowser.open(address)
+    except webbrowser.Error:
+        return
