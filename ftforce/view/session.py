@@ -284,6 +284,8 @@ class Session:
         """Show the arm's links."""
         with self._lock, self.server.atomic():
             self.stage.set_geometry(geometry)
+            if self._picture is not None:
+                self.stage.look(self._picture)
 
     def run(self) -> None:
         """Load the meshes and stay open until Ctrl-C."""
@@ -331,6 +333,18 @@ class Session:
             assert scene is not None
             part = static_page(shown, scene, command_line(self.robot, shown.state))
             return scene_page(self.server, part, self.robot.name)
+
+    def png(self) -> bytes:
+        """Return the scene as a PNG, drawn by a browser without a window.
+
+        Raises
+        ------
+        OutputError
+            There is no browser.
+        """
+        from ftforce.view.screenshot import scene_png
+
+        return scene_png(self.server, self.address)
 
     def save_page(self, client: Any) -> None:
         """Give a tab the page as a file."""

@@ -28,6 +28,8 @@ _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
 _VIEW = np.array([0.80, -0.95, 0.45])  # from where one looks at the arm
+_ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
+_SAMPLE = 500  # points of a link that are enough to aim the camera
 _SAME = 1e-9  # m: what moved by less did not move
 
 
@@ -42,10 +44,11 @@ class Hands(Protocol):
 
 
 class _Part(NamedTuple):
-    """A mesh that moves with one joint of the model."""
+    """A mesh that moves with one joint of the model, and some of its points, m, shape (k, 3)."""
 
     joint: int
     node: Any
+    sample: Matrix
 
 
 class Stage:
@@ -78,7 +81,7 @@ class Stage:
         self._marks: list[Any] = []
         self._solids: list[Any] = []
         self._shown_solids: tuple[Solid, ...] = ()
-        _light(server, self._extent)
+        self._floor = _light(server, self._extent)
         self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
         self._labels = {
             kind: server.scene.add_label(
@@ -115,24 +118,26 @@ class Stage:
             )
             if moves is not None:
                 node.on_click(_clicker(self._hands, moves))
-            self._parts.append(_Part(part.joint, node))
+            few = part.vertices[:: 1 + len(part.vertices) // _SAMPLE]
+            self._parts.append(_Part(part.joint, node, few.astype(float)))
         if self._last is not None:
             self._pose(self._last, None)
             self._paint(self._last, None)
 
     def look(self, picture: Picture) -> None:
-        """Aim the camera of new tabs, and of pictures, at the arm and its force."""
+        """Aim the camera of new tabs, and of pictures, at the links that move and at the force."""
         points = [pose.position for pose in picture.joints[1:]]
         points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
         points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # its foot
-        low, high = np.min(points, axis=0), np.max(points, axis=0)
-        centre = 0.5 * (low + high)
-        radius = max(0.5 * float(np.linalg.norm(high - low)), 0.1 * self._extent) + 0.1
+        for part in self._parts:
+            if self._moves[part.joint] is not None:
+                pose = picture.joints[part.joint]
+                points.extend(part.sample @ rotation(pose.wxyz).T + pose.position)
+        # An arm that hangs below its root stands on nothing: the floor is below it.
+        _assign(self._floor, "position", np.array([0.0, 0.0, min(0.0, *(p[2] for p in points))]))
+        eye, target = viewpoint(np.array(points), 0.08 * self._extent)
         camera = self.server.initial_camera
-        camera.fov = _FOV
-        camera.look_at = centre
-        distance = 1.25 * radius / math.sin(0.5 * _FOV)
-        camera.position = centre + distance * _VIEW / np.linalg.norm(_VIEW)
+        camera.fov, camera.look_at, camera.position = _FOV, target, eye
 
     def update(self, picture: Picture) -> None:
         """Show a picture: send what differs from the last one."""
@@ -261,6 +266,43 @@ class Stage:
         ]
 
 
+def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
+    """Return from where, and at what, one looks to see all points: close, with nothing cut off.
+
+    Parameters
+    ----------
+    points :
+        In the root's axes, m, shape (k, 3).
+    margin :
+        Around them, m.
+    """
+    towards = _VIEW / np.linalg.norm(_VIEW)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    up = np.cross(towards, right)
+    target = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    slopes = math.tan(0.5 * _FOV) * np.array([_ASPECT, 1.0])
+    seen = (points - target) @ np.array([right, up]).T
+    # Centred as it is seen: perspective aside, half of it is on each side.
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    target = target + middle[0] * right + middle[1] * up
+    aside = (np.abs(seen - middle) + margin) / slopes
+    distance = float((aside.max(axis=1) + (points - target) @ towards).max())
+    return read_only(target + distance * towards), read_only(target)
+
+
+def rotation(wxyz: Vector) -> Matrix:
+    """Return the rotation (3, 3) of a unit quaternion w, x, y, z."""
+    w, x, y, z = wxyz.tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
 def along(vector: Vector, axis: int) -> Vector:
     """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
     direction = vector / np.linalg.norm(vector)
@@ -284,15 +326,15 @@ def _clicker(hands: Hands, joint: int) -> Any:
     return lambda _event: hands.touch(joint)
 
 
-def _light(server: viser.ViserServer, extent: float) -> None:
-    """Set light and floor: without shadows and surroundings, which cost seconds without a GPU."""
+def _light(server: viser.ViserServer, extent: float) -> Any:
+    """Set light, return a floor: without shadows and surroundings, which cost seconds without a GPU."""
     scene = server.scene
     scene.world_axes.visible = False
     scene.configure_environment_map(None)
     scene.configure_default_lights(True, cast_shadow=False)
     scene.add_light_ambient("/ambient", intensity=1.5)
     width = 0.2 * math.ceil(10.0 * extent)
-    scene.add_grid(
+    return scene.add_grid(
         "/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
         cell_color=(232, 232, 232), section_color=(208, 208, 208), shadow_opacity=0.0,
     )  # fmt: skip
