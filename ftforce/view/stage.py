@@ -327,7 +327,7 @@ def _clicker(hands: Hands, joint: int) -> Any:
 
 
 def _light(server: viser.ViserServer, extent: float) -> Any:
-    """Set light, return a floor: without shadows and surroundings, which cost seconds without a GPU."""
+    """Set light, return a floor; no shadows nor surroundings: they cost seconds without a GPU."""
     scene = server.scene
     scene.world_axes.visible = False
     scene.configure_environment_map(None)
