@@ -1,0 +1,256 @@
+"""The scene as arrays: what stands where, how long arrows are, which colour means what."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import ftforce
+from ftforce.faults import FaultMode
+from ftforce.kinematics import tip_pose
+from ftforce.view.answer import answer
+from ftforce.view.picture import (
+    FAULT_COLOURS,
+    FIXED,
+    NEUTRAL,
+    RAMP,
+    chain_joints,
+    colour_of,
+    ellipsoid,
+    joint_poses,
+    nice_scale,
+    picture,
+    pulled,
+    scene_size,
+    triangles,
+)
+from ftforce.view.stage import along, rotation, viewpoint
+from ftforce.view.state import initial_state
+from helpers import KNOWN, assert_close
+from urdfs import arm, followed
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ftforce.load_robot("panda")
+
+
+def shown(robot, *, scale=None, show=None, **options):
+    found = answer(robot, initial_state(robot, **options).showing(**(show or {})))
+    return found, picture(found, scale)
+
+
+@pytest.mark.parametrize("axes", ["tool", "world"])
+def test_arrows_are_the_forces_in_one_scale(panda, axes):
+    found, scene = shown(panda, locked=[2, 4], force=[10, 20, -60], axes=axes)
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    R = R if axes == "tool" else np.eye(3)
+    force = found.analysis.force
+    for arrow, F in zip(scene.arrows, (force.requested, force.after, force.jump), strict=True):
+        assert_close(arrow.start, place)
+        assert_close((arrow.end - arrow.start) / scene.scale, R @ F, tol=1e-9)
+    assert [arrow.kind for arrow in scene.arrows] == ["requested", "kept", "lost"]
+    assert scene.arrows[2].label == f"lost {force.jump_norm:.1f} N"
+    assert_close(rotation(scene.tip.wxyz), R)
+
+
+def test_an_arrow_that_lies_on_another_has_no_mark(panda):
+    _, scene = shown(panda, locked=[2], force=[0, 0, 30])
+    assert [arrow.mark for arrow in scene.arrows] == ["", "requested = kept 30.0 N", ""]
+    assert scene.arrows[2].length == 0.0
+    _, nothing = shown(panda, force=[0, 0, 0])
+    assert all(arrow.length == 0.0 and not arrow.mark for arrow in nothing.arrows)
+
+
+def test_moments_are_arrows_only_where_there_is_no_force(panda):
+    _, scene = shown(panda, task="mx,mz", force=[3, 4])
+    assert (scene.unit, scene.arrows[0].label) == ("N·m", "requested 5.0 N·m")
+    _, scene = shown(panda, task="wrench", force=[0, 6, 8, 100, 0, 0])
+    assert (scene.unit, scene.arrows[0].label) == ("N", "requested 10.0 N")
+    _, scene = shown(panda, task="fz,fx", force=[3, 4])
+    R, _ = tip_pose(panda, initial_state(panda).q)
+    arrow = scene.arrows[0]
+    assert_close((arrow.end - arrow.start) / scene.scale, R @ [4, 0, 3], tol=1e-9)
+
+
+def test_an_arm_that_cannot_stand_still_keeps_nothing(panda):
+    _, scene = shown(panda, free=[2, 3, 4, 5, 6], force=[1, 0, 0])
+    assert [arrow.length > 0.0 for arrow in scene.arrows] == [True, False, False]
+
+
+@pytest.mark.parametrize("largest", [1e-12, 1e-3, 0.99, 1.0, 34.6, 5e4])
+def test_the_longest_arrow_fits_and_is_no_dwarf(largest):
+    length = largest * nice_scale(largest, 1.5)
+    assert length <= 0.45 * 1.5 * (1 + 1e-9)
+    if largest > 1e-9:
+        assert length > 0.45 * 1.5 / 2.51
+    mantissa = 1.0 / nice_scale(largest, 1.5)
+    mantissa /= 10.0 ** math.floor(math.log10(mantissa) + 1e-9)
+    assert min(abs(mantissa - step) for step in (1, 2, 5)) < 1e-6
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_tip_is_where_the_joints_put_it(name):
+    robot = ftforce.load_robot(name)
+    q = initial_state(robot).q
+    poses, (R, place) = joint_poses(robot, q)
+    frame = robot.model.frames[robot.tip_frame]
+    last = poses[frame.parentJoint]
+    turn = rotation(last.wxyz)
+    assert_close(turn @ frame.placement.translation + last.position, place)
+    assert_close(turn @ frame.placement.rotation, R)
+    moves = chain_joints(robot)
+    assert len(moves) == len(poses) == robot.model.njoints
+    assert moves[0] is None
+    assert set(moves[1:]) == set(range(robot.n))
+    assert scene_size(robot) > 0.3
+
+
+def test_a_follower_has_the_colour_of_its_leader(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm(j3=followed(3, "j1", -2, 0.1)))
+    robot = ftforce.load_robot(path)
+    by_name = dict(zip(robot.model.names, chain_joints(robot), strict=True))
+    assert by_name["j3"] == by_name["j1"] == robot.names.index("j1")
+    _, scene = shown(robot, locked=["j1"])
+    colours = dict(zip(robot.model.names, scene.colours, strict=True))
+    assert colours["j3"] == colours["j1"] == FAULT_COLOURS[FaultMode.LOCKED]
+
+
+def test_colours_say_fault_load_or_nothing(panda):
+    _, scene = shown(panda, locked=[1], free=[3], weak={5: 0.5}, limits="urdf")
+    assert scene.colours[0] == FIXED
+    assert [scene.colours[j] for j in (1, 3, 5)] == [FAULT_COLOURS[m] for m in FaultMode]
+    assert colour_of(None, math.nan) == NEUTRAL
+    assert colour_of(None, 0.0) == RAMP[0]
+    assert colour_of(None, 1.0) == colour_of(None, 7.0) == RAMP[-1]
+    assert colour_of(None, 1.0 / 3.0) == RAMP[1]
+
+
+def test_the_ramp_darkens_evenly_for_every_eye():
+    light = [sum(colour_of(None, share)) for share in np.linspace(0.0, 1.0, 101)]
+    assert all(a >= b for a, b in pairwise(light))
+    assert light[0] - light[-1] > 400
+    everything = [*FAULT_COLOURS.values(), NEUTRAL, RAMP[0], RAMP[-1]]
+    for i, one in enumerate(everything):  # told apart in brightness or by blue against yellow
+        for other in everything[:i]:
+            assert np.abs(np.subtract(one, other)).max() > 25
+
+
+def test_lost_directions_are_lines_through_the_tip(panda):
+    found, scene = shown(panda, locked=[2, 4], force=[10, 20, -60])
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    (line,) = scene.lines
+    (lost,) = found.analysis.lost_directions
+    assert_close(line.ends.mean(axis=0), place)
+    way = line.ends[1] - line.ends[0]
+    assert_close(np.linalg.norm(np.cross(way, R @ lost)), 0.0, scale=np.linalg.norm(way))
+
+
+def test_the_weakest_direction_is_a_line_from_the_tip(panda):
+    found, scene = shown(panda, locked=[2], limits="urdf", show={"weakest": True})
+    line = scene.lines[-1]
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    assert_close(line.ends[0], place)
+    way = line.ends[1] - line.ends[0]
+    assert_close(way / np.linalg.norm(way), R @ found.weakest[1].direction)
+    assert line.label == f"weakest direction: {found.weakest[1].most:.1f} N"
+
+
+def test_the_ellipsoid_takes_joint_torques_of_norm_one(panda):
+    found, scene = shown(panda, locked=[2], show={"solid": "ellipsoid"})
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    reduced = found.analysis.reduced
+    longest = 1.0 / min(reduced.healthy.s[-1], reduced.damaged.s[-1])
+    size = 0.45 * scene_size(panda)
+    for solid, J in zip(scene.solids, (reduced.J, reduced.K), strict=True):
+        F = (solid.vertices - place) @ R / size * longest
+        assert_close(np.linalg.norm(F @ J, axis=1), np.ones(len(F)))
+        assert solid.faces.max() == len(F) - 1
+
+
+def test_an_ellipsoid_that_lost_a_direction_is_a_disk(panda):
+    found, scene = shown(panda, locked=[2, 4], show={"solid": "ellipsoid"})
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    disk = scene.solids[1]
+    aside = (disk.vertices - place) @ R @ found.analysis.lost_directions[0]
+    assert_close(aside, np.zeros(len(aside)), scale=scene_size(panda))
+    assert len(disk.vertices) == 25
+
+
+def test_the_polytope_is_drawn_in_the_scale_of_the_arrows(panda):
+    found, scene = shown(
+        panda, locked=[2], limits="urdf", force=[0, 0, 30], show={"solid": "polytope"}
+    )
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    for solid, after in zip(scene.solids, (False, True), strict=True):
+        F = (solid.vertices - place) @ R / scene.scale
+        wanted = found.capability.polytope(after=after).vertices
+        assert_close(F, wanted)
+        lengths = np.linalg.norm(solid.vertices - place, axis=1)
+        assert lengths.max() <= 0.45 * scene_size(panda) * (1 + 1e-9)
+
+
+def test_what_cannot_be_drawn_is_said(panda):
+    for options, word in (
+        ({"task": "wrench"}, "forces alone"),
+        ({}, "no known limit"),
+        ({"task": "wrench", "solid": "ellipsoid"}, "forces alone"),
+    ):
+        solid = options.pop("solid", "polytope")
+        _, scene = shown(panda, show={"solid": solid}, **options)
+        assert not scene.solids
+        assert any(word in note for note in scene.notes)
+
+
+def test_a_pulled_force_ends_where_the_hand_is(panda):
+    found, scene = shown(panda, locked=[4], force=[10, 20, -60])
+    end = scene.arrows[0].end + np.array([0.03, -0.02, 0.05])
+    wrench = pulled(scene, found, end)
+    again = picture(answer(panda, found.state.pushing(wrench)), scene.scale)
+    assert again.scale == scene.scale
+    assert np.abs(again.arrows[0].end - end).max() <= 0.005
+    assert (wrench[3:] == 0.0).all()
+    found, scene = shown(panda, task="fx,fz", force=[10, 20])
+    assert pulled(scene, found, end)[1] == found.state.wrench[1]  # no part of the task
+
+
+def test_polygons_become_triangles():
+    assert triangles(((4, 1, 2, 3), (0, 1))).tolist() == [[4, 1, 2], [4, 2, 3]]
+    assert triangles(()).shape == (0, 3)
+
+
+def test_the_surface_of_an_ellipsoid_is_closed():
+    vertices, faces = ellipsoid(np.diag([1.0, 2.0, 3.0]))
+    assert_close(np.linalg.norm(vertices / [1.0, 2.0, 3.0], axis=1), np.ones(len(vertices)))
+    places = {tuple(np.round(v, 9)): i for i, v in enumerate(vertices)}
+    joined = [[places[tuple(np.round(vertices[i], 9))] for i in face] for face in faces]
+    edges = [tuple(sorted(p)) for a, b, c in joined if len({a, b, c}) == 3
+             for p in ((a, b), (b, c), (c, a))]  # fmt: skip
+    assert all(edges.count(edge) == 2 for edge in set(edges))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_axis_is_turned_along_an_arrow(axis):
+    for vector in (*np.eye(3), *-np.eye(3), np.array([1.0, -2.0, 0.5])):
+        R = rotation(along(vector, axis))
+        assert_close(R[:, axis], vector / np.linalg.norm(vector))
+        assert_close(R.T @ R, np.eye(3))
+        assert np.linalg.det(R) > 0.0
+
+
+def test_the_camera_sees_every_point():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        points = rng.normal(size=(50, 3)) * rng.uniform(0.1, 2.0, 3)
+        eye, target = viewpoint(points, 0.02)
+        towards = (eye - target) / np.linalg.norm(eye - target)
+        right = np.cross([0, 0, 1], towards)
+        right /= np.linalg.norm(right)
+        depth = np.linalg.norm(eye - target) - (points - target) @ towards
+        slope = math.tan(math.radians(20.0))
+        assert (np.abs((points - target) @ np.cross(towards, right)) < depth * slope).all()
+        assert (np.abs((points - target) @ right) < 0.66 * depth * slope).all()
