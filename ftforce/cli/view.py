@@ -1,6 +1,5 @@
 """``ftforce view``: the robot in the browser."""
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.session import Mode, Session
     from ftforce.view.state import Origin, State
-
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def view(
@@ -103,7 +100,6 @@ def view(
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
     _check_outputs(export, screenshot)
-    _needs_viser()
     from ftforce.posture import choose_posture
     from ftforce.view.session import Session
     from ftforce.view.state import Origin, initial_state
@@ -132,11 +128,9 @@ def view(
         wary=wary,
     )
     mode = _mode(arm, start, history, sweep)
-    if host not in _LOOPBACK:
-        typer.echo(
-            f"warning: everybody who reaches {printable(host)} can see and use this page", err=True
-        )
     with Session(arm, start, host=host, port=port, mode=mode) as session:
+        if session.warning:
+            typer.echo(f"warning: {session.warning}", err=True)
         if export is not None or screenshot is not None:
             _write(session, export, screenshot)
             return
@@ -144,18 +138,6 @@ def view(
         if not no_browser:
             _open(session.address)
         session.run()
-
-
-def _needs_viser() -> None:
-    """Say how to get viser.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
-    if find_spec("viser") is None:
-        raise InputError("the page needs the extra `view`: pip install 'ftforce[view]'")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:

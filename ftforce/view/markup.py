@@ -404,8 +404,8 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
 # ---- legend, command -------------------------------------------------------------------------
 
 
-def legend(picture: Picture) -> Markup:
-    """Return what colours, arrows and lines mean."""
+def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
+    """Return what colours, arrows and lines mean; with remarks, on missing meshes mostly."""
     keys = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
     keys += [_key(colour, label, "line") for label, colour in _lines(picture).items()]
     keys += [_key(solid.colour, solid.label) for solid in picture.solids]
@@ -415,7 +415,7 @@ def legend(picture: Picture) -> Markup:
     look = f"width:50px;background:linear-gradient(90deg,{steps})"
     ramp = element("span", class_="key", style=look)
     keys.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
-    notes = (element("div", note, class_="note") for note in picture.notes)
+    notes = (element("div", note, class_="note") for note in (*picture.notes, *remarks))
     return block(element("h3", "Legend"), *keys, *notes, testid="legend")
 
 

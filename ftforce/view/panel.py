@@ -97,6 +97,7 @@ class Panel:
         self, server: viser.ViserServer, robot: Robot, state: State, actions: Actions
     ) -> None:
         self.robot = robot
+        self.notes: tuple[str, ...] = ()  # on the arm's meshes
         self._gui: Any = server.gui
         self._actions = actions
         self._start = state
@@ -391,7 +392,7 @@ class Panel:
         command = command_line(self.robot, answer.state)
         _write(self._banner, banner(answer))
         _write(self._answer, answer_part(answer))
-        _write(self._legend, legend(picture))
+        _write(self._legend, legend(picture, self.notes))
         _write(self._command, command_part(command, answer.state.origin.note))
         _write(self._census, census_part(answer.census, answer.analysis.faults.joints))
         self._show_sets(answer)

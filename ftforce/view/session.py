@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from ftforce.view.picture import Picture
     from ftforce.view.state import State
 
-PORT = 8080
 _MISTAKE = "a mistake in ftforce, please report it"
 
 
@@ -113,7 +112,7 @@ class Session:
         self._asked, self._answered = 1, 0
         self._ends = threading.Event()
         self.seconds = 0.0
-        self._open = open_server(host, port)
+        self._open = open_server(host, port, title=f"ftforce {robot.name}")
         self.server: viser.ViserServer = self._open.server
         try:
             with self.server.atomic():
@@ -135,6 +134,11 @@ class Session:
     def address(self) -> str:
         """Where a browser finds the page."""
         return self._open.address
+
+    @property
+    def warning(self) -> str:
+        """What a user should know of the address; empty if only this machine reaches it."""
+        return self._open.warning
 
     @property
     def state(self) -> State:
@@ -284,8 +288,10 @@ class Session:
         """Show the arm's links."""
         with self._lock, self.server.atomic():
             self.stage.set_geometry(geometry)
+            self.panel.notes = geometry.notes
             if self._picture is not None:
                 self.stage.look(self._picture)
+        self.refresh()  # the legend says what is missing
 
     def run(self) -> None:
         """Load the meshes and stay open until Ctrl-C."""

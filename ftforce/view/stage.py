@@ -81,7 +81,7 @@ class Stage:
         self._marks: list[Any] = []
         self._solids: list[Any] = []
         self._shown_solids: tuple[Solid, ...] = ()
-        self._floor = _light(server, self._extent)
+        self._floor = _floor(server, prefix, self._extent)
         self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
         self._labels = {
             kind: server.scene.add_label(
@@ -326,16 +326,10 @@ def _clicker(hands: Hands, joint: int) -> Any:
     return lambda _event: hands.touch(joint)
 
 
-def _light(server: viser.ViserServer, extent: float) -> Any:
-    """Set light, return a floor; no shadows nor surroundings: they cost seconds without a GPU."""
-    scene = server.scene
-    scene.world_axes.visible = False
-    scene.configure_environment_map(None)
-    scene.configure_default_lights(True, cast_shadow=False)
-    scene.add_light_ambient("/ambient", intensity=1.5)
+def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
     width = 0.2 * math.ceil(10.0 * extent)
-    return scene.add_grid(
-        "/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
+    return server.scene.add_grid(
+        f"{prefix}/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
         cell_color=(232, 232, 232), section_color=(208, 208, 208), shadow_opacity=0.0,
     )  # fmt: skip
 
