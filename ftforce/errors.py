@@ -21,7 +21,7 @@ A fault that cannot be tolerated is an answer, not an error: it is reported in t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,6 +30,18 @@ if TYPE_CHECKING:
 
 class FtforceError(Exception):
     """Base of everything that ftforce raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the message and the data, not what ``__init__`` made them of: for processes."""
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(
+    kind: type[FtforceError], args: tuple[Any, ...], data: dict[str, Any]
+) -> FtforceError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(data)
+    return error
 
 
 class InputError(FtforceError, ValueError):

@@ -19,6 +19,8 @@ from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryErro
 from ftforce.version import __version__
 from sweeps import LONG, child, content, differences
 
+pytestmark = pytest.mark.thorough  # processes take seconds to start
+
 ASKED = {"n": 60_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 
 

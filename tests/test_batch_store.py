@@ -21,6 +21,8 @@ from ftforce.batch.sweep import sweep
 from ftforce.errors import InputError, OutputError, SweepError, TrajectoryError
 from sweeps import LONG, child, content, differences, killed
 
+pytestmark = pytest.mark.thorough  # processes take seconds to start
+
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 NEVER = 10**9  # a step that no process reaches
 SLOW = (  # a chunk takes a moment after it is written, which is when the test acts

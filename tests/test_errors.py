@@ -1,5 +1,6 @@
 """Errors: what their messages show, and what they carry as data."""
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -7,11 +8,13 @@ import pytest
 import ftforce
 from ftforce.errors import (
     DHTableError,
+    DimensionError,
     FileError,
     FtforceError,
     InputError,
     OutputError,
     SRDFError,
+    UnknownNameError,
     URDFError,
     printable,
 )
@@ -73,3 +76,17 @@ def test_an_output_with_a_line_break_in_its_name(tmp_path):
     with pytest.raises(OutputError, match=r"/a\\nb/c\.json: cannot be written") as caught:
         ftforce.save(ftforce.analyze(arm_), tmp_path / "a\nb" / "c.json")
     assert caught.value.path == str(tmp_path / "a\nb" / "c.json")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        URDFError("a\nb.urdf", "is wrong"),
+        DimensionError("force", (3,), (2,), "fx, fy, fz"),
+        UnknownNameError("joint", "elbo", ("shoulder", "elbow")),
+        InputError("no"),
+    ],
+)
+def test_errors_come_back_from_other_processes(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))

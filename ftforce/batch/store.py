@@ -48,6 +48,7 @@ _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _KIND = "a sweep that ftforce wrote"
 _ARRAYS = "arrays"  # of the identity: a digest of all that the kernels are given
+_UNTOLD = {_ARRAYS, "postures", "check"}  # they say it in numbers nobody knows
 _SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
@@ -215,14 +216,27 @@ def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
     about = _about(path, OutputError)
     found = about["identity"]
     if found != identity:
-        keys = sorted(k for k in {*found, *identity} if found.get(k) != identity.get(k))
-        told = [key for key in keys if key != _ARRAYS]  # which say it in a number nobody knows
-        differs = "; ".join(_difference(k, found.get(k), identity.get(k)) for k in told)
-        differs = differs or "the robot, its limits or its masses are others"
+        differs = _differences(found, identity) or "the robot, its limits or its masses are others"
         raise OutputError(
             path, f"holds another sweep ({differs}); give another --output, or remove that one"
         )
     return about
+
+
+def _differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
+    """Say what differs, of the postures what differs about them."""
+    there, here = ({**one, **_postures(one)} for one in (found, asked))
+    keys = sorted(key for key in {*there, *here} if there.get(key) != here.get(key))
+    if "source of postures" in keys:  # then nothing else about them tells more
+        keys = [key for key in keys if key not in {*_postures(found), *_postures(asked)}]
+        keys.append("source of postures")
+    told = [key for key in keys if key not in _UNTOLD]
+    return "; ".join(_difference(key, there.get(key), here.get(key)) for key in told)
+
+
+def _postures(identity: dict[str, Any]) -> dict[str, Any]:
+    about = dict(identity["postures"])
+    return {"source of postures": about.pop("source"), **about}
 
 
 def _difference(key: str, found: object, asked: object) -> str:

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from ftforce.limits_reader import LimitsLike
     from ftforce.robot import Robot
 
-CHUNK = 65_536
+CHUNK = 65_536  # postures, at most
+_VALUES = 2_000_000  # postures times fault sets of a chunk, about: 16 MB per array that is kept
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -68,7 +69,7 @@ def sweep(
     keep: Keep | None = None,
     cell: float | None = None,
     output: str | PathLike[str] | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     threads: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -106,7 +107,7 @@ def sweep(
     output :
         Zarr group to write; in memory if not given. A sweep that was stopped goes on.
     chunk :
-        Postures that are done, and stored, at a time.
+        Postures that are done, and stored, at a time; if not given 65,536, or fewer for many sets.
     threads :
         On this machine; one per processor if not given.
     workers, scheduler :
@@ -156,7 +157,7 @@ def sweep(
         bool(wanted.force_rows and wanted.moment_rows),
     )  # fmt: skip
     kept = _checked_keep(keep, output)
-    size = min(whole_number(chunk, "chunk", PIECE), postures.count)
+    size = _chunk_of(chunk, len(sets), postures.count)
     job = Job(
         plan, postures, Bins(_size_of(wanted, F), ray is not None),
         _workspace(robot, postures, cell), kept, size,
@@ -230,6 +231,16 @@ def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> 
         found: Postures = q
         return found
     return Listed.of(robot, q)
+
+
+def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
+    """Return the postures of a chunk: those asked for, or as many as memory takes easily."""
+    if chunk is not None:
+        return min(whole_number(chunk, "chunk", PIECE), count)
+    size = CHUNK
+    while size > PIECE and size * sets > _VALUES:
+        size //= 2
+    return min(size, count)
 
 
 def _workspace(robot: Robot, postures: Postures, cell: float | None) -> Workspace:

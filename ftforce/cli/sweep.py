@@ -86,8 +86,12 @@ def sweep(
         ),
     ] = None,
     chunk: Annotated[
-        int, typer.Option(help="Postures that are done, and stored, at a time.")
-    ] = 65_536,
+        int | None,
+        typer.Option(
+            help="Postures that are done, and stored, at a time.",
+            show_default="65,536; fewer for many fault sets",
+        ),
+    ] = None,
     threads: Annotated[
         int | None, typer.Option(help="Threads on this machine.", show_default="all processors")
     ] = None,
