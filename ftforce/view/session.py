@@ -63,7 +63,7 @@ class Mode(Protocol):
     """Whether the controls of posture and faults are disabled."""
 
     def start(self, session: Session) -> None:
-        """Begin; the session's page is up."""
+        """Begin; the session's page is up, and nothing was answered yet."""
 
     def view(self, state: State) -> View | None:
         """Return what is shown now; ``None`` for the answer to the question.
@@ -118,11 +118,11 @@ class Session:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
                 self.panel = Panel(self.server, robot, state, self)
-            self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
-            self._worker.start()
             if mode is not None:
                 self.panel.disable(mode.takes_over)
-                mode.start(self)
+                mode.start(self)  # before anything is asked of it
+            self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
+            self._worker.start()
             self.settle()
             if self._picture is not None:
                 self.stage.look(self._picture)

@@ -1,0 +1,490 @@
+"""The page: driven through its controls without a browser, and in a real one."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import shlex
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ftforce
+from ftforce import cli
+from ftforce.faults import FaultSet
+from ftforce.sentences import verdict_sentence
+from ftforce.view.meshes import Geometry, Part
+from ftforce.view.picture import picture
+from ftforce.view.session import Session, View
+from ftforce.view.state import Origin, command_line, initial_state
+from helpers import assert_close
+from urdfs import arm, joint
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-default-apps", "--disable-extensions", "--ignore-gpu-blocklist",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture
+def session(dh5):
+    with Session(dh5, initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])) as opened:
+        yield opened
+
+
+def put(session, **values):
+    """Do what hands on the page do."""
+    for name, value in values.items():
+        session.panel.handle(name).value = value
+    session.settle()
+
+
+def contents(session):
+    panel = session.panel
+    return [part.content for part in (panel._banner, panel._answer, panel._census, panel._command)]
+
+
+# ---- without a browser -----------------------------------------------------------------------
+
+
+def test_a_session_opens_with_its_question_answered(session, dh5):
+    assert session.address.startswith("http://127.0.0.1:")
+    assert session.warning == session.problem == ""
+    found = ftforce.analyze(dh5, force=[80, 50, 10])
+    assert verdict_sentence(found) == verdict_sentence(session.answer.analysis)
+    assert "Tolerated" in session.panel._banner.content
+
+
+def test_every_control_changes_what_it_says(session):
+    put(session, limits=True, mode1="locked", mode3="weak", factor3=30.0, axes="world")
+    state = session.state
+    assert state.modes == ("healthy", "locked", "healthy", "weak", "healthy")
+    assert (state.factors[3], state.task.axes, state.is_limited) == (0.3, "world", True)
+    put(session, q2=-12.5, gravity=False, payload=2.0, force=(1.0, 2.0, 3.0), task="fx,fz")
+    state = session.state
+    assert state.q[2] == pytest.approx(math.radians(-12.5))
+    assert (state.weighs, state.payload.mass, state.force.tolist()) == (False, 2.0, [1.0, 3.0])
+    put(session, task="wrench", length=0.5, moment=(4.0, 5.0, 6.0))
+    assert session.state.task.length == 0.5
+    assert session.state.force.tolist() == [1, 2, 3, 4, 5, 6]
+    put(session, solid="ellipsoid", weakest=True, see_through=True, census_mode="free")
+    put(session, census="single and double faults", load="every direction")
+    shown = session.state.shown
+    assert (shown.solid, shown.weakest, shown.see_through, shown.census) == (
+        "ellipsoid",
+        True,
+        True,
+        2,
+    )
+    assert session.answer.census.largest == 2
+    assert session.answer.census.mode == "free"
+    assert session.state.force is None
+    assert session.problem == ""
+
+
+def test_controls_follow_the_question(session, dh5):
+    handle = session.panel.handle
+    q = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    session.change(lambda s: s.at(q).with_faults(FaultSet.locked([0, 4])).failing(2, "weak", 0.25))
+    session.settle()
+    assert [handle(f"q{i}").value for i in range(5)] == np.round(np.degrees(q), 2).tolist()
+    assert [handle(f"mode{i}").value for i in range(5)] == list(session.state.modes)
+    assert handle("factor2").value == 25.0
+    assert [handle(f"factor{i}").visible for i in range(5)] == [False, False, True, False, False]
+    assert handle("limits").value  # a weak joint brings them
+    assert np.array_equal(session.state.q, q)  # rounding on the page is none of the question
+    assert not handle("moment").visible
+    put(session, task="wrench")
+    assert handle("moment").visible
+    session.panel._reset()
+    session.settle()
+    assert command_line(dh5, session.state) == "ftforce analyze dh5 --force=80.0,50.0,10.0"
+    assert handle("q0").value == 10.0
+
+
+def test_a_moved_slider_leaves_the_others_digits(session):
+    q = np.array([0.1, 1 / 3, 0.3, 0.4, 0.5])
+    session.change(lambda state: state.at(q))
+    put(session, q0=45.0)
+    assert session.state.q.tolist() == [math.pi / 4, *q[1:]]
+
+
+def test_postures_can_be_chosen(session):
+    put(session, posture="zero")
+    assert session.state.q.tolist() == [0.0] * 5
+    assert session.panel.handle("posture").value == "zero"
+    put(session, q1=3.0)
+    assert session.panel.handle("posture").value == "choose …"
+
+
+def test_a_set_of_the_census_can_be_shown(session):
+    put(session, census="single and double faults")
+    sets = session.answer.census.sets
+    label = session.panel._labels[7]
+    session.panel._all_sets.value = label
+    session.settle()
+    assert session.answer.analysis.faults == sets[7].faults
+    session.panel._show_set(0)
+    session.settle()
+    assert session.answer.analysis.faults == sets[0].faults
+    assert session.panel._all_sets.value == session.panel._labels[0]
+    assert session.answer.census.sets is sets  # the same for all faults
+
+
+def test_a_click_on_the_arm_locks_and_mends(session):
+    session.touch(2)
+    session.settle()
+    assert session.answer.analysis.locked == ("joint3",)
+    session.touch(2)
+    session.settle()
+    assert session.answer.analysis.locked == ()
+
+
+def test_the_force_can_be_pulled_and_keeps_its_scale_meanwhile(session):
+    scale, arrow = session.picture.scale, session.picture.arrows[0]
+    end = arrow.start + 4.0 * (arrow.end - arrow.start)
+    session.pull(end, False)
+    session.settle()
+    assert session.state.force == pytest.approx([320, 200, 40], abs=0.005 / scale)
+    assert session.picture.scale == scale
+    session.pull(end, True)
+    session.settle()
+    assert session.picture.scale < scale
+    assert session.panel.handle("force").value == tuple(session.state.force)
+
+
+def test_what_cannot_be_asked_is_said_and_the_page_lives_on(session):
+    before = session.state
+    put(session, length=-1.0)
+    assert "characteristic length" in session.problem
+    assert "characteristic length" in session.panel._banner.content
+    assert session.state is before
+    assert session.panel.handle("length").value == before.task.length  # no longer what was typed
+    put(session, mode2="locked")
+    assert session.problem == ""
+    assert "joint3 locked" in session.panel._banner.content
+
+
+def test_a_mistake_of_ours_is_no_end_of_the_page(session, monkeypatch):
+    def fail(*_arguments):
+        raise RuntimeError("<b>oops</b>")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ftforce.view.session.answer", fail)
+        put(session, mode1="locked")
+    assert "please report it" in session.problem
+    assert "<b>" not in session.panel._banner.content
+    put(session, mode2="locked")
+    assert session.problem == ""
+    assert session.answer.analysis.locked == ("joint2", "joint3")
+
+
+def test_an_arm_that_cannot_stand_still_is_an_answer(session):
+    put(session, mode0="free", mode1="free", mode2="free", mode3="free", mode4="free")
+    put(session, force=(0.0, 0.0, 0.0))
+    assert session.problem == ""
+    assert session.answer.analysis.verdict.value == "not tolerated"
+
+
+def test_only_the_newest_question_is_answered(session, monkeypatch):
+    from ftforce.view import session as module
+
+    asked, original = [], module.answer
+
+    def slow(robot, state, earlier):
+        asked.append(state)
+        time.sleep(0.05)
+        return original(robot, state, earlier)
+
+    monkeypatch.setattr(module, "answer", slow)
+    for degrees in range(100):
+        session.panel.handle("q1").value = float(degrees)
+    session.settle()
+    assert len(asked) < 10
+    assert session.answer.state is session.state
+    assert session.state.q[1] == pytest.approx(math.radians(99))
+
+
+def test_ten_hands_at_once_leave_one_question(session):
+    def shake(i):
+        for k in range(40):
+            session.panel.handle(f"q{i % 5}").value = float(k + i)
+            session.touch(i % 5)
+
+    threads = [threading.Thread(target=shake, args=(i,)) for i in range(10)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    session.settle()
+    assert session.problem == ""
+    assert session.answer.state is session.state
+    shown = [session.panel.handle(f"q{i}").value for i in range(5)]
+    assert_close(np.degrees(session.state.q), shown, tol=1e-3)
+    assert [session.panel.handle(f"mode{i}").value for i in range(5)] == list(session.state.modes)
+
+
+def test_the_scene_is_sent_only_where_it_changed(session):
+    part = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=np.float32)
+    face = np.array([[0, 1, 2]], dtype=np.uint32)
+    parts = tuple(Part(j, part, face, False) for j in range(6))
+    session.set_geometry(Geometry(parts, ("mesh x is missing",)))
+    session.settle()
+    assert "mesh x is missing" in session.panel._legend.content
+    nodes = [one.node for one in session.stage._parts]
+    for node, pose in zip(nodes, session.picture.joints, strict=True):
+        assert_close(node.position, pose.position, tol=1e-6)
+    sent = []
+    queue = session.server.scene._websock_interface.queue_message
+    session.server.scene._websock_interface.queue_message = lambda message: (
+        sent.append((type(message).__name__, getattr(message, "name", ""))), queue(message)
+    )  # fmt: skip
+    put(session, q3=20.0)
+    poses = {name for kind, name in sent if kind.startswith("Set") and "/arm/" in name}
+    assert poses == {"/arm/4", "/arm/5"}  # behind joint 4; the colours of others may change
+    sent.clear()
+    put(session, mode4="locked")
+    assert {name for _, name in sent if "/arm/" in name} == {"/arm/5"}
+
+
+class Still:
+    """A mode that shows one posture, whatever is asked."""
+
+    takes_over = True
+
+    def __init__(self):
+        self.calls = []
+
+    def start(self, session):
+        self.calls.append("start")
+        self.session = session
+
+    def view(self, state):
+        from ftforce.view.answer import answer
+
+        robot = self.session.robot
+        return View(picture(answer(robot, state.at(np.full(5, 0.5)))), "top", "parts", "below")
+
+    def stop(self):
+        self.calls.append("stop")
+
+
+def test_a_mode_takes_over(dh5):
+    mode = Still()
+    with Session(dh5, initial_state(dh5), mode=mode) as session:
+        panel = session.panel
+        assert panel._banner.content == "top"
+        assert panel.handle("q0").disabled
+        assert panel.handle("mode0").disabled
+        assert not panel.handle("force").disabled
+        session.touch(1)
+        session.settle()
+        assert session.state.modes[1] == "healthy"
+        assert session.answer is None
+        assert session.picture is not None
+    assert mode.calls == ["start", "stop"]
+
+
+def test_a_closed_session_leaves_no_thread_of_its_own(dh5):
+    with Session(dh5, initial_state(dh5)) as session:
+        assert any(thread.name == "ftforce view" for thread in threading.enumerate())
+    assert not any(thread.name == "ftforce view" for thread in threading.enumerate())
+    session.close()  # again
+
+
+# ---- in a browser ----------------------------------------------------------------------------
+
+
+def missing(reason):
+    """Fail where the browser has to be, and skip where it may lack."""
+    if os.environ.get("CI"):
+        pytest.fail(f"{reason}; .ci/run installs it")
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if not CHROMIUM.exists():
+        missing(f"there is no {CHROMIUM}")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing("playwright is not installed")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield browser
+        browser.close()
+
+
+class Seen:
+    """A tab, with what its console said and whom it asked."""
+
+    def __init__(self, browser, session):
+        self.context = browser.new_context(viewport={"width": 1280, "height": 800})
+        self.context.grant_permissions(
+            ["clipboard-read", "clipboard-write"], origin=session.address.rstrip("/")
+        )
+        self.session, self.problems, self.asked = session, [], []
+        self.page = self.open()
+
+    def open(self):
+        page = self.context.new_page()
+        page.set_default_timeout(60_000)
+        page.on("console", lambda m: self.problems.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: self.problems.append(str(error)))
+        page.on("request", lambda request: self.asked.append(request.url))
+        page.on("websocket", lambda socket: self.asked.append(socket.url))
+        page.goto(self.session.address)
+        page.get_by_test_id("verdict").wait_for()
+        return page
+
+    def verdict(self, page=None):
+        return (page or self.page).get_by_test_id("verdict").inner_text()
+
+    def wait(self, words, page=None):
+        (page or self.page).get_by_test_id("verdict").filter(has_text=words).wait_for()
+
+    def cells(self, testid):
+        rows = self.page.get_by_test_id(testid).locator("tbody tr")
+        return [row.locator("td").all_inner_texts() for row in rows.all()]
+
+    def scene(self):
+        from PIL import Image
+
+        clip = {"x": 370, "y": 160, "width": 500, "height": 630}
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=clip))).convert("RGB"))
+
+    def wait_for_arm(self):
+        for _ in range(100):
+            if (self.scene().min(axis=2) < 140).sum() > 2000:  # something that is no floor
+                return
+            self.page.wait_for_timeout(200)
+        pytest.fail("no arm appears")
+
+
+@pytest.fixture
+def seen(chromium, dh5):
+    state = initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])
+    with Session(dh5, state) as session:
+        session.load_geometry()
+        tab = Seen(chromium, session)
+        yield tab
+        tab.context.close()
+        assert tab.problems == []
+        for url in tab.asked:
+            assert url.startswith((session.address, session.address.replace("http", "ws"),
+                                   f"blob:{session.address}", "data:")), url  # fmt: skip
+
+
+@pytest.mark.browser
+def test_locked_changes_verdict_and_table_to_the_numbers_of_analyze(seen, dh5):
+    page = seen.page
+    assert seen.verdict().startswith("Tolerated")
+    for number in (2, 4, 5):
+        page.get_by_label(f"Fault {number}", exact=True).click()
+        page.get_by_role("option", name="locked", exact=True).click()
+    seen.wait("43.66 N")
+    found = ftforce.analyze(dh5, locked=[2, 4, 5], force=[80, 50, 10])
+    assert seen.verdict() == verdict_sentence(found)
+    for cells, before, after, i in zip(
+        seen.cells("torques"), found.torque.total_before, found.torque.total_after, range(5),
+        strict=True,
+    ):  # fmt: skip
+        assert cells[1] == dh5.names[i]
+        assert cells[2] == f"{before:.2f}"
+        assert cells[3] == ("brake" if i in {1, 3, 4} else f"{after:.2f}")
+    forces = seen.cells("forces")
+    for cells, before, after, jump in zip(
+        forces, found.force.before, found.force.after, found.force.jump, strict=False
+    ):
+        assert cells[2:] == [f"{x:.2f}" for x in (before, after, jump)]
+    assert forces[3][4] == "43.66"
+
+
+@pytest.mark.browser
+def test_a_slider_moves_the_arm(seen):
+    seen.wait_for_arm()
+    before = seen.scene().astype(int)
+    row = seen.page.get_by_text("2 joint2").locator("xpath=ancestor::*[.//input][1]")
+    box = row.locator("input").last
+    box.fill("20")
+    box.press("Enter")
+    for _ in range(50):
+        changed = (np.abs(seen.scene().astype(int) - before).sum(axis=2) > 30).sum()
+        if changed > 3000:
+            break
+        seen.page.wait_for_timeout(200)
+    assert changed > 3000
+    assert math.degrees(seen.session.state.q[1]) == pytest.approx(20.0)
+
+
+@pytest.mark.browser
+def test_a_click_in_the_census_shows_that_fault(seen):
+    seen.page.get_by_role("tab", name="Census").click()
+    first = seen.cells("census")[0]
+    assert first[0] == "{3}"
+    seen.page.get_by_role("button").filter(has_text="{3} not tolerated").click()
+    seen.wait("with joint3 locked")
+    assert seen.session.answer.analysis.locked == ("joint3",)
+
+
+@pytest.mark.browser
+def test_the_command_is_copied_and_gives_the_same_answer(seen):
+    page = seen.page
+    seen.session.panel.handle("mode1").value = "locked"
+    seen.wait("joint2 locked")
+    page.get_by_role("tab", name="Take along").click()
+    page.get_by_test_id("copy").click()
+    page.get_by_test_id("copy").filter(has_text="copied").wait_for()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied == command_line(seen.session.robot, seen.session.state)
+    result = CliRunner().invoke(cli.app, shlex.split(copied)[1:], env={"COLUMNS": "400"})
+    assert seen.verdict() in result.stdout
+
+
+@pytest.mark.browser
+def test_two_tabs_share_one_page_and_one_may_vanish(seen):
+    second = seen.open()
+    seen.session.panel.handle("mode2").value = "locked"
+    seen.wait("joint3 locked")
+    seen.wait("joint3 locked", second)
+    second.close()
+    seen.page.get_by_label("Fault 3", exact=True).click()
+    seen.page.get_by_role("option", name="healthy", exact=True).click()
+    seen.wait("every joint healthy")
+    assert seen.session.problem == ""
+
+
+@pytest.mark.browser
+def test_names_with_markup_appear_as_text(chromium, tmp_path):
+    bad = "&lt;img src=x onerror=&quot;window.pwned=1&quot;&gt;"
+    path = tmp_path / "arm.urdf"
+    text = arm(j2=joint(bad, "l1", "l2"))
+    path.write_text(text.replace('<robot name="arm"', f'<robot name="{bad}"'))
+    robot = ftforce.load_robot(path)
+    name = '<img src=x onerror="window.pwned=1">'
+    assert (robot.name, robot.names[1]) == (name, name)
+    with Session(robot, initial_state(robot, locked=[2], force=[1, 2, 3])) as session:
+        tab = Seen(chromium, session)
+        assert name in tab.verdict()
+        for title in ("Force", "Census", "Take along"):
+            tab.page.get_by_role("tab", name=title).click()
+            tab.page.wait_for_timeout(300)
+        assert tab.page.locator('img[src="x"]').count() == 0
+        assert tab.page.evaluate("window.pwned") is None
+        assert tab.page.title().startswith("ftforce")
+        tab.context.close()
+        assert tab.problems == []
