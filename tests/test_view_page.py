@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import math
-import os
 import shlex
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import ftforce
+from browser import Watched, chromium
 from ftforce import cli
 from ftforce.faults import FaultSet
 from ftforce.sentences import verdict_sentence
@@ -24,14 +22,6 @@ from ftforce.view.session import Session, View
 from ftforce.view.state import Origin, command_line, initial_state
 from helpers import assert_close
 from urdfs import arm, joint
-
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = [
-    "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--disable-default-apps", "--disable-extensions", "--ignore-gpu-blocklist",
-]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -298,6 +288,15 @@ def test_a_mode_takes_over(dh5):
     assert mode.calls == ["start", "stop"]
 
 
+def test_the_page_can_be_taken_along(session):
+    put(session, mode1="locked", mode2="locked")
+    page = session.page()
+    assert "<title>ftforce dh5</title>" in page
+    assert 'data-testid="static"' in page
+    assert verdict_sentence(session.answer.analysis) in page
+    assert "--locked=2,3" in page
+
+
 def test_a_closed_session_leaves_no_thread_of_its_own(dh5):
     with Session(dh5, initial_state(dh5)) as session:
         assert any(thread.name == "ftforce view" for thread in threading.enumerate())
@@ -308,48 +307,35 @@ def test_a_closed_session_leaves_no_thread_of_its_own(dh5):
 # ---- in a browser ----------------------------------------------------------------------------
 
 
-def missing(reason):
-    """Fail where the browser has to be, and skip where it may lack."""
-    if os.environ.get("CI"):
-        pytest.fail(f"{reason}; .ci/run installs it")
-    pytest.skip(reason)
-
-
 @pytest.fixture(scope="module")
-def chromium():
-    if not CHROMIUM.exists():
-        missing(f"there is no {CHROMIUM}")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("playwright is not installed")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
-        yield browser
-        browser.close()
+def browser():
+    with chromium() as started:
+        yield started
 
 
 class Seen:
-    """A tab, with what its console said and whom it asked."""
+    """The page in a browser: one tab, or several."""
 
     def __init__(self, browser, session):
         self.context = browser.new_context(viewport={"width": 1280, "height": 800})
         self.context.grant_permissions(
             ["clipboard-read", "clipboard-write"], origin=session.address.rstrip("/")
         )
-        self.session, self.problems, self.asked = session, [], []
+        self.session, self.tabs = session, []
         self.page = self.open()
 
     def open(self):
-        page = self.context.new_page()
-        page.set_default_timeout(60_000)
-        page.on("console", lambda m: self.problems.append(m.text) if m.type == "error" else None)
-        page.on("pageerror", lambda error: self.problems.append(str(error)))
-        page.on("request", lambda request: self.asked.append(request.url))
-        page.on("websocket", lambda socket: self.asked.append(socket.url))
-        page.goto(self.session.address)
-        page.get_by_test_id("verdict").wait_for()
-        return page
+        tab = Watched(self.context.new_page())
+        self.tabs.append(tab)
+        tab.page.goto(self.session.address)
+        tab.page.get_by_test_id("verdict").wait_for()
+        return tab.page
+
+    def close(self):
+        self.context.close()
+        for tab in self.tabs:
+            assert tab.errors == []
+            assert tab.hosts() == {"127.0.0.1"}
 
     def verdict(self, page=None):
         return (page or self.page).get_by_test_id("verdict").inner_text()
@@ -362,10 +348,7 @@ class Seen:
         return [row.locator("td").all_inner_texts() for row in rows.all()]
 
     def scene(self):
-        from PIL import Image
-
-        clip = {"x": 370, "y": 160, "width": 500, "height": 630}
-        return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=clip))).convert("RGB"))
+        return self.tabs[0].pixels(clip={"x": 370, "y": 160, "width": 500, "height": 630})
 
     def wait_for_arm(self):
         for _ in range(100):
@@ -376,17 +359,13 @@ class Seen:
 
 
 @pytest.fixture
-def seen(chromium, dh5):
+def seen(browser, dh5):
     state = initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])
     with Session(dh5, state) as session:
         session.load_geometry()
-        tab = Seen(chromium, session)
-        yield tab
-        tab.context.close()
-        assert tab.problems == []
-        for url in tab.asked:
-            assert url.startswith((session.address, session.address.replace("http", "ws"),
-                                   f"blob:{session.address}", "data:")), url  # fmt: skip
+        page = Seen(browser, session)
+        yield page
+        page.close()
 
 
 @pytest.mark.browser
@@ -469,7 +448,7 @@ def test_two_tabs_share_one_page_and_one_may_vanish(seen):
 
 
 @pytest.mark.browser
-def test_names_with_markup_appear_as_text(chromium, tmp_path):
+def test_names_with_markup_appear_as_text(browser, tmp_path):
     bad = "&lt;img src=x onerror=&quot;window.pwned=1&quot;&gt;"
     path = tmp_path / "arm.urdf"
     text = arm(j2=joint(bad, "l1", "l2"))
@@ -478,7 +457,7 @@ def test_names_with_markup_appear_as_text(chromium, tmp_path):
     name = '<img src=x onerror="window.pwned=1">'
     assert (robot.name, robot.names[1]) == (name, name)
     with Session(robot, initial_state(robot, locked=[2], force=[1, 2, 3])) as session:
-        tab = Seen(chromium, session)
+        tab = Seen(browser, session)
         assert name in tab.verdict()
         for title in ("Force", "Census", "Take along"):
             tab.page.get_by_role("tab", name=title).click()
@@ -486,5 +465,4 @@ def test_names_with_markup_appear_as_text(chromium, tmp_path):
         assert tab.page.locator('img[src="x"]').count() == 0
         assert tab.page.evaluate("window.pwned") is None
         assert tab.page.title().startswith("ftforce")
-        tab.context.close()
-        assert tab.problems == []
+        tab.close()

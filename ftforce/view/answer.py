@@ -118,7 +118,7 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
         place,
         locked=[i + 1 for i in faults.in_mode(FaultMode.LOCKED)],
         free=[i + 1 for i in faults.in_mode(FaultMode.FREE)],
-        weak={f.joint + 1: f.factor for f in faults.faults if f.mode is FaultMode.WEAK},
+        weak=[(f.joint + 1, f.factor) for f in faults.faults if f.mode is FaultMode.WEAK],
         force=state.force,
         torque=state.asked_torque,
         velocity=state.velocity,

@@ -438,15 +438,12 @@ def command_part(command: str, note: str = "") -> Markup:
     return block(button, shown, element("div", note, class_="note"))
 
 
-def static_page(answer: Answer, picture: Picture, command: str) -> Markup:
-    """Return the whole answer for a page that nothing can be changed on."""
-    shown = answer.census
-    parts = [banner(answer), answer_part(answer), legend(picture)]
-    if shown is not None:
-        parts.append(census_part(shown, answer.analysis.faults.joints))
+def static_page(
+    answer: Answer, picture: Picture, command: str, remarks: Iterable[str] = ()
+) -> Markup:
+    """Return the whole answer for a page on which nothing can be changed."""
+    parts = [banner(answer), answer_part(answer), legend(picture, remarks)]
+    if answer.census is not None:
+        parts.append(census_part(answer.census, answer.analysis.faults.joints))
     parts.append(command_part(command, answer.state.origin.note))
-    look = (
-        "position:fixed;left:0;top:0;bottom:0;width:340px;overflow:auto;background:#fff;"
-        "border-right:1px solid #ccc;z-index:1000"
-    )
-    return element("div", *parts, style=look, data_testid="static")
+    return element("div", *parts, data_testid="static")

@@ -401,6 +401,11 @@ class Panel:
         """Show why there is no answer; the last one stays below."""
         _write(self._banner, problem_banner(problem))
 
+    def static_parts(self) -> str:
+        """Return the answer's HTML as it stands on the page."""
+        parts = (self._banner, self._answer, self._legend)
+        return "".join(part.content for part in parts)
+
     def show_parts(self, top: str, parts: str, below: str = "") -> None:
         """Show HTML of `ftforce.view.markup` instead of an answer: for a `Mode`."""
         _write(self._banner, top)

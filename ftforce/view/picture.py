@@ -226,10 +226,11 @@ def chain_joints(robot: Robot) -> tuple[int | None, ...]:
 
 def joint_colours(robot: Robot, loads: tuple[JointLoad, ...]) -> tuple[Colour, ...]:
     """Return the colour of each joint of the model: its fault, or the load of its motor."""
-    return tuple(
-        FIXED if i is None else colour_of(loads[i].fault and loads[i].fault.mode, loads[i].used)
-        for i in chain_joints(robot)
-    )
+    return tuple(FIXED if i is None else _colour(loads[i]) for i in chain_joints(robot))
+
+
+def _colour(load: JointLoad) -> Colour:
+    return colour_of(None if load.fault is None else load.fault.mode, load.used)
 
 
 def colour_of(mode: FaultMode | None, used: float) -> Colour:
@@ -439,7 +440,8 @@ def _ellipsoids(
 
 def _axes_of(U: Matrix, s: list[float], rank: int) -> Matrix:
     """Return the semi-axes 1/σ_i u_i of the directions that are kept, rows, shape (rank, m)."""
-    return U[:, :rank].T / np.array(s[:rank])[:, None]
+    axes: Matrix = U[:, :rank].T / np.array(s[:rank])[:, None]
+    return axes
 
 
 def ellipsoid(axes: Matrix) -> tuple[Matrix, Faces]:

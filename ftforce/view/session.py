@@ -124,8 +124,8 @@ class Session:
             self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
             self._worker.start()
             self.settle()
-            if self._picture is not None:
-                self.stage.look(self._picture)
+            if (scene := self.picture) is not None:
+                self.stage.look(scene)
         except BaseException:
             self.close()
             raise
@@ -248,15 +248,17 @@ class Session:
         started = time.perf_counter()
         try:
             view = None if self.mode is None else self.mode.view(state)
-            found = answer(self.robot, state, earlier) if view is None else None
-            scene = picture(found, scale) if found is not None else view and view.picture
-            with self._lock, self.server.atomic():
-                if found is not None:
+            if view is None:
+                found = answer(self.robot, state, earlier)
+                scene = picture(found, scale)
+                with self._lock, self.server.atomic():
                     self._answer = found
                     self.panel.show(found, scene)
-                elif view is not None:
+                    self._show(scene)
+            else:
+                with self._lock, self.server.atomic():
                     self.panel.show_parts(view.top, view.parts, view.below)
-                self._show(scene)
+                    self._show(view.picture)
         except FtforceError as error:
             self._show_problem(str(error))
         except Exception as error:  # the page lives on; its user never meets a traceback
@@ -331,26 +333,27 @@ class Session:
 
     def page(self) -> str:
         """Return the page as HTML that needs no server, and asks none for anything."""
-        from ftforce.view.export import scene_page
+        from ftforce.view.export import scene_html
 
         with self._lock:
-            shown, scene = self._answer, self._picture
-            assert shown is not None
-            assert scene is not None
-            part = static_page(shown, scene, command_line(self.robot, shown.state))
-            return scene_page(self.server, part, self.robot.name)
+            part = self.panel.static_parts()
+            if self._answer is not None and self._picture is not None and self.mode is None:
+                command = command_line(self.robot, self._answer.state)
+                part = static_page(self._answer, self._picture, command, self.panel.notes)
+            title = f"ftforce {self.robot.name}"
+            return scene_html(self.server, title=title, answer_html=part)
 
     def png(self) -> bytes:
         """Return the scene as a PNG, drawn by a browser without a window.
 
         Raises
         ------
-        OutputError
-            There is no browser.
+        FtforceError
+            There is no browser, or it fails.
         """
-        from ftforce.view.screenshot import scene_png
+        from ftforce.view.screenshot import screenshot
 
-        return scene_png(self.server, self.address)
+        return screenshot(self.server, self.address)
 
     def save_page(self, client: Any) -> None:
         """Give a tab the page as a file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -301,7 +301,7 @@ class State:
         """Return the same question with something at the tip."""
         return replace(self, payload=payload)
 
-    def showing(self, **changes: object) -> State:
+    def showing(self, **changes: Any) -> State:
         """Return the same question with something else on the page: fields of `Shown`."""
         return replace(self, shown=self.shown._replace(**changes))
 
