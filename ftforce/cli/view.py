@@ -183,6 +183,7 @@ def _write(session: "Session", export: Path | None, screenshot: Path | None) -> 
     from ftforce.source import write_whole
 
     session.load_geometry()
+    session.settle()
     if session.problem:
         raise InputError(session.problem)
     if export is not None:
