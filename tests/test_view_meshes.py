@@ -1,0 +1,369 @@
+"""What an arm looks like: against coal and Pinocchio's own geometry, and with meshes missing."""
+
+import struct
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial import cKDTree
+
+from ftforce import known_robots, load_robot
+from ftforce.errors import FileError
+from ftforce.posture import choose_posture
+from ftforce.view import mesh_files, meshes, shapes
+from ftforce.view.mesh_files import read_mesh
+from ftforce.view.meshes import MOST_SHOWN, load_geometry
+from ftforce.view.visuals import read_visuals
+from helpers import KNOWN, assert_close
+from urdfs import BODY, arm, link, write
+
+
+def volume(mesh):
+    """Return the volume that triangles enclose, positive if they face outwards."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
+    return np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
+
+
+def is_closed(mesh):
+    """Whether every edge is used once in each direction, by places rather than indices."""
+    _, same = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)
+    faces = same[mesh.faces]
+    edges = [tuple(edge) for face in faces for edge in zip(face, np.roll(face, -1), strict=True)]
+    return len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
+
+
+# ---- simple solids ---------------------------------------------------------------------------
+
+SIDES = shapes.ROUND
+FLAT = SIDES * np.sin(2 * np.pi / SIDES) / 2  # area of the polygon in a circle of radius 1
+
+
+@pytest.mark.parametrize(
+    ("solid", "size", "wanted", "tolerance"),
+    [
+        (shapes.box(1.0, 2.0, 3.0), (1, 2, 3), 6.0, 1e-12),
+        (shapes.cylinder(0.5, 2.0), (1, 1, 2), FLAT * 0.25 * 2, 1e-12),
+        (shapes.sphere(0.5), (1, 1, 1), np.pi / 6, 0.02),
+        (shapes.capsule(0.5, 2.0), (1, 1, 3), np.pi * (1 / 6 + 0.5), 0.02),
+        (shapes.between(np.zeros(3), np.array([0, 0, 2.0]), 0.5), (1, 1, 3), 2.0944, 0.02),
+    ],
+)
+def test_solids_are_closed_face_outwards_and_have_their_size(solid, size, wanted, tolerance):
+    assert is_closed(solid)
+    assert_close(np.ptp(solid.vertices, axis=0), size)
+    assert volume(solid) == pytest.approx(wanted, rel=tolerance)
+
+
+def test_edges_of_boxes_and_cylinders_stay_sharp():
+    # The page shades triangles that share a vertex as one smooth surface.
+    for solid, sides in ((shapes.box(1, 2, 3), 6), (shapes.cylinder(1, 2), 3)):
+        parent = np.arange(len(solid.vertices))
+        for _ in range(len(parent)):
+            lowest = parent[solid.faces].min(axis=1)
+            before = parent.copy()
+            np.minimum.at(parent, solid.faces.ravel(), np.repeat(lowest, 3))
+            if np.array_equal(before, parent):
+                break
+        assert len(np.unique(parent[solid.faces])) == sides
+
+
+@pytest.mark.parametrize("end", [(0, 0, 1), (0, 0, -2), (1, 0, 0), (0.3, -2, 1)])
+def test_a_rod_goes_from_one_point_to_another(end):
+    start, end = np.array([1.0, 2.0, 3.0]), np.array(end, dtype=float)
+    rod = shapes.between(start, start + end, 0.1)
+    from_start = np.linalg.norm(rod.vertices - start, axis=1)
+    from_end = np.linalg.norm(rod.vertices - start - end, axis=1)
+    assert_close([from_start.min(), from_end.min()], [0.1, 0.1])
+    assert from_start.max() == pytest.approx(np.linalg.norm(end) + 0.1)
+
+
+def test_a_mirror_image_still_faces_outwards():
+    assert volume(shapes.scaled(shapes.box(1, 1, 1), (1, -2, 1))) == pytest.approx(2)
+    assert volume(shapes.scaled(shapes.box(1, 1, 1), (-1, -2, 1))) == pytest.approx(2)
+
+
+def test_equal_vertices_become_one():
+    solid = shapes.sphere(1.0)
+    joined = shapes.joined(solid.vertices[solid.faces].astype(np.float32))
+    places = np.unique(solid.vertices.astype(np.float32) + np.float32(0), axis=0)
+    assert len(joined.vertices) == len(places)
+    assert_close(joined.vertices[joined.faces], solid.vertices[solid.faces], tol=1e-6)
+    # A zero and a negative zero are one place, and a triangle without area goes.
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[-0.0, 0, 0], [0, 0, -0.0], [1, 0, 0]]])
+    assert [len(x) for x in shapes.joined(corners.astype(np.float32))] == [3, 1]
+
+
+def test_a_coarser_mesh_stays_within_a_cell():
+    solid = shapes.sphere(1.0)
+    coarse = shapes.coarser(solid, 0.2)
+    assert 8 < len(coarse.faces) < len(solid.faces)
+    assert np.abs(np.linalg.norm(coarse.vertices, axis=1) - 1.0).max() < 0.2
+    assert coarse.faces.max() < len(coarse.vertices)
+    assert volume(coarse) == pytest.approx(volume(solid), rel=0.1)
+    assert len(shapes.coarser(solid, 10.0).faces) == 0
+
+
+# ---- files -----------------------------------------------------------------------------------
+
+
+def stl(corners, count=None):
+    """Return a binary STL of corners (f, 3, 3)."""
+    triangles = b"".join(struct.pack("<12fH", 0, 0, 0, *one.ravel(), 0) for one in corners)
+    return b" " * 80 + struct.pack("<I", len(corners) if count is None else count) + triangles
+
+
+def box_corners(*sides):
+    solid = shapes.box(*sides)
+    return solid.vertices[solid.faces]
+
+
+def by_coal(path):
+    model = coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(str(path), np.ones(3))
+    return model, np.array(model.vertices())
+
+
+@pytest.mark.parametrize("name", ["xarm7", "tiago", "panda", "ur5"])
+def test_files_are_read_as_coal_reads_them(name):
+    paths = {one.path for one in read_visuals(known_robots()[name].urdf).shapes if one.path}
+    for path in sorted(paths)[:6]:
+        ours, (model, vertices) = read_mesh(path), by_coal(path)
+        assert_close(ours.vertices.min(axis=0), vertices.min(axis=0), scale=1.0, tol=1e-6)
+        assert_close(ours.vertices.max(axis=0), vertices.max(axis=0), scale=1.0, tol=1e-6)
+        assert model.num_tris * 0.99 <= len(ours.faces) <= model.num_tris
+        size = np.prod(np.ptp(vertices, axis=0))
+        assert volume(ours) == pytest.approx(model.computeVolume(), abs=1e-5 * size)
+
+
+def test_every_form_of_a_file_gives_the_same_mesh(tmp_path):
+    corners = box_corners(1, 2, 3)
+    (tmp_path / "binary.stl").write_bytes(stl(corners))
+    text = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corner) for corner in one)
+        + "endloop\nendfacet\n"
+        for one in corners
+    )
+    (tmp_path / "text.STL").write_text(f"solid a\n{text}endsolid a\n")
+    solid = shapes.box(1, 2, 3)
+    lines = ["v {} {} {}".format(*v) for v in solid.vertices]
+    lines += ["f {} {} {}".format(*(f + 1)) for f in solid.faces.astype(int)]
+    (tmp_path / "box.obj").write_text("\n".join(lines) + "\n")
+    for name in ("binary.stl", "text.STL", "box.obj"):
+        mesh = read_mesh(tmp_path / name)
+        assert len(mesh.faces) == 12, name
+        assert volume(mesh) == pytest.approx(6.0), name
+        assert_close(np.ptp(mesh.vertices, axis=0), [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.stl", b""),
+        ("a.stl", b"\x00" * 84),
+        ("a.stl", stl(box_corners(1, 1, 1))[:-7]),
+        ("a.stl", stl(box_corners(1, 1, 1), count=10**9)),
+        ("a.stl", stl(np.full((2, 3, 3), np.nan))),
+        ("a.stl", stl(1e30 * box_corners(1, 1, 1))),
+        ("a.stl", stl(np.zeros((4, 3, 3)))),
+        ("a.stl", b"solid a\nfacet\n"),
+        ("a.dae", b"<COLLADA>"),
+        ("a.dae", b"no xml"),
+        ("a.dae", b'<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><COLLADA>&a;</COLLADA>'),
+        ("a.obj", b"v 1 2\nf 1 2 3\n"),
+        ("a.obj", b"\xff" * 100),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_an_error_and_nothing_is_printed(tmp_path, capfd, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError):
+        read_mesh(tmp_path / name)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch):
+    path = tmp_path / "a.stl"
+    path.write_bytes(stl(box_corners(1, 1, 1)))
+    monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", 11)
+    with pytest.raises(FileError, match="12 triangles; at most 11"):
+        read_mesh(path)
+    monkeypatch.setattr(mesh_files, "LARGEST_MESH", 100)
+    with pytest.raises(FileError, match="larger than"):
+        read_mesh(path)
+
+
+# ---- where the links are ---------------------------------------------------------------------
+
+
+def in_the_world(robot, geometry, q):
+    """Return vertices and centres of triangles at a posture."""
+    pin.forwardKinematics(robot.model, robot.data, robot.to_model(q))
+    points, centres = [], []
+    for part in geometry.parts:
+        pose = robot.data.oMi[part.joint]
+        here = part.vertices.astype(float) @ pose.rotation.T + pose.translation
+        points.append(here)
+        centres.append(here[part.faces].mean(axis=1))
+    return np.concatenate(points), np.concatenate(centres)
+
+
+def by_pinocchio(robot, q):
+    """Return the same of the meshes that Pinocchio loads, from the whole URDF."""
+    share = next(f for f in known_robots()[robot.name].urdf.parents if f.name == "share")
+    model = pin.buildModelFromUrdf(robot.path)
+    geometry = pin.buildGeomFromUrdf(model, robot.path, pin.GeometryType.VISUAL, None, [str(share)])
+    configuration = pin.neutral(model)
+    values = dict(robot.held) | dict(zip(robot.names, q, strict=True))
+    for name, value in values.items():
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq == 1:
+            configuration[joint.idx_q] = value
+        else:
+            configuration[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+    data, placed = model.createData(), geometry.createData()
+    pin.forwardKinematics(model, data, configuration)
+    pin.updateGeometryPlacements(model, data, geometry, placed)
+    points, centres = [], []
+    for shape, pose in zip(geometry.geometryObjects, placed.oMg, strict=True):
+        if hasattr(shape.geometry, "vertices"):
+            here = np.array(shape.geometry.vertices()) @ pose.rotation.T + pose.translation
+            faces = [shape.geometry.tri_indices(i) for i in range(shape.geometry.num_tris)]
+            points.append(here)
+            centres.append(here[[[f[0], f[1], f[2]] for f in faces]].mean(axis=1))
+    return np.concatenate(points), np.concatenate(centres)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "xarm7", "tiago", "kinova", "pr2_left"])
+def test_links_are_where_pinocchio_has_them(name):
+    robot = load_robot(name)
+    geometry = load_geometry(robot)
+    q = choose_posture(robot, None, None).q + np.linspace(-0.3, 0.2, robot.n)
+    for ours, theirs in zip(in_the_world(robot, geometry, q), by_pinocchio(robot, q), strict=True):
+        assert cKDTree(ours).query(theirs)[0].max() < 2e-6
+        if not any(one.shape != "mesh" for one in read_visuals(robot.path).shapes):
+            assert cKDTree(theirs).query(ours)[0].max() < 2e-6
+
+
+def test_a_robot_with_many_triangles_is_shown_with_fewer():
+    robot = load_robot("z1")
+    geometry = load_geometry(robot)
+    q = choose_posture(robot, None, None).q
+    ours, theirs = in_the_world(robot, geometry, q)[0], by_pinocchio(robot, q)[0]
+    assert all(part.flat for part in geometry.parts)
+    assert 0.3 * MOST_SHOWN < sum(len(part.faces) for part in geometry.parts) <= MOST_SHOWN
+    assert cKDTree(theirs).query(ours)[0].max() < 0.004
+    assert cKDTree(ours).query(theirs)[0].max() < 0.004
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_the_known_robots_are_shown_whole(name):
+    robot = load_robot(name)
+    geometry = load_geometry(robot)
+    assert geometry.notes == ()
+    joints = [part.joint for part in geometry.parts]
+    assert joints == sorted(set(joints))
+    assert set(joints) <= set(range(robot.model.njoints))
+    assert len(joints) >= robot.n
+    for part in geometry.parts:
+        assert part.vertices.dtype == np.float32
+        assert part.faces.dtype == np.uint32
+        assert part.vertices.shape[1:] == part.faces.shape[1:] == (3,)
+        assert part.faces.max() < len(part.vertices)
+        assert np.isfinite(part.vertices).all()
+        assert not part.vertices.flags.writeable
+    assert sum(len(part.faces) for part in geometry.parts) <= MOST_SHOWN
+
+
+def test_each_file_is_read_once(monkeypatch):
+    read = []
+    monkeypatch.setattr(meshes, "read_mesh", lambda path: read.append(path) or read_mesh(path))
+    load_geometry(load_robot("panda"))
+    assert len(read) == len(set(read)) == 10  # eleven visuals: the fingers share theirs
+
+
+# ---- what is missing -------------------------------------------------------------------------
+
+
+def mesh_visual(filename, **attributes):
+    more = "".join(f' {key}="{value}"' for key, value in attributes.items())
+    return f'<visual><geometry><mesh filename="{filename}"{more}/></geometry></visual>'
+
+
+@pytest.fixture
+def shown(tmp_path):
+    """Return an arm, and its look, with something in the link between its first two joints."""
+
+    def make(*visuals):
+        robot = load_robot(write(tmp_path, arm(l1=link("l1", BODY + "".join(visuals)))))
+        return robot, load_geometry(robot)
+
+    return make
+
+
+def reaches(part, point, radius=0.1):
+    return np.linalg.norm(part.vertices - point, axis=1).min() < radius
+
+
+@pytest.mark.parametrize("content", [None, b"rubbish", b""])
+def test_a_link_whose_mesh_cannot_be_had_is_a_rod_to_the_next_joint(tmp_path, shown, content):
+    if content is not None:
+        (tmp_path / "a.stl").write_bytes(content)
+    robot, geometry = shown(mesh_visual("a.stl"))
+    (note,) = geometry.notes
+    assert "a.stl" in note
+    (part,) = geometry.parts
+    assert part.joint == 1
+    assert reaches(part, np.zeros(3))
+    assert reaches(part, robot.model.jointPlacements[2].translation)
+    assert np.linalg.norm(part.vertices, axis=1).max() < 0.6
+
+
+def test_a_mesh_is_scaled_and_put_where_its_origin_says(tmp_path, shown):
+    (tmp_path / "a.stl").write_bytes(stl(1000.0 * box_corners(1, 2, 3)))
+    origin = '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'
+    one = mesh_visual("a.stl", scale="0.001 0.001 0.001").replace("<visual>", f"<visual>{origin}")
+    _, geometry = shown(one)
+    (part,) = geometry.parts
+    assert geometry.notes == ()
+    assert_close(part.vertices.max(axis=0), [2.0, 0.5, 1.5], tol=1e-6)
+    assert_close(part.vertices.min(axis=0), [0.0, -0.5, -1.5], tol=1e-6)
+
+
+def test_a_mesh_that_is_no_part_of_an_arm_is_left_out(tmp_path, shown):
+    (tmp_path / "a.stl").write_bytes(stl(1000.0 * box_corners(1, 2, 3)))
+    _, geometry = shown(mesh_visual("a.stl", scale="10 10 10"))
+    assert "too large" in geometry.notes[0]
+    assert np.abs(geometry.parts[0].vertices).max() < 1.0
+
+
+def test_files_are_not_read_beyond_all_bounds(tmp_path, shown, monkeypatch):
+    for name in ("a.stl", "b.stl"):
+        (tmp_path / name).write_bytes(stl(box_corners(1, 2, 3)))
+    monkeypatch.setattr(meshes, "LARGEST_TOTAL", 1000)
+    _, geometry = shown(mesh_visual("a.stl"), mesh_visual("b.stl"))
+    (note,) = geometry.notes
+    assert "b.stl" in note
+
+
+def test_an_arm_without_any_look_is_shown_as_rods(shown):
+    robot, geometry = shown()
+    assert "does not say" in geometry.notes[0]
+    assert [part.joint for part in geometry.parts] == list(range(robot.model.njoints))
+    for part in geometry.parts[:-1]:
+        assert reaches(part, robot.model.jointPlacements[part.joint + 1].translation)
+    assert reaches(geometry.parts[-1], robot.model.frames[robot.tip_frame].placement.translation)
+
+
+def test_an_arm_whose_file_has_gone_is_shown_as_rods(tmp_path):
+    path = write(tmp_path, arm())
+    robot = load_robot(path)
+    path.unlink()
+    geometry = load_geometry(robot)
+    assert "no such file" in geometry.notes[0]
+    assert len(geometry.parts) == robot.model.njoints
+
+
+def test_notes_show_names_as_they_can_be_printed(shown):
+    _, geometry = shown(mesh_visual("&#x9b;31m&#x202e;.stl"))
+    assert geometry.notes
+    assert all(note.isprintable() for note in geometry.notes)
