@@ -14,11 +14,12 @@ import logging
 import re
 import socket
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qs, urlsplit
+from weakref import WeakSet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -148,6 +149,7 @@ class Guard:
         self.protocol = f"viser-v{viser.__version__}"
         self.title = f"<title>{html.escape(title)}</title>".encode()
         self.is_used = False
+        self._connections: WeakSet[Any] = WeakSet()
 
     def wrap(self, answer: Any) -> Any:
         """Return viser's function that answers requests, guarded."""
@@ -168,6 +170,31 @@ class Guard:
             return response
 
         return checked
+
+    def tracked(self) -> Any:
+        """Return the class of connections that this guard can hang up."""
+        from websockets.asyncio.server import ServerConnection
+
+        connections = self._connections
+
+        class Tracked(ServerConnection):
+            def connection_made(self, transport: Any) -> None:
+                super().connection_made(transport)
+                connections.add(self)
+
+        return Tracked
+
+    def hang_up(self) -> None:
+        """Cut connections that never asked for anything: the server's end waits for them.
+
+        Browsers open some in advance.
+        """
+        from websockets.protocol import State
+
+        for connection in list(self._connections):
+            if connection.state is not State.OPEN:
+                with suppress(RuntimeError):  # the server has ended
+                    connection.loop.call_soon_threadsafe(connection.transport.abort)
 
     def _name(self, response: Any) -> None:
         if _TITLE in response.body[:10_000]:
@@ -208,6 +235,7 @@ def guarding(names: Names, title: str) -> Iterator[Guard]:
     def guarded(handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
         guard.is_used = True
         options |= {"logger": _silent(), "close_timeout": _PATIENCE}
+        options["create_connection"] = guard.tracked()
         return serve(handler, *where, process_request=guard.wrap(process_request), **options)
 
     with _lock:

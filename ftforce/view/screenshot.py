@@ -59,6 +59,7 @@ _FLAGS = (
     "--enable-unsafe-swiftshader",
     "--no-proxy-server",
 )
+_PATIENCE = 5.0  # s for a browser that is told to end
 _STEP = 0.05  # s between two looks
 _MOST_PICTURES = 6  # until two in a row are the same
 
@@ -173,7 +174,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
         _signal(process, number)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(5.0)
+            process.wait(_PATIENCE)
             break
     _signal(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # children that are left
 

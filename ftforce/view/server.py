@@ -46,9 +46,11 @@ class Opened:
     address: str
     port: int
     warning: str
+    _guard: Guard
 
     def close(self) -> None:
         """Close the server and all connections; what viser prints is not shown."""
+        self._guard.hang_up()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
@@ -96,9 +98,9 @@ def open_server(
         _close_tunnel(server)
         _set_up(server)
     except BaseException:
-        Opened(server, "", 0, "").close()
+        Opened(server, "", 0, "", guard).close()
         raise
-    return Opened(server, f"http://{_in_url(here)}:{found}/", found, exposure(host))
+    return Opened(server, f"http://{_in_url(here)}:{found}/", found, exposure(host), guard)
 
 
 def exposure(host: str) -> str:

@@ -1,0 +1,469 @@
+"""The page's server: who may talk to it, where it listens, and how it ends."""
+
+import asyncio
+import http.client
+import os
+import socket
+import threading
+import time
+
+import msgspec
+import pytest
+import viser
+import websockets
+from viser import _messages
+from websockets.datastructures import Headers
+
+from ftforce.errors import FtforceError, InputError
+from ftforce.view import guard, server
+from ftforce.view.guard import Names, is_loopback, names_of, refusal
+from ftforce.view.server import exposure, open_server
+
+PROTOCOL = f"viser-v{viser.__version__}"
+LOCAL = Names(frozenset({"127.0.0.1", "localhost", "::1"}))
+
+
+@pytest.fixture
+def opened():
+    opened = open_server(port=0, title="ftforce: <arm> & more")
+    yield opened
+    opened.close()
+
+
+def get(opened, path="/", **headers):
+    """Return status, headers and body of a request."""
+    connection = http.client.HTTPConnection("127.0.0.1", opened.port, timeout=10)
+    try:
+        connection.request("GET", path, headers=headers)
+        response = connection.getresponse()
+        return response.status, response.headers, response.read()
+    finally:
+        connection.close()
+
+
+def send(opened, data):
+    """Send bytes; return what comes back until the connection ends."""
+    with socket.create_connection(("127.0.0.1", opened.port), timeout=10) as connection:
+        answer = b""
+        try:
+            connection.sendall(data)
+            while part := connection.recv(65536):
+                answer += part
+        except ConnectionError:
+            pass
+        return answer
+
+
+def connect(opened, origin="own", protocol=PROTOCOL, **options):
+    """Return a websocket's connection, to be awaited."""
+    if origin == "own":
+        origin = f"http://127.0.0.1:{opened.port}"
+    return websockets.connect(
+        f"ws://127.0.0.1:{opened.port}/",
+        origin=origin,
+        subprotocols=[protocol] if protocol else None,
+        max_size=None,
+        proxy=None,
+        **options,
+    )
+
+
+async def status_of(opened, *args, **options):
+    """Return 101 if a websocket is opened, or the status with which it is refused."""
+    try:
+        async with connect(opened, *args, **options) as socket_:
+            await asyncio.wait_for(socket_.recv(), 10)
+            return 101
+    except websockets.exceptions.InvalidStatus as refused:
+        return refused.response.status_code
+
+
+# ---- the rules -------------------------------------------------------------------------------
+
+
+def headers(*pairs):
+    return Headers(list(pairs))
+
+
+HOST = ("Host", "127.0.0.1:8080")
+OWN = ("Origin", "http://127.0.0.1:8080")
+SOCKET = (("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", PROTOCOL))
+
+
+@pytest.mark.parametrize(
+    ("path", "given"),
+    [
+        ("/", [HOST]),
+        ("/", [("Host", "localhost:8080")]),
+        ("/", [("Host", "LOCALHOST")]),
+        ("/", [("Host", "[::1]:8080")]),
+        ("/a/b?x=1&y=websocket", [HOST]),
+        ("/", [HOST, OWN]),
+        ("/", [HOST, OWN, *SOCKET]),
+        ("/", [("Host", "localhost:9"), ("Origin", "http://localhost:9"), *SOCKET]),
+    ],
+)
+def test_the_page_itself_is_answered(path, given):
+    assert refusal(path, headers(*given), LOCAL, PROTOCOL) == ""
+
+
+@pytest.mark.parametrize(
+    ("path", "given"),
+    [
+        ("/", []),
+        ("/", [HOST, HOST]),
+        ("/", [HOST, ("Host", "evil.example")]),
+        ("/", [("Host", "")]),
+        ("/", [("Host", "evil.example:8080")]),
+        ("/", [("Host", "192.168.1.5:8080")]),
+        ("/", [("Host", "localhost.evil.example")]),
+        ("/", [("Host", "localhost@evil.example")]),
+        ("/", [("Host", "evil.example#localhost")]),
+        ("/", [("Host", "localhost; script-src *")]),
+        ("/", [("Host", "127.0.0.1:8080/x")]),
+        ("/", [("Host", "[::1")]),
+        ("/", [("Host", "0.0.0.0:8080")]),
+        ("/", [HOST, ("Origin", "http://evil.example")]),
+        ("/", [HOST, ("Origin", "null")]),
+        ("/", [HOST, *SOCKET]),
+        ("/", [HOST, ("Origin", ""), *SOCKET]),
+        ("/", [HOST, ("Origin", "null"), *SOCKET]),
+        ("/", [HOST, ("Origin", "http://evil.example"), *SOCKET]),
+        ("/", [HOST, ("Origin", "https://127.0.0.1:8080"), *SOCKET]),
+        ("/", [HOST, ("Origin", "http://127.0.0.1:8081"), *SOCKET]),
+        ("/", [HOST, ("Origin", "http://localhost:8080"), *SOCKET]),
+        ("/", [HOST, OWN, ("Origin", "http://evil.example"), *SOCKET]),
+        ("/", [HOST, OWN, ("Upgrade", "websocket")]),
+        ("/", [HOST, OWN, ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", "viser-v0.0.1")]),
+        ("/", [HOST, ("Upgrade", "WebSocket"), SOCKET[1]]),
+        ("/?websocket=ws://evil.example", [HOST]),
+        ("/?a=1&websocket=", [HOST]),
+        ("/?%77ebsocket=ws://evil.example", [HOST]),
+        ("/?playbackPath=http://evil.example/a.viser", [HOST]),
+    ],
+)
+def test_everybody_else_is_refused(path, given):
+    assert refusal(path, headers(*given), LOCAL, PROTOCOL)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "127.1.2.3", "LocalHost"])
+def test_loopback_needs_no_warning(host):
+    assert is_loopback(host)
+    assert exposure(host) == ""
+    assert names_of(host).hold(host)
+    assert not names_of(host).any_address
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "robot.example"])
+def test_other_hosts_are_warned_of(host):
+    assert not is_loopback(host)
+    assert host in exposure(host)
+    names = names_of(host)
+    # An address cannot be made to point here by somebody else, as a name can.
+    for name in (host, "127.0.0.1", "192.168.1.5", "::1", socket.gethostname()):
+        assert names.hold(name)
+    assert not names.hold("evil.example")
+
+
+# ---- the server ------------------------------------------------------------------------------
+
+
+def test_the_page_is_served_with_its_title_and_what_browsers_enforce(opened):
+    for coding in ("identity", "gzip"):
+        status, found, body = get(opened, **{"Accept-Encoding": coding})
+        assert status == 200
+        assert b"<title>ftforce: &lt;arm&gt; &amp; more</title>" in body
+        assert int(found["Content-Length"]) == len(body)
+        assert found["Content-Encoding"] == "identity"
+        policy = found["Content-Security-Policy"]
+        assert f"connect-src 'self' ws://127.0.0.1:{opened.port} data: blob:;" in policy
+        assert "default-src 'none'" in policy
+        assert "frame-ancestors 'none'" in policy
+        assert found["X-Content-Type-Options"] == "nosniff"
+        assert found["Cache-Control"] == "no-store"
+        assert found["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert opened.address == f"http://127.0.0.1:{opened.port}/"
+    assert opened.warning == ""
+
+
+def test_strangers_are_refused_by_the_server_too(opened):
+    assert get(opened, Host="evil.example")[0] == 403
+    assert get(opened, Host=f"evil.example:{opened.port}")[0] == 403
+    assert get(opened, Origin="http://evil.example")[0] == 403
+    assert get(opened, "/?websocket=ws://evil.example")[0] == 403
+    assert get(opened, Host=f"localhost:{opened.port}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/../server.py", "/%2e%2e/server.py", "/..%5cserver.py", "//etc/passwd", "/a", "/index.html/"],
+)
+def test_no_other_file_is_served(opened, path):
+    status, _, body = get(opened, path)
+    assert status == 404 or b"<title>ftforce" in body
+
+
+def test_only_the_own_page_can_connect(opened):
+    port = opened.port
+
+    async def ask():
+        return [
+            await status_of(opened),
+            await status_of(opened, None),
+            await status_of(opened, "null"),
+            await status_of(opened, "http://evil.example"),
+            await status_of(opened, f"http://127.0.0.1:{port + 1}"),
+            await status_of(opened, f"https://127.0.0.1:{port}"),
+            await status_of(opened, protocol="viser-v0.0.1"),
+            await status_of(opened, protocol=None),
+        ]
+
+    assert asyncio.run(ask()) == [101] + 7 * [403]
+
+
+def message(one):
+    """Return a message as viser's page sends it."""
+    return msgspec.msgpack.encode(one.as_serializable_dict([]))
+
+
+def camera():
+    return _messages.ViewerCameraMessage(
+        wxyz=(1.0, 0.0, 0.0, 0.0), position=(1.0, 0.0, 0.0), fov=1.0, near=0.1, far=10.0,
+        image_height=100, image_width=100, look_at=(0.0, 0.0, 0.0), up_direction=(0.0, 0.0, 1.0),
+    )  # fmt: skip
+
+
+def wait_for(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert condition()
+
+
+def test_no_page_can_make_the_server_public(opened, monkeypatch):
+    asked = []
+    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_: asked.append(1))
+
+    async def ask():
+        async with connect(opened) as socket_:
+            await socket_.send(message(_messages.ShareUrlRequest()))
+            await socket_.send(message(_messages.ShareUrlDisconnect()))
+            await socket_.send(message(camera()))  # answered, so the others were read before it
+            await asyncio.to_thread(wait_for, opened.server.get_clients)
+            await asyncio.sleep(0.1)
+
+    asyncio.run(ask())
+    assert asked == []
+
+
+def test_ten_tabs_and_one_that_vanishes_disturb_nothing(opened):
+    seen = [0] * 10
+
+    async def watch(i, socket_):
+        while True:
+            seen[i] += len(await socket_.recv())
+
+    async def ask():
+        sockets = [await connect(opened) for _ in seen]
+        for socket_ in sockets:
+            await socket_.send(message(camera()))
+        tasks = [asyncio.create_task(watch(i, socket_)) for i, socket_ in enumerate(sockets)]
+        await asyncio.to_thread(wait_for, lambda: len(opened.server.get_clients()) == 10)
+        node = opened.server.scene.add_frame("/a")
+        sockets[3].transport.abort()  # no closing handshake: the tab's machine is gone
+        await asyncio.to_thread(wait_for, lambda: len(opened.server.get_clients()) == 9)
+        await asyncio.sleep(0.2)
+        before = list(seen)
+        for k in range(20):
+            node.position = (0.0, 0.0, 0.1 * k)
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(0.2)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for socket_ in sockets:
+            await socket_.close()
+        return before
+
+    before = asyncio.run(ask())
+    grown = [now > then for now, then in zip(seen, before, strict=True)]
+    assert grown == [i != 3 for i in range(10)]
+    assert get(opened)[0] == 200
+
+
+def test_rubbish_is_survived_in_silence(opened, capfd, caplog):
+    own = f"127.0.0.1:{opened.port}".encode()
+    start = b"GET / HTTP/1.1\r\nHost: " + own + b"\r\n"
+    for data in (
+        start + b"X: " + b"a" * 100_000 + b"\r\n\r\n",
+        start + b"X: a\r\n" * 1000 + b"\r\n",
+        b"GET /" + b"a" * 100_000 + b" HTTP/1.1\r\n\r\n",
+        b"\x16\x03\x01" + bytes(300) + b"\r\n",
+        b"POST / HTTP/1.1\r\nHost: " + own + b"\r\nContent-Length: 3\r\n\r\nabc",
+        start + b"Upgrade: a\r\nUpgrade: b\r\n\r\n",
+        start + b"Accept-Encoding: a\r\nAccept-Encoding: b\r\n\r\n",
+        start + b"Origin: \xff\r\n\r\n",
+        b"GET http://[ HTTP/1.1\r\nHost: " + own + b"\r\n\r\n",
+    ):
+        answer = send(opened, data)
+        assert answer[:12] in {b"", b"HTTP/1.1 400", b"HTTP/1.1 403", b"HTTP/1.1 404",
+                               b"HTTP/1.1 405", b"HTTP/1.1 414", b"HTTP/1.1 431",
+                               b"HTTP/1.1 500", b"HTTP/1.1 200"}, data[:80]  # fmt: skip
+    assert get(opened)[0] == 200
+    assert capfd.readouterr() == ("", "")
+    assert caplog.records == []
+
+
+def test_a_message_that_is_none_ends_only_its_own_tab(opened, capfd):
+    async def ask():
+        async with connect(opened) as good:
+            for data in (b"\xc1", msgspec.msgpack.encode({"type": "None"})):
+                async with connect(opened) as bad:
+                    await bad.send(data)
+                    await asyncio.wait_for(bad.wait_closed(), 10)
+            await good.send(message(camera()))
+            await asyncio.to_thread(wait_for, opened.server.get_clients)
+
+    asyncio.run(ask())
+    assert get(opened)[0] == 200
+    assert capfd.readouterr() == ("", "")
+
+
+# ---- where it listens, and its end -----------------------------------------------------------
+
+
+def test_nothing_is_printed_and_nothing_stays_open(capfd):
+    before = set(threading.enumerate())
+    opened = open_server(port=0)
+    port = opened.port
+    opened.close()
+    wait_for(lambda: not any(t.name == "serve" for t in set(threading.enumerate()) - before))
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=1)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_connection_that_hangs_does_not_keep_the_server(opened):
+    with (
+        socket.create_connection(("127.0.0.1", opened.port)) as silent,
+        socket.create_connection(("127.0.0.1", opened.port)) as reading,
+    ):
+        silent.sendall(b"GET / HTTP/1.1\r\n")
+        reading.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{opened.port}\r\n\r\n".encode())
+        reading.recv(1)
+        started = time.monotonic()
+        opened.close()
+        assert time.monotonic() - started < 4.0
+
+
+def test_a_port_that_is_taken_is_an_error_and_another_one_is_found(opened):
+    with pytest.raises(InputError, match=rf"port {opened.port} of 127.0.0.1 is taken.*--port"):
+        open_server(port=opened.port)
+    with socket.socket() as blocker:
+        blocker.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            blocker.bind(("127.0.0.1", server.FIRST_PORT))
+            blocker.listen()
+        except OSError:
+            pass  # somebody else blocks it
+        other = open_server()
+        try:
+            assert other.port > server.FIRST_PORT
+        finally:
+            other.close()
+
+
+def test_a_port_is_free_again_after_its_end():
+    first = open_server(port=0)
+    assert get(first)[0] == 200
+    first.close()
+    second = open_server(port=first.port)
+    second.close()
+    assert second.port == first.port
+
+
+def test_a_port_that_somebody_takes_meanwhile_is_an_error(opened, monkeypatch):
+    monkeypatch.setattr(server, "_check_free", lambda *_: None)
+    with pytest.raises(InputError, match="is taken"):
+        open_server(port=opened.port)
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 99999])
+def test_what_is_no_port_is_an_error(port):
+    with pytest.raises(InputError, match="from 1 to 65535"):
+        open_server(port=port)
+
+
+@pytest.mark.parametrize("host", ["203.0.113.7", "none.invalid", "a b", "x" * 300, "127.0.0.1:80"])
+def test_a_host_that_is_not_ours_is_an_error_and_does_not_hang(host):
+    with pytest.raises(InputError, match="no address of this machine"):
+        open_server(host)
+
+
+def test_the_environment_does_not_choose_the_port(opened, monkeypatch):
+    monkeypatch.setenv("_VISER_PORT_OVERRIDE", str(opened.port))
+    other = open_server(port=0)
+    other.close()
+    assert other.port not in {opened.port, opened.port + 1}
+    assert os.environ["_VISER_PORT_OVERRIDE"] == str(opened.port)
+
+
+def test_all_addresses_are_listened_on_when_asked_for():
+    opened = open_server("0.0.0.0", 0)
+    try:
+        assert "everybody who reaches 0.0.0.0" in opened.warning
+        assert opened.address == f"http://127.0.0.1:{opened.port}/"
+        assert get(opened)[0] == 200
+        assert get(opened, Host="evil.example")[0] == 403
+        assert get(opened, Host=f"192.168.7.7:{opened.port}")[0] == 200
+    finally:
+        opened.close()
+
+
+def port_of_last(monkeypatch):
+    """Return a list that gets the port of each server that viser starts."""
+    ports, real = [], viser.ViserServer.get_port
+    monkeypatch.setattr(
+        viser.ViserServer, "get_port", lambda self: ports.append(real(self)) or ports[-1]
+    )
+    return ports
+
+
+def closed(port):
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=1)
+    return True
+
+
+def test_without_a_guard_nothing_stays_open(monkeypatch):
+    ports = port_of_last(monkeypatch)
+    monkeypatch.setattr(guard, "refusal", lambda *_: "")
+    with pytest.raises(FtforceError, match="cannot be guarded"):
+        open_server(port=0)
+    assert closed(ports[-1])
+
+
+@pytest.mark.parametrize("rule", ["HOST", "ORIGIN"])
+def test_a_guard_with_one_rule_missing_is_none(monkeypatch, rule):
+    if rule == "HOST":
+        monkeypatch.setattr(Names, "hold", lambda *_: True)
+    else:
+        monkeypatch.setattr(guard, "_connection_refusal", lambda *_: "")
+    with pytest.raises(FtforceError, match="cannot be guarded"):
+        open_server(port=0)
+
+
+def test_another_way_of_starting_is_noticed(monkeypatch):
+    ports = port_of_last(monkeypatch)
+    monkeypatch.setattr(guard.Guard, "wrap", lambda self, answer: answer)
+    with pytest.raises(FtforceError, match="cannot be guarded"):
+        open_server(port=0)
+    assert closed(ports[-1])
+
+
+def test_a_tunnel_that_cannot_be_closed_is_an_error(monkeypatch):
+    ports = port_of_last(monkeypatch)
+    monkeypatch.delattr(viser.infra._infra.WebsockMessageHandler, "unregister_handler")
+    with pytest.raises(FtforceError, match="tunnel"):
+        open_server(port=0)
+    assert closed(ports[-1])
