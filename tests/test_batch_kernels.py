@@ -178,7 +178,7 @@ def test_the_fast_part_answers_nearly_all(robots, name, words, faults, mode, sha
     plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
     q = postures_of(robot, 2000, 14)
     answers = empty_answers(plan, len(q))
-    work = lanes.workspace(plan.mechanism.parent.size, robot.n, task.m)
+    work = fast.bench(plan.mechanism.parent.size, robot.n, task.m)
     fast.evaluate(plan.mechanism, plan.faults, question, q, answers, work)
     assert np.mean(answers.verdict == UNDECIDED) < share
 
@@ -434,7 +434,7 @@ def decompose(J, force, secular_, one):
     spectrum.decompose(J, one)
     secular.prepare(J, one, force, True, secular_)
     for k in range(J.shape[1]):
-        secular.find_root(k, one, one.square[0], secular.LEAST**2, secular_)
+        secular.find_root(k, one.square, one.square[0], secular.LEAST**2, secular_)
 
 
 def graded(m, n):
@@ -461,7 +461,7 @@ def test_singular_values_side_by_side(m, n):
     s = np.linalg.svd(J, compute_uv=False)
     found = one.sigma.T
     np.testing.assert_allclose(found[:, : s.shape[1]], s, rtol=1e-10, atol=1e-15)
-    assert not one.fails.any()
+    assert not one.line[0].any()
     for b in range(LANES):  # J Jᵀ = U diag(σ²) Uᵀ
         W = one.W[:, :, b]
         np.testing.assert_allclose((W.T * found[b] ** 2) @ W, J[b] @ J[b].T, atol=1e-14)

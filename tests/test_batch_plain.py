@@ -14,7 +14,7 @@ import ftforce
 from ftforce.batch.drawn import Drawn
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
-from ftforce.faults import FaultSet, fault_sets
+from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.limits_reader import choose_limits
 from ftforce.task import Task
 
@@ -59,7 +59,8 @@ def answers(
 def test_kernels_say_what_analyze_says(name: str, components: str, axes: Any, mode: Any) -> None:
     robot = ftforce.load_robot(name)
     task = Task.parse(components, axes, 0.3)
-    sets = (FaultSet(), *fault_sets(robot.n, 1, mode))
+    pair = tuple(Fault(joint, FaultMode.parse(mode)) for joint in (1, 3))
+    sets = (FaultSet(), *fault_sets(robot.n, 1, mode), FaultSet(pair))
     q = np.vstack([np.zeros(robot.n), Drawn.of(robot, 3, seed=3).block(0, 3)])
     force = np.linspace(40.0, -15.0, task.m)
     block = answers(robot, q, sets, task, force)
@@ -79,19 +80,75 @@ def test_kernels_say_what_analyze_says(name: str, components: str, axes: Any, mo
             assert block.jump[s, i] == pytest.approx(jump, rel=1e-8, abs=1e-9, nan_ok=True)
 
 
+def mixed(words: str) -> FaultSet:
+    """Return a fault set of words like ``1 locked, 3 free``, joints from 1."""
+    parts = (part.split() for part in words.split(","))
+    return FaultSet(tuple(Fault(int(joint) - 1, FaultMode.parse(mode)) for joint, mode in parts))
+
+
+@pytest.mark.parametrize("asks", [True, False])
+@pytest.mark.parametrize(
+    ("name", "components", "words"),
+    [
+        (
+            "panda",
+            "force",
+            ["1 locked, 3 locked, 5 locked, 7 locked", "7 free", "2 free, 4 locked"],
+        ),
+        ("panda", "force", ["1 free, 2 free, 4 free, 6 free", "1 locked, 2 locked, 3 locked"]),
+        ("panda", "wrench", ["1 locked, 2 locked, 3 locked", "2 free, 7 locked"]),
+        ("tiago", "force", ["1 locked", "1 free"]),
+        ("dh5", "wrench", ["1 locked", "2 free"]),
+    ],
+)
+def test_many_joints_fail(name: str, components: str, words: list[str], asks: bool) -> None:
+    robot, task = ftforce.load_robot(name), Task.parse(components, "tool", 0.3)
+    sets = tuple(map(mixed, words))
+    q = np.vstack([np.zeros(robot.n), Drawn.of(robot, 9, seed=7).block(0, 9)])
+    force = np.linspace(40.0, -15.0, task.m) if asks else None
+    block = answers(robot, q, sets, task, force)
+    for i, posture in enumerate(q):
+        for s, one in enumerate(sets):
+            free = list(one.swinging)
+            expected = ftforce.analyze(
+                robot, posture, force=force, task=task, free=[j + 1 for j in free],
+                locked=[j + 1 for j in one.joints if j not in free],
+            )  # fmt: skip
+            assert VERDICTS[block.verdict[s, i]] == expected.verdict.value
+            assert block.rank_lost[s, i] == expected.reduced.rank - expected.reduced.rank_after
+            assert block.margin[s, i] == pytest.approx(expected.margin, rel=1e-7, abs=1e-13)
+
+
+def test_angles_of_many_turns() -> None:
+    robot, task = ftforce.load_robot("kinova"), Task.parse("force", "world")
+    sets, q = (FaultSet.locked([1]),), Drawn.of(robot, 2, seed=3).block(0, 2)
+    turns = np.where(np.isinf(robot.lower), 2.0 * np.pi * 1e5, 0.0)
+    near, far = (answers(robot, at, sets, task, None) for at in (q, q + turns))
+    assert far.tip == pytest.approx(near.tip, abs=1e-9)
+    assert far.margin == pytest.approx(near.margin, rel=1e-8)
+
+
 @pytest.mark.parametrize("mode", ["locked", "free"])
-def test_capability_is_that_of_the_census(mode: Any) -> None:
-    robot = ftforce.load_robot("panda")
-    task, direction = Task.parse("force", "world"), np.array([0.0, 0.6, 0.8])
+@pytest.mark.parametrize(
+    ("name", "components", "faults"),
+    [("panda", "force", 1), ("panda", "force", 2), ("ur5", "wrench", 1), ("ur5", "fx,fz", 1)],
+)
+def test_capability_is_that_of_the_census(
+    name: str, components: str, faults: int, mode: Any
+) -> None:
+    robot, task = ftforce.load_robot(name), Task.parse(components, "world", 0.3)
+    direction = np.linspace(0.2, 0.8, task.m) * (np.arange(task.m) < 3)
+    direction /= np.linalg.norm(direction)
     limits = choose_limits(robot, "urdf")
-    sets = tuple(fault_sets(robot.n, 1, mode))
-    q = Drawn.of(robot, 3, seed=5).block(0, 3)
+    sets = tuple(fault_sets(robot.n, faults, mode))
+    q = Drawn.of(robot, 2, seed=5).block(0, 2)
     block = answers(robot, q, sets, task, None, direction=direction, limits=limits)
     assert block.capability is not None
     for i, posture in enumerate(q):
         result = ftforce.census(
-            robot, posture, mode=mode, axes="world", rank_by="capability", direction=direction
-        )
+            robot, posture, mode=mode, faults=faults, task=task, rank_by="capability",
+            direction=direction,
+        )  # fmt: skip
         for report in result.sets:
             s = sets.index(report.faults)
             assert report.capability is not None

@@ -10,121 +10,281 @@ answers is left to `ftforce.batch.settle`.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from ftforce.batch import lanes, lost, secular, spectrum, three
 from ftforce.batch.jit import inner, kernel
 from ftforce.batch.layout import CLEAR, LANES, UNDECIDED
-from ftforce.batch.parts import part
 from ftforce.batch.results import TOLERATED
+
+if TYPE_CHECKING:
+    from ftforce.batch.lanes import Work
+    from ftforce.batch.lost import Lost
+    from ftforce.batch.secular import Secular
+    from ftforce.batch.spectrum import Spectrum
+
+
+class Lane(NamedTuple):
+    """What is known of LANES postures and one fault set; n joints."""
+
+    A: np.ndarray  # (3, 3, LANES): J Jᵀ of three rows
+    B: np.ndarray  # (3, 3, LANES): K Kᵀ of three rows
+    x: np.ndarray  # (LANES,): smallest eigenvalue of K Kᵀ
+    smallest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ
+    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing is to be decided
+    over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
+    reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
+    line: np.ndarray  # (3, LANES)
+
+
+class Bench(NamedTuple):
+    """Workspace of `evaluate`. What takes few arrays is compiled in less time: hence its parts."""
+
+    arm: Work
+    lane: Lane
+    spectrum: Spectrum
+    secular: Secular
+    lost: Lost
 
 
 @kernel
+def bench(joints, n, m):
+    """Return a workspace."""
+    lane = Lane(
+        np.empty((3, 3, LANES)), np.empty((3, 3, LANES)), np.empty(LANES), np.empty(LANES),
+        np.empty(LANES), np.empty((2, LANES)), np.empty((n, 4, LANES)), np.empty((3, LANES)),
+    )  # fmt: skip
+    return Bench(
+        lanes.workspace(joints, n, m), lane, spectrum.spectrum(m, n), secular.secular(m, n),
+        lost.lost(m, n),
+    )  # fmt: skip
+
+
 def evaluate(mechanism, faults, question, q, answers, work):
-    """Fill the answers for the postures q, shape (k, n), where no bound is near."""
-    k, m, n = q.shape[0], work.J.shape[0], work.J.shape[1]
-    shares, loses = common_work(faults, m, n)
-    forget(answers)
-    for first in range(0, k, LANES):
-        count = min(LANES, k - first)
-        for b in range(LANES):
-            work.chosen[b] = min(first + b, k - 1)
-        lanes.place(mechanism, question, q, work)
-        for i in range(3):
-            for b in range(count):
-                answers.tip[first + b, i] = work.tip[9 + i, b]
-        if m == 3:
-            three.evaluate_healthy(question, first, count, work, answers)
-        else:
-            evaluate_healthy(question, first, count, shares, loses, work, answers)
+    """Fill the answers for the postures q, shape (k, n), where no bound is near.
+
+    Only the kernels that the question needs are called, and compiled.
+    """
+    given = (mechanism, faults, question, q, answers, work.arm, work.lane)
+    if question.rows.size == 3:
+        evaluate_three(*given)
+    else:
+        evaluate_others(*given, work.spectrum, work.secular, work.lost)
+    if faults.swings.any():
+        evaluate_free(*given, work.spectrum, work.lost)
+
+
+@kernel
+def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
+    """Answer for sets of locked joints where the task has three rows."""
+    forget(answers.verdict, answers.rank_lost)
+    forget_jump(answers.jump, answers.moment_jump, answers.relative_jump)
+    for first in range(0, q.shape[0], LANES):
+        count = place(mechanism, question, q, first, arm)
+        three.evaluate_healthy(question.rtol, arm.J, lane)
+        write_healthy(3, first, count, arm.tip, lane, answers)
         if question.direction.size:
-            reaches(question, work)
+            reaches(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
-            answer(faults, question, s, first, count, work, answers)
+            joints = faults.joints[faults.start[s] : faults.start[s + 1]]
+            if faults.swings[s] or arm.J.shape[1] - joints.size < 3:
+                leave(first, count, answers.verdict[s])
+                continue
+            three.answer(
+                question.rtol, question.wary, joints, arm.J, arm.force[: question.force.size],
+                first, count, lane, answers.sigma_min[s], answers.margin[s], answers.rho[s],
+                answers.verdict[s],
+            )  # fmt: skip
+            if question.direction.size:
+                start_whole(lane.line)
+                limit(
+                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    answers.capability[s],
+                )  # fmt: skip
+
+
+@kernel
+def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, one, gone):
+    """Answer for sets of locked joints where the task has another number of rows."""
+    m, n = arm.J.shape[0], arm.J.shape[1]
+    asks, moves = question.force.size > 0, question.direction.size > 0
+    shares, loses = common_work(faults.start, faults.swings, m, n)
+    forget(answers.verdict, answers.rank_lost)
+    forget_jump(answers.jump, answers.moment_jump, answers.relative_jump)
+    for first in range(0, q.shape[0], LANES):
+        count = place(mechanism, question, q, first, arm)
+        evaluate_healthy(question.rtol, arm.J, lane, spec)
+        write_healthy(m, first, count, arm.tip, lane, answers)
+        secular.prepare(arm.J, spec, arm.force, asks, one)
+        secular.prepare_bound(spec.square, lane.largest, question.wary, one)
+        if shares:
+            for k in range(n):
+                secular.find_root(k, spec.square, lane.largest, question.rtol, one)
+        if loses:
+            lost.prepare(spec.W, spec.sigma, one.V, gone)
+        if moves:
+            reaches(question, arm.J, arm.direction, arm.weight, lane)
+        for s in range(faults.locked.shape[0]):
+            joints = faults.joints[faults.start[s] : faults.start[s + 1]]
+            size = 0  # of what is lost wherever the arm stands
+            keeps = joints.size == 0 or (joints.size == 1 and n > m)
+            if faults.swings[s]:
+                keeps = False
+            elif keeps:
+                answer_single(
+                    question.wary, joints, asks, first, count, lane, spec, one,
+                    answers.sigma_min[s], answers.margin[s], answers.rho[s], answers.verdict[s],
+                )  # fmt: skip
+            elif n == m:
+                lost.lose_span(joints, lane.smallest, gone)
+                size = joints.size
+            elif n == m + 1 and joints.size == 2:
+                lost.lose_pair(joints[0], joints[1], one, gone)
+                size = 1
+            if moves and (keeps or size > 0):
+                start_whole(lane.line)
+                if size > 0:
+                    lost.limit_capability(
+                        question.direction, question.rtol, size, False, arm.direction[:m], gone,
+                        lane.line,
+                    )  # fmt: skip
+                limit(
+                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    answers.capability[s],
+                )  # fmt: skip
+            if size > 0:
+                write_lost(
+                    question, s, size, False, first, count, arm.force, lane.largest, gone, answers
+                )
+            elif not keeps:
+                leave(first, count, answers.verdict[s])
+
+
+@kernel
+def evaluate_free(mechanism, faults, question, q, answers, arm, lane, spec, gone):
+    """Answer for sets of one joint without torque."""
+    m = arm.J.shape[0]
+    for first in range(0, q.shape[0], LANES):
+        count = place(mechanism, question, q, first, arm)
+        evaluate_healthy(question.rtol, arm.J, lane, spec)
+        if question.direction.size:
+            reaches(question, arm.J, arm.direction, arm.weight, lane)
+        for s in range(faults.locked.shape[0]):
+            k = only_one(faults.free[s])
+            if k < 0 or faults.start[s + 1] > faults.start[s]:
+                continue
+            lost.lose_column(k, question.wary, arm.J, arm.weight, lane.smallest, lane.largest, gone)
+            if question.direction.size:
+                lost.limit_capability(
+                    question.direction, question.rtol, 1, True, arm.direction[:m], gone, lane.line
+                )
+                limit(
+                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    answers.capability[s],
+                )  # fmt: skip
+            write_lost(question, s, 1, True, first, count, arm.force, lane.largest, gone, answers)
+            lost.keep_idle(question, s, first, count, lane.largest, gone, answers)
 
 
 @inner
-def common_work(faults, m, n):
+def place(mechanism, question, q, first, arm):
+    """Place the next postures, and return how many of the lanes they are."""
+    count = min(LANES, q.shape[0] - first)
+    for b in range(LANES):
+        arm.chosen[b] = first + min(b, count - 1)
+    lanes.place(mechanism, question, q, arm)
+    return count
+
+
+@inner
+def common_work(start, swings, m, n):
     """Return whether roots, and whether lost directions, serve some of the fault sets."""
     shares, loses = False, False
-    for s in range(faults.locked.shape[0]):
-        f = faults.start[s + 1] - faults.start[s]
-        if not faults.swings[s]:
+    for s in range(swings.size):
+        f = start[s + 1] - start[s]
+        if not swings[s]:
             shares |= f == 1 or (f == 2 and n == m + 1)
             loses |= f > n - m
     return shares and n > m, loses and n >= m
 
 
 @inner
-def forget(answers):
+def forget(verdict, rank_lost):
     """Write what holds where nothing is lost: zeros."""
-    answers.verdict[:] = TOLERATED
-    answers.rank_lost[:] = 0
-    for jump in (answers.jump, answers.moment_jump, answers.relative_jump):
-        jump[:] = 0.0
+    verdict[:] = TOLERATED
+    rank_lost[:] = 0
 
 
-@part
-def evaluate_healthy(question, first, count, shares, loses, work, answers):
-    """Decompose J, and do what many fault sets share."""
-    spec, one = work.spectrum, work.secular
-    m, n = work.J.shape[0], work.J.shape[1]
-    smallest, largest, over = work.smallest, work.largest, work.over
-    spectrum.decompose(work.J, spec)
-    least = max(question.rtol * CLEAR, secular.LEAST) ** 2
-    for b in range(LANES):
-        smallest[b], largest[b] = spec.square[m - 1, b], spec.square[0, b]
-        over[0, b] = 1.0 / spec.sigma[0, b]
-        work.x[b] = spec.sigma[m - 1, b] * over[0, b]
-        is_clear = (smallest[b] > least * largest[b]) & (spec.fails[b] == 0.0)
-        largest[b] = largest[b] if is_clear else math.nan
+@inner
+def forget_jump(jump, moment_jump, relative_jump):
+    """Write no jump."""
+    jump[:] = 0.0
+    moment_jump[:] = 0.0
+    relative_jump[:] = 0.0
+
+
+@inner
+def leave(first, count, verdict):
+    """Leave a set undecided."""
     for b in range(count):
-        answers.rank[first + b] = m if largest[b] > 0.0 else UNDECIDED
-        answers.healthy_margin[first + b] = work.x[b]
-    secular.prepare(work.J, spec, work.force, question.force.size > 0, one)
-    secular.prepare_bound(spec, largest, question.wary, one)
-    if shares:
-        for k in range(n):
-            secular.find_root(k, spec, largest, least, one)
-    if loses:
-        lost.prepare(spec, one.V, work.lost)
+        verdict[first + b] = UNDECIDED
 
 
-@part
-def answer(faults, question, s, first, count, work, answers):
-    """Answer for one fault set."""
-    m, n = work.J.shape[0], work.J.shape[1]
-    joints = faults.joints[faults.start[s] : faults.start[s + 1]]
-    size = 0  # of what is lost wherever the arm stands
-    if faults.swings[s]:
-        k = only_one(faults.free[s])
-        if k >= 0 and joints.size == 0:
-            lost.lose_column(k, question.wary, work, work.lost)
-            size = 1
-    elif m == 3 and n - joints.size >= 3:
-        three.answer(question, joints, s, first, count, work, answers)
-        limit(faults, question, s, first, count, work, answers, False)
-        return
-    elif m != 3 and (joints.size == 0 or (joints.size == 1 and n > m)):
-        answer_single(question, joints, s, first, count, work, answers)
-        limit(faults, question, s, first, count, work, answers, False)
-        return
-    elif m != 3 and n == m:
-        lost.lose_span(joints, work.smallest, work.lost)
-        size = joints.size
-    elif m != 3 and n == m + 1 and joints.size == 2:
-        lost.lose_pair(joints[0], joints[1], work.secular, work.lost)
-        size = 1
-    if size == 0:
+@inner
+def write_healthy(m, first, count, tip, lane, answers):
+    """Write what is said of the healthy arm."""
+    for b in range(count):
+        for i in range(3):
+            answers.tip[first + b, i] = tip[9 + i, b]
+        answers.rank[first + b] = m if lane.largest[b] > 0.0 else UNDECIDED
+        answers.healthy_margin[first + b] = lane.x[b]
+
+
+@inner
+def evaluate_healthy(rtol, J, lane, spec):
+    """Decompose J, and decide whether its rank is beyond doubt."""
+    m = J.shape[0]
+    spectrum.decompose(J, spec)
+    least = max(rtol * CLEAR, secular.LEAST) ** 2
+    for b in range(LANES):
+        lane.smallest[b], lane.largest[b] = spec.square[m - 1, b], spec.square[0, b]
+        lane.over[0, b] = 1.0 / spec.sigma[0, b]
+        lane.x[b] = spec.sigma[m - 1, b] * lane.over[0, b]
+        is_clear = (lane.smallest[b] > least * lane.largest[b]) & (spec.line[0, b] == 0.0)
+        lane.largest[b] = lane.largest[b] if is_clear else math.nan
+
+
+@inner
+def start_whole(line):
+    """Begin with all of s·d, s ≥ 0."""
+    for b in range(LANES):
+        line[0, b], line[1, b] = 0.0, math.inf
+
+
+@inner
+def write_lost(question, s, size, swings, first, count, force, largest, gone, answers):
+    """Write what is said of a set that loses ``size`` directions."""
+    m = gone.part.shape[0]
+    for b in range(LANES):
+        gone.line[lost.SUMS + 1, b] = math.inf
+    if question.force.size:
+        lost.project(force[:m], size, swings, gone)
+        lost.write_jump(question.rows, question.weights, force[:m], gone)
+        jump = lost.SUMS + (2 if question.rows[0] < 3 else 3)
         for b in range(count):
-            answers.verdict[s, first + b] = UNDECIDED
-        return
-    swings = faults.swings[s]
-    if question.direction.size:
-        lost.limit_capability(question, size, swings, work, work.lost)
-        limit(faults, question, s, first, count, work, answers, True)
-    lost.write(question, s, size, swings, first, count, work, work.lost, answers)
-    if swings:
-        lost.keep_idle(question, s, first, count, work, work.lost, answers)
+            answers.jump[s, first + b] = gone.line[jump, b]
+            answers.relative_jump[s, first + b] = gone.line[lost.SUMS + 1, b]
+        if answers.moment_jump.size:
+            for b in range(count):
+                answers.moment_jump[s, first + b] = gone.line[lost.SUMS + 3, b]
+    for b in range(count):
+        answers.rank_lost[s, first + b] = size
+        answers.sigma_min[s, first + b] = 0.0
+        answers.margin[s, first + b] = 0.0
+        answers.rho[s, first + b] = 0.0
+    lost.judge(question.rtol, question.wary, largest, first, count, gone, answers.verdict[s])
 
 
 @inner
@@ -138,69 +298,58 @@ def only_one(mask):
 
 
 @inner
-def answer_single(question, joints, s, first, count, work, answers):
+def answer_single(
+    wary, joints, asks, first, count, lane, spec, one, sigma_min, margin, rho, verdict
+):
     """Answer for a set that locks no joint, or one."""
-    one, spec, x, share, below = work.secular, work.spectrum, work.x, work.share, work.below
-    m, asks = work.J.shape[0], question.force.size > 0
+    x, square, share, below = lane.x, lane.line[0], lane.line[1], lane.line[2]
+    m = spec.square.shape[0]
     if joints.size == 0:
         for b in range(LANES):
-            x[b], work.determinant[b] = work.smallest[b], 1.0
-            below[b] = one.below[b]
-            share[b] = one.F[m - 1, b] ** 2 / one.size[b] if asks else 0.0
+            x[b], square[b] = lane.smallest[b], 1.0
+            below[b] = one.line[secular.BELOW, b]
+            share[b] = one.F[m - 1, b] ** 2 / one.line[secular.SIZE, b]
     else:
         k = joints[0]
         for b in range(LANES):
-            x[b], work.determinant[b] = one.x[k, b], one.rest[k, b]
+            x[b], square[b] = one.x[k, b], one.rest[k, b]
         secular.count_below(k, one, below)
         if asks:
-            secular.share_along(k, spec, one, share)
-    write(work, answers.sigma_min[s], answers.margin[s], answers.rho[s], first, count)
-    safe = max(question.wary * CLEAR, secular.LEAST) ** 2
+            secular.share_along(k, spec.sigma, spec.square, one, share)
+    safe = max(wary * CLEAR, secular.LEAST) ** 2
     for b in range(count):
-        if not x[b] > safe * work.largest[b]:
+        sigma = math.sqrt(x[b])
+        sigma_min[first + b] = sigma
+        margin[first + b] = sigma * lane.over[0, b]
+        rho[first + b] = math.sqrt(square[b])
+    for b in range(count):
+        if not x[b] > safe * lane.largest[b]:
             code = UNDECIDED
             if x[b] > 0.0 and below[b] == 1.0:
-                code = three.judge(question, x[b] / work.largest[b], share[b])
-            answers.verdict[s, first + b] = code
+                code = three.judge(wary, x[b] / lane.largest[b], asks, share[b])
+            verdict[first + b] = code
 
 
 @inner
-def write(work, sigma_min, margin, rho, first, count):
-    """Write the measures; where they are not good enough they will be written over."""
-    for b in range(count):
-        sigma = math.sqrt(work.x[b])
-        sigma_min[first + b] = sigma
-        margin[first + b] = sigma * work.over[0, b]
-        rho[first + b] = math.sqrt(work.determinant[b])
-
-
-@inner
-def limit(faults, question, s, first, count, work, answers, is_lost):
-    """Write how far s·d goes: what is left of it is what the narrowest limit leaves."""
-    if not question.direction.size:
-        return
-    least, most, reach = work.line[0], work.line[1], work.reach
-    locked, free = faults.locked[s], faults.free[s]
-    for b in range(LANES):
-        least[b] = work.lost.least[b] if is_lost else 0.0
-        most[b] = work.lost.most[b] if is_lost else math.inf
+def limit(locked, free, reach, line, first, count, capability):
+    """Write how far s·d goes: what is left of an interval is what the narrowest limit leaves."""
+    least, most = line[0], line[1]
     for k in range(locked.size):
         if free[k]:
             continue
         side = 2 if locked[k] else 0
         for b in range(LANES):
             least[b] = max(least[b], reach[k, side, b])
-        for b in range(LANES):
             most[b] = min(most[b], reach[k, side + 1, b])
     for b in range(count):
-        answers.capability[s, first + b] = most[b] if most[b] >= least[b] else math.nan
+        capability[first + b] = most[b] if most[b] >= least[b] else math.nan
 
 
 @inner
-def reaches(question, work):
+def reaches(question, J, d, weight, lane):
     """Interval of s·d that each joint's motor, and brake, allows (`ftforce.feasible.reach`)."""
-    m, n = work.J.shape[0], work.J.shape[1]
-    lever, d = work.line[0], work.direction
+    m, n = J.shape[0], J.shape[1]
+    lever = lane.line[0]
     size = 0.0
     for i in range(m):
         size += question.direction[i] ** 2
@@ -210,9 +359,9 @@ def reaches(question, work):
             lever[b] = 0.0
         for i in range(m):
             for b in range(LANES):
-                lever[b] += work.J[i, k, b] * d[i, b]
-        interval(question.effort[k], idle, lever, work.weight[k], work.largest, work.reach[k, :2])
-        interval(question.brake[k], idle, lever, work.weight[k], work.largest, work.reach[k, 2:])
+                lever[b] += J[i, k, b] * d[i, b]
+        interval(question.effort[k], idle, lever, weight[k], lane.largest, lane.reach[k, :2])
+        interval(question.brake[k], idle, lever, weight[k], lane.largest, lane.reach[k, 2:])
 
 
 @inner

@@ -14,9 +14,6 @@ import numpy as np
 
 from ftforce.batch.jit import inner, kernel
 from ftforce.batch.layout import LANES
-from ftforce.batch.lost import Lost, lost
-from ftforce.batch.secular import Secular, secular
-from ftforce.batch.spectrum import Spectrum, spectrum
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
@@ -51,34 +48,16 @@ class Work(NamedTuple):
     mass: np.ndarray  # (E,)
     force: np.ndarray  # (6, LANES): that is asked for, in the axes of the rows
     direction: np.ndarray  # (6, LANES): of the capability
-    A: np.ndarray  # (3, 3, LANES): J Jᵀ of three rows
-    B: np.ndarray  # (3, 3, LANES): K Kᵀ of three rows
-    x: np.ndarray  # (LANES,): smallest eigenvalue of K Kᵀ
-    determinant: np.ndarray  # (LANES,)
-    smallest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ
-    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing is to be decided
-    over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
-    below: np.ndarray  # (LANES,): how many eigenvalues of K Kᵀ lie below a bound
-    share: np.ndarray  # (LANES,): of a force along a direction
-    reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
-    line: np.ndarray  # (2, LANES)
-    spectrum: Spectrum  # of J
-    secular: Secular
-    lost: Lost
 
 
 @kernel
 def workspace(joints, n, m):
     """Return a workspace."""
-    line = np.empty(LANES)
     return Work(
-        np.zeros(LANES, dtype=np.int64), np.empty((joints, LANES)), line, line.copy(),
-        np.empty((joints, 12, LANES)), np.empty((12, LANES)), np.empty((6, LANES)),
-        np.empty((m, n, LANES)), np.zeros((n, LANES)), np.empty((joints, 3, LANES)),
-        np.empty(joints), np.zeros((6, LANES)), np.zeros((6, LANES)), np.empty((3, 3, LANES)),
-        np.empty((3, 3, LANES)), line.copy(), line.copy(), line.copy(), line.copy(),
-        np.empty((2, LANES)), line.copy(), line.copy(), np.empty((n, 4, LANES)),
-        np.empty((2, LANES)), spectrum(m, n), secular(m, n), lost(m, n),
+        np.zeros(LANES, dtype=np.int64), np.empty((joints, LANES)), np.empty(LANES),
+        np.empty(LANES), np.empty((joints, 12, LANES)), np.empty((12, LANES)),
+        np.empty((6, LANES)), np.empty((m, n, LANES)), np.zeros((n, LANES)),
+        np.empty((joints, 3, LANES)), np.empty(joints), np.zeros((6, LANES)), np.zeros((6, LANES)),
     )  # fmt: skip
 
 

@@ -30,43 +30,49 @@ class Lost(NamedTuple):
     P: np.ndarray  # (n, m, LANES): (J Jᵀ)⁻¹ J_k, one row per joint
     basis: np.ndarray  # (m, m, LANES): orthonormal rows
     part: np.ndarray  # (m, LANES): what is lost of the force
-    retained: np.ndarray  # (LANES,): no eigenvalue that is left is smaller; NaN if not known
-    offset: np.ndarray  # (LANES,): force along the only direction that carries the weight
-    idle: np.ndarray  # (LANES,): torque that no force balances, relative to all; -1 if one does
-    least: np.ndarray  # (LANES,): interval of s·d that can be commanded
-    most: np.ndarray  # (LANES,)
-    sums: np.ndarray  # (4, LANES)
+    line: np.ndarray  # (7, LANES): as named below
+
+
+RETAINED, OFFSET, IDLE, SUMS = 0, 1, 2, 3
+"""Lines: a bound that no eigenvalue that is left falls below (NaN if it is not known); the force
+along the only direction that carries the weight; the torque that no force balances, relative to all
+(-1 if one does); and workspace, where `write_jump` leaves ‖F̂‖², ‖ΔF‖/‖F̂‖ and the norms of the
+jump's forces and moments."""
 
 
 @kernel
 def lost(m, n):
     """Return a workspace."""
-    line = np.zeros(LANES)
     return Lost(
-        np.zeros((n, m, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)), line, line.copy(),
-        line.copy(), line.copy(), line.copy(), np.zeros((4, LANES)),
+        np.zeros((n, m, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)),
+        np.zeros((7, LANES)),
     )  # fmt: skip
 
 
 @inner
-def prepare(spectrum, V, one):
+def prepare(W, sigma, V, one):
     """P = U diag(1/σ) Vᵀ, which is (J Jᵀ)⁻¹ J."""
-    over = one.sums[0]
+    over = one.line[SUMS]
     one.P[:] = 0.0
-    for i in range(spectrum.W.shape[0]):
+    for i in range(W.shape[0]):
         for b in range(LANES):
-            over[b] = 1.0 / spectrum.sigma[i, b]
+            over[b] = 1.0 / sigma[i, b]
         for k in range(V.shape[0]):
-            for r in range(spectrum.W.shape[0]):
+            for r in range(W.shape[0]):
                 for b in range(LANES):
-                    one.P[k, r, b] += spectrum.W[i, r, b] * V[k, i, b] * over[b]
+                    one.P[k, r, b] += W[i, r, b] * V[k, i, b] * over[b]
 
 
 @inner
 def add_to_basis(size, one):
     """Make row ``size`` of the basis a unit vector orthogonal to the earlier ones."""
-    row, before, after, along = one.basis[size], one.sums[0], one.sums[1], one.sums[2]
-    m = row.shape[0]
+    row, before, after, along = (
+        one.basis[size],
+        one.line[SUMS],
+        one.line[SUMS + 1],
+        one.line[SUMS + 2],
+    )
+    m, retained = row.shape[0], one.line[RETAINED]
     add_squares(row, before)
     for j in range(2 * size):  # twice
         other = one.basis[j % size]
@@ -76,7 +82,7 @@ def add_to_basis(size, one):
                 row[i, b] -= along[b] * other[i, b]
     add_squares(row, after)
     for b in range(LANES):
-        one.retained[b] = one.retained[b] if after[b] > _FIRM * before[b] else math.nan
+        retained[b] = retained[b] if after[b] > _FIRM * before[b] else math.nan
         after[b] = 1.0 / math.sqrt(after[b])
     for i in range(m):
         for b in range(LANES):
@@ -103,7 +109,7 @@ def dot(x, y, total):
 def lose_span(joints, smallest, one):
     """As many joints as rows: each locked one takes a direction, its row of J⁻¹."""
     for b in range(LANES):
-        one.retained[b] = smallest[b]
+        one.line[RETAINED, b] = smallest[b]
     for at in range(joints.size):
         row, P = one.basis[at], one.P[joints[at]]
         for i in range(row.shape[0]):
@@ -118,29 +124,30 @@ def lose_pair(i, j, secular, one):
 
     What is left is no smaller than what either of the locks alone would leave.
     """
-    x, rest, row = secular.x, secular.rest, one.basis[0]
-    N, first, second = secular.N[j, i], one.sums[0], one.sums[1]
+    x, rest, row, retained = secular.x, secular.rest, one.basis[0], one.line[RETAINED]
+    N, first, second = secular.N[j, i], one.line[SUMS], one.line[SUMS + 1]
     for b in range(LANES):
         larger = rest[j, b] > rest[i, b]
         first[b] = rest[j, b] if larger else N[b]
         second[b] = -N[b] if larger else -rest[i, b]
-        one.retained[b] = x[j, b] if larger else x[i, b]
+        retained[b] = x[j, b] if larger else x[i, b]
     for r in range(row.shape[0]):
         for b in range(LANES):
             row[r, b] = first[b] * one.P[i, r, b] + second[b] * one.P[j, r, b]
     for b in range(LANES):  # the difference of the two must have digits left
-        one.retained[b] = one.retained[b] if max(rest[i, b], rest[j, b]) > _FIRM else math.nan
+        retained[b] = retained[b] if max(rest[i, b], rest[j, b]) > _FIRM else math.nan
     add_to_basis(0, one)
 
 
 @inner
-def lose_column(k, wary, work, one):
+def lose_column(k, wary, J, weight, smallest, largest, one):
     """Joint k without torque: J_kᵀ F' + [rnea]_k = 0 takes the direction of its column.
 
     F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), what is left of it having no component along û. Where the
     column is zero, the tip lies on the joint's axis: no force balances it, and none is lost.
     """
-    J, weight, row, size, total = work.J, work.weight, one.basis[0], one.sums[3], one.sums[0]
+    row, size, total = one.basis[0], one.line[SUMS + 3], one.line[SUMS]
+    retained, offset, idle = one.line[RETAINED], one.line[OFFSET], one.line[IDLE]
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for b in range(LANES):
@@ -148,7 +155,7 @@ def lose_column(k, wary, work, one):
     add_squares(row, size)
     add_to_basis(0, one)
     for b in range(LANES):
-        one.retained[b] = work.smallest[b]
+        retained[b] = smallest[b]
         total[b] = 0.0
     for j in range(n):
         for b in range(LANES):
@@ -157,97 +164,86 @@ def lose_column(k, wary, work, one):
         share = weight[k, b] * weight[k, b]
         is_some = share > (2.0 * _ROUNDING) ** 2 * total[b]
         is_none = not share > (0.5 * _ROUNDING) ** 2 * total[b]
-        one.offset[b] = weight[k, b] / math.sqrt(size[b]) if is_some else 0.0
-        is_column = size[b] > (wary * CLEAR) ** 2 * work.largest[b]  # for every tolerance
-        is_zero = size[b] <= _ZERO * _ZERO * work.largest[b]
-        idle = math.sqrt(share / total[b]) if is_some else 0.0
-        one.idle[b] = idle if is_zero else -1.0
+        offset[b] = weight[k, b] / math.sqrt(size[b]) if is_some else 0.0
+        is_column = size[b] > (wary * CLEAR) ** 2 * largest[b]  # for every tolerance
+        is_zero = size[b] <= _ZERO * _ZERO * largest[b]
+        idle[b] = (math.sqrt(share / total[b]) if is_some else 0.0) if is_zero else -1.0
         is_known = (is_column | is_zero) & (is_some | is_none)
-        one.retained[b] = one.retained[b] if is_known else math.nan
+        retained[b] = retained[b] if is_known else math.nan
 
 
 @inner
-def project(force, size, one):
-    """Leave in ``part`` what of the force lies along the lost directions."""
-    along, part = one.sums[0], one.part
+def project(force, size, swings, one):
+    """Leave in ``part`` what is lost of the force: what lies along the lost directions.
+
+    And what carries the weight of a joint without torque.
+    """
+    along, part = one.line[SUMS], one.part
     for i in range(part.shape[0]):
         for b in range(LANES):
             part[i, b] = 0.0
     for j in range(size):
         dot(one.basis[j], force, along)
+        if swings:
+            for b in range(LANES):
+                along[b] += one.line[OFFSET, b]
         for i in range(part.shape[0]):
             for b in range(LANES):
                 part[i, b] += along[b] * one.basis[j, i, b]
 
 
 @inner
-def write(question, s, size, swings, first, count, work, one, answers):
-    """Write what is said of a set that loses ``size`` directions."""
+def judge(rtol, wary, largest, first, count, one, verdict):
+    """Judge by the relative jump that `write_jump` left; infinite where every force counts."""
+    retained, relative = one.line[RETAINED], one.line[SUMS + 1]
     for b in range(count):
-        at = first + b
-        answers.rank_lost[s, at] = size
-        answers.sigma_min[s, at] = 0.0
-        answers.margin[s, at] = 0.0
-        answers.rho[s, at] = 0.0
-    relative = one.sums[1]
-    if question.force.size:
-        project(work.force, size, one)
-        if swings:
-            for i in range(one.part.shape[0]):
-                for b in range(LANES):
-                    one.part[i, b] += one.offset[b] * one.basis[0, i, b]
-        write_jump(question, s, first, count, work, one, answers)
-    else:
-        for b in range(LANES):
-            relative[b] = math.inf
-    wary, rtol = question.wary, question.rtol
-    for b in range(count):
-        left, largest, jump = one.retained[b], work.largest[b], relative[b]
+        left, jump = retained[b], relative[b]
         code = UNDECIDED
-        if left > 0.0 and largest > 0.0:
+        if left > 0.0 and largest[b] > 0.0:
             if jump > wary * CLEAR:
                 code = NOT_TOLERATED
-            elif left > (wary * CLEAR) ** 2 * largest:  # no tolerance takes another direction
-                if jump < rtol / CLEAR:
-                    code = TOLERATED
-                elif jump > rtol * CLEAR and jump < wary / CLEAR:
-                    code = BORDERLINE
-        answers.verdict[s, first + b] = code
+            elif left > (wary * CLEAR) ** 2 * largest[b]:  # no tolerance takes another direction
+                code = by_tolerance(jump, rtol, wary)
+        verdict[first + b] = code
 
 
 @inner
-def write_jump(question, s, first, count, work, one, answers):
-    """Write the jump ΔF, its forces and its moments apart; leave ‖ΔF‖/‖F̂‖ in ``sums[1]``."""
-    part, whole, relative = one.part, one.sums[0], one.sums[1]
-    forces, moments = one.sums[2], one.sums[3]
-    dot(work.force, work.force, whole)
+def by_tolerance(jump, rtol, wary):
+    """Return the verdict where nothing but what is compared with the tolerance depends on it."""
+    if jump > wary * CLEAR:
+        return NOT_TOLERATED
+    if jump < rtol / CLEAR:
+        return TOLERATED
+    return BORDERLINE if rtol * CLEAR < jump < wary / CLEAR else UNDECIDED
+
+
+@inner
+def write_jump(rows, weights, force, one):
+    """Leave ‖ΔF‖/‖F̂‖, and the norms of forces and moments, in the last three lines."""
+    part, whole, relative = one.part, one.line[SUMS], one.line[SUMS + 1]
+    forces, moments = one.line[SUMS + 2], one.line[SUMS + 3]
+    dot(force, force, whole)
     add_squares(part, relative)
     for b in range(LANES):
         relative[b] = math.sqrt(relative[b]) / math.sqrt(whole[b])
         forces[b], moments[b] = 0.0, 0.0
     for i in range(part.shape[0]):
-        weight = question.weights[i]
-        if question.rows[i] < 3:
+        weight = weights[i]
+        if rows[i] < 3:
             for b in range(LANES):
                 forces[b] += part[i, b] * part[i, b]
         else:
             for b in range(LANES):
                 moments[b] += (part[i, b] * weight) ** 2
-    jump = forces if question.rows[0] < 3 else moments
     for b in range(LANES):
         forces[b], moments[b] = math.sqrt(forces[b]), math.sqrt(moments[b])
-    for b in range(count):
-        answers.jump[s, first + b] = jump[b]
-        answers.relative_jump[s, first + b] = relative[b]
-    if answers.moment_jump.size:
-        for b in range(count):
-            answers.moment_jump[s, first + b] = moments[b]
 
 
 @inner
-def limit_capability(question, size, swings, work, one):
+def limit_capability(direction, rtol, size, swings, d, one, interval):
     """Interval of s·d that can be commanded (`ftforce.batch.exact.on_plane`), before any limit."""
-    along, whole, d = one.sums[0], one.sums[1], work.direction
+    along, whole, retained = one.line[SUMS], one.line[SUMS + 1], one.line[RETAINED]
+    least, most = interval[0], interval[1]
     for b in range(LANES):
         whole[b] = 0.0
     for j in range(size):
@@ -255,46 +251,39 @@ def limit_capability(question, size, swings, work, one):
         for b in range(LANES):
             whole[b] += along[b] * along[b]
     square = 0.0
-    for i in range(question.direction.size):
-        square += question.direction[i] ** 2
-    idle = question.rtol**2 * square
+    for i in range(direction.size):
+        square += direction[i] ** 2
+    nothing = rtol**2 * square
     for b in range(LANES):
-        offset = one.offset[b] if swings else 0.0
-        is_aside = whole[b] <= idle
-        close = abs(whole[b] - idle) <= (CLEAR - 1.0) * idle
-        one.retained[b] = math.nan if close else one.retained[b]
+        offset = one.line[OFFSET, b] if swings else 0.0
+        is_aside = whole[b] <= nothing
+        close = abs(whole[b] - nothing) <= (CLEAR - 1.0) * nothing
+        retained[b] = math.nan if close else retained[b]
         reach = -offset / along[b]
-        if swings and one.idle[b] >= 0.0:
-            falls = one.idle[b] > question.rtol
-            one.least[b], one.most[b] = 0.0, (-1.0 if falls else math.inf)
+        if swings and one.line[IDLE, b] >= 0.0:
+            falls = one.line[IDLE, b] > rtol
+            least[b], most[b] = 0.0, (-1.0 if falls else math.inf)
         elif offset == 0.0:
-            one.least[b], one.most[b] = 0.0, (math.inf if is_aside else 0.0)
+            least[b], most[b] = 0.0, (math.inf if is_aside else 0.0)
         else:
             is_reached = (not is_aside) & (reach >= 0.0)
-            one.least[b], one.most[b] = (reach, reach) if is_reached else (0.0, -1.0)
+            least[b], most[b] = (reach, reach) if is_reached else (0.0, -1.0)
 
 
 @inner
-def keep_idle(question, s, first, count, work, one, answers):
+def keep_idle(question, s, first, count, largest, one, answers):
     """Write what is said where the joint without torque has a column of zeros."""
     rtol, wary = question.rtol, question.wary
     for b in range(count):
-        at, idle, left, largest = first + b, one.idle[b], one.retained[b], work.largest[b]
+        at, idle, left = first + b, one.line[IDLE, b], one.line[RETAINED, b]
         if idle < 0.0:
             continue
         answers.rank_lost[s, at] = 0
         answers.sigma_min[s, at] = math.sqrt(left)
-        answers.margin[s, at] = math.sqrt(left / largest)
+        answers.margin[s, at] = math.sqrt(left / largest[b])
         answers.rho[s, at] = 1.0
-        code = UNDECIDED
-        if left > (wary * CLEAR) ** 2 * largest:  # no tolerance takes a direction
-            if idle > wary * CLEAR:
-                code = NOT_TOLERATED
-            elif idle < rtol / CLEAR:
-                code = TOLERATED
-            elif idle > rtol * CLEAR and idle < wary / CLEAR:
-                code = BORDERLINE
-        answers.verdict[s, at] = code
+        is_sure = left > (wary * CLEAR) ** 2 * largest[b]  # no tolerance takes a direction
+        answers.verdict[s, at] = by_tolerance(idle, rtol, wary) if is_sure else UNDECIDED
         falls = idle > rtol  # nothing holds the arm
         if question.force.size:
             answers.jump[s, at] = math.nan if falls else 0.0

@@ -57,11 +57,11 @@ class Evaluator:
     """
 
     def __init__(self, plan: Plan) -> None:
-        from ftforce.batch import lanes, settle
+        from ftforce.batch import fast, settle
 
         self.plan = plan
         m = plan.question.rows.size
-        self._work = lanes.workspace(plan.mechanism.parent.size, plan.n, m)
+        self._work = fast.bench(plan.mechanism.parent.size, plan.n, m)
         self._one = settle.pairs(m, plan.n)
 
     def __call__(self, q: Matrix) -> Block:

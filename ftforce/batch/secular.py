@@ -35,23 +35,20 @@ class Secular(NamedTuple):
     rest: np.ndarray  # (n, LANES): N_kk, to a higher relative accuracy
     x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if it is not known well enough
     F: np.ndarray  # (m, LANES): force along the left vectors
-    size: np.ndarray  # (LANES,): ‖F‖²
-    over: np.ndarray  # (m, LANES): 1/σ², 1/(σ² - bound)
-    below: np.ndarray  # (LANES,): how many σ² lie below the bound
-    bound: np.ndarray  # (LANES,)
-    step: np.ndarray  # (LANES,): workspace, as the rest
-    upper: np.ndarray  # (LANES,)
-    sums: np.ndarray  # (3, LANES)
+    over: np.ndarray  # (m, LANES): 1/(σ² - bound)
+    line: np.ndarray  # (8, LANES): as named below
+
+
+SIZE, BELOW, BOUND, STEP, UPPER, SUMS = 0, 1, 2, 3, 4, 5
+"""Lines: ‖F‖²; how many σ² lie below a bound, and the bound; the rest is workspace."""
 
 
 @kernel
 def secular(m, n):
     """Return a workspace."""
-    line = np.zeros(LANES)
     return Secular(
         np.zeros((n, m, LANES)), np.zeros((n, n, LANES)), np.zeros((n, LANES)),
-        np.zeros((n, LANES)), np.zeros((m, LANES)), line, np.zeros((m, LANES)), line.copy(),
-        line.copy(), line.copy(), line.copy(), np.zeros((3, LANES)),
+        np.zeros((n, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((8, LANES)),
     )  # fmt: skip
 
 
@@ -59,7 +56,7 @@ def secular(m, n):
 def prepare(J, spectrum, force, asks, one):
     """Bring J's columns, and the force, into the left vectors; and find N."""
     n, m = one.V.shape[0], one.V.shape[1]
-    W, sigma, over = spectrum.W, spectrum.sigma, one.step
+    W, sigma, over, size = spectrum.W, spectrum.sigma, one.line[STEP], one.line[SIZE]
     for i in range(m):
         for b in range(LANES):
             over[b] = 1.0 / sigma[i, b]
@@ -76,7 +73,7 @@ def prepare(J, spectrum, force, asks, one):
     if not asks:
         return
     for b in range(LANES):
-        one.size[b] = 0.0
+        size[b] = 0.0
     for i in range(m):
         for b in range(LANES):
             one.F[i, b] = W[i, 0, b] * force[0, b]
@@ -84,7 +81,7 @@ def prepare(J, spectrum, force, asks, one):
             for b in range(LANES):
                 one.F[i, b] += W[i, r, b] * force[r, b]
         for b in range(LANES):
-            one.size[b] += one.F[i, b] * one.F[i, b]
+            size[b] += one.F[i, b] * one.F[i, b]
 
 
 @inner
@@ -110,16 +107,17 @@ def complement(Q, one):
 
 
 @inner
-def find_root(k, spectrum, largest, least, one):
+def find_root(k, square, largest, rtol, one):
     """Find the smallest eigenvalue of K Kᵀ where joint k is locked.
 
     ``F(x) = x - N_kk/φ(x)`` grows and is convex up to σ_m², for 1/φ is concave: Newton's steps come
     down to the root from the right, and Halley's, which may pass it, are taken if they go further.
     """
-    V, square, N, x = one.V[k], spectrum.square, one.rest[k], one.x[k]
+    least = max(rtol * CLEAR, LEAST) ** 2
+    V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.line[STEP], one.line[UPPER]
     m = V.shape[0]
-    start(V, N, square, x, one)
-    zeroth, first, second = one.sums[0], one.sums[1], one.sums[2]
+    start(V, N, square, x, one.line)
+    zeroth, first, second = one.line[SUMS], one.line[SUMS + 1], one.line[SUMS + 2]
     for _ in range(_ROUNDS):
         for b in range(LANES):
             zeroth[b], first[b], second[b] = 0.0, 0.0, 0.0
@@ -131,25 +129,26 @@ def find_root(k, spectrum, largest, least, one):
                 first[b] += term * d
                 second[b] += term * d * d
         for b in range(LANES):
-            new = improved(x[b], N[b], zeroth[b], first[b], second[b], one.upper[b])
-            moves = not abs(one.step[b]) <= _CLOSE * x[b]
-            one.step[b] = new - x[b] if moves else one.step[b]
+            new = improved(x[b], N[b], zeroth[b], first[b], second[b], upper[b])
+            moves = not abs(step[b]) <= _CLOSE * x[b]
+            step[b] = new - x[b] if moves else step[b]
             x[b] = new if moves else x[b]
     for b in range(LANES):
-        if not abs(one.step[b]) <= _CLOSE * x[b]:
-            finish(V, N, square, b, x, one)
-        is_known = (abs(one.step[b]) <= _CLOSE * x[b]) & (x[b] > least * largest[b])
+        if not abs(step[b]) <= _CLOSE * x[b]:
+            finish(V, N, square, b, x, step, upper[b])
+        is_known = (abs(step[b]) <= _CLOSE * x[b]) & (x[b] > least * largest[b])
         x[b] = x[b] if is_known else math.nan
 
 
 @inner
-def start(V, N, square, x, one):
+def start(V, N, square, x, line):
     """Begin with Newton's step from 0, or with the root if one term of φ were all of it.
 
     That is never too small, and below σ_m²: with the i-th alone, N_kk σ_i²/(N_kk + v_ki²). A joint
     whose column is zero leaves σ_m² as it is.
     """
-    zeroth, first, most, upper = one.sums[0], one.sums[1], one.sums[2], one.upper
+    zeroth, first, most = line[SUMS], line[SUMS + 1], line[SUMS + 2]
+    step, upper = line[STEP], line[UPPER]
     least = square[V.shape[0] - 1]
     for b in range(LANES):
         zeroth[b], first[b], most[b] = 0.0, 0.0, 0.0
@@ -164,7 +163,7 @@ def start(V, N, square, x, one):
         newton = N[b] * zeroth[b] / (zeroth[b] * zeroth[b] + N[b] * first[b])
         is_idle = zeroth[b] * least[b] <= _IDLE
         x[b] = least[b] if is_idle else min(newton, upper[b])
-        one.step[b] = 0.0 if is_idle else math.inf
+        step[b] = 0.0 if is_idle else math.inf
 
 
 @inner
@@ -179,7 +178,7 @@ def improved(x, N, zeroth, first, second, upper):
 
 
 @inner
-def finish(V, N, square, b, x, one):
+def finish(V, N, square, b, x, step, upper):
     """Take more steps in one lane."""
     for _ in range(_MORE):
         zeroth, first, second = 0.0, 0.0, 0.0
@@ -189,25 +188,25 @@ def finish(V, N, square, b, x, one):
             zeroth += term
             first += term * d
             second += term * d * d
-        new = improved(x[b], N[b], zeroth, first, second, one.upper[b])
-        one.step[b] = new - x[b]
+        new = improved(x[b], N[b], zeroth, first, second, upper)
+        step[b] = new - x[b]
         x[b] = new
-        if abs(one.step[b]) <= _CLOSE * new:
+        if abs(step[b]) <= _CLOSE * new:
             return
 
 
 @inner
-def prepare_bound(spectrum, largest, wary, one):
+def prepare_bound(square, largest, wary, one):
     """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
-    bound = one.bound
+    bound, below = one.line[BOUND], one.line[BELOW]
     for b in range(LANES):
         bound[b] = (wary * CLEAR * CLEAR) ** 2 * largest[b]
-        one.below[b] = 0.0
-    for i in range(spectrum.square.shape[0]):
+        below[b] = 0.0
+    for i in range(square.shape[0]):
         for b in range(LANES):
-            gap = spectrum.square[i, b] - bound[b]
+            gap = square[i, b] - bound[b]
             one.over[i, b] = 1.0 / gap
-            one.below[b] += 1.0 if gap < 0.0 else 0.0
+            below[b] += 1.0 if gap < 0.0 else 0.0
 
 
 @inner
@@ -217,27 +216,27 @@ def count_below(k, one, count):
     There is one more of them than of J Jᵀ where the secular function N_kk - x φ(x) is negative
     (Sylvester's law, on J Jᵀ - x bordered by J_k).
     """
-    V, value = one.V[k], one.sums[0]
+    V, value, bound, below = one.V[k], one.line[SUMS], one.line[BOUND], one.line[BELOW]
     for b in range(LANES):
         value[b] = 0.0
     for i in range(V.shape[0]):
         for b in range(LANES):
             value[b] += V[i, b] * V[i, b] * one.over[i, b]
     for b in range(LANES):
-        is_more = one.rest[k, b] - one.bound[b] * value[b] < 0.0
-        count[b] = one.below[b] + (1.0 if is_more else 0.0)
+        is_more = one.rest[k, b] - bound[b] * value[b] < 0.0
+        count[b] = below[b] + (1.0 if is_more else 0.0)
 
 
 @inner
-def share_along(k, spectrum, one, share):
+def share_along(k, sigma, square, one, share):
     """Share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
-    V, x, along, size = one.V[k], one.x[k], one.sums[0], one.sums[1]
+    V, x, along, size = one.V[k], one.x[k], one.line[SUMS], one.line[SUMS + 1]
     for b in range(LANES):
         along[b], size[b] = 0.0, 0.0
     for i in range(V.shape[0]):
         for b in range(LANES):
-            part = spectrum.sigma[i, b] * V[i, b] / (spectrum.square[i, b] - x[b])
+            part = sigma[i, b] * V[i, b] / (square[i, b] - x[b])
             along[b] += part * one.F[i, b]
             size[b] += part * part
     for b in range(LANES):
-        share[b] = along[b] * along[b] / (size[b] * one.size[b])
+        share[b] = along[b] * along[b] / (size[b] * one.line[SIZE, b])

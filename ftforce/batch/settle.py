@@ -14,7 +14,6 @@ import numpy as np
 from ftforce.batch import exact, lanes, spectrum
 from ftforce.batch.jit import inner, kernel
 from ftforce.batch.layout import LANES, UNDECIDED
-from ftforce.batch.parts import part
 
 if TYPE_CHECKING:
     from ftforce.batch.exact import Scratch
@@ -40,79 +39,107 @@ def pairs(m, n):
     )  # fmt: skip
 
 
-@kernel
 def settle(mechanism, faults, question, q, answers, work, group):
     """Answer what `ftforce.batch.fast.evaluate` left undecided, with its arguments.
 
-    The postures concerned are collected until there are enough of them for the lanes.
+    Only the kernels that are needed are called, and compiled.
     """
-    k, count = q.shape[0], 0
-    for at in range(k):
-        if is_undecided(answers, at):
-            work.chosen[count] = at
-            count += 1
-        if count == LANES or (count > 0 and at == k - 1):
-            for b in range(count, LANES):
-                work.chosen[b] = work.chosen[0]
-            settle_postures(mechanism, faults, question, q, count, answers, work, group)
-            count = 0
+    given = (mechanism, faults, question, q, answers, work.arm, work.spectrum)
+    if faults.swings.any():
+        settle_free(*given, group.one)
+    settle_locked(*given, group)
 
 
-@inner
-def is_undecided(answers, at):
-    """Return whether something about a posture was left undecided."""
-    if answers.rank[at] == UNDECIDED:
-        return True
-    for s in range(answers.verdict.shape[0]):  # noqa: SIM110 - numba knows no generators here
-        if answers.verdict[s, at] == UNDECIDED:
-            return True
-    return False
-
-
-@part
-def settle_postures(mechanism, faults, question, q, count, answers, work, group):
-    """Answer what was left undecided about the postures in the lanes."""
-    lanes.place(mechanism, question, q, work)
-    spectrum.decompose(work.J, work.spectrum)
-    for b in range(count):
-        settle_healthy(question, b, answers, work, group.one)
-    waiting = 0
-    for s in range(faults.locked.shape[0]):
-        for b in range(count):
-            if answers.verdict[s, work.chosen[b]] != UNDECIDED:
+@kernel
+def settle_free(mechanism, faults, question, q, answers, arm, spec, one):
+    """Answer for the sets with joints without torque."""
+    start, count = 0, 1
+    while count > 0:
+        start, count = collect(start, faults.swings, True, answers, arm.chosen)
+        if count > 0:
+            decompose_healthy(mechanism, question, q, count, answers, arm, spec, one)
+        for s in range(faults.locked.shape[0]):
+            if not faults.swings[s]:
                 continue
-            if faults.swings[s]:
-                take(question, b, work, group.one)
-                swing(faults, question, s, work.chosen[b], group.one, answers)
-                continue
-            wait(faults.locked[s], s, b, waiting, work.J, group)
-            waiting += 1
-            if waiting == LANES:
-                settle_pairs(faults, question, waiting, answers, work, group)
+            for b in range(count):
+                at = arm.chosen[b]
+                if answers.verdict[s, at] == UNDECIDED:
+                    take(question, b, arm, spec.sigma, one)
+                    swing(faults.locked[s], faults.free[s], question, s, at, one, answers)
+
+
+@kernel
+def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
+    """Answer for the sets of locked joints, and what is left of the healthy arm."""
+    start, count = 0, 1
+    while count > 0:
+        start, count = collect(start, faults.swings, False, answers, arm.chosen)
+        if count > 0:
+            decompose_healthy(mechanism, question, q, count, answers, arm, spec, group.one)
+        s, b, waiting = 0, 0, 0
+        while s < faults.locked.shape[0] and count > 0:
+            if answers.verdict[s, arm.chosen[b]] == UNDECIDED:
+                wait(faults.locked[s], s, b, waiting, arm.J, group.K, group.lane, group.set)
+                waiting += 1
+            b += 1
+            if b == count:
+                s, b = s + 1, 0
+            if waiting == LANES or (waiting > 0 and s == faults.locked.shape[0]):
+                spectrum.decompose(group.K, group.spectrum)
+                for slot in range(waiting):
+                    at, which = group.lane[slot], group.set[slot]
+                    take(question, at, arm, spec.sigma, group.one)
+                    lock(
+                        faults.locked[which], faults.free[which], question, which, arm.chosen[at],
+                        slot, group.spectrum.sigma, group.spectrum.W, group.one, answers,
+                    )  # fmt: skip
                 waiting = 0
-        # the last ones do not wait for more
-        if waiting > 0 and s == faults.locked.shape[0] - 1:
-            settle_pairs(faults, question, waiting, answers, work, group)
 
 
 @inner
-def settle_healthy(question, b, answers, work, one):
-    """Take the rank of J, and the force that the healthy arm exerts, F̂ = J J† F."""
-    m, at, spec = work.J.shape[0], work.chosen[b], work.spectrum
-    rank = rank_of(spec.sigma, b, question.rtol)
-    if answers.rank[at] == UNDECIDED:
-        answers.rank[at] = rank
-        answers.healthy_margin[at] = ratio(spec.sigma[m - 1, b], spec.sigma[0, b])
-    if rank == m or question.force.size == 0:
-        return
+def collect(start, swings, is_free, answers, chosen):
+    """Choose up to LANES postures of which something is undecided; return where to go on."""
+    at, count = start, 0
+    while at < answers.rank.size and count < LANES:
+        left = answers.rank[at] == UNDECIDED and not is_free
+        for s in range(swings.size):
+            left |= swings[s] == is_free and answers.verdict[s, at] == UNDECIDED
+        if left:
+            chosen[count] = at
+            count += 1
+        at += 1
+    for b in range(count, LANES):
+        chosen[b] = chosen[0]
+    return at, count
+
+
+@inner
+def decompose_healthy(mechanism, question, q, count, answers, arm, spec, one):
+    """Decompose J of the chosen postures, and take the force that the healthy arms exert."""
+    m = arm.J.shape[0]
+    lanes.place(mechanism, question, q, arm)
+    spectrum.decompose(arm.J, spec)
+    for b in range(count):
+        at, rank = arm.chosen[b], rank_of(spec.sigma, b, question.rtol)
+        if answers.rank[at] == UNDECIDED:
+            answers.rank[at] = rank
+            answers.healthy_margin[at] = ratio(spec.sigma[m - 1, b], spec.sigma[0, b])
+        if rank < m and question.force.size:
+            keep_exerted(spec.W, b, rank, arm.force, one)
+
+
+@inner
+def keep_exerted(W, b, rank, force, one):
+    """Take the force that the healthy arm exerts, F̂ = J J† F."""
+    m = W.shape[0]
     for i in range(m):
-        one.F[i] = work.force[i, b]
-    take_left_vectors(spec.W, b, rank, one.V)
+        one.F[i] = force[i, b]
+    take_left_vectors(W, b, rank, one.V)
     exact.project(one.V, 0, rank, one.F, one.kept)
     # What only rounding left is no force: its direction would be judged.
     is_real = exact.norm(one.kept) > 1e-12 * exact.norm(one.F)
     for i in range(m):
-        work.force[i, b] = one.kept[i] if is_real else 0.0
+        force[i, b] = one.kept[i] if is_real else 0.0
 
 
 @inner
@@ -164,67 +191,56 @@ def take_left_vectors(W, b, rank, U):
 
 
 @inner
-def take(question, b, work, one):
+def take(question, b, arm, sigma, one):
     """Copy what is known of a lane's posture."""
     m, n = one.J.shape
     for i in range(m):
         for k in range(n):
-            one.J[i, k] = work.J[i, k, b]
-        one.s[i] = work.spectrum.sigma[i, b]
-    one.rank[0] = rank_of(work.spectrum.sigma, b, question.rtol)
+            one.J[i, k] = arm.J[i, k, b]
+        one.s[i] = sigma[i, b]
+    one.rank[0] = rank_of(sigma, b, question.rtol)
     for k in range(n):
-        one.rnea[k] = work.weight[k, b]
+        one.rnea[k] = arm.weight[k, b]
     for i in range(question.direction.size):
-        one.d[i] = work.direction[i, b]
+        one.d[i] = arm.direction[i, b]
     for i in range(question.force.size):
-        one.F[i] = work.force[i, b]
+        one.F[i] = arm.force[i, b]
 
 
 @inner
-def wait(locked, s, b, slot, J, group):
+def wait(locked, s, b, slot, J, K, lane, which):
     """Let a pair wait for others."""
-    group.lane[slot], group.set[slot] = b, s
+    lane[slot], which[slot] = b, s
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
-            group.K[i, k, slot] = 0.0 if locked[k] else J[i, k, b]
-
-
-@part
-def settle_pairs(faults, question, waiting, answers, work, group):
-    """Decompose K for the pairs that wait, and answer."""
-    if waiting == 0:
-        return
-    spectrum.decompose(group.K, group.spectrum)
-    one, spec = group.one, group.spectrum
-    m = one.s.size
-    for slot in range(waiting):
-        s, b = group.set[slot], group.lane[slot]
-        take(question, b, work, one)
-        for i in range(m):
-            one.t[i] = spec.sigma[i, slot]
-            one.F0[i] = 0.0
-        after = exact.rank_of(one.t, question.rtol * one.s[0])
-        take_left_vectors(spec.W, slot, after, one.V)
-        at = work.chosen[b]
-        asks = question.force.size > 0
-        answers.verdict[s, at] = exact.judge_locked(one, asks, question.rtol, question.wary)
-        write(faults, question, s, at, after, 0.0, one, answers)
+            K[i, k, slot] = 0.0 if locked[k] else J[i, k, b]
 
 
 @inner
-def swing(faults, question, s, at, one, answers):
+def lock(locked, free, question, s, at, slot, sigma, W, one, answers):
+    """Answer for a set of locked joints, whose K is decomposed in a slot."""
+    for i in range(one.t.size):
+        one.t[i] = sigma[i, slot]
+        one.F0[i] = 0.0
+    after, asks = exact.rank_of(one.t, question.rtol * one.s[0]), question.force.size > 0
+    take_left_vectors(W, slot, after, one.V)
+    answers.verdict[s, at] = exact.judge_locked(one, asks, question.rtol, question.wary)
+    write(locked, free, question, s, at, after, 0.0, one, answers)
+
+
+@inner
+def swing(locked, free, question, s, at, one, answers):
     """Answer for a set with joints without torque."""
-    locked, free, asks = faults.locked[s], faults.free[s], question.force.size > 0
+    asks, lost = question.force.size > 0, question.rtol * one.s[0]
     answers.verdict[s, at] = exact.judge_free(one, locked, free, question.rtol, question.wary, asks)
-    lost = question.rtol * one.s[0]
     exact.reduce_columns(one.J, locked, one.K)
     unbalanced, _ = exact.swing_out(one, free, lost)
     exact.decompose(one.K, one.V, one.t)
-    write(faults, question, s, at, exact.rank_of(one.t, lost), unbalanced, one, answers)
+    write(locked, free, question, s, at, exact.rank_of(one.t, lost), unbalanced, one, answers)
 
 
 @inner
-def write(faults, question, s, at, after, unbalanced, one, answers):
+def write(locked, free, question, s, at, after, unbalanced, one, answers):
     """Write all but the verdict."""
     m, scale, rank = one.s.size, one.s[0], one.rank[0]
     answers.rank_lost[s, at] = rank - after
@@ -234,7 +250,6 @@ def write(faults, question, s, at, after, unbalanced, one, answers):
     if question.force.size:
         write_jump(question, s, at, after, unbalanced, one, answers)
     if question.direction.size:
-        locked, free = faults.locked[s], faults.free[s]
         for k in range(free.size):
             motor = 0.0 if free[k] else question.effort[k]
             one.limit[k] = question.brake[k] if locked[k] else motor

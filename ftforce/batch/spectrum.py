@@ -32,19 +32,15 @@ class Spectrum(NamedTuple):
     W: np.ndarray  # (m, m, LANES): rows u_iᵀ; 0 where σ = 0
     square: np.ndarray  # (m, LANES): σ²
     sigma: np.ndarray  # (m, LANES): σ
-    fails: np.ndarray  # (LANES,): 1 where the rotations did not end
-    a: np.ndarray  # (LANES,): workspace, as the next
-    b: np.ndarray  # (LANES,)
-    c: np.ndarray  # (LANES,)
+    line: np.ndarray  # (4, LANES): first 1 where the rotations did not end
 
 
 @kernel
 def spectrum(m, n):
     """Return a workspace."""
-    line = np.zeros(LANES)
     return Spectrum(
         np.zeros((m, n, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)),
-        np.zeros((m, LANES)), line, line.copy(), line.copy(), line.copy(),
+        np.zeros((m, LANES)), np.zeros((4, LANES)),
     )  # fmt: skip
 
 
@@ -55,7 +51,7 @@ def decompose(J, one):
     rotate(one)
     for i in range(J.shape[0]):
         add_squares(one.W[i], one.square[i])
-        sigma, over = one.sigma[i], one.a
+        sigma, over = one.sigma[i], one.line[1]
         for b in range(LANES):
             sigma[b] = math.sqrt(one.square[i, b])
             over[b] = 1.0 / sigma[b] if sigma[b] > 0.0 else 0.0
@@ -82,7 +78,7 @@ def orthonormalize(J, one):
     sweeps follow.
     """
     m, n = J.shape[0], J.shape[1]
-    Q, W, size, along = one.Q, one.W, one.a, one.b
+    Q, W, size, along = one.Q, one.W, one.line[1], one.line[2]
     for p in range(m):
         i, row = m - 1 - p, Q[p]
         for k in range(n):
@@ -126,12 +122,12 @@ def rotate(one):
 
     A lane whose rows were orthogonal enough stays as it is, so that no lane depends on others.
     """
-    W, square, fails = one.W, one.square, one.fails
+    W, square, fails, active = one.W, one.square, one.line[0], one.line[1]
     m = W.shape[0]
     for b in range(LANES):
         fails[b] = 1.0
     for _ in range(_SWEEPS):
-        active, far = one.a, 0
+        far = 0
         for b in range(LANES):
             active[b] = fails[b]
             far += 1 if fails[b] > 0.0 else 0
@@ -143,14 +139,14 @@ def rotate(one):
             add_squares(W[i], square[i])
         for i in range(m - 1):
             for j in range(i + 1, m):
-                turn_angle(W[i], W[j], square[i], square[j], one)
-                turn_rows(W[i], W[j], one.b, one.c)
+                turn_angle(W[i], W[j], square[i], square[j], one.line)
+                turn_rows(W[i], W[j], one.line[2], one.line[3])
 
 
 @inner
-def turn_angle(x, y, longer, shorter, one):
+def turn_angle(x, y, longer, shorter, line):
     """Cosine and sine that make two rows orthogonal, and the first the longer one."""
-    cosine, sine, active, fails = one.b, one.c, one.a, one.fails
+    fails, active, cosine, sine = line[0], line[1], line[2], line[3]
     for b in range(LANES):
         cosine[b] = x[0, b] * y[0, b]
     for k in range(1, x.shape[0]):

@@ -19,36 +19,31 @@ relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5
 
 
 @inner
-def evaluate_healthy(question, first, count, work, answers):
+def evaluate_healthy(rtol, J, lane):
     """Take σ_max(J), σ_min(J) and w(J) of J Jᵀ, and what divides by them."""
-    least = max(question.rtol * CLEAR, LEAST_MARGIN) ** 2
-    smallest, largest, over = work.smallest, work.largest, work.over
-    lanes.gram(work.J, work.A)
-    eigenvalues.outermost_of_three(work.A, 1.0, largest, work.determinant)
-    eigenvalues.outermost_of_three(work.A, -1.0, smallest, work.determinant)
+    least = max(rtol * CLEAR, LEAST_MARGIN) ** 2
+    smallest, largest, over = lane.smallest, lane.largest, lane.over
+    lanes.gram(J, lane.A)
+    eigenvalues.outermost_of_three(lane.A, 1.0, largest, lane.x)
+    eigenvalues.outermost_of_three(lane.A, -1.0, smallest, lane.x)
     for b in range(LANES):
         over[0, b] = 1.0 / math.sqrt(largest[b])
-        over[1, b] = 1.0 / math.sqrt(max(work.determinant[b], 0.0))
-        work.x[b] = math.sqrt(max(smallest[b], 0.0)) * over[0, b]
+        over[1, b] = 1.0 / math.sqrt(max(lane.x[b], 0.0))
+        lane.x[b] = math.sqrt(max(smallest[b], 0.0)) * over[0, b]
         largest[b] = largest[b] if smallest[b] > least * largest[b] else math.nan
-    for b in range(count):
-        answers.rank[first + b] = 3 if largest[b] > 0.0 else UNDECIDED
-        answers.healthy_margin[first + b] = work.x[b]
 
 
 @inner
-def answer(question, joints, s, first, count, work, answers):
-    """Answer for a set that locks joints; at least three are left."""
-    lanes.downdate(work.A, work.J, joints, work.B)
-    safe = max(question.wary * CLEAR, LEAST_MARGIN) ** 2
-    unclear = measure(
-        work.B, work.largest, work.over, safe, first, count, work.x,
-        answers.sigma_min[s], answers.margin[s], answers.rho[s],
-    )  # fmt: skip
+def answer(rtol, wary, joints, J, force, first, count, lane, sigma_min, margin, rho, verdict):
+    """Answer for a set that locks joints; at least three are left. Without a force it is empty."""
+    B, x = lane.B, lane.x
+    lanes.downdate(lane.A, J, joints, B)
+    safe = max(wary * CLEAR, LEAST_MARGIN) ** 2
+    unclear = measure(B, lane.largest, lane.over, safe, first, count, x, sigma_min, margin, rho)
     if unclear:
         for b in range(count):
-            if not work.x[b] > safe * work.largest[b]:
-                answers.verdict[s, first + b] = decide(question, b, work)
+            if not x[b] > safe * lane.largest[b]:
+                verdict[first + b] = decide(rtol, wary, b, B, x[b], lane.largest[b], force)
 
 
 @inner
@@ -72,14 +67,13 @@ def measure(B, largest, over, safe, first, count, x, sigma_min, margin, rho):
 
 
 @inner
-def decide(question, b, work):
+def decide(rtol, wary, b, B, x, largest, force):
     """Judge a lane where one direction, and no more, would be lost by a larger tolerance.
 
     That tolerance is the margin. The force is kept with smaller ones, and with larger ones if its
     share along the direction, which then jumps, is below.
     """
-    B, x, largest = work.B, work.x[b], work.largest[b]
-    least = max(question.rtol * CLEAR, LEAST_MARGIN) ** 2
+    least = max(rtol * CLEAR, LEAST_MARGIN) ** 2
     if not x > least * largest:
         return UNDECIDED
     trace = B[0, 0, b] + B[1, 1, b] + B[2, 2, b] - x
@@ -87,20 +81,19 @@ def decide(question, b, work):
     minors -= B[1, 0, b] ** 2 + B[2, 0, b] ** 2 + B[2, 1, b] ** 2
     product = minors - x * trace  # of the two larger eigenvalues, as trace is their sum
     second = 2.0 * product / (trace + math.sqrt(max(trace * trace - 4.0 * product, 0.0)))
-    if not second > (question.wary * CLEAR * CLEAR) ** 2 * largest:
+    if not second > (wary * CLEAR * CLEAR) ** 2 * largest:
         return UNDECIDED
-    share = math.nan
-    if question.force.size:
-        share = eigenvalues.share_of_three(B, b, x, work.force)
-    return judge(question, x / largest, share)
+    asks = force.shape[0] > 0
+    share = eigenvalues.share_of_three(B, b, x, force) if asks else 0.0
+    return judge(wary, x / largest, asks, share)
 
 
 @inner
-def judge(question, margin2, share):
+def judge(wary, margin2, asks, share):
     """Return the verdict where one direction alone is lost by tolerances beyond the margin."""
-    if not margin2 * CLEAR < (question.wary / CLEAR) ** 2:
+    if not margin2 * CLEAR < (wary / CLEAR) ** 2:
         return UNDECIDED
-    if question.force.size == 0:
+    if not asks:
         return BORDERLINE
     if not (share >= 0.0 and abs(share - margin2) > (CLEAR - 1.0) * margin2):
         return UNDECIDED
