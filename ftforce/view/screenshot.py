@@ -60,6 +60,7 @@ _FLAGS = (
     "--no-proxy-server",
 )
 _PATIENCE = 5.0  # s for a browser that is told to end
+_LONGEST_FOLDER = 50  # a socket's path has 104 bytes on macOS, of which Chromium takes 45
 _STEP = 0.05  # s between two looks
 _MOST_PICTURES = 6  # until two in a row are the same
 
@@ -151,7 +152,9 @@ def _browser(
         flags = [*_FLAGS, f"--window-size={width},{height}", f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             flags.append("--no-sandbox")  # its sandbox does not work for root
-        scratch = {"TMPDIR": folder, "XDG_CONFIG_HOME": folder, "XDG_CACHE_HOME": folder}
+        scratch = {"XDG_CONFIG_HOME": folder, "XDG_CACHE_HOME": folder}
+        if len(folder) <= _LONGEST_FOLDER:
+            scratch["TMPDIR"] = folder
         try:
             process = subprocess.Popen(
                 [executable, *flags, address],
