@@ -20,7 +20,7 @@ from ftforce.view.meshes import Geometry, Part
 from ftforce.view.picture import picture
 from ftforce.view.session import Session, View
 from ftforce.view.state import Origin, command_line, initial_state
-from helpers import assert_close
+from helpers import KNOWN, assert_close
 from urdfs import arm, joint
 
 
@@ -56,6 +56,20 @@ def test_a_session_opens_with_its_question_answered(session, dh5):
     found = ftforce.analyze(dh5, force=[80, 50, 10])
     assert verdict_sentence(found) == verdict_sentence(session.answer.analysis)
     assert "Tolerated" in session.panel._banner.content
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", KNOWN)
+def test_every_known_robot_opens(name):
+    robot = ftforce.load_robot(name)
+    with Session(robot, initial_state(robot, origin=Origin(name), limits="urdf")) as session:
+        session.load_geometry()
+        session.settle()
+        assert session.problem == ""
+        moved = {part.joint for part in session.stage._parts}
+        assert moved & set(range(1, robot.model.njoints))
+        put(session, mode1="locked")
+        assert session.answer.analysis.locked == (robot.names[1],)
 
 
 def test_every_control_changes_what_it_says(session):
@@ -108,6 +122,7 @@ def test_controls_follow_the_question(session, dh5):
 def test_a_moved_slider_leaves_the_others_digits(session):
     q = np.array([0.1, 1 / 3, 0.3, 0.4, 0.5])
     session.change(lambda state: state.at(q))
+    session.settle()
     put(session, q0=45.0)
     assert session.state.q.tolist() == [math.pi / 4, *q[1:]]
 

@@ -45,6 +45,7 @@ ARROW_COLOURS: dict[str, Colour] = {  # those that viser gives to the axes z, y 
     "lost": (255, 32, 96),
 }
 MOST_SETS = 40
+_ROUNDING = 1e-6  # a share of a force that is smaller is none
 
 STYLE = """
 .ftf{font:12px/1.35 system-ui,'Noto Sans','DejaVu Sans',sans-serif;color:#1a1a1a;padding:4px 10px}
@@ -199,11 +200,11 @@ def torque_table(answer: Answer) -> Markup:
     """Return what each motor gives before and after, with a bar against its limit."""
     known = answer.analysis.rnea.is_known
     units = {load.unit for load in answer.loads}
-    unit = units.pop() if len(units) == 1 else "N·m; N if it slides"
+    unit = units.pop() if len(units) == 1 else "N·m, N"
     title = f"Motor torque [{unit}], " + ("weight included" if known else "weight unknown")
     columns = [
-        ("#", "l", "26px"), ("joint", "l", ""), ("before", "", "54px"), ("after", "", "54px"),
-        ("of limit", "l", "54px"), ("", "", "42px"),
+        ("#", "l", "31px"), ("joint", "l", ""), ("before", "", "51px"), ("after", "", "51px"),
+        ("of limit", "l", "50px"), ("", "", "40px"),
     ]  # fmt: skip
     rows = (_load_row(load) for load in answer.loads)
     return element("div", element("h3", title), table(columns, rows, "torques"))
@@ -262,7 +263,7 @@ def force_table(analysis: Analysis) -> Markup:
     ]  # fmt: skip
     if change.requested is not None and words.is_noticeable(change.unsupported):
         vectors.insert(0, ("asked", change.requested))
-    columns = [("", "l", "52px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
+    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
     values = [vector for _, vector in vectors]
     parts = zip(task.components, task.units, strict=True)
     rows = [
@@ -354,7 +355,8 @@ def set_label(report: SetReport) -> str:
     joints = ", ".join(str(i + 1) for i in report.faults.joints)
     if not report.can_stand_still:
         return f"{{{joints}}} cannot stand still"
-    lost = f", {report.relative_jump:.0%} lost" if report.relative_jump > 0.0 else ""
+    share = report.relative_jump
+    lost = f", {100.0 * share:.2g}% lost" if share > _ROUNDING else ""
     return f"{{{joints}}} {report.verdict}{lost}"
 
 

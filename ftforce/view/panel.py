@@ -77,6 +77,15 @@ class _Control:
     def __init__(self, handle: Any, value: Any) -> None:
         self.handle, self.value = handle, value
 
+    def tell(self, value: Any) -> None:
+        """Let it show what the question says, unless a hand has just moved it.
+
+        Then the hand's own callback is on its way; what it says becomes the question's.
+        """
+        is_moved = self.handle.value != self.value
+        if self.value != value and not is_moved:
+            self.value = self.handle.value = value
+
 
 class Panel:
     """Controls to the right, the answer to the left.
@@ -369,9 +378,7 @@ class Panel:
             values[f"factor{i}"] = _percent(state.factors[i])
         with self._writing():
             for name, value in values.items():
-                control = self._controls[name]
-                if control.value != value:
-                    control.value = control.handle.value = value
+                self._controls[name].tell(value)
             for i, mode in enumerate(state.modes):
                 _show(self._controls[f"factor{i}"].handle, mode == FaultMode.WEAK)
             _show(self._controls["moment"].handle, bool(task.moment_rows))

@@ -46,7 +46,7 @@ AFTER_SOLID: Colour = (0, 158, 115)
 ARROW_KINDS = ("requested", "kept", "lost")
 _LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
 _NICE = (1.0, 2.0, 5.0, 10.0)
-_BEYOND = 1.15  # lines stand out a little beyond the longest arrow
+_LINE = 0.3  # of half a line, likewise
 _CIRCLE = 24
 _HAND = 0.005  # m: finer steps of a dragged force are not meant
 
@@ -328,7 +328,7 @@ def _arrows(forces: dict[str, Vector], frame: _Frame, unit: str) -> tuple[Arrow,
         amount_text = f"{size(amount, 1)} {unit}"
         mark = f"{kind} {amount_text}" if is_there else ""
         if everything_kept:  # one arrow lies on the other
-            mark = f"requested = kept {amount_text}" if kind == "kept" and is_there else ""
+            mark = f"all kept {amount_text}" if kind == "kept" and is_there else ""
         end = frame.point(F) if is_there else frame.place
         arrows.append(Arrow(kind, frame.place, end, f"{kind} {amount_text}", mark))
     return tuple(arrows)
@@ -336,7 +336,7 @@ def _arrows(forces: dict[str, Vector], frame: _Frame, unit: str) -> tuple[Arrow,
 
 def _lines(answer: Answer, frame: _Frame, extent: float) -> tuple[Line, ...]:
     """Return lost directions both ways, and the weakest one."""
-    task, half = answer.analysis.task, _BEYOND * _LONGEST * extent
+    task, half = answer.analysis.task, _LINE * extent
     lines = []
     for row in answer.analysis.lost_directions:
         line = _line(spatial(task, task.unweigh_force(row)), frame, half, -half)

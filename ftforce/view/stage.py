@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from ftforce.view.picture import Arrow, Picture, Solid
 
 _AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
+_ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels that do not overlap
+    "requested": "bottom-center",
+    "kept": "top-center",
+    "lost": "bottom-right",
+}
 _SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
@@ -85,7 +90,7 @@ class Stage:
         self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
         self._labels = {
             kind: server.scene.add_label(
-                f"{prefix}/force/{kind}_label", kind, anchor="bottom-left", visible=False,
+                f"{prefix}/force/{kind}_label", kind, anchor=_ANCHOR[kind], visible=False,
                 font_screen_scale=0.85,
             )
             for kind in ARROW_KINDS
@@ -128,6 +133,8 @@ class Stage:
         """Aim the camera of new tabs, and of pictures, at the links that move and at the force."""
         points = [pose.position for pose in picture.joints[1:]]
         points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
+        points += [end for line in picture.lines for end in line.ends]
+        points += [corner for solid in picture.solids for corner in solid.vertices]
         points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # its foot
         for part in self._parts:
             if self._moves[part.joint] is not None:
