@@ -450,6 +450,21 @@ def test_the_command_is_copied_and_gives_the_same_answer(seen):
 
 
 @pytest.mark.browser
+def test_page_and_picture_are_saved_by_a_click(seen):
+    page = seen.page
+    page.get_by_role("tab", name="Take along").click()
+    with page.expect_download() as given:
+        page.get_by_role("button", name="Save page").click()
+    assert given.value.suggested_filename == "ftforce_dh5.html"
+    assert verdict_sentence(seen.session.answer.analysis) in given.value.path().read_text()
+    with page.expect_download() as given:
+        page.get_by_role("button", name="Save picture").click()
+    assert given.value.suggested_filename == "ftforce_dh5.png"
+    assert given.value.path().read_bytes().startswith(b"\x89PNG")
+    assert seen.session.problem == ""
+
+
+@pytest.mark.browser
 def test_two_tabs_share_one_page_and_one_may_vanish(seen):
     second = seen.open()
     seen.session.panel.handle("mode2").value = "locked"

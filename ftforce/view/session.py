@@ -358,14 +358,18 @@ class Session:
     def save_page(self, client: Any) -> None:
         """Give a tab the page as a file."""
         with self._told():
-            client.send_file_download(f"{_file_name(self.robot)}.html", self.page().encode())
+            self._give(client, "html", self.page().encode())
 
     def save_picture(self, client: Any) -> None:
         """Give a tab the scene as it sees it, as a PNG."""
         from ftforce.view.screenshot import render_png
 
         with self._told():
-            client.send_file_download(f"{_file_name(self.robot)}.png", render_png(client))
+            self._give(client, "png", render_png(client))
+
+    def _give(self, client: Any, ending: str, content: bytes) -> None:
+        name = f"{_file_name(self.robot)}.{ending}"
+        client.send_file_download(name, content, save_immediately=True)
 
     @contextmanager
     def _told(self) -> Iterator[None]:
