@@ -90,11 +90,12 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
             report = reports[str(faulty)]
             check_set(block, s, at, report)
             if force is not None:
-                check_jump(block, s, at, report, task, float(np.linalg.norm(force)))
+                size = float(np.linalg.norm(force))
+                check_jump(block, s, at, report, task=task, size=size)
     return block, sets
 
 
-def check_jump(block, s, at, report, task, size):
+def check_jump(block, s, at, report, *, task, size):
     """Compare the jumps, which are NaN where the arm cannot stand still."""
     absent = math.nan
     wanted = report.jump_norm if task.force_rows else report.moment_jump_norm
