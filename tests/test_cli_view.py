@@ -70,7 +70,8 @@ def test_every_option_of_analyze_is_one_of_view_and_means_the_same(opened):
     sessions, _ = opened
     run(
         "panda", "--free", "3", "--weak", "5:0.25", "--posture", "zero",
-        "--torque", "1,2,3,4,5,6,7", "--velocity", "1,0,0,0,0,0,0", "--acceleration", "0,2,0,0,0,0,0", "--gravity", "0,0,-1",
+        "--torque", "1,2,3,4,5,6,7", "--velocity", "1,0,0,0,0,0,0",
+        "--acceleration", "0,2,0,0,0,0,0", "--gravity", "0,0,-1",
         "--payload", "2@0,0,0.1", "--limits", "none", "--inverse", "dynamic", "--task", "wrench",
         "--length", "0.4", "--axes", "world", "--rtol", "1e-5", "--wary", "0.02",
         "--tip", "panda_hand", "--no-browser",
