@@ -90,12 +90,11 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
             report = reports[str(faulty)]
             check_set(block, s, at, report)
             if force is not None:
-                size = float(np.linalg.norm(force))
-                check_jump(block, s, at, report, task=task, size=size)
+                check_jump(block, s, at, report, task, float(np.linalg.norm(force)))
     return block, sets
 
 
-def check_jump(block, s, at, report, *, task, size):
+def check_jump(block, s, at, report, task, size):
     """Compare the jumps, which are NaN where the arm cannot stand still."""
     absent = math.nan
     wanted = report.jump_norm if task.force_rows else report.moment_jump_norm
@@ -462,7 +461,7 @@ def test_singular_values_side_by_side(m, n):
     s = np.linalg.svd(J, compute_uv=False)
     found = one.sigma.T
     np.testing.assert_allclose(found[:, : s.shape[1]], s, rtol=1e-10, atol=1e-15)
-    assert not one.line[0].any()
+    assert not one.fails.any()
     for b in range(LANES):  # J Jᵀ = U diag(σ²) Uᵀ
         W = one.W[:, :, b]
         np.testing.assert_allclose((W.T * found[b] ** 2) @ W, J[b] @ J[b].T, atol=1e-14)

@@ -36,11 +36,13 @@ class Lane(NamedTuple):
     largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing is to be decided
     over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
     reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
-    line: np.ndarray  # (3, LANES)
+    least: np.ndarray  # (LANES,): interval of s·d
+    most: np.ndarray  # (LANES,)
+    a: np.ndarray  # (LANES,): workspace
 
 
 class Bench(NamedTuple):
-    """Workspace of `evaluate`. What takes few arrays is compiled in less time: hence its parts."""
+    """Workspace of `evaluate`, in parts: what takes few arrays is compiled in less time."""
 
     arm: Work
     lane: Lane
@@ -54,7 +56,8 @@ def bench(joints, n, m):
     """Return a workspace."""
     lane = Lane(
         np.empty((3, 3, LANES)), np.empty((3, 3, LANES)), np.empty(LANES), np.empty(LANES),
-        np.empty(LANES), np.empty((2, LANES)), np.empty((n, 4, LANES)), np.empty((3, LANES)),
+        np.empty(LANES), np.empty((2, LANES)), np.empty((n, 4, LANES)), np.empty(LANES),
+        np.empty(LANES), np.empty(LANES),
     )  # fmt: skip
     return Bench(
         lanes.workspace(joints, n, m), lane, spectrum.spectrum(m, n), secular.secular(m, n),
@@ -98,9 +101,9 @@ def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
                 answers.verdict[s],
             )  # fmt: skip
             if question.direction.size:
-                start_whole(lane.line)
+                start_whole(lane.least, lane.most)
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
                     answers.capability[s],
                 )  # fmt: skip
 
@@ -144,14 +147,14 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
                 lost.lose_pair(joints[0], joints[1], one, gone)
                 size = 1
             if moves and (keeps or size > 0):
-                start_whole(lane.line)
+                start_whole(lane.least, lane.most)
                 if size > 0:
                     lost.limit_capability(
                         question.direction, question.rtol, size, False, arm.direction[:m], gone,
-                        lane.line,
+                        lane.least, lane.most,
                     )  # fmt: skip
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
                     answers.capability[s],
                 )  # fmt: skip
             if size > 0:
@@ -178,10 +181,17 @@ def evaluate_free(mechanism, faults, question, q, answers, arm, lane, spec, gone
             lost.lose_column(k, question.wary, arm.J, arm.weight, lane.smallest, lane.largest, gone)
             if question.direction.size:
                 lost.limit_capability(
-                    question.direction, question.rtol, 1, True, arm.direction[:m], gone, lane.line
+                    question.direction,
+                    question.rtol,
+                    1,
+                    True,
+                    arm.direction[:m],
+                    gone,
+                    lane.least,
+                    lane.most,
                 )
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.line, first, count,
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
                     answers.capability[s],
                 )  # fmt: skip
             write_lost(question, s, 1, True, first, count, arm.force, lane.largest, gone, answers)
@@ -252,15 +262,15 @@ def evaluate_healthy(rtol, J, lane, spec):
         lane.smallest[b], lane.largest[b] = spec.square[m - 1, b], spec.square[0, b]
         lane.over[0, b] = 1.0 / spec.sigma[0, b]
         lane.x[b] = spec.sigma[m - 1, b] * lane.over[0, b]
-        is_clear = (lane.smallest[b] > least * lane.largest[b]) & (spec.line[0, b] == 0.0)
+        is_clear = (lane.smallest[b] > least * lane.largest[b]) & (spec.fails[b] == 0.0)
         lane.largest[b] = lane.largest[b] if is_clear else math.nan
 
 
 @inner
-def start_whole(line):
+def start_whole(least, most):
     """Begin with all of s·d, s ≥ 0."""
     for b in range(LANES):
-        line[0, b], line[1, b] = 0.0, math.inf
+        least[b], most[b] = 0.0, math.inf
 
 
 @inner
@@ -268,17 +278,17 @@ def write_lost(question, s, size, swings, first, count, force, largest, gone, an
     """Write what is said of a set that loses ``size`` directions."""
     m = gone.part.shape[0]
     for b in range(LANES):
-        gone.line[lost.SUMS + 1, b] = math.inf
+        gone.relative[b] = math.inf
     if question.force.size:
         lost.project(force[:m], size, swings, gone)
         lost.write_jump(question.rows, question.weights, force[:m], gone)
-        jump = lost.SUMS + (2 if question.rows[0] < 3 else 3)
+        jump = gone.forces if question.rows[0] < 3 else gone.moments
         for b in range(count):
-            answers.jump[s, first + b] = gone.line[jump, b]
-            answers.relative_jump[s, first + b] = gone.line[lost.SUMS + 1, b]
+            answers.jump[s, first + b] = jump[b]
+            answers.relative_jump[s, first + b] = gone.relative[b]
         if answers.moment_jump.size:
             for b in range(count):
-                answers.moment_jump[s, first + b] = gone.line[lost.SUMS + 3, b]
+                answers.moment_jump[s, first + b] = gone.moments[b]
     for b in range(count):
         answers.rank_lost[s, first + b] = size
         answers.sigma_min[s, first + b] = 0.0
@@ -302,13 +312,13 @@ def answer_single(
     wary, joints, asks, first, count, lane, spec, one, sigma_min, margin, rho, verdict
 ):
     """Answer for a set that locks no joint, or one."""
-    x, square, share, below = lane.x, lane.line[0], lane.line[1], lane.line[2]
+    x, square, share, below = lane.x, lane.least, lane.most, lane.a
     m = spec.square.shape[0]
     if joints.size == 0:
         for b in range(LANES):
             x[b], square[b] = lane.smallest[b], 1.0
-            below[b] = one.line[secular.BELOW, b]
-            share[b] = one.F[m - 1, b] ** 2 / one.line[secular.SIZE, b]
+            below[b] = one.below[b]
+            share[b] = one.F[m - 1, b] ** 2 / one.size[b]
     else:
         k = joints[0]
         for b in range(LANES):
@@ -331,9 +341,8 @@ def answer_single(
 
 
 @inner
-def limit(locked, free, reach, line, first, count, capability):
+def limit(locked, free, reach, least, most, first, count, capability):
     """Write how far s·d goes: what is left of an interval is what the narrowest limit leaves."""
-    least, most = line[0], line[1]
     for k in range(locked.size):
         if free[k]:
             continue
@@ -349,7 +358,7 @@ def limit(locked, free, reach, line, first, count, capability):
 def reaches(question, J, d, weight, lane):
     """Interval of s·d that each joint's motor, and brake, allows (`ftforce.feasible.reach`)."""
     m, n = J.shape[0], J.shape[1]
-    lever = lane.line[0]
+    lever = lane.a
     size = 0.0
     for i in range(m):
         size += question.direction[i] ** 2

@@ -30,29 +30,29 @@ class Lost(NamedTuple):
     P: np.ndarray  # (n, m, LANES): (J Jᵀ)⁻¹ J_k, one row per joint
     basis: np.ndarray  # (m, m, LANES): orthonormal rows
     part: np.ndarray  # (m, LANES): what is lost of the force
-    line: np.ndarray  # (7, LANES): as named below
-
-
-RETAINED, OFFSET, IDLE, SUMS = 0, 1, 2, 3
-"""Lines: a bound that no eigenvalue that is left falls below (NaN if it is not known); the force
-along the only direction that carries the weight; the torque that no force balances, relative to all
-(-1 if one does); and workspace, where `write_jump` leaves ‖F̂‖², ‖ΔF‖/‖F̂‖ and the norms of the
-jump's forces and moments."""
+    retained: np.ndarray  # (LANES,): no eigenvalue that is left is smaller; NaN if not known
+    offset: np.ndarray  # (LANES,): force along the only direction that carries the weight
+    idle: np.ndarray  # (LANES,): torque that no force balances, relative to all; -1 if one does
+    a: np.ndarray  # (LANES,): workspace, as the rest
+    relative: np.ndarray  # (LANES,): ‖ΔF‖/‖F̂‖, where `write_jump` leaves it
+    forces: np.ndarray  # (LANES,): norms of the jump
+    moments: np.ndarray  # (LANES,)
 
 
 @kernel
 def lost(m, n):
     """Return a workspace."""
+    line = np.zeros(LANES)
     return Lost(
-        np.zeros((n, m, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)),
-        np.zeros((7, LANES)),
+        np.zeros((n, m, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)), line, line.copy(),
+        line.copy(), line.copy(), line.copy(), line.copy(), line.copy(),
     )  # fmt: skip
 
 
 @inner
 def prepare(W, sigma, V, one):
     """P = U diag(1/σ) Vᵀ, which is (J Jᵀ)⁻¹ J."""
-    over = one.line[SUMS]
+    over = one.a
     one.P[:] = 0.0
     for i in range(W.shape[0]):
         for b in range(LANES):
@@ -68,11 +68,11 @@ def add_to_basis(size, one):
     """Make row ``size`` of the basis a unit vector orthogonal to the earlier ones."""
     row, before, after, along = (
         one.basis[size],
-        one.line[SUMS],
-        one.line[SUMS + 1],
-        one.line[SUMS + 2],
+        one.a,
+        one.relative,
+        one.forces,
     )
-    m, retained = row.shape[0], one.line[RETAINED]
+    m, retained = row.shape[0], one.retained
     add_squares(row, before)
     for j in range(2 * size):  # twice
         other = one.basis[j % size]
@@ -109,7 +109,7 @@ def dot(x, y, total):
 def lose_span(joints, smallest, one):
     """As many joints as rows: each locked one takes a direction, its row of J⁻¹."""
     for b in range(LANES):
-        one.line[RETAINED, b] = smallest[b]
+        one.retained[b] = smallest[b]
     for at in range(joints.size):
         row, P = one.basis[at], one.P[joints[at]]
         for i in range(row.shape[0]):
@@ -124,8 +124,8 @@ def lose_pair(i, j, secular, one):
 
     What is left is no smaller than what either of the locks alone would leave.
     """
-    x, rest, row, retained = secular.x, secular.rest, one.basis[0], one.line[RETAINED]
-    N, first, second = secular.N[j, i], one.line[SUMS], one.line[SUMS + 1]
+    x, rest, row, retained = secular.x, secular.rest, one.basis[0], one.retained
+    N, first, second = secular.N[j, i], one.a, one.relative
     for b in range(LANES):
         larger = rest[j, b] > rest[i, b]
         first[b] = rest[j, b] if larger else N[b]
@@ -146,8 +146,8 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
     F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), what is left of it having no component along û. Where the
     column is zero, the tip lies on the joint's axis: no force balances it, and none is lost.
     """
-    row, size, total = one.basis[0], one.line[SUMS + 3], one.line[SUMS]
-    retained, offset, idle = one.line[RETAINED], one.line[OFFSET], one.line[IDLE]
+    row, size, total = one.basis[0], one.moments, one.a
+    retained, offset, idle = one.retained, one.offset, one.idle
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for b in range(LANES):
@@ -178,7 +178,7 @@ def project(force, size, swings, one):
 
     And what carries the weight of a joint without torque.
     """
-    along, part = one.line[SUMS], one.part
+    along, part = one.a, one.part
     for i in range(part.shape[0]):
         for b in range(LANES):
             part[i, b] = 0.0
@@ -186,7 +186,7 @@ def project(force, size, swings, one):
         dot(one.basis[j], force, along)
         if swings:
             for b in range(LANES):
-                along[b] += one.line[OFFSET, b]
+                along[b] += one.offset[b]
         for i in range(part.shape[0]):
             for b in range(LANES):
                 part[i, b] += along[b] * one.basis[j, i, b]
@@ -195,7 +195,7 @@ def project(force, size, swings, one):
 @inner
 def judge(rtol, wary, largest, first, count, one, verdict):
     """Judge by the relative jump that `write_jump` left; infinite where every force counts."""
-    retained, relative = one.line[RETAINED], one.line[SUMS + 1]
+    retained, relative = one.retained, one.relative
     for b in range(count):
         left, jump = retained[b], relative[b]
         code = UNDECIDED
@@ -220,8 +220,8 @@ def by_tolerance(jump, rtol, wary):
 @inner
 def write_jump(rows, weights, force, one):
     """Leave ‖ΔF‖/‖F̂‖, and the norms of forces and moments, in the last three lines."""
-    part, whole, relative = one.part, one.line[SUMS], one.line[SUMS + 1]
-    forces, moments = one.line[SUMS + 2], one.line[SUMS + 3]
+    part, whole, relative = one.part, one.a, one.relative
+    forces, moments = one.forces, one.moments
     dot(force, force, whole)
     add_squares(part, relative)
     for b in range(LANES):
@@ -240,10 +240,9 @@ def write_jump(rows, weights, force, one):
 
 
 @inner
-def limit_capability(direction, rtol, size, swings, d, one, interval):
+def limit_capability(direction, rtol, size, swings, d, one, least, most):
     """Interval of s·d that can be commanded (`ftforce.batch.exact.on_plane`), before any limit."""
-    along, whole, retained = one.line[SUMS], one.line[SUMS + 1], one.line[RETAINED]
-    least, most = interval[0], interval[1]
+    along, whole, retained = one.a, one.relative, one.retained
     for b in range(LANES):
         whole[b] = 0.0
     for j in range(size):
@@ -255,13 +254,13 @@ def limit_capability(direction, rtol, size, swings, d, one, interval):
         square += direction[i] ** 2
     nothing = rtol**2 * square
     for b in range(LANES):
-        offset = one.line[OFFSET, b] if swings else 0.0
+        offset = one.offset[b] if swings else 0.0
         is_aside = whole[b] <= nothing
         close = abs(whole[b] - nothing) <= (CLEAR - 1.0) * nothing
         retained[b] = math.nan if close else retained[b]
         reach = -offset / along[b]
-        if swings and one.line[IDLE, b] >= 0.0:
-            falls = one.line[IDLE, b] > rtol
+        if swings and one.idle[b] >= 0.0:
+            falls = one.idle[b] > rtol
             least[b], most[b] = 0.0, (-1.0 if falls else math.inf)
         elif offset == 0.0:
             least[b], most[b] = 0.0, (math.inf if is_aside else 0.0)
@@ -275,7 +274,7 @@ def keep_idle(question, s, first, count, largest, one, answers):
     """Write what is said where the joint without torque has a column of zeros."""
     rtol, wary = question.rtol, question.wary
     for b in range(count):
-        at, idle, left = first + b, one.line[IDLE, b], one.line[RETAINED, b]
+        at, idle, left = first + b, one.idle[b], one.retained[b]
         if idle < 0.0:
             continue
         answers.rank_lost[s, at] = 0

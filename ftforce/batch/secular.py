@@ -36,19 +36,24 @@ class Secular(NamedTuple):
     x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if it is not known well enough
     F: np.ndarray  # (m, LANES): force along the left vectors
     over: np.ndarray  # (m, LANES): 1/(σ² - bound)
-    line: np.ndarray  # (8, LANES): as named below
-
-
-SIZE, BELOW, BOUND, STEP, UPPER, SUMS = 0, 1, 2, 3, 4, 5
-"""Lines: ‖F‖²; how many σ² lie below a bound, and the bound; the rest is workspace."""
+    size: np.ndarray  # (LANES,): ‖F‖²
+    below: np.ndarray  # (LANES,): how many σ² lie below the bound
+    bound: np.ndarray  # (LANES,)
+    step: np.ndarray  # (LANES,): workspace, as the rest
+    upper: np.ndarray  # (LANES,)
+    a: np.ndarray  # (LANES,)
+    b: np.ndarray  # (LANES,)
+    c: np.ndarray  # (LANES,)
 
 
 @kernel
 def secular(m, n):
     """Return a workspace."""
+    line = np.zeros(LANES)
     return Secular(
         np.zeros((n, m, LANES)), np.zeros((n, n, LANES)), np.zeros((n, LANES)),
-        np.zeros((n, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((8, LANES)),
+        np.zeros((n, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES)), line, line.copy(),
+        line.copy(), line.copy(), line.copy(), line.copy(), line.copy(), line.copy(),
     )  # fmt: skip
 
 
@@ -56,7 +61,7 @@ def secular(m, n):
 def prepare(J, spectrum, force, asks, one):
     """Bring J's columns, and the force, into the left vectors; and find N."""
     n, m = one.V.shape[0], one.V.shape[1]
-    W, sigma, over, size = spectrum.W, spectrum.sigma, one.line[STEP], one.line[SIZE]
+    W, sigma, over, size = spectrum.W, spectrum.sigma, one.step, one.size
     for i in range(m):
         for b in range(LANES):
             over[b] = 1.0 / sigma[i, b]
@@ -114,10 +119,10 @@ def find_root(k, square, largest, rtol, one):
     down to the root from the right, and Halley's, which may pass it, are taken if they go further.
     """
     least = max(rtol * CLEAR, LEAST) ** 2
-    V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.line[STEP], one.line[UPPER]
+    V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.step, one.upper
     m = V.shape[0]
-    start(V, N, square, x, one.line)
-    zeroth, first, second = one.line[SUMS], one.line[SUMS + 1], one.line[SUMS + 2]
+    start(V, N, square, x, one)
+    zeroth, first, second = one.a, one.b, one.c
     for _ in range(_ROUNDS):
         for b in range(LANES):
             zeroth[b], first[b], second[b] = 0.0, 0.0, 0.0
@@ -141,14 +146,14 @@ def find_root(k, square, largest, rtol, one):
 
 
 @inner
-def start(V, N, square, x, line):
+def start(V, N, square, x, one):
     """Begin with Newton's step from 0, or with the root if one term of φ were all of it.
 
     That is never too small, and below σ_m²: with the i-th alone, N_kk σ_i²/(N_kk + v_ki²). A joint
     whose column is zero leaves σ_m² as it is.
     """
-    zeroth, first, most = line[SUMS], line[SUMS + 1], line[SUMS + 2]
-    step, upper = line[STEP], line[UPPER]
+    zeroth, first, most = one.a, one.b, one.c
+    step, upper = one.step, one.upper
     least = square[V.shape[0] - 1]
     for b in range(LANES):
         zeroth[b], first[b], most[b] = 0.0, 0.0, 0.0
@@ -198,7 +203,7 @@ def finish(V, N, square, b, x, step, upper):
 @inner
 def prepare_bound(square, largest, wary, one):
     """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
-    bound, below = one.line[BOUND], one.line[BELOW]
+    bound, below = one.bound, one.below
     for b in range(LANES):
         bound[b] = (wary * CLEAR * CLEAR) ** 2 * largest[b]
         below[b] = 0.0
@@ -216,7 +221,7 @@ def count_below(k, one, count):
     There is one more of them than of J Jᵀ where the secular function N_kk - x φ(x) is negative
     (Sylvester's law, on J Jᵀ - x bordered by J_k).
     """
-    V, value, bound, below = one.V[k], one.line[SUMS], one.line[BOUND], one.line[BELOW]
+    V, value, bound, below = one.V[k], one.a, one.bound, one.below
     for b in range(LANES):
         value[b] = 0.0
     for i in range(V.shape[0]):
@@ -230,7 +235,7 @@ def count_below(k, one, count):
 @inner
 def share_along(k, sigma, square, one, share):
     """Share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
-    V, x, along, size = one.V[k], one.x[k], one.line[SUMS], one.line[SUMS + 1]
+    V, x, along, size = one.V[k], one.x[k], one.a, one.b
     for b in range(LANES):
         along[b], size[b] = 0.0, 0.0
     for i in range(V.shape[0]):
@@ -239,4 +244,4 @@ def share_along(k, sigma, square, one, share):
             along[b] += part * one.F[i, b]
             size[b] += part * part
     for b in range(LANES):
-        share[b] = along[b] * along[b] / (size[b] * one.line[SIZE, b])
+        share[b] = along[b] * along[b] / (size[b] * one.size[b])

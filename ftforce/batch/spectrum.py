@@ -32,7 +32,11 @@ class Spectrum(NamedTuple):
     W: np.ndarray  # (m, m, LANES): rows u_iᵀ; 0 where σ = 0
     square: np.ndarray  # (m, LANES): σ²
     sigma: np.ndarray  # (m, LANES): σ
-    line: np.ndarray  # (4, LANES): first 1 where the rotations did not end
+    # Lines that are rows of one array would be compared for overlap, in vain, before each loop.
+    fails: np.ndarray  # (LANES,): 1 where the rotations did not end
+    a: np.ndarray  # (LANES,): workspace, as the next
+    b: np.ndarray  # (LANES,)
+    c: np.ndarray  # (LANES,)
 
 
 @kernel
@@ -40,7 +44,7 @@ def spectrum(m, n):
     """Return a workspace."""
     return Spectrum(
         np.zeros((m, n, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)),
-        np.zeros((m, LANES)), np.zeros((4, LANES)),
+        np.zeros((m, LANES)), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
     )  # fmt: skip
 
 
@@ -51,7 +55,7 @@ def decompose(J, one):
     rotate(one)
     for i in range(J.shape[0]):
         add_squares(one.W[i], one.square[i])
-        sigma, over = one.sigma[i], one.line[1]
+        sigma, over = one.sigma[i], one.a
         for b in range(LANES):
             sigma[b] = math.sqrt(one.square[i, b])
             over[b] = 1.0 / sigma[b] if sigma[b] > 0.0 else 0.0
@@ -78,7 +82,7 @@ def orthonormalize(J, one):
     sweeps follow.
     """
     m, n = J.shape[0], J.shape[1]
-    Q, W, size, along = one.Q, one.W, one.line[1], one.line[2]
+    Q, W, size, along = one.Q, one.W, one.a, one.b
     for p in range(m):
         i, row = m - 1 - p, Q[p]
         for k in range(n):
@@ -122,7 +126,7 @@ def rotate(one):
 
     A lane whose rows were orthogonal enough stays as it is, so that no lane depends on others.
     """
-    W, square, fails, active = one.W, one.square, one.line[0], one.line[1]
+    W, square, fails, active = one.W, one.square, one.fails, one.a
     m = W.shape[0]
     for b in range(LANES):
         fails[b] = 1.0
@@ -139,14 +143,14 @@ def rotate(one):
             add_squares(W[i], square[i])
         for i in range(m - 1):
             for j in range(i + 1, m):
-                turn_angle(W[i], W[j], square[i], square[j], one.line)
-                turn_rows(W[i], W[j], one.line[2], one.line[3])
+                turn_angle(W[i], W[j], square[i], square[j], one)
+                turn_rows(W[i], W[j], one.b, one.c)
 
 
 @inner
-def turn_angle(x, y, longer, shorter, line):
+def turn_angle(x, y, longer, shorter, one):
     """Cosine and sine that make two rows orthogonal, and the first the longer one."""
-    fails, active, cosine, sine = line[0], line[1], line[2], line[3]
+    fails, active, cosine, sine = one.fails, one.a, one.b, one.c
     for b in range(LANES):
         cosine[b] = x[0, b] * y[0, b]
     for k in range(1, x.shape[0]):
