@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from browser import chromium, number_of_colours, watched
 
+from browser import chromium, number_of_colours, watched
 from ftforce.errors import FtforceError
 from ftforce.source import write_whole
 from ftforce.view import export, shapes

@@ -314,7 +314,7 @@ def test_rubbish_is_survived_in_silence(opened, capfd, caplog):
     assert caplog.records == []
 
 
-def test_a_message_that_is_none_ends_only_its_own_tab(opened, capfd):
+def test_a_message_that_is_none_ends_only_its_own_tab(opened, capfd, caplog):
     async def ask():
         async with connect(opened) as good:
             for data in (b"\xc1", msgspec.msgpack.encode({"type": "None"})):
@@ -327,6 +327,7 @@ def test_a_message_that_is_none_ends_only_its_own_tab(opened, capfd):
     asyncio.run(ask())
     assert get(opened)[0] == 200
     assert capfd.readouterr() == ("", "")
+    assert caplog.records == []
 
 
 # ---- where it listens, and its end -----------------------------------------------------------

@@ -249,8 +249,7 @@ def guarding(names: Names, title: str) -> Iterator[Guard]:
 def _silent() -> logging.Logger:
     """Return a logger that prints nothing: what strangers send is no news to the user."""
     logger = logging.getLogger("ftforce.view")
-    logger.addHandler(logging.NullHandler())
-    logger.propagate = False
+    logger.disabled = True
     return logger
 
 

@@ -210,7 +210,7 @@ def _settled(client: Any, width: int, height: int, end: float) -> NDArray[np.uin
     last = _render(client, width, height, end)
     for _ in range(_MOST_PICTURES):
         picture = _render(client, width, height, end)
-        if np.array_equal(picture, last):
+        if picture[..., 3].any() and np.array_equal(picture, last):
             break
         last = picture
     return picture
