@@ -18,6 +18,7 @@ COMMANDS = (
     "analyze",
     "census",
     "capability",
+    "view",
     "simulate",
     "timeline",
     "sweep",
