@@ -103,8 +103,8 @@ def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
             if question.direction.size:
                 start_whole(lane.least, lane.most)
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
-                    answers.capability[s],
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first,
+                    count, answers.capability[s],
                 )  # fmt: skip
 
 
@@ -154,8 +154,8 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
                         lane.least, lane.most,
                     )  # fmt: skip
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
-                    answers.capability[s],
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first,
+                    count, answers.capability[s],
                 )  # fmt: skip
             if size > 0:
                 write_lost(
@@ -191,8 +191,8 @@ def evaluate_free(mechanism, faults, question, q, answers, arm, lane, spec, gone
                     lane.most,
                 )
                 limit(
-                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first, count,
-                    answers.capability[s],
+                    faults.locked[s], faults.free[s], lane.reach, lane.least, lane.most, first,
+                    count, answers.capability[s],
                 )  # fmt: skip
             write_lost(question, s, 1, True, first, count, arm.force, lane.largest, gone, answers)
             lost.keep_idle(question, s, first, count, lane.largest, gone, answers)
