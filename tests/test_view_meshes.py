@@ -274,6 +274,11 @@ def test_the_known_robots_are_shown_whole(name):
     assert sum(len(part.faces) for part in geometry.parts) <= MOST_SHOWN
 
 
+def test_meshes_of_files_are_shaded_flat_and_simple_shapes_smoothly():
+    assert all(part.flat for part in load_geometry(load_robot("panda")).parts)
+    assert not any(part.flat for part in load_geometry(load_robot("dh5")).parts)
+
+
 def test_each_file_is_read_once(monkeypatch):
     read = []
     monkeypatch.setattr(meshes, "read_mesh", lambda path: read.append(path) or read_mesh(path))

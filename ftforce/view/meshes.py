@@ -7,7 +7,7 @@ arm at a posture is these meshes at the poses of the model's joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 MOST_SHOWN = 150_000  # triangles; more of them take a browser without a GPU too long
 LARGEST_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known ones have up to 21 MB
 _BONE = 0.03  # radius of a link without a mesh, as a share of the arm's reach
+_UNSCALED = (1.0, 1.0, 1.0)
 _COARSER = 1.4
 _FINEST = 1.0 / 4000.0  # a grid's cell, as a share of the largest mesh
 
@@ -51,7 +52,8 @@ class Part:
     faces :
         Indices into ``vertices``, shape (f, 3).
     flat :
-        Whether each triangle is shaded by itself; a coarse mesh has specks otherwise.
+        Whether each triangle is shaded by itself. Meshes of files share vertices across sharp
+        edges: smoothly shaded they look dented, and black in places where they are coarse.
     """
 
     joint: int
@@ -85,6 +87,7 @@ class _Piece:
     scale: tuple[float, ...]
     rotation: Matrix
     translation: Vector
+    is_of_file: bool
 
 
 def load_geometry(robot: Robot) -> Geometry:
@@ -105,20 +108,20 @@ def load_geometry(robot: Robot) -> Geometry:
     if not pieces and not bare:
         bare = set(range(robot.model.njoints))
         notes.append("the URDF does not say what the arm looks like: links are shown as rods")
-    pieces, is_coarse = _few(pieces)
-    meshes = [(piece.joint, _placed(piece)) for piece in pieces]
+    from_files = {piece.joint for piece in pieces if piece.is_of_file}
+    meshes = [(piece.joint, _placed(piece)) for piece in _few(pieces)]
     meshes += [(joint, mesh) for joint in sorted(bare) for mesh in _bones(robot, joint)]
     parts = (
-        _part(joint, [mesh for owner, mesh in meshes if owner == joint], is_coarse)
+        _part(joint, [mesh for owner, mesh in meshes if owner == joint], joint in from_files)
         for joint in range(robot.model.njoints)
     )
     return Geometry(tuple(part for part in parts if len(part.faces)), tuple(notes))
 
 
-def _part(joint: int, meshes: Sequence[Mesh], is_coarse: bool) -> Part:
+def _part(joint: int, meshes: Sequence[Mesh], is_flat: bool) -> Part:
     mesh = shapes.merged(meshes)
     vertices = mesh.vertices.astype(np.float32)
-    return Part(joint, read_only(vertices), read_only(mesh.faces), is_coarse)
+    return Part(joint, read_only(vertices), read_only(mesh.faces), is_flat)
 
 
 def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[int], list[str]]:
@@ -136,8 +139,10 @@ def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[
             bare.add(frame.parentJoint)
             continue
         placement = frame.placement.homogeneous @ visual.placement
-        scale = visual.size if visual.shape == "mesh" else (1.0, 1.0, 1.0)
-        pieces.append(_Piece(frame.parentJoint, mesh, scale, placement[:3, :3], placement[:3, 3]))
+        is_of_file = visual.shape == "mesh"
+        scale = visual.size if is_of_file else _UNSCALED
+        turn, shift = placement[:3, :3], placement[:3, 3]
+        pieces.append(_Piece(frame.parentJoint, mesh, scale, turn, shift, is_of_file))
     return pieces, bare, files.notes()
 
 
@@ -201,17 +206,17 @@ def _placed(piece: _Piece) -> Mesh:
 # ---- fewer triangles -------------------------------------------------------------------------
 
 
-def _few(pieces: Sequence[_Piece]) -> tuple[list[_Piece], bool]:
-    """Return the shapes with no more triangles than can be shown, and whether that took any."""
+def _few(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
+    """Return the shapes with no more triangles than can be shown."""
     if sum(len(piece.mesh.faces) for piece in pieces) <= MOST_SHOWN:
-        return list(pieces), False
+        return pieces
     largest = max(_size(piece) for piece in pieces)
     cell = _FINEST * largest
     while True:
         coarse = _coarser(pieces, cell)
         count = sum(len(piece.mesh.faces) for piece in coarse)
         if count <= MOST_SHOWN or cell > largest:
-            return coarse, True
+            return coarse
         # Triangles become fewer by the square of the cell at most: no step goes too far.
         cell *= max(_COARSER, (count / MOST_SHOWN) ** 0.5)
 
@@ -229,8 +234,7 @@ def _coarser(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
         key = (id(piece.mesh), piece.scale)
         if key not in done:
             done[key] = shapes.coarser(shapes.scaled(piece.mesh, piece.scale), cell)
-        one = (1.0, 1.0, 1.0)
-        coarse.append(_Piece(piece.joint, done[key], one, piece.rotation, piece.translation))
+        coarse.append(replace(piece, mesh=done[key], scale=_UNSCALED))
     return coarse
 
 
