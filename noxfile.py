@@ -27,6 +27,7 @@ def works(version: str) -> bool:
 
 CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
+QUICK = "not thorough and not browser"  # what is thorough is so once
 # Installed code is tested, never the checkout; and no test depends on the caller's colours.
 ENVIRONMENT = {"PYTHONSAFEPATH": "1", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
 
@@ -42,17 +43,23 @@ def tests(session: nox.Session) -> None:
     if session.posargs:
         session.run("pytest", *session.posargs, env=ENVIRONMENT)
         return
-    if session.python != FOUND[0]:  # what is thorough is so once
-        session.run("pytest", "-n", "auto", "-m", "not thorough", env=ENVIRONMENT)
+    if session.python != FOUND[0]:
+        session.run("pytest", "-n", "auto", "-m", QUICK, env=ENVIRONMENT)
         return
-    coverage = ["--cov", "--cov-branch"]
-    session.run(
-        "pytest", "-n", "auto", *coverage, "--cov-report=", "--cov-fail-under=0", env=ENVIRONMENT
-    )
+    coverage = ["-n", "auto", "--cov", "--cov-branch"]
+    unjudged = ["-m", "not browser", "--cov-report=", "--cov-fail-under=0"]
+    session.run("pytest", *coverage, *unjudged, env=ENVIRONMENT)
     # Coverage does not see into compiled kernels: their tests run once more as plain Python.
     plain = {**ENVIRONMENT, "NUMBA_DISABLE_JIT": "1"}
     more = ["--cov-append", "--cov-report=term-missing:skip-covered", "--cov-fail-under=95"]
-    session.run("pytest", "-n", "auto", "-m", "plain", *coverage, *more, env=plain)
+    session.run("pytest", "-m", "plain", *coverage, *more, env=plain)
+
+
+@nox.session
+def browser(session: nox.Session) -> None:
+    """Run the tests that drive Chromium, which has to be installed."""
+    session.install(".", *group("test"))
+    session.run("pytest", "-m", "browser", *session.posargs, env=ENVIRONMENT)
 
 
 @nox.session
@@ -98,7 +105,7 @@ def minimums(session: nox.Session) -> None:
     """Run the tests with the oldest dependencies that pyproject.toml admits."""
     oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
     session.install(*oldest, ".", *group("test"))
-    options = session.posargs or ["-m", "not thorough"]
+    options = session.posargs or ["-m", QUICK]
     session.run("pytest", "-n", "auto", "-q", *options, env=ENVIRONMENT)
 
 
