@@ -24,6 +24,8 @@ from ftforce.limits import Limits
 from ftforce.task import Task
 from helpers import KNOWN
 
+pytestmark = pytest.mark.thorough
+
 WORDS = ("tolerated", "borderline", "not tolerated")
 TASKS = (("force", None), ("wrench", 0.3), ("fx,fz", None), ("my", None), ("fz,mx,fx", 0.5))
 RTOL, WARY = 1e-6, 1e-2

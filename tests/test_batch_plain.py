@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ftforce.batch.results import Block
     from ftforce.robot import Robot
 
+pytestmark = pytest.mark.plain
+
 VERDICTS = ("tolerated", "borderline", "not tolerated")
 
 
