@@ -92,11 +92,12 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
             report = reports[str(faulty)]
             check_set(block, s, at, report)
             if force is not None:
-                check_jump(block, s, at, report, task, float(np.linalg.norm(force)))
+                size = float(np.linalg.norm(force))
+                check_jump(block, s, at, report, task=task, size=size)
     return block, sets
 
 
-def check_jump(block, s, at, report, task, size):
+def check_jump(block, s, at, report, *, task, size):
     """Compare the jumps, which are NaN where the arm cannot stand still."""
     absent = math.nan
     wanted = report.jump_norm if task.force_rows else report.moment_jump_norm
@@ -162,7 +163,7 @@ def test_pairs_of_free_joints(robots, words):
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "faults", "mode", "share"),
+    "case",
     [
         ("panda", "force", 1, "locked", 0.001), ("panda", "force", 2, "locked", 0.002),
         ("panda", "wrench", 1, "locked", 0.01), ("panda", "wrench", 2, "locked", 0.02),
@@ -170,7 +171,8 @@ def test_pairs_of_free_joints(robots, words):
         ("panda", "force", 1, "free", 0.01), ("ur5", "wrench", 1, "free", 0.02),
     ],
 )  # fmt: skip
-def test_the_fast_part_answers_nearly_all(robots, name, words, faults, mode, share):
+def test_the_fast_part_answers_nearly_all(robots, case):
+    name, words, faults, mode, share = case
     robot, task = robots[name], Task.parse(words, "tool", 0.3)
     sets = tuple(fault_sets(robot.n, faults, FaultMode.parse(mode)))
     question = question_of(

@@ -22,6 +22,8 @@ INF, NAN = math.inf, math.nan
 BINS = Bins(force=50.0, direction=True)
 GRID = Workspace.around([0.1, 0.0, 0.5], 0.9, 0.5)
 
+pytestmark = pytest.mark.plain
+
 
 def block_of(seed, k, sets=3):
     """Return a block with NaN, infinities, ties, ends of the scales, and numbers beyond them."""
