@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -12,6 +12,8 @@ from ftforce.display import Displayed
 from ftforce.faults import Fault, FaultMode, FaultSet
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray as xr
 
     from ftforce.batch.criticality import Estimate, JointCriticality, Survival
@@ -129,15 +131,20 @@ class Sweep(Displayed):
         Counts over all postures.
     path :
         Where it is stored; ``None`` if it is not.
-    dataset :
-        Everything as an xarray Dataset, lazily read where it is stored.
+    open_dataset :
+        What opens the store.
     """
 
     setting: SweepSetting
     sets: tuple[FaultSet, ...]
     summary: Summary
     path: str | None
-    dataset: xr.Dataset
+    open_dataset: Callable[[], xr.Dataset] = field(repr=False)
+
+    @cached_property
+    def dataset(self) -> xr.Dataset:
+        """Everything as an xarray Dataset, read when it is looked at."""
+        return self.open_dataset()
 
     @cached_property
     def joints(self) -> tuple[JointCriticality, ...]:

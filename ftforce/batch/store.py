@@ -19,6 +19,7 @@ from __future__ import annotations
 import io
 import json
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -460,7 +461,9 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         else:
             chunks = -(-setting.count // setting.chunk)
             summary, _ = _progress(where, bins, workspace, len(sets), chunks)
-        return Sweep(setting, sets, summary, str(where), dataset_of(str(where)))
+        opening = partial(dataset_of, str(where))
+        opening()  # what is damaged says so now
+        return Sweep(setting, sets, summary, str(where), opening)
     except FtforceError:
         raise
     except Exception as problem:  # a damaged store may raise anything

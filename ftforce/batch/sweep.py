@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -353,5 +354,5 @@ def _run(
         if not opened.is_complete:
             run(job, opened, runner, progress)
             store.finish(opened)
-    dataset = store.dataset_of(opened.store)
-    return Sweep(setting, sets, opened.summary, None if path is None else str(path), dataset)
+    opening = partial(store.dataset_of, opened.store)
+    return Sweep(setting, sets, opened.summary, None if path is None else str(path), opening)
