@@ -69,10 +69,18 @@ class Stage:
         Called when somebody drags the force or clicks on a joint.
     prefix :
         Of the names of its nodes; another arm on the same server needs another one.
+    floor :
+        Whether it has one: one is enough for two arms.
     """
 
     def __init__(
-        self, server: viser.ViserServer, robot: Robot, hands: Hands, prefix: str = ""
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        hands: Hands,
+        prefix: str = "",
+        *,
+        floor: bool = True,
     ) -> None:
         self.server, self.robot, self.prefix = server, robot, prefix
         self._hands = hands
@@ -87,6 +95,7 @@ class Stage:
         self._solids: list[Any] = []
         self._shown_solids: tuple[Solid, ...] = ()
         self._floor = _floor(server, prefix, self._extent)
+        self._floor.visible = floor
         self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
         self._labels = {
             kind: server.scene.add_label(
@@ -156,6 +165,11 @@ class Stage:
         self._place_handle(picture)
         self._draw_lines(picture, last)
         self._draw_solids(picture)
+
+    def hide(self) -> None:
+        """Hide the arm until the next update; its forces stay."""
+        for part in self._parts:
+            _assign(part.node, "visible", False)
 
     def _pose(self, picture: Picture, last: Picture | None) -> None:
         for part in self._parts:
