@@ -232,7 +232,7 @@ def load_table(
     unit = units.pop() if len(units) == 1 else "N·m, N"
     title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
     columns = [
-        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "51px"), (names[1], "", "51px"),
+        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "56px"), (names[1], "", "51px"),
         ("of limit", "l", "50px"), ("", "", "40px"),
     ]  # fmt: skip
     rows = (_load_row(load) for load in loads)

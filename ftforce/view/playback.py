@@ -19,7 +19,7 @@ from ftforce import words
 from ftforce.errors import InputError, TrajectoryError, printable
 from ftforce.faults import Fault, FaultMode, FaultSet
 from ftforce.history_files import load_history
-from ftforce.show.canvas import LINE_COLOURS, STROKES, fault_label
+from ftforce.show.canvas import LINE_COLOURS, STROKES
 from ftforce.view import markup
 from ftforce.view.answer import JointLoad
 from ftforce.view.picture import (
@@ -360,6 +360,12 @@ def _marks(history: History) -> tuple[float, ...]:
     return tuple(event.time for event in history.setting.events if event.time <= end)
 
 
+def _mark(history: History, time: float) -> str:
+    """Return the numbers of the joints that fail at a time: a slider has room for no more."""
+    before = faults_at(history, time - 2.0 * _ROUNDING).joints
+    return ",".join(str(j + 1) for j in faults_at(history, time).joints if j not in before)
+
+
 # ---- the mode --------------------------------------------------------------------------------
 
 
@@ -531,7 +537,7 @@ class Playback:
         history, step = self.history, max(round(self.end / 1000.0, 3), 0.001)
         self._button = gui.add_button("Play")
         self._button.on_click(lambda _event: self.pause() if self.is_playing else self.play())
-        marks = tuple((time, fault_label(history, time, 14)) for time in sorted({*_marks(history)}))
+        marks = tuple((time, _mark(history, time)) for time in sorted({*_marks(history)}))
         self._slider = gui.add_slider(
             "Time (s)", 0.0, max(self.end, step), step, 0.0, marks=marks or None,
             hint="Faults are marked",

@@ -255,7 +255,7 @@ class Stage:
         if lines:
             self._lines.points = np.array([line.ends for line in lines], dtype=np.float32)
             colours = np.array([line.colour for line in lines])
-            self._lines.colors = np.repeat(_linear(colours)[:, None, :], 2, axis=1)
+            self._lines.colors = np.repeat(linear(colours)[:, None, :], 2, axis=1)
         while len(self._marks) < len(lines):
             name = f"{self.prefix}/force/line_{len(self._marks)}"
             self._marks.append(scene.add_label(name, "", anchor="top-left", font_screen_scale=0.8))
@@ -338,8 +338,8 @@ def along(vector: Vector, axis: int) -> Vector:
     return np.array([w, x, y, z])
 
 
-def _linear(colours: Matrix) -> Any:
-    """Return colours that look as meant on lines: viser takes theirs for linear ones."""
+def linear(colours: Matrix) -> Any:
+    """Return colours that look as meant on lines and batches: viser takes theirs for linear."""
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 

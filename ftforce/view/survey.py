@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,8 @@ from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import SweepError, printable
 from ftforce.history import VERDICTS
 from ftforce.view import markup
-from ftforce.view.picture import scene_size
+from ftforce.view.picture import Line, scene_size
+from ftforce.view.stage import linear
 from ftforce.view.state import in_components
 from ftforce.words import percent
 
@@ -38,9 +40,11 @@ RAMP: tuple[Colour, ...] = (
 VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
 _SEED = 0  # the same points every time
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
-_RADIUS = 0.006  # of a point, as a share of the arm's size
+_RADIUS = 0.004  # of a point, as a share of the arm's size
 _CUBE = 0.35  # edge of a cell's cube, as a share of the cell's
+_AIMED = 400  # points that are enough to aim the camera
 _FORCE_DIGITS = 4
+SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
 
 # An octahedron: eight triangles for a point.
 _CORNERS = np.array(
@@ -179,7 +183,8 @@ def share_colours(shares: Vector) -> NDArray[np.uint8]:
     """Return colours of shares from 0 to 1, shape (k, 3)."""
     steps = np.linspace(0.0, 1.0, len(RAMP))
     parts = [np.interp(shares, steps, channel) for channel in np.array(RAMP, dtype=float).T]
-    return np.rint(np.column_stack(parts)).astype(np.uint8)
+    found: NDArray[np.uint8] = np.rint(np.column_stack(parts)).astype(np.uint8)
+    return found
 
 
 class Survey:
@@ -202,7 +207,7 @@ class Survey:
         self.points = read_points(sweep)
         self._choices = choices(sweep)
         self._start = state
-        self._chosen = EVERY
+        self._chosen, self._shown = EVERY, SHOWN[0]
 
     # ---- Mode --------------------------------------------------------------------------------
 
@@ -223,7 +228,13 @@ class Survey:
         """Return nothing: the ordinary answer is shown."""
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Do nothing: there is one arm."""
+        """Aim at all points: there is one arm."""
+        picture = self._session.picture
+        if picture is not None:
+            places = self._nodes.batched_positions
+            few = places[:: 1 + len(places) // _AIMED]
+            lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
+            self._session.stage.look(replace(picture, lines=lines))
 
     def stop(self) -> None:
         """End; there is no thread."""
@@ -245,8 +256,7 @@ class Survey:
         if self.points is None:
             self._nodes.remove()
             self._nodes = self._add_cells(label)
-        else:
-            self._nodes.batched_colors = verdict_colours(self.verdicts)
+        self._paint()
         self._tell()
 
     @property
@@ -277,13 +287,27 @@ class Survey:
         labels = tuple(self._choices)
         sets = gui.add_dropdown("Fault set", labels, initial_value=EVERY)
         sets.on_update(lambda _event: self.choose(sets.value))
-        shown = gui.add_checkbox("Show the points", True)
+        kinds = SHOWN if self.points is not None else (SHOWN[0], SHOWN[-1])
+        shown = gui.add_dropdown("Show", kinds, initial_value=SHOWN[0])
         shown.on_update(lambda _event: self._show(shown.value))
         self._legend = gui.add_html("")
         self.controls = {"sets": sets, "shown": shown}
 
-    def _show(self, is_shown: bool) -> None:
-        self._nodes.visible = is_shown
+    def _show(self, kind: str) -> None:
+        self._shown = kind
+        self._paint()
+
+    def _paint(self) -> None:
+        """Colour the points, and draw those of the verdict that is wanted."""
+        self._nodes.visible = self._shown != SHOWN[-1]
+        if self.points is None:
+            return
+        verdicts = self.verdicts
+        self._nodes.batched_colors = linear(verdict_colours(verdicts))
+        wanted = np.ones(len(verdicts), dtype=np.float32)  # what has no size cannot be clicked
+        if self._shown in SHOWN[1:-1]:
+            wanted *= verdicts == SHOWN.index(self._shown) - 1
+        self._nodes.batched_scales = wanted
 
     def _add_points(self, points: Points) -> Any:
         radius = _RADIUS * scene_size(self.robot)
@@ -301,7 +325,8 @@ class Survey:
     ) -> Any:
         turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
         return self._session.server.scene.add_batched_meshes_simple(
-            name, vertices, faces, turns, places, batched_colors=colours, lod="off",
+            name, vertices, faces, turns, places, batched_colors=linear(colours),
+            batched_scales=np.ones(len(places), dtype=np.float32), lod="off",
             flat_shading=True, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
