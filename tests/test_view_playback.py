@@ -17,7 +17,7 @@ from ftforce.history import JointInfo
 from ftforce.trajectory import Path
 from ftforce.view.meshes import Geometry, Part
 from ftforce.view.picture import FAULT_COLOURS, colour_of, joint_poses
-from ftforce.view.playback import Playback, check_fits, faults_at, moment, playback
+from ftforce.view.playback import Playback, _mark, check_fits, faults_at, moment, playback
 from ftforce.view.session import Session
 from ftforce.view.state import initial_state
 from helpers import assert_close
@@ -130,7 +130,7 @@ def test_the_page_says_what_happens(page, history):
     session.settle()
     missing = ftforce.words.amounts(history.setting.task, history.remapped.jump[-1])
     assert f"{missing} of 94.87 N are missing" in session.panel._banner.content
-    assert mode._slider.marks is not None
+    assert [_mark(history, at) for at in (0.5, 1.0, 1.3)] == ["3", "2", "4,5"]
     assert [session.panel.handle(f"mode{i}").value for i in range(5)] == [
         "healthy", "weak", "locked", "locked", "locked"
     ]  # fmt: skip
@@ -224,8 +224,7 @@ def test_a_closed_page_leaves_no_thread(dh5, history):
 
 def test_where_nothing_holds_the_arm_that_is_said(dh5):
     line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
-    fallen = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["free:1@0.5", "free:2@0.5"],
-                              gravity=[0, 3, -9.81])  # fmt: skip
+    fallen = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["free:1,2,3,4,5@0.5"])
     assert fallen.remapped.falls_from is not None
     mode = Playback(dh5, fallen)
     with Session(dh5, initial_state(dh5), mode=mode) as session:
@@ -233,8 +232,9 @@ def test_where_nothing_holds_the_arm_that_is_said(dh5):
         session.settle()
         assert session.problem == ""
         assert "where that takes it is not simulated" in session.panel._banner.content
-        if np.isnan(fallen.remapped.force[fallen.index(1.0)]).any():
-            assert arrows(session)["kept"].length == 0.0
+        assert np.isnan(fallen.remapped.force[fallen.index(1.0)]).all()
+        assert arrows(session)["kept"].length == 0.0
+        assert arrows(session)["lost"].length == 0.0
 
 
 @pytest.mark.parametrize(

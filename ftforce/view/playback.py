@@ -430,9 +430,13 @@ class Playback:
         """Show another time, s."""
         with self._lock:
             self._time = min(max(time, 0.0), self.end)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Show the time that it is now, whoever set it."""
         self._own.writes = True  # viser calls callbacks of what it is told, too
         try:
-            self._slider.value = min(round(self._time, 3), self._slider.max)
+            self._slider.value = min(round(self.time, 3), self._slider.max)
         finally:
             self._own.writes = False
         self._ask()
@@ -446,7 +450,8 @@ class Playback:
 
     def pause(self) -> None:
         """Stay at this time."""
-        self._playing.clear()
+        with self._lock:
+            self._playing.clear()
         self._button.label = "Play"
 
     def choose(self, words_: str) -> None:
@@ -463,9 +468,12 @@ class Playback:
 
     def _ask(self) -> None:
         """Have this time shown; the question is that of the history, for the controls."""
+        self._session.change(self._as_played)
+
+    def _as_played(self, state: State) -> State:
+        # Under the session's lock: what time it is now, however late this runs.
         now = moment(self.history, self.run, self.time)
-        q = now.run.q[now.sample]
-        self._session.change(lambda state: state.at(q).with_faults(now.faults))
+        return state.at(now.run.q[now.sample]).with_faults(now.faults)
 
     # ---- Mode --------------------------------------------------------------------------------
 
@@ -526,9 +534,13 @@ class Playback:
                 last = now
 
     def _advance(self, seconds: float) -> None:
-        time = self.time + self._speed * seconds
-        self.seek(time)
-        if time >= self.end:
+        with self._lock:
+            if not self._playing.is_set():  # a hand was quicker
+                return
+            self._time = min(self._time + self._speed * seconds, self.end)
+            is_over = self._time >= self.end
+        self._tell()
+        if is_over:
             self.pause()
 
     # ---- the page ----------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from ftforce.view.picture import ARROW_KINDS, FIXED, chain_joints, scene_size
 
 if TYPE_CHECKING:
     import viser
+    from numpy.typing import NDArray
 
     from ftforce.robot import Robot
     from ftforce.view.meshes import Geometry
@@ -338,7 +339,7 @@ def along(vector: Vector, axis: int) -> Vector:
     return np.array([w, x, y, z])
 
 
-def linear(colours: Matrix) -> Any:
+def linear(colours: NDArray[Any]) -> Any:
     """Return colours that look as meant on lines and batches: viser takes theirs for linear."""
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 

@@ -35,7 +35,7 @@ EVERY = "every set"
 # Matplotlib's cividis from 0 to 1, as `ftforce map` has it: bright is good, dark is bad, for all
 # kinds of colour vision and in grey.
 RAMP: tuple[Colour, ...] = (
-    (0, 34, 78), (65, 77, 107), (125, 124, 120), (188, 175, 111), (254, 232, 56)
+    (0, 34, 78), (67, 78, 108), (125, 124, 120), (188, 174, 108), (254, 232, 56)
 )  # fmt: skip
 VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
 _SEED = 0  # the same points every time
@@ -227,7 +227,7 @@ class Survey:
     def view(self, state: State) -> View | None:
         """Return nothing: the ordinary answer is shown."""
 
-    def set_geometry(self, geometry: Geometry) -> None:
+    def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # a `Mode` has it
         """Aim at all points: there is one arm."""
         picture = self._session.picture
         if picture is not None:
