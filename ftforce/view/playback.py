@@ -594,7 +594,7 @@ class Playback:
         is_shown = place != "hidden" and now.run is not now.healthy
         beside = np.array([0.0, 0.8 * self._extent, 0.0])
         offset = beside if place == "beside" else np.zeros(3)
-        with self._lock, self._session.server.atomic():
+        with self._session.server.atomic(), self._lock:  # in the order of the session
             if is_shown:
                 self._ghost.update(ghost(self.robot, picture, now.healthy.q[now.sample], offset))
             else:
