@@ -283,6 +283,9 @@ class Still:
         robot = self.session.robot
         return View(picture(answer(robot, state.at(np.full(5, 0.5)))), "top", "parts", "below")
 
+    def set_geometry(self, geometry):
+        self.calls.append("set_geometry")
+
     def stop(self):
         self.calls.append("stop")
 

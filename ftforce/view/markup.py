@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.fault_census import Census
     from ftforce.set_reports import SetReport
+    from ftforce.task import Task
     from ftforce.view.answer import Answer, JointLoad
     from ftforce.view.picture import Colour, Picture
 
@@ -69,6 +70,11 @@ STYLE = """
 .ftf .note{color:#666}
 .ftf code{font:11px monospace;overflow-wrap:anywhere;user-select:all}
 .ftf button{font:12px system-ui,sans-serif;padding:5px 10px;cursor:pointer;width:100%}
+.ftf .plot{position:relative;height:96px;border:1px solid #bbb}
+.ftf .plot svg{position:absolute;width:100%;height:100%;left:0;top:0}
+.ftf .plot b{position:absolute;top:0;bottom:0;width:2px;margin-left:-1px;background:#000}
+.ftf .ends{display:flex;justify-content:space-between;color:#666}
+.ftf .names i{display:inline-block;width:14px;height:3px;margin-right:5px;vertical-align:middle}
 .ftf summary{cursor:pointer;font-weight:600;margin-top:8px}
 """
 
@@ -150,6 +156,13 @@ def banner(answer: Answer) -> Markup:
     return block(style(), verdict, element("div", *warnings, data_testid="warnings"))
 
 
+def verdict_banner(verdict: Verdict, words_: str, doubts: Iterable[str]) -> Markup:
+    """Return a verdict in other words than the answer's, and what makes it doubtful."""
+    warnings = [element("div", f"Warning: {doubt}.", class_="warning") for doubt in doubts]
+    told = _banner(VERDICT_COLOURS[verdict], words_, "verdict")
+    return block(style(), told, element("div", *warnings, data_testid="warnings"))
+
+
 def problem_banner(problem: str) -> Markup:
     """Return why there is no answer."""
     return block(style(), _banner((90, 90, 90), problem, "verdict"))
@@ -198,15 +211,31 @@ def cell(words_: str, kind: str = "", title: str = "") -> Markup:
 
 def torque_table(answer: Answer) -> Markup:
     """Return what each motor gives before and after, with a bar against its limit."""
-    known = answer.analysis.rnea.is_known
-    units = {load.unit for load in answer.loads}
+    return load_table(answer.loads, answer.analysis.rnea.is_known)
+
+
+def load_table(
+    loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
+) -> Markup:
+    """Return what each motor gives, with a bar against its limit.
+
+    Parameters
+    ----------
+    loads :
+        Of the joints.
+    has_masses :
+        Whether the weight is known.
+    names :
+        Of the two columns.
+    """
+    units = {load.unit for load in loads}
     unit = units.pop() if len(units) == 1 else "N·m, N"
-    title = f"Motor torque [{unit}], " + ("weight included" if known else "weight unknown")
+    title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
     columns = [
-        ("#", "l", "31px"), ("joint", "l", ""), ("before", "", "51px"), ("after", "", "51px"),
+        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "56px"), (names[1], "", "51px"),
         ("of limit", "l", "50px"), ("", "", "40px"),
     ]  # fmt: skip
-    rows = (_load_row(load) for load in answer.loads)
+    rows = (_load_row(load) for load in loads)
     return element("div", element("h3", title), table(columns, rows, "torques"))
 
 
@@ -255,14 +284,22 @@ def bar(share: float, colour: Colour) -> Markup:
 def force_table(analysis: Analysis) -> Markup:
     """Return the force at the tip before and after, and its jump, per axis and their norms."""
     task, change = analysis.task, analysis.force
-    title = f"Force at the tip, in the axes of {words.axes_in_words(task)}"
     if change is None:
-        return element("div", element("h3", title), _unit_forces(analysis))
+        return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
     vectors: list[tuple[str, Vector | None]] = [
         ("before", change.before), ("after", change.after), ("jump", change.jump)
     ]  # fmt: skip
     if change.requested is not None and words.is_noticeable(change.unsupported):
         vectors.insert(0, ("asked", change.requested))
+    return vector_table(task, vectors)
+
+
+def _force_title(task: Task) -> str:
+    return f"Force at the tip, in the axes of {words.axes_in_words(task)}"
+
+
+def vector_table(task: Task, vectors: Sequence[tuple[str, Vector | None]]) -> Markup:
+    """Return named forces at the tip per axis, N and N·m, and their norms."""
     columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
     values = [vector for _, vector in vectors]
     parts = zip(task.components, task.units, strict=True)
@@ -275,7 +312,7 @@ def force_table(analysis: Analysis) -> Markup:
         if own:
             norms = (cell(_norm(x, own)) for x in values)
             rows.append(row([cell(name, "l"), cell(unit, "l"), *norms], "b"))
-    return element("div", element("h3", title), table(columns, rows, "forces"))
+    return element("div", element("h3", _force_title(task)), table(columns, rows, "forces"))
 
 
 def _component(vector: Vector | None, i: int) -> str:
@@ -423,6 +460,88 @@ def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
 
 def _lines(picture: Picture) -> dict[str, Colour]:
     return {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
+
+
+def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str) -> Markup:
+    """Return what colours mean, and what else is to be said."""
+    told = (element("div", note, class_="note") for note in notes)
+    return block(style(), *(_key(colour, words_) for colour, words_ in pairs), *told, testid=testid)
+
+
+# ---- curves over time ------------------------------------------------------------------------
+
+
+class Curve(NamedTuple):
+    """A quantity over time: name, values (NaN leaves a gap), colour of CSS, dashes of SVG."""
+
+    name: str
+    values: Vector
+    colour: str
+    dashes: str = ""
+
+
+def chart(
+    title: str, unit: str, t: Vector, curves: Sequence[Curve], marks: Iterable[float] = ()
+) -> Markup:
+    """Return curves over time as SVG, from 0 or the lowest value up; `cursor` marks a time.
+
+    Parameters
+    ----------
+    title, unit :
+        Of the values.
+    t :
+        Times, s, shape (N,).
+    curves :
+        Their values have shape (N,).
+    marks :
+        Times of vertical lines, s.
+    """
+    known = np.concatenate([[0.0, 1e-9], *(curve.values for curve in curves)])
+    known = known[np.isfinite(known)]
+    low, high = float(known.min()), float(known.max())
+    first, length = float(t[0]), max(float(t[-1] - t[0]), 1e-9)
+    x = 100.0 * (t - first) / length
+    parts = [_stroke([(100.0 * (mark - first) / length, y) for y in (0.0, 100.0)], "#555", "3 2")
+             for mark in marks]  # fmt: skip
+    for curve in curves:
+        y = 100.0 * (high - curve.values) / (high - low)
+        parts += [_stroke(run, curve.colour, curve.dashes) for run in _unbroken(x, y)]
+    svg = element("svg", *parts, viewBox="0 -2 100 104", preserveAspectRatio="none")
+    names = (element("span", element("i", style=f"background:{c.colour}"), c.name, class_="entry")
+             for c in curves)  # fmt: skip
+    ends = (element("span", f"{x:g} s") for x in (first, first + length))
+    return element(
+        "div", element("h3", f"{title}: {low:.3g} to {high:.3g} {unit}"),
+        element("div", svg, element("b"), class_="plot"), element("div", *ends, class_="ends"),
+        element("div", *names, class_="names"),
+    )  # fmt: skip
+
+
+def cursor(share: float) -> Markup:
+    """Return what puts the cursor of all charts at a share of their time, 0 to 1.
+
+    So a frame sends a few bytes, and no curve again.
+    """
+    return Markup(f"<style>.ftf .plot b{{left:{100.0 * share:.2f}%}}</style>")
+
+
+def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = "") -> Markup:
+    places = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
+    return element(
+        "polyline", points=places, fill="none", stroke=colour, stroke_width="1.6",
+        stroke_dasharray=dashes, vector_effect="non-scaling-stroke",
+    )  # fmt: skip
+
+
+def _unbroken(x: Vector, y: Vector) -> list[list[tuple[float, float]]]:
+    """Return runs of points between gaps."""
+    runs: list[list[tuple[float, float]]] = [[]]
+    for point in zip(x.tolist(), y.tolist(), strict=True):
+        if math.isnan(point[1]):
+            runs.append([])
+        else:
+            runs[-1].append(point)
+    return [run for run in runs if len(run) > 1]
 
 
 def _key(colour: Colour, words_: str, kind: str = "") -> Markup:

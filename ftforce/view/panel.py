@@ -388,6 +388,21 @@ class Panel:
         name = state.posture.source.removeprefix("posture '").removesuffix("'")
         return name if name in self._controls["posture"].handle.options else _CHOOSE
 
+    def first_tab(self, label: str) -> Any:
+        """Add a tab before the others, so that the page opens with it: for a `Mode`."""
+        tab = self.tabs.add_tab(label)
+        handles = self.tabs._tab_handles  # viser opens the first, and adds last
+        handles.insert(0, handles.pop())
+        self.tabs._rebuild_tab_props()
+        return tab
+
+    def disable_all(self) -> None:
+        """Take everything out of the user's hands but what is shown: for a `Mode`."""
+        for name, control in self._controls.items():
+            if name not in {"save_picture", "save_page", "see_through"}:
+                control.handle.disabled = True
+        self._all_sets.disabled = True
+
     def disable(self, is_disabled: bool) -> None:
         """Take posture and faults out of the user's hands, or give them back: for a `Mode`."""
         for name, control in self._controls.items():

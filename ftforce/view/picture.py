@@ -334,6 +334,30 @@ def _arrows(forces: dict[str, Vector], frame: _Frame, unit: str) -> tuple[Arrow,
     return tuple(arrows)
 
 
+def force_arrows(
+    forces: dict[str, Vector], tip: tuple[Matrix, Vector], scale: float, unit: str
+) -> tuple[Arrow, ...]:
+    """Return arrows of forces that are known.
+
+    Parameters
+    ----------
+    forces :
+        One for each of `ARROW_KINDS`, N (N·m), in the task's axes, shape (3,).
+    tip :
+        Turn of the task's axes, shape (3, 3), and place of the tip, m, shape (3,).
+    scale :
+        Length per N (N·m), m.
+    unit :
+        N or N·m.
+    """
+    return _arrows(forces, _Frame(tip[1], tip[0], scale), unit)
+
+
+def pose_of(rotation: Matrix, place: Vector) -> Pose:
+    """Return a turn (3, 3) and a place, m, shape (3,), as a pose."""
+    return Pose(place, _wxyz(rotation))
+
+
 def _lines(answer: Answer, frame: _Frame, extent: float) -> tuple[Line, ...]:
     """Return lost directions both ways, and the weakest one."""
     task, half = answer.analysis.task, _LINE * extent

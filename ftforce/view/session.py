@@ -71,6 +71,9 @@ class Mode(Protocol):
         It is called by the session's worker, which shows the error if one is raised.
         """
 
+    def set_geometry(self, geometry: Geometry) -> None:
+        """Show the arm's links in scenes of its own; the session's lock is held."""
+
     def stop(self) -> None:
         """End, and every thread of its own with it."""
 
@@ -293,6 +296,8 @@ class Session:
             self.panel.notes = geometry.notes
             if self._picture is not None:
                 self.stage.look(self._picture)
+            if self.mode is not None:
+                self.mode.set_geometry(geometry)
         self.refresh()  # the legend says what is missing
 
     def run(self) -> None:

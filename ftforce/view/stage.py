@@ -17,6 +17,7 @@ from ftforce.view.picture import ARROW_KINDS, FIXED, chain_joints, scene_size
 
 if TYPE_CHECKING:
     import viser
+    from numpy.typing import NDArray
 
     from ftforce.robot import Robot
     from ftforce.view.meshes import Geometry
@@ -69,10 +70,18 @@ class Stage:
         Called when somebody drags the force or clicks on a joint.
     prefix :
         Of the names of its nodes; another arm on the same server needs another one.
+    floor :
+        Whether it has one: one is enough for two arms.
     """
 
     def __init__(
-        self, server: viser.ViserServer, robot: Robot, hands: Hands, prefix: str = ""
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        hands: Hands,
+        prefix: str = "",
+        *,
+        floor: bool = True,
     ) -> None:
         self.server, self.robot, self.prefix = server, robot, prefix
         self._hands = hands
@@ -87,6 +96,7 @@ class Stage:
         self._solids: list[Any] = []
         self._shown_solids: tuple[Solid, ...] = ()
         self._floor = _floor(server, prefix, self._extent)
+        self._floor.visible = floor
         self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
         self._labels = {
             kind: server.scene.add_label(
@@ -156,6 +166,11 @@ class Stage:
         self._place_handle(picture)
         self._draw_lines(picture, last)
         self._draw_solids(picture)
+
+    def hide(self) -> None:
+        """Hide the arm until the next update; its forces stay."""
+        for part in self._parts:
+            _assign(part.node, "visible", False)
 
     def _pose(self, picture: Picture, last: Picture | None) -> None:
         for part in self._parts:
@@ -241,7 +256,7 @@ class Stage:
         if lines:
             self._lines.points = np.array([line.ends for line in lines], dtype=np.float32)
             colours = np.array([line.colour for line in lines])
-            self._lines.colors = np.repeat(_linear(colours)[:, None, :], 2, axis=1)
+            self._lines.colors = np.repeat(linear(colours)[:, None, :], 2, axis=1)
         while len(self._marks) < len(lines):
             name = f"{self.prefix}/force/line_{len(self._marks)}"
             self._marks.append(scene.add_label(name, "", anchor="top-left", font_screen_scale=0.8))
@@ -324,8 +339,8 @@ def along(vector: Vector, axis: int) -> Vector:
     return np.array([w, x, y, z])
 
 
-def _linear(colours: Matrix) -> Any:
-    """Return colours that look as meant on lines: viser takes theirs for linear ones."""
+def linear(colours: NDArray[Any]) -> Any:
+    """Return colours that look as meant on lines and batches: viser takes theirs for linear."""
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 

@@ -1,0 +1,380 @@
+"""A sweep on the page: where its tips are and what becomes of them; a click takes the arm there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.batch.store import open_sweep
+from ftforce.batch.workspace_map import workspace_map
+from ftforce.errors import SweepError, printable
+from ftforce.history import VERDICTS
+from ftforce.view import markup
+from ftforce.view.picture import Line, scene_size
+from ftforce.view.stage import linear
+from ftforce.view.state import in_components
+from ftforce.words import percent
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import NDArray
+
+    from ftforce.arrays import Matrix, Vector
+    from ftforce.batch.result import Sweep
+    from ftforce.robot import Robot
+    from ftforce.view.meshes import Geometry
+    from ftforce.view.picture import Colour
+    from ftforce.view.session import Session, View
+    from ftforce.view.state import State
+
+MOST = 20_000  # points: a browser without a GPU still turns them
+EVERY = "every set"
+# Matplotlib's cividis from 0 to 1, as `ftforce map` has it: bright is good, dark is bad, for all
+# kinds of colour vision and in grey.
+RAMP: tuple[Colour, ...] = (
+    (0, 34, 78), (67, 78, 108), (125, 124, 120), (188, 174, 108), (254, 232, 56)
+)  # fmt: skip
+VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
+_SEED = 0  # the same points every time
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+_RADIUS = 0.007  # of a point, as a share of the arm's size
+_CUBE = 0.35  # edge of a cell's cube, as a share of the cell's
+_AIMED = 400  # points that are enough to aim the camera
+_FORCE_DIGITS = 4
+SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
+
+# An octahedron: eight triangles for a point.
+_CORNERS = np.array(
+    [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float32
+)
+_FACES = np.array(
+    [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+    dtype=np.uint32,
+)
+
+
+class Points(NamedTuple):
+    """Postures of a sweep.
+
+    Attributes
+    ----------
+    q :
+        Joint positions, rad or m, shape (k, n).
+    tip :
+        In the root's axes, m, shape (k, 3).
+    verdict :
+        Index in ``ftforce.history.VERDICTS``, of each fault set that can be chosen, shape (k, s).
+    total :
+        How many postures the sweep has that are done.
+    """
+
+    q: Matrix
+    tip: Matrix
+    verdict: NDArray[np.int8]
+    total: int
+
+
+def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
+    """Return what shows a sweep that ``ftforce sweep`` stored.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    state :
+        The question with which the page starts; the sweep's task and force take the place of its
+        own.
+    path :
+        The sweep.
+
+    Raises
+    ------
+    SweepError
+        There is none, it is of another arm, or no posture of it is done.
+    """
+    sweep = open_sweep(path)
+    check_fits(robot, sweep, path)
+    if not sweep.done:
+        raise SweepError(path, "has no posture yet; the command that began it goes on")
+    return Survey(robot, state, sweep)
+
+
+def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
+    """Check that a sweep is of this arm.
+
+    Raises
+    ------
+    SweepError
+        It is of another one; the message says what differs.
+    """
+    setting = sweep.setting
+    units = tuple(joint.unit for joint in robot.joints)
+    if (setting.joints, setting.joint_units) != (tuple(robot.names), units):
+        names, own = (", ".join(map(printable, x)) for x in (setting.joints, robot.names))
+        raise SweepError(path, f"is of another arm: its joints are {names}; here: {own}")
+    if (setting.base, setting.tip) != (robot.base, robot.tip):
+        there = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
+        here = f"{printable(robot.base)} to {printable(robot.tip)}"
+        raise SweepError(path, f"is of another chain: {there}; here: {here}")
+
+
+def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
+    """Return the fault sets that can be chosen: joints, numbers from 1, by label.
+
+    ``None`` stands for every set. A sweep that kept each posture's worst set knows of no other.
+    """
+    found: dict[str, tuple[int, ...] | None] = {EVERY: None}
+    if sweep.setting.keep != "worst":
+        for one in sweep.sets:
+            found[str(one)] = tuple(joint + 1 for joint in one.joints)
+    return found
+
+
+def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
+    """Return postures of a sweep, at random if they are too many; ``None`` if it kept none.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    most :
+        Largest number of them.
+    """
+    if sweep.setting.keep == "summary":
+        return None
+    data = sweep.dataset
+    name = "verdict" if sweep.setting.keep == "all" else "worst_verdict"
+    tips = np.asarray(data["tip"].values)
+    done = np.flatnonzero(np.isfinite(tips).all(axis=1))  # chunks that are not done yet hold NaN
+    chosen = done
+    if len(done) > most:
+        chosen = np.sort(np.random.default_rng(_SEED).choice(done, most, replace=False))
+    verdict = np.asarray(data[name].isel(posture=chosen).values).reshape(len(chosen), -1)
+    q = np.asarray(data["q"].isel(posture=chosen).values)
+    return Points(q, tips[chosen], verdict.astype(np.int8), len(done))
+
+
+def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
+    """Return the verdict of each point on a fault set, shape (k,).
+
+    Parameters
+    ----------
+    points :
+        The points.
+    place :
+        Of the set among those of the sweep; ``None`` for the worst of all.
+    """
+    found: NDArray[np.int8] = (
+        points.verdict.max(axis=1) if place is None else points.verdict[:, place]
+    )
+    return found
+
+
+def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """Return colours of verdicts, shape (k, 3)."""
+    found: NDArray[np.uint8] = np.array(VERDICT_POINTS, dtype=np.uint8)[verdicts]
+    return found
+
+
+def share_colours(shares: Vector) -> NDArray[np.uint8]:
+    """Return colours of shares from 0 to 1, shape (k, 3)."""
+    steps = np.linspace(0.0, 1.0, len(RAMP))
+    parts = [np.interp(shares, steps, channel) for channel in np.array(RAMP, dtype=float).T]
+    found: NDArray[np.uint8] = np.rint(np.column_stack(parts)).astype(np.uint8)
+    return found
+
+
+class Survey:
+    """Shows a sweep on the page: a `ftforce.view.session.Mode`.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    state :
+        The question with which the page starts.
+    sweep :
+        Of this arm.
+    """
+
+    takes_over = False
+
+    def __init__(self, robot: Robot, state: State, sweep: Sweep) -> None:
+        self.robot, self.sweep = robot, sweep
+        self.points = read_points(sweep)
+        self._choices = choices(sweep)
+        self._start = state
+        self._chosen, self._shown = EVERY, SHOWN[0]
+
+    # ---- Mode --------------------------------------------------------------------------------
+
+    def start(self, session: Session) -> None:
+        """Show the points, and ask what the sweep asked."""
+        self._session = session
+        with session.panel.first_tab("Sweep"):
+            self._build(session.server.gui)
+        if self.points is None:
+            self._nodes = self._add_cells(EVERY)
+        else:
+            self._nodes = self._add_points(self.points)
+            self._nodes.on_click(lambda event: self.take(event.instance_index))
+        self._tell()
+        session.change(self._as_swept)
+
+    def view(self, state: State) -> View | None:
+        """Return nothing: the ordinary answer is shown."""
+
+    def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # a `Mode` has it
+        """Aim at all points: there is one arm."""
+        picture = self._session.picture
+        if picture is not None:
+            places = self._nodes.batched_positions
+            few = places[:: 1 + len(places) // _AIMED]
+            lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
+            self._session.stage.look(replace(picture, lines=lines))
+
+    def stop(self) -> None:
+        """End; there is no thread."""
+
+    # ---- what it is told ---------------------------------------------------------------------
+
+    def take(self, point: int | None) -> None:
+        """Take the arm to a point, and fail the joints that were chosen."""
+        if self.points is None or point is None or not 0 <= point < len(self.points.q):
+            return
+        q, faults = self.points.q[point], self._faults()
+        self._session.change(
+            lambda state: state.at(q) if faults is None else state.at(q).with_faults(faults)
+        )
+
+    def choose(self, label: str) -> None:
+        """Colour the points by what another fault set does, named as on the page."""
+        self._chosen = label
+        if self.points is None:
+            self._nodes.remove()
+            self._nodes = self._add_cells(label)
+        self._paint()
+        self._tell()
+
+    @property
+    def verdicts(self) -> NDArray[np.int8]:
+        """Verdict of each point on the fault set that is chosen, shape (k,)."""
+        assert self.points is not None
+        return verdicts_of(self.points, self._place())
+
+    def _place(self) -> int | None:
+        joints = self._choices[self._chosen]
+        return None if joints is None else self.sweep.index_of(joints)
+
+    def _faults(self) -> Any:
+        place = self._place()
+        return None if place is None else self.sweep.sets[place]
+
+    def _as_swept(self, state: State) -> State:
+        """Return the question with the sweep's task and force: colours and verdict must agree."""
+        setting = self.sweep.setting
+        asked = state.asking(setting.task, setting.axes, setting.length)
+        if setting.force is None:
+            return asked.loaded("every direction")
+        return asked.pushing(in_components(setting.components, np.array(setting.force)))
+
+    # ---- the page ----------------------------------------------------------------------------
+
+    def _build(self, gui: Any) -> None:
+        labels = tuple(self._choices)
+        sets = gui.add_dropdown("Fault set", labels, initial_value=EVERY)
+        sets.on_update(lambda _event: self.choose(sets.value))
+        kinds = SHOWN if self.points is not None else (SHOWN[0], SHOWN[-1])
+        shown = gui.add_dropdown("Show", kinds, initial_value=SHOWN[0])
+        shown.on_update(lambda _event: self._show(shown.value))
+        self._legend = gui.add_html("")
+        self.controls = {"sets": sets, "shown": shown}
+
+    def _show(self, kind: str) -> None:
+        self._shown = kind
+        self._paint()
+
+    def _paint(self) -> None:
+        """Colour the points, and draw those of the verdict that is wanted."""
+        self._nodes.visible = self._shown != SHOWN[-1]
+        if self.points is None:
+            return
+        verdicts = self.verdicts
+        self._nodes.batched_colors = linear(verdict_colours(verdicts))
+        wanted = np.ones(len(verdicts), dtype=np.float32)  # what has no size cannot be clicked
+        if self._shown in SHOWN[1:-1]:
+            wanted *= verdicts == SHOWN.index(self._shown) - 1
+        self._nodes.batched_scales = wanted
+
+    def _add_points(self, points: Points) -> Any:
+        radius = _RADIUS * scene_size(self.robot)
+        return self._add("/sweep/points", radius * _CORNERS, _FACES, points.tip,
+                         verdict_colours(self.verdicts))  # fmt: skip
+
+    def _add_cells(self, label: str) -> Any:
+        located = workspace_map(self.sweep, self._choices[label]).located
+        radius = _CUBE * located.edge
+        return self._add("/sweep/cells", radius * _CORNERS, _FACES, located.place,
+                         share_colours(located.cells.share))  # fmt: skip
+
+    def _add(
+        self, name: str, vertices: Any, faces: Any, places: Matrix, colours: NDArray[np.uint8]
+    ) -> Any:
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
+        return self._session.server.scene.add_batched_meshes_simple(
+            name, vertices, faces, turns, places, batched_colors=linear(colours),
+            batched_scales=np.ones(len(places), dtype=np.float32), lod="off",
+            flat_shading=True, cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    def _tell(self) -> None:
+        content = self._cells_legend() if self.points is None else self._points_legend(self.points)
+        self._legend.content = str(content)
+
+    def _points_legend(self, points: Points) -> markup.Markup:
+        verdicts, shown = self.verdicts, len(points.q)
+        counts = np.bincount(verdicts, minlength=len(VERDICTS)).tolist()
+        pairs = [
+            (VERDICT_POINTS[i], f"{verdict}: {counts[i]:,} ({percent(counts[i] / shown)})")
+            for i, verdict in enumerate(VERDICTS)
+        ]
+        number = f"{shown:,} points"
+        if shown < points.total:
+            number += f", at random of {points.total:,} postures"
+        notes = [f"{number}. A click on one takes the arm to its posture."]
+        if self.sweep.setting.keep == "worst":
+            notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
+        return markup.keys(pairs, [*notes, *self._notes()], "sweep")
+
+    def _cells_legend(self) -> markup.Markup:
+        pairs = [(_colour(share), f"{share:.0%} of the postures tolerate it") for share in _SHARES]
+        note = (
+            "Middles of the cells by the share of their postures. The sweep kept its summary "
+            "alone: a click cannot take the arm to a posture (sweep with --keep all or worst)."
+        )
+        return markup.keys(pairs, [note, *self._notes()], "sweep")
+
+    def _notes(self) -> list[str]:
+        setting, what = self.sweep.setting, self._chosen
+        share = self.sweep.every_set.value
+        if (place := self._place()) is not None:
+            counts = self.sweep.summary.verdicts[place]
+            share = float(counts[0] / counts.sum())
+        force = "every direction of force"
+        if setting.force is not None:
+            values = ", ".join(f"{x:.{_FORCE_DIGITS}g}" for x in setting.force)
+            force = f"force ({values}) in {setting.axes} axes"
+        total = f"{percent(share)} of all {self.sweep.done:,} postures tolerate it"
+        return [
+            f"Fault set: {what}, {setting.mode}. {total}.",
+            f"The sweep asked for task {setting.task}, {force}; the page asks that too.",
+            *(f"Warning: {doubt}." for doubt in self.sweep.warnings),
+        ]
+
+
+def _colour(share: float) -> Colour:
+    red, green, blue = share_colours(np.array([share]))[0].tolist()
+    return red, green, blue

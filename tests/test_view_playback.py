@@ -1,0 +1,287 @@
+"""A history on the page: what is shown at a time is what its arrays hold there."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ftforce
+from browser import chromium, watched
+from ftforce import cli
+from ftforce.faults import Fault, FaultMode, FaultSet
+from ftforce.history import JointInfo
+from ftforce.trajectory import Path
+from ftforce.view.meshes import Geometry, Part
+from ftforce.view.picture import FAULT_COLOURS, colour_of, joint_poses
+from ftforce.view.playback import Playback, _mark, check_fits, faults_at, moment, playback
+from ftforce.view.session import Session
+from ftforce.view.state import initial_state
+from helpers import assert_close
+
+FORCE = [80.0, 50.0, 10.0]
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def history(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    return ftforce.simulate(
+        dh5, line, force=FORCE, rate=50, faults=["3@0.5", "weak:2:0.5@1", "4,5@1.3"], delay=0.1
+    )
+
+
+@pytest.fixture(scope="module")
+def file(history, tmp_path_factory):
+    path = tmp_path_factory.mktemp("history") / "run.npz"
+    ftforce.save(history, path)
+    return path
+
+
+@pytest.fixture
+def page(dh5, file):
+    state = initial_state(dh5)
+    mode = playback(dh5, state, file)
+    with Session(dh5, state, mode=mode) as session:
+        yield session, mode
+
+
+def arrows(session):
+    return {arrow.kind: arrow for arrow in session.picture.arrows}
+
+
+def forces(session):
+    """Return what the arrows say, in the task's axes, N."""
+    scene = session.picture
+    w, x, y, z = scene.tip.wxyz
+    import pinocchio as pin
+
+    R = pin.Quaternion(w, x, y, z).toRotationMatrix()
+    return {k: R.T @ (a.end - a.start) / scene.scale for k, a in arrows(session).items()}
+
+
+@pytest.mark.parametrize("words", ["with remap", "without remap"])
+@pytest.mark.parametrize("at", [0.0, 0.31, 0.5, 0.99, 1.0, 1.31, 1.5])
+def test_what_is_shown_at_a_time_stands_in_the_arrays(page, dh5, history, words, at):
+    session, mode = page
+    mode.controls["run"].value = words
+    mode.seek(at)
+    session.settle()
+    assert session.problem == ""
+    run = {"with remap": history.remapped, "without remap": history.unremapped}[words]
+    i = int(np.flatnonzero(history.t <= at + 1e-9)[-1])
+    poses, tip = joint_poses(dh5, run.q[i])
+    for shown, wanted in zip(session.picture.joints, poses, strict=True):
+        assert_close(shown.position, wanted.position)
+        assert_close(shown.wxyz, wanted.wxyz)
+    assert_close(session.picture.tip.position, tip[1])
+    found = forces(session)
+    assert_close(found["requested"], FORCE, tol=1e-6)
+    assert_close(found["kept"], np.nan_to_num(run.force[i]), tol=1e-8, scale=100.0)
+    assert_close(found["lost"], np.nan_to_num(run.jump[i]), tol=1e-8, scale=100.0)
+    loads = moment(history, mode.run, at).loads
+    assert_close([load.after for load in loads], run.motor[i])
+    assert_close([load.before for load in loads], history.healthy.motor[i])
+    failed = {fault.joint: fault.mode for fault in faults_at(history, at).faults}
+    for j, load in enumerate(loads):
+        assert session.picture.colours[j + 1] == (
+            FAULT_COLOURS[failed[j]] if j in failed else colour_of(None, run.used[i, j])
+        )
+        assert (load.brake == run.brake[i, j]) == (failed.get(j) is FaultMode.LOCKED)
+    assert f": {run.verdicts[i]}." in session.panel._banner.content
+    for torque, j in zip(run.motor[i], range(5), strict=True):
+        if failed.get(j) is not FaultMode.LOCKED:
+            assert f">{ftforce.words.number(float(torque))}<" in session.panel._answer.content
+
+
+def test_faults_come_from_their_time_on(history):
+    locked, weak = Fault(2), Fault(1, FaultMode.WEAK, 0.5)
+    assert faults_at(history, 0.49) == FaultSet()
+    assert faults_at(history, 0.5) == FaultSet((locked,))
+    assert faults_at(history, 1.0) == FaultSet((weak, locked))
+    assert faults_at(history, 9.0) == FaultSet((weak, locked, Fault(3), Fault(4)))
+
+
+def test_names_with_commas_and_modes_are_no_trap(history):
+    names = ("a, 2 b locked", "b locked, 3", "c", "d", "e")
+    joints = tuple(JointInfo(name, "revolute") for name in names)
+    told = ", ".join(f"{i} {names[i - 1]} {how}" for i, how in ((1, "free"), (2, "weak 0.25")))
+    event = replace(history.setting.events[0], all_faults=told)
+    trap = replace(history, setting=replace(history.setting, joints=joints, events=(event,)))
+    wanted = (Fault(0, FaultMode.FREE), Fault(1, FaultMode.WEAK, 0.25))
+    assert faults_at(trap, 1.0) == FaultSet(wanted)
+
+
+def test_the_page_says_what_happens(page, history):
+    session, mode = page
+    assert "every joint healthy" in session.panel._banner.content
+    mode.seek(0.55)
+    session.settle()
+    assert "3 joint3 locked" in session.panel._banner.content
+    assert "The remap acts at 0.6 s." in session.panel._banner.content
+    mode.seek(mode.end)
+    session.settle()
+    missing = ftforce.words.amounts(history.setting.task, history.remapped.jump[-1])
+    assert f"{missing} of 94.87 N are missing" in session.panel._banner.content
+    assert [_mark(history, at) for at in (0.5, 1.0, 1.3)] == ["3", "2", "4,5"]
+    assert [session.panel.handle(f"mode{i}").value for i in range(5)] == [
+        "healthy", "weak", "locked", "locked", "locked"
+    ]  # fmt: skip
+    assert session.panel.handle("force").disabled
+    assert session.panel.handle("force").value == tuple(FORCE)
+
+
+def test_the_healthy_arm_stands_where_it_is_wanted(page, dh5, history):
+    session, mode = page
+    part = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=np.float32)
+    face = np.array([[0, 1, 2]], dtype=np.uint32)
+    session.set_geometry(Geometry(tuple(Part(j, part, face, False) for j in range(6)), ()))
+    mode.controls["run"].value = "without remap"
+    mode.seek(1.5)
+    session.settle()
+    nodes = [one.node for one in mode._ghost._parts]
+    poses, _ = joint_poses(dh5, history.healthy.q[history.index(1.5 + 1e-9)])
+    other, _ = joint_poses(dh5, history.unremapped.q[history.index(1.5 + 1e-9)])
+    assert np.abs(poses[-1].position - other[-1].position).max() > 1e-4
+    for node, pose in zip(nodes, poses, strict=True):
+        assert_close(node.position, pose.position, tol=1e-6)
+        assert node.opacity < 1.0
+    mode.controls["place"].value = "beside"
+    session.settle()
+    offsets = [node.position - pose.position for node, pose in zip(nodes, poses, strict=True)]
+    assert np.ptp(offsets, axis=0).max() < 1e-6
+    assert np.linalg.norm(offsets[0]) > 0.5
+    assert "beside it" in session.panel._legend.content
+    mode.controls["place"].value = "hidden"
+    session.settle()
+    assert not any(node.visible for node in nodes)
+
+
+def wait_for(true, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_it_plays_to_the_end_and_from_the_start_again(page):
+    session, mode = page
+    mode.controls["speed"].value = "5×"
+    mode.play()
+    assert mode._button.label == "Pause"
+    wait_for(lambda: mode.time > 0.3)
+    wait_for(lambda: not mode.is_playing)
+    session.settle()
+    assert mode.time == mode.end
+    assert mode._button.label == "Play"
+    assert session.picture is not None
+    mode.play()
+    wait_for(lambda: 0.0 < mode.time < mode.end)
+
+
+def test_a_hand_on_the_slider_pauses_and_a_pause_holds(page, history):
+    session, mode = page
+    mode.play()
+    wait_for(lambda: mode.time > 0.1)
+    mode.controls["time"].value = 0.8
+    session.settle()
+    assert not mode.is_playing
+    time.sleep(0.2)
+    assert mode.time == pytest.approx(0.8, abs=1e-3)
+    q = history.remapped.q[history.index(0.8 + 1e-9)]
+    assert_close(session.state.q, q)
+
+
+def test_nothing_is_analysed_while_it_plays(page, monkeypatch):
+    session, mode = page
+
+    def fail(*_arguments, **_options):
+        raise AssertionError
+
+    monkeypatch.setattr("ftforce.view.session.answer", fail)
+    monkeypatch.setattr("ftforce.view.answer.analyze", fail)
+    for at in np.linspace(0.0, 1.5, 20):
+        mode.seek(float(at))
+        session.settle()
+        assert session.problem == ""
+
+
+def test_a_closed_page_leaves_no_thread(dh5, history):
+    import threading
+
+    mode = Playback(dh5, history)
+    with Session(dh5, initial_state(dh5), mode=mode):
+        mode.play()
+    assert not any(t.name == "ftforce playback" for t in threading.enumerate())
+
+
+def test_where_nothing_holds_the_arm_that_is_said(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    fallen = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["free:1,2,3,4,5@0.5"])
+    assert fallen.remapped.falls_from is not None
+    mode = Playback(dh5, fallen)
+    with Session(dh5, initial_state(dh5), mode=mode) as session:
+        mode.seek(1.0)
+        session.settle()
+        assert session.problem == ""
+        assert "where that takes it is not simulated" in session.panel._banner.content
+        assert np.isnan(fallen.remapped.force[fallen.index(1.0)]).all()
+        assert arrows(session)["kept"].length == 0.0
+        assert arrows(session)["lost"].length == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["panda"], "another arm"),
+        (["dh5", "--tip", "link4"], "another"),
+        (["dh5", "--locked", "2"], "faults of its own"),
+    ],
+)
+def test_what_does_not_fit_is_said_in_one_line(file, arguments, words):
+    given = ["view", *arguments, "--no-browser", "--history", str(file)]
+    result = CliRunner().invoke(cli.build("view"), given)
+    assert result.exit_code == 1
+    assert words in result.stderr
+    assert result.stderr.startswith("error: ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_another_tip_of_the_same_joints_does_not_fit(dh5, history):
+    other = replace(history, setting=replace(history.setting, tip="elsewhere"))
+    with pytest.raises(ftforce.FtforceError, match="another chain"):
+        check_fits(dh5, other, "run.npz")
+
+
+@pytest.mark.browser
+def test_a_history_plays_in_the_browser(page):
+    session, mode = page
+    session.load_geometry()
+    clip = {"x": 370, "y": 160, "width": 500, "height": 630}
+    with chromium() as browser, watched(browser, session.address, 1280, 800) as tab:
+        tab.page.get_by_test_id("verdict").filter(has_text="every joint healthy").wait_for()
+        before = tab.wait_for_scene(clip=clip).astype(int)
+        mode.controls["speed"].value = "0.5×"
+        tab.page.get_by_role("button", name="Play", exact=True).click()
+        tab.page.get_by_test_id("verdict").filter(has_text="3 joint3 locked").wait_for()
+        tab.page.get_by_role("button", name="Pause", exact=True).or_(
+            tab.page.get_by_role("button", name="Play", exact=True)
+        ).wait_for()
+        mode.pause()
+        assert mode.time >= 0.5
+        for _ in range(50):
+            changed = (np.abs(tab.pixels(clip=clip) - before).sum(axis=2) > 30).sum()
+            if changed > 500:
+                break
+            tab.page.wait_for_timeout(200)
+        assert changed > 500
+        assert tab.page.get_by_test_id("charts").locator("polyline").count() >= 8
+        assert tab.errors == []
+        assert tab.hosts() == {"127.0.0.1"}

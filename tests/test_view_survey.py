@@ -1,0 +1,218 @@
+"""A sweep on the page: colours are the sweep's verdicts, a click takes the arm to a posture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import ftforce
+from browser import chromium, watched
+from ftforce import cli
+from ftforce.batch.workspace_map import workspace_map
+from ftforce.history import VERDICTS
+from ftforce.view.session import Session
+from ftforce.view.stage import linear
+from ftforce.view.state import initial_state
+from ftforce.view.survey import (
+    RAMP,
+    VERDICT_POINTS,
+    check_fits,
+    choices,
+    read_points,
+    share_colours,
+    survey,
+)
+from helpers import assert_close
+
+pytest.importorskip("zarr")
+
+FORCE = [80.0, 50.0, 10.0]
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def stored(dh5, tmp_path_factory):
+    """The same sweep, with all samples, with the worst and without."""
+    folder = tmp_path_factory.mktemp("sweeps")
+    paths = {keep: folder / f"{keep}.zarr" for keep in ("all", "worst", "summary")}
+    for keep, path in paths.items():
+        ftforce.sweep(dh5, n=512, force=FORCE, keep=keep, output=path, threads=1)
+    return paths
+
+
+def opened(dh5, path):
+    state = initial_state(dh5)
+    mode = survey(dh5, state, path)
+    return Session(dh5, state, mode=mode), mode
+
+
+@pytest.fixture
+def page(dh5, stored):
+    session, mode = opened(dh5, stored["all"])
+    with session:
+        yield session, mode
+
+
+def test_colours_are_the_verdicts_of_the_sweep(page, stored):
+    _, mode = page
+    data = ftforce.open_sweep(stored["all"]).dataset
+    assert len(set(data["verdict"].values.ravel().tolist())) > 1
+    assert_close(mode._nodes.batched_positions, data["tip"].values, tol=1e-6)
+    for label, place in (("every set", None), ("{3}", 2), ("{1}", 0), ("every set", None)):
+        mode.controls["sets"].value = label
+        verdicts = data["verdict"].values
+        wanted = verdicts.max(axis=1) if place is None else verdicts[:, place]
+        colours = linear(np.array(VERDICT_POINTS, dtype=float)[wanted])
+        assert np.array_equal(mode._nodes.batched_colors, colours)
+        counts = np.bincount(wanted, minlength=3)
+        for verdict, count in zip(VERDICTS, counts, strict=True):
+            assert f"{verdict}: {count:,} (" in mode._legend.content
+
+
+def test_a_click_takes_the_arm_there_and_the_controls_go_on(page, dh5, stored):
+    session, mode = page
+    data = ftforce.open_sweep(stored["all"]).dataset
+    (click,) = (entry.callback for entry in mode._nodes._impl.click_cb)
+    mode.controls["sets"].value = "{3}"
+    for point in (7, 300):
+        click(SimpleNamespace(instance_index=point))
+        session.settle()
+        q = data["q"].values[point]
+        assert np.array_equal(session.state.q, q)
+        found = session.answer.analysis
+        assert found.locked == ("joint3",)
+        assert found.verdict is VERDICTS[int(data["verdict"].values[point, 2])]
+        assert found.force.jump_norm == pytest.approx(float(data["jump"].values[point, 2]))
+        assert_close(session.picture.tip.position, data["tip"].values[point])
+    session.panel.handle("mode2").value = "healthy"
+    session.panel.handle("q1").value = 12.0
+    session.settle()
+    assert session.answer.analysis.locked == ()
+    assert np.degrees(session.state.q[1]) == pytest.approx(12.0)
+    before = session.state.q
+    for nowhere in (None, -1, 512):
+        mode.take(nowhere)
+    session.settle()
+    assert np.array_equal(session.state.q, before)
+
+
+def test_the_page_asks_what_the_sweep_asked(page):
+    session, mode = page
+    assert session.state.force.tolist() == FORCE
+    assert "force (80, 50, 10) in tool axes" in mode._legend.content
+
+
+def test_points_of_one_verdict_can_be_shown(page, stored):
+    _, mode = page
+    worst = ftforce.open_sweep(stored["all"]).dataset["verdict"].values.max(axis=1)
+    for code, verdict in enumerate(VERDICTS):
+        mode.controls["shown"].value = verdict.value
+        assert np.array_equal(mode._nodes.batched_scales > 0, worst == code)
+    mode.controls["shown"].value = "none"
+    assert not mode._nodes.visible
+    mode.controls["shown"].value = "all"
+    assert mode._nodes.visible
+    assert (mode._nodes.batched_scales == 1).all()
+
+
+def test_a_bounded_random_subset_is_the_same_every_time(stored):
+    sweep = ftforce.open_sweep(stored["all"])
+    some, again = read_points(sweep, 100), read_points(sweep, 100)
+    assert some.q.shape == (100, 5)
+    assert some.total == 512
+    assert np.array_equal(some.q, again.q)
+    everything = {tuple(q): i for i, q in enumerate(sweep.dataset["q"].values.tolist())}
+    rows = [everything[tuple(q)] for q in some.q.tolist()]
+    assert len(set(rows)) == 100
+    assert np.ptp(rows) > 300
+    assert np.array_equal(some.verdict, sweep.dataset["verdict"].values[rows])
+    assert np.array_equal(some.tip, sweep.dataset["tip"].values[rows])
+
+
+def test_of_the_worst_set_only_every_set_is_known(dh5, stored):
+    session, mode = opened(dh5, stored["worst"])
+    with session:
+        assert list(choices(mode.sweep)) == ["every set"]
+        everything = ftforce.open_sweep(stored["all"]).dataset["verdict"].values
+        assert np.array_equal(mode.verdicts, everything.max(axis=1))
+        assert "no other can be chosen" in mode._legend.content
+        mode.take(3)
+        session.settle()
+        assert np.array_equal(session.state.q, mode.points.q[3])
+
+
+def test_a_summary_shows_cells_and_says_that_none_can_be_entered(dh5, stored):
+    session, mode = opened(dh5, stored["summary"])
+    with session:
+        assert "cannot take the arm to a posture" in mode._legend.content
+        for label, joints in (("every set", None), ("{2}", (2,))):
+            mode.controls["sets"].value = label
+            located = workspace_map(mode.sweep, joints).located
+            assert_close(mode._nodes.batched_positions, located.place, tol=1e-6)
+            wanted = linear(share_colours(located.cells.share).astype(float))
+            assert np.array_equal(mode._nodes.batched_colors, wanted)
+        before = session.state.q
+        mode.take(1)
+        session.settle()
+        assert np.array_equal(session.state.q, before)
+
+
+def test_bright_is_good_as_on_the_map():
+    matplotlib = pytest.importorskip("matplotlib")
+    cividis = matplotlib.colormaps["cividis"]
+    for colour, at in zip(RAMP, np.linspace(0.0, 1.0, 5), strict=True):
+        assert np.abs(np.array(colour) - 255.0 * np.array(cividis(at)[:3])).max() < 2.0
+    shown = share_colours(np.linspace(0.0, 1.0, 21)).astype(int).sum(axis=1)
+    assert (np.diff(shown) > 0).all()
+    assert VERDICT_POINTS[0] == RAMP[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["panda"], "another arm"), (["dh5", "--tip", "link4"], "another")],
+)
+def test_what_does_not_fit_is_said_in_one_line(stored, arguments, words):
+    given = ["view", *arguments, "--no-browser", "--sweep", str(stored["all"])]
+    result = CliRunner().invoke(cli.build("view"), given)
+    assert result.exit_code == 1
+    assert words in result.stderr
+    assert result.stderr.startswith("error: ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_another_chain_of_the_same_joints_does_not_fit(dh5, stored):
+    sweep = ftforce.open_sweep(stored["summary"])
+    other = replace(sweep, setting=replace(sweep.setting, tip="elsewhere"))
+    with pytest.raises(ftforce.FtforceError, match="another chain"):
+        check_fits(dh5, other, "sweep.zarr")
+
+
+@pytest.mark.browser
+def test_a_click_on_a_point_takes_the_arm_there(page):
+    session, mode = page
+    session.load_geometry()
+    mode._nodes.batched_scales = 8.0 * np.ones(512, dtype=np.float32)  # whatever is hit, is one
+    before = session.state.q
+    with chromium() as browser, watched(browser, session.address, 1280, 800) as tab:
+        tab.page.get_by_test_id("sweep").wait_for()
+        tab.wait_for_scene(clip={"x": 370, "y": 160, "width": 500, "height": 630})
+        for x, y in [(620, 440), (560, 480), (680, 400), (620, 540), (500, 440)]:
+            tab.page.mouse.move(x, y)
+            tab.page.wait_for_timeout(500)
+            tab.page.mouse.click(x, y)
+            tab.page.wait_for_timeout(1000)
+            if not np.array_equal(session.state.q, before):
+                break
+        session.settle()
+        assert (mode.points.q == session.state.q).all(axis=1).any()
+        assert not np.array_equal(session.state.q, before)
+        assert tab.errors == []
+        assert tab.hosts() == {"127.0.0.1"}
