@@ -114,6 +114,7 @@ def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
 
 
 def test_what_excludes_each_other_is_refused(opened):
+    assert "not both" in run("dh5", "--history", "a.npz", "--sweep", "b.zarr", status=2).stderr
     both = run("dh5", "--force", "1,2,3", "--torque", "1,2,3,4,5", status=2).stderr
     assert "not both" in both
 

@@ -1,7 +1,7 @@
 """``ftforce view``: the robot in the browser."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -37,8 +37,8 @@ from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
-    from ftforce.view.session import Session
-    from ftforce.view.state import Origin
+    from ftforce.view.session import Mode, Session
+    from ftforce.view.state import Origin, State
 
 
 def view(
@@ -64,6 +64,14 @@ def view(
     tip: Tip = None,
     rtol: Rtol = 1e-6,
     wary: Wary = 1e-2,
+    history: Annotated[
+        Path | None,
+        typer.Option(metavar="RUN.npz", help="Play what `ftforce simulate` wrote (.npz .csv …)."),
+    ] = None,
+    sweep: Annotated[
+        Path | None,
+        typer.Option(metavar="SWEEP.zarr", help="Show the points of a stored `ftforce sweep`."),
+    ] = None,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address, open no browser.")
     ] = False,
@@ -89,6 +97,8 @@ def view(
     Without --force or --torque: 20 N along each axis to begin with.
     """
     refuse_force_and_torque(force, torque)
+    if history is not None and sweep is not None:
+        raise typer.BadParameter("give either --history or --sweep, not both")
     _check_outputs(export, screenshot)
     from ftforce.posture import choose_posture
     from ftforce.view.session import Session
@@ -117,7 +127,8 @@ def view(
         rtol=rtol,
         wary=wary,
     )
-    with Session(arm, start, host=host, port=port) as session:
+    mode = _mode(arm, start, history, sweep)
+    with Session(arm, start, host=host, port=port, mode=mode) as session:
         if session.warning:
             typer.echo(f"warning: {session.warning}", err=True)
         if export is not None or screenshot is not None:
@@ -151,6 +162,21 @@ def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
         "with --q the command holds them as the default posture has them."
     )
     return origin._replace(note=note)
+
+
+def _mode(arm: "Robot", start: "State", history: Path | None, sweep: Path | None) -> "Mode | None":
+    """Return what plays a history or shows a sweep; ``None`` for neither."""
+    made: Any = None
+    if history is not None:
+        from ftforce.view.playback import playback
+
+        made = playback(arm, start, history)
+    if sweep is not None:
+        from ftforce.view.survey import survey
+
+        made = survey(arm, start, sweep)
+    chosen: Mode | None = made
+    return chosen
 
 
 def _write(session: "Session", export: Path | None, screenshot: Path | None) -> None:
