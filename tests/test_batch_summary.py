@@ -22,7 +22,7 @@ INF, NAN = math.inf, math.nan
 BINS = Bins(force=50.0, direction=True)
 GRID = Workspace.around([0.1, 0.0, 0.5], 0.9, 0.5)
 
-pytestmark = pytest.mark.plain
+pytestmark = [pytest.mark.plain, pytest.mark.thorough]
 
 
 def block_of(seed, k, sets=3):

@@ -19,6 +19,8 @@ from ftforce.batch.comparison import compare
 from ftforce.batch.sweep import sweep
 from ftforce.comparison_words import comparison_sentence
 
+pytestmark = pytest.mark.thorough
+
 
 def run(*arguments, status=0):
     program = cli.build("compare", "robots")  # one command alone would take no name

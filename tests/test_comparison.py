@@ -28,6 +28,8 @@ from ftforce.files import _unsigned
 from ftforce.show.comparison import comparison_view
 from helpers import load_text, serial_urdf
 
+pytestmark = pytest.mark.thorough
+
 FORCE = [20.0, -30.0, 40.0]
 NORM = math.sqrt(2900.0)
 NAMES = ("dh5", "kinova")

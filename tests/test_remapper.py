@@ -33,7 +33,7 @@ from ftforce.reduced import RTOL, WARY
 from ftforce.task import Task
 from helpers import KNOWN, arms, assert_close, load_text, serial_urdf, stretched, without_masses
 
-pytestmark = pytest.mark.plain
+pytestmark = [pytest.mark.plain, pytest.mark.thorough]
 
 IS_PLAIN = bool(config.DISABLE_JIT)
 ARMS = ("panda", "dh5") if IS_PLAIN else KNOWN

@@ -18,6 +18,8 @@ from ftforce.show.export import to_text as to_table
 from ftforce.sweep_words import force_in_words, interval, share, sweep_sentence
 from results import csv_of
 
+pytestmark = pytest.mark.thorough
+
 N = 3000
 
 

@@ -25,6 +25,8 @@ from ftforce.show.export import to_text
 from ftforce.show.map import map_view
 from helpers import assert_close
 
+pytestmark = pytest.mark.thorough
+
 N = 4096
 
 

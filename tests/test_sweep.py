@@ -9,6 +9,8 @@ from ftforce.batch.runner import Turns, threads_of
 from ftforce.batch.sweep import sweep
 from ftforce.errors import InputError, UnknownNameError
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def arm():

@@ -19,6 +19,8 @@ from ftforce.view import guard, server
 from ftforce.view.guard import Names, is_loopback, names_of, refusal
 from ftforce.view.server import exposure, open_server
 
+pytestmark = pytest.mark.thorough
+
 PROTOCOL = f"viser-v{viser.__version__}"
 LOCAL = Names(frozenset({"127.0.0.1", "localhost", "::1"}))
 

@@ -20,6 +20,8 @@ from ftforce.view.visuals import read_visuals
 from helpers import KNOWN, assert_close
 from urdfs import BODY, arm, link, write
 
+pytestmark = pytest.mark.thorough
+
 
 def volume(mesh):
     """Return the volume that triangles enclose, positive if they face outwards."""

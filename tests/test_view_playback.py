@@ -22,6 +22,8 @@ from ftforce.view.session import Session
 from ftforce.view.state import initial_state
 from helpers import assert_close
 
+pytestmark = pytest.mark.thorough
+
 FORCE = [80.0, 50.0, 10.0]
 
 

@@ -28,6 +28,8 @@ from ftforce.view.survey import (
 )
 from helpers import assert_close
 
+pytestmark = pytest.mark.thorough
+
 pytest.importorskip("zarr")
 
 FORCE = [80.0, 50.0, 10.0]

@@ -137,7 +137,7 @@ def test_expert(benchmark, arm, q, case):
 
 def test_loop(benchmark, arm, q, case):
     components, force, largest = case
-    found = benchmark.pedantic(by_loop, (arm, q, force, largest), rounds=3, warmup_rounds=0)
+    found = benchmark.pedantic(by_loop, (arm, q, force, largest), rounds=1, warmup_rounds=0)
     if components == "force":
         check(evaluator(arm, components, force, faults=largest)(q), found)
     assert found.shape[2] == K
