@@ -258,6 +258,7 @@ def _result(future: Any) -> Turn:
     from concurrent.futures import CancelledError
 
     from distributed import KilledWorker
+    from distributed.comm import CommClosedError
 
     try:
         found = future.result()
@@ -266,7 +267,7 @@ def _result(future: Any) -> Turn:
             f"{problem.allowed_failures + 1} workers were lost at the same chunks: do they have "
             f"enough memory? {_KEPT}"
         ) from None
-    except CancelledError:
+    except (CancelledError, CommClosedError):
         raise LostError(f"the scheduler was lost; {_KEPT}") from None
     except Exception as problem:
         text = f"{type(problem).__name__}: {problem}".partition("\n")[0]
