@@ -258,7 +258,7 @@ def _result(future: Any) -> Turn:
     from concurrent.futures import CancelledError
 
     from distributed import KilledWorker
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
 
     try:
         found = future.result()
