@@ -15,7 +15,7 @@ _HOW = {
     "locked": ("joint locks", "joints lock"),
     "free": ("joint swings free", "joints swing free"),
 }
-_HARDLY = 0.01  # share below which joints that cannot be told apart are told by what is borderline
+_HARDLY = 1e-3  # share up to which what is borderline tells more than what is not tolerated
 
 
 def sweep_sentence(sweep: Sweep) -> str:
@@ -36,16 +36,16 @@ def _critical(sweep: Sweep) -> str:
     first, names = sweep.joints[0], sweep.setting.joints
     if first.not_tolerated.value + first.borderline <= 0.0:
         return "No joint is critical: every set is tolerated in every posture."
+    doubtful = max(sweep.joints, key=_borderline)
+    seldom = first.not_tolerated.value
+    if seldom <= _HARDLY and doubtful.borderline > 10.0 * seldom:
+        never = "Nothing is not tolerated" if seldom <= 0.0 else "Hardly anything is lost"
+        return (
+            f"{never}; closest to it is {names[doubtful.joint]}: "
+            f"{percent(doubtful.borderline)} of {_cases(doubtful)} are borderline."
+        )
     alike = [joint for joint in sweep.joints if _overlap(joint.not_tolerated, first.not_tolerated)]
     if len(alike) == len(names) > 1:
-        doubtful = max(sweep.joints, key=_borderline)
-        if first.not_tolerated.value < _HARDLY and doubtful.borderline > first.not_tolerated.value:
-            seldom = first.not_tolerated.value
-            never = "Nothing is not tolerated" if seldom <= 0.0 else "Hardly anything is lost"
-            return (
-                f"{never}; closest to it is {names[doubtful.joint]}: "
-                f"{percent(doubtful.borderline)} of {_cases(doubtful)} are borderline."
-            )
         return f"No joint is more critical than the others: {_share_of(first)}."
     if len(alike) > 1:
         together = joined(names[joint.joint] for joint in alike)
