@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftforce.batch.jit import inner, kernel
+from ftforce.batch.jit import inner
+from ftforce.batch.layout import room
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
 
 _SWEEPS = 40
@@ -41,13 +42,12 @@ class Scratch(NamedTuple):
     limit: np.ndarray  # (n,)
 
 
-@kernel
 def scratch(m, n):
     """Return a workspace of one posture."""
     return Scratch(
-        np.zeros(1, dtype=np.int64), np.empty((m, n)), np.empty((m, m)), np.empty(m), np.zeros(m),
-        np.zeros(m), np.zeros(n), np.empty((m, n)), np.empty((m, m)), np.empty(m), np.zeros(m),
-        np.empty((m, n)), np.empty(m), np.empty(n), np.empty(n),
+        room(1, np.int64), room((m, n)), room((m, m)), room(m), room(m),
+        room(m), room(n), room((m, n)), room((m, m)), room(m), room(m),
+        room((m, n)), room(m), room(n), room(n),
     )  # fmt: skip
 
 

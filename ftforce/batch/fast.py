@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from ftforce.batch import lanes, lost, secular, spectrum, three
 from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import CLEAR, LANES, UNDECIDED
+from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, room
 from ftforce.batch.results import TOLERATED
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ftforce.batch.lanes import Work
     from ftforce.batch.lost import Lost
     from ftforce.batch.secular import Secular
@@ -51,13 +51,12 @@ class Bench(NamedTuple):
     lost: Lost
 
 
-@kernel
 def bench(joints, n, m):
     """Return a workspace."""
     lane = Lane(
-        np.empty((3, 3, LANES)), np.empty((3, 3, LANES)), np.empty(LANES), np.empty(LANES),
-        np.empty(LANES), np.empty((2, LANES)), np.empty((n, 4, LANES)), np.empty(LANES),
-        np.empty(LANES), np.empty(LANES),
+        room((3, 3, LANES)), room((3, 3, LANES)), room(LANES), room(LANES),
+        room(LANES), room((2, LANES)), room((n, 4, LANES)), room(LANES),
+        room(LANES), room(LANES),
     )  # fmt: skip
     return Bench(
         lanes.workspace(joints, n, m), lane, spectrum.spectrum(m, n), secular.secular(m, n),

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.batch.plan import Evaluator, empty_answers
-from ftforce.batch.plan import _block as as_block
+from ftforce.batch.plan import Evaluator, as_block, empty_answers
 from ftforce.batch.summary import Summary
 
 if TYPE_CHECKING:
@@ -160,14 +159,10 @@ class _Reusing(Evaluator):
 
     def __call__(self, q: Matrix) -> Block:
         """Return the answers for postures, see `Evaluator`; valid until the next call."""
-        from ftforce.batch import fast, settle
-
-        plan, answers = self.plan, self._answers
+        answers = self._answers
         if answers is None or len(answers.tip) != len(q):
-            answers = self._answers = empty_answers(plan, len(q))
-        given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
-        fast.evaluate(*given)
-        settle.settle(*given, self._one)
+            answers = self._answers = empty_answers(self.plan, len(q))
+        self._fill(answers, q)
         return as_block(answers)
 
 

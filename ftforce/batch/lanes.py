@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import LANES
+from ftforce.batch.jit import inner
+from ftforce.batch.layout import LANES, room
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
@@ -50,14 +50,13 @@ class Work(NamedTuple):
     direction: np.ndarray  # (6, LANES): of the capability
 
 
-@kernel
 def workspace(joints, n, m):
     """Return a workspace."""
     return Work(
-        np.zeros(LANES, dtype=np.int64), np.empty((joints, LANES)), np.empty(LANES),
-        np.empty(LANES), np.empty((joints, 12, LANES)), np.empty((12, LANES)),
-        np.empty((6, LANES)), np.empty((m, n, LANES)), np.zeros((n, LANES)),
-        np.empty((joints, 3, LANES)), np.empty(joints), np.zeros((6, LANES)), np.zeros((6, LANES)),
+        room(LANES, np.int64), room((joints, LANES)), room(LANES),
+        room(LANES), room((joints, 12, LANES)), room((12, LANES)),
+        room((6, LANES)), room((m, n, LANES)), room((n, LANES)),
+        room((joints, 3, LANES)), room(joints), room((6, LANES)), room((6, LANES)),
     )  # fmt: skip
 
 

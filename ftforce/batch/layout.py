@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,19 @@ CLEAR = 1.0 + 1e-6
 
 Whole = NDArray[np.int64]
 Codes = NDArray[np.int8]
+
+_LINE = 64  # bytes of a line of the caches
+
+
+def room(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
+    """Return zeros that begin at a line of the caches, for a workspace.
+
+    Workspaces are made by Python: to compile what makes them takes longer than all they are for.
+    """
+    numbers = math.prod(shape if isinstance(shape, tuple) else (shape,))
+    raw = np.zeros(numbers * np.dtype(kind).itemsize + _LINE, np.uint8)
+    first = -raw.ctypes.data % _LINE
+    return raw[first : raw.size - _LINE + first].view(kind).reshape(shape)
 
 
 class Mechanism(NamedTuple):

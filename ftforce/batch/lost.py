@@ -9,13 +9,14 @@ know the rank.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import CLEAR, LANES, UNDECIDED
+from ftforce.batch.jit import inner
+from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, room
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _FIRM = 1e-6
 """Vectors whose squared distance, relative, is smaller are left to `ftforce.batch.settle`."""
@@ -39,14 +40,10 @@ class Lost(NamedTuple):
     moments: np.ndarray  # (LANES,)
 
 
-@kernel
 def lost(m, n):
     """Return a workspace."""
-    line = np.zeros(LANES)
-    return Lost(
-        np.zeros((n, m, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)), line, line.copy(),
-        line.copy(), line.copy(), line.copy(), line.copy(), line.copy(),
-    )  # fmt: skip
+    lines = (room(LANES) for _ in range(7))
+    return Lost(room((n, m, LANES)), room((m, m, LANES)), room((m, LANES)), *lines)
 
 
 @inner

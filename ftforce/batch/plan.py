@@ -75,14 +75,17 @@ class Evaluator:
         q :
             Joint positions, rad or m, C-contiguous, shape (k, n).
         """
+        answers = empty_answers(self.plan, len(q))
+        self._fill(answers, q)
+        return as_block(answers)
+
+    def _fill(self, answers: Answers, q: Matrix) -> None:
         from ftforce.batch import fast, settle
 
         plan = self.plan
-        answers = empty_answers(plan, len(q))
         given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
         fast.evaluate(*given)
         settle.settle(*given, self._one)
-        return _block(answers)
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:
@@ -119,7 +122,7 @@ def _aligned(shape: tuple[int, ...], kind: type, at: int) -> NDArray[Any]:
     return room[first : first + size].view(kind).reshape(shape)
 
 
-def _block(answers: Answers) -> Block:
+def as_block(answers: Answers) -> Block:
     """Return the answers, ``None`` for what was not asked."""
     given: dict[str, Any] = answers._asdict()
     for name in ("jump", "moment_jump", "relative_jump", "capability"):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ftforce.fault_census import Progress
 
 SAVING = 5.0  # s between two writings of the progress file
-TURN = 0.5  # s that a thread counts into a summary of its own before it is added to the others
+TURN = 1.0  # s that a thread counts into a summary of its own before it is added to the others
 
 Done = tuple[list[int], "Summary"]  # chunks whose samples are written, and their summary
 

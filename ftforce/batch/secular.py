@@ -12,12 +12,13 @@ and ρ² = N_kk (Roberts & Maciejewski 1996). The eigenvector of a root has the 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
+from ftforce.batch.jit import inner
+from ftforce.batch.layout import CLEAR, LANES, room
 
-from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import CLEAR, LANES
+if TYPE_CHECKING:
+    import numpy as np
 
 LEAST = 1e-5
 """Smaller margins, of J or K, are left to `ftforce.batch.settle`."""
@@ -46,14 +47,12 @@ class Secular(NamedTuple):
     c: np.ndarray  # (LANES,)
 
 
-@kernel
 def secular(m, n):
     """Return a workspace."""
-    line = np.zeros(LANES)
+    lines = (room(LANES) for _ in range(8))
     return Secular(
-        np.zeros((n, m, LANES)), np.zeros((n, n, LANES)), np.zeros((n, LANES)),
-        np.zeros((n, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES)), line, line.copy(),
-        line.copy(), line.copy(), line.copy(), line.copy(), line.copy(), line.copy(),
+        room((n, m, LANES)), room((n, n, LANES)), room((n, LANES)), room((n, LANES)),
+        room((m, LANES)), room((m, LANES)), *lines,
     )  # fmt: skip
 
 

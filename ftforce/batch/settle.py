@@ -13,7 +13,7 @@ import numpy as np
 
 from ftforce.batch import exact, lanes, spectrum
 from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import LANES, UNDECIDED
+from ftforce.batch.layout import LANES, UNDECIDED, room
 
 if TYPE_CHECKING:
     from ftforce.batch.exact import Scratch
@@ -30,12 +30,11 @@ class Pairs(NamedTuple):
     one: Scratch  # the one that is being judged
 
 
-@kernel
 def pairs(m, n):
     """Return a workspace."""
     return Pairs(
-        np.zeros((m, n, LANES)), spectrum.spectrum(m, n), np.zeros(LANES, dtype=np.int64),
-        np.zeros(LANES, dtype=np.int64), exact.scratch(m, n),
+        room((m, n, LANES)), spectrum.spectrum(m, n), room(LANES, np.int64),
+        room(LANES, np.int64), exact.scratch(m, n),
     )  # fmt: skip
 
 
@@ -45,9 +44,11 @@ def settle(mechanism, faults, question, q, answers, work, group):
     Only the kernels that are needed are called, and compiled.
     """
     given = (mechanism, faults, question, q, answers, work.arm, work.spectrum)
-    if faults.swings.any():
+    swings = faults.swings
+    if swings.any() and (answers.verdict[swings] == UNDECIDED).any():
         settle_free(*given, group.one)
-    settle_locked(*given, group)
+    if (answers.rank == UNDECIDED).any() or (answers.verdict[~swings] == UNDECIDED).any():
+        settle_locked(*given, group)
 
 
 @kernel

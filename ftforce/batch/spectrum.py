@@ -9,12 +9,13 @@ Veselić 1992), and on Lᵀ they need fewer sweeps than on J (Drmač and Veseli�
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
+from ftforce.batch.jit import inner
+from ftforce.batch.layout import LANES, room
 
-from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import LANES
+if TYPE_CHECKING:
+    import numpy as np
 
 _SWEEPS = 12
 _CLOSE = 1e-8**2
@@ -39,12 +40,11 @@ class Spectrum(NamedTuple):
     c: np.ndarray  # (LANES,)
 
 
-@kernel
 def spectrum(m, n):
     """Return a workspace."""
     return Spectrum(
-        np.zeros((m, n, LANES)), np.zeros((m, m, LANES)), np.zeros((m, LANES)),
-        np.zeros((m, LANES)), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES),
+        room((m, n, LANES)), room((m, m, LANES)), room((m, LANES)),
+        room((m, LANES)), room(LANES), room(LANES), room(LANES), room(LANES),
     )  # fmt: skip
 
 
