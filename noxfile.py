@@ -29,6 +29,7 @@ CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
 QUICK = "not thorough and not browser"  # what is thorough is so once
 # Installed code is tested, never the checkout; and no test depends on the caller's colours.
+KERNELS = ("python", "tests/compile_kernels.py")  # else every test process compiles its own
 ENVIRONMENT = {"PYTHONSAFEPATH": "1", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
 
 
@@ -43,6 +44,7 @@ def tests(session: nox.Session) -> None:
     if session.posargs:
         session.run("pytest", *session.posargs, env=ENVIRONMENT)
         return
+    session.run(*KERNELS, env=ENVIRONMENT)
     if session.python != FOUND[0]:
         session.run("pytest", "-n", "auto", "-m", QUICK, env=ENVIRONMENT)
         return
@@ -105,6 +107,7 @@ def minimums(session: nox.Session) -> None:
     """Run the tests with the oldest dependencies that pyproject.toml admits."""
     oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
     session.install(*oldest, ".", *group("test"))
+    session.run(*KERNELS, env=ENVIRONMENT)
     options = session.posargs or ["-m", QUICK]
     session.run("pytest", "-n", "auto", "-q", *options, env=ENVIRONMENT)
 
@@ -113,6 +116,7 @@ def minimums(session: nox.Session) -> None:
 def bench(session: nox.Session) -> None:
     """Measure side by side, in one run, against what a user would write instead."""
     session.install(".", *group("bench"))
+    session.run(*KERNELS, env=ENVIRONMENT)
     # As timeit has it: no garbage collection, warm caches.
     timing = ["--benchmark-disable-gc", "--benchmark-warmup=on", "--benchmark-sort=name"]
     columns = "--benchmark-columns=min,median,iqr"

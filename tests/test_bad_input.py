@@ -301,6 +301,7 @@ CONDITIONS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "message"), CONDITIONS.values(), ids=CONDITIONS)
 @pytest.mark.parametrize("command", ["analyze", "census", "capability"])
 def test_conditions_out_of_place(good, command, options, message):

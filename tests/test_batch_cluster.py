@@ -136,7 +136,10 @@ def test_a_lost_worker_is_survived(arm, tmp_path, network, undisturbed):
     assert not differences(undisturbed["all"], content(tmp_path / "s"))
 
 
-def test_a_lost_scheduler_is_told_and_the_sweep_goes_on_elsewhere(arm, tmp_path, undisturbed):
+def test_a_lost_scheduler_is_told_and_the_sweep_goes_on_elsewhere(
+    arm, tmp_path, undisturbed, monkeypatch
+):
+    monkeypatch.setattr(cluster, "PATIENCE", 30.0)  # a client may wait that long for its return
     network, path = Network(tmp_path), tmp_path / "s"
     network.add_worker()
     try:

@@ -51,11 +51,16 @@ def answers(
     ("name", "components", "axes"),
     [
         ("panda", "force", "tool"),
-        ("panda", "wrench", "tool"),
-        ("dh5", "force", "world"),
-        ("ur5", "fz,fx", "tool"),
         ("kinova", "wrench", "world"),
-        ("ur5", "fz", "tool"),
+        *(
+            pytest.param(*case, marks=pytest.mark.thorough)
+            for case in [
+                ("panda", "wrench", "tool"),
+                ("dh5", "force", "world"),
+                ("ur5", "fz,fx", "tool"),
+                ("ur5", "fz", "tool"),
+            ]
+        ),
     ],
 )
 def test_kernels_say_what_analyze_says(name: str, components: str, axes: Any, mode: Any) -> None:
@@ -88,6 +93,7 @@ def mixed(words: str) -> FaultSet:
     return FaultSet(tuple(Fault(int(joint) - 1, FaultMode.parse(mode)) for joint, mode in parts))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("asks", [True, False])
 @pytest.mark.parametrize(
     ("name", "components", "words"),

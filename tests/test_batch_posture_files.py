@@ -146,6 +146,7 @@ def test_postures_beyond_the_limits_are_kept(arm, tmp_path, form):
     np.testing.assert_array_equal(postures.block(0, 4), q)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("value", [NAN, INF, -INF, 1.1e9])
 def test_numbers_that_are_none(arm, tmp_path, form, value):
@@ -195,6 +196,7 @@ def test_blocks_beyond(arm, tmp_path, form, block):
         postures_from_file(arm, written(tmp_path, form, Q)).block(*block)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", FORMS)
 def test_memory_is_bounded(arm, tmp_path, form, monkeypatch):
     """Opening and reading take far less than the 16 MB of the numbers."""

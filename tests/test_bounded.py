@@ -48,6 +48,7 @@ def norm(x):
 # ---- beside another solver -------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def check(problem, result):
     """Compare a result with quadprog's, and with what the theory wants; return its kind."""
     space = space_of(problem)
@@ -90,6 +91,7 @@ def test_ten_thousand_problems_beside_quadprog():
     assert kinds["no balance"] > 300, kinds
 
 
+@pytest.mark.thorough
 @given(seeds)
 @law
 def test_any_problem_beside_quadprog(seed):
@@ -451,9 +453,8 @@ def test_the_solver_is_not_believed(monkeypatch, claim):
     assert not issubclass(SolverError, InputError)
 
 
+@pytest.mark.thorough
 # ---- absurd numbers --------------------------------------------------------------------------
-
-
 def test_absurd_problems_end_in_numbers_and_are_never_feasible_by_mistake():
     rng = np.random.default_rng(10)
     kinds = Counter()
@@ -485,6 +486,7 @@ def test_absurd_problems_end_in_numbers_and_are_never_feasible_by_mistake():
     assert kinds["given up"] < 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3, 1e3, 1e9])
 def test_the_unit_of_length_does_not_matter(unit):
     rng = np.random.default_rng(3)

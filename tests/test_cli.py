@@ -579,6 +579,7 @@ def test_a_full_standard_output_is_one_line(tmp_path, arguments, buffered):
     assert done.returncode == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("arguments", PRINTING, ids=" ".join)
 def test_a_closed_standard_output_is_one_line(arguments):
     program = ["sh", "-c", '"$0" -m ftforce "$@" >&-', sys.executable, *arguments]

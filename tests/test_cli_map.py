@@ -18,6 +18,8 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.cli import build
 from ftforce.map_documents import map_document, map_rows
 
+pytestmark = pytest.mark.thorough
+
 N = 2048
 
 

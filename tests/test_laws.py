@@ -39,6 +39,8 @@ from helpers import (
 )
 from problems import Problem, draw_problem, margin_by_highs
 
+pytestmark = pytest.mark.thorough
+
 law = settings(deadline=None, max_examples=100)
 law_of_arms = settings(deadline=None, max_examples=40)
 

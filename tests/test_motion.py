@@ -18,6 +18,8 @@ from ftforce.trajectory import Path, Recording, start_of
 from helpers import assert_close, load_text, seeds, serial_urdf
 from urdfs import arm, followed, load
 
+pytestmark = pytest.mark.thorough
+
 law = settings(deadline=None, max_examples=25)
 NEVER = math.inf
 LONG = np.arange(0.0, 5.0, 0.01)  # s: beyond the end of most paths

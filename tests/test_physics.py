@@ -20,6 +20,8 @@ from ftforce.limits import Limits
 from helpers import KNOWN, assert_close, serial_urdf
 from urdfs import joint, link, load
 
+pytestmark = pytest.mark.thorough
+
 EXACT = 1e-7  # nothing but rounding: MuJoCo 4 gives 2e-15, some before it 1e-8
 STRENGTH = 40.0  # N, typical of the forces
 TOLD = 1e-9  # of the force: what is told and what is predicted are the same mathematics

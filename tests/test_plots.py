@@ -395,6 +395,7 @@ def farthest(result, rows, way, *, after, held):
     return None if found.status == 2 else -found.fun
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize(("x", "y"), [(0, 1), (2, 0), (1, 2)])
 def test_slices_end_where_linear_programming_ends(case, x, y):
@@ -515,6 +516,7 @@ def test_verdicts_are_told_apart_without_colour():
         assert hatch != other_hatch
 
 
+@pytest.mark.thorough
 def everything(history, wrench_history, timeline, census, capability):
     return [history, wrench_history, timeline, census, capability]
 
@@ -534,6 +536,7 @@ def test_texts_are_large_enough_and_do_not_overlap(
             _assert_apart(ax, renderer)
 
 
+@pytest.mark.thorough
 def _assert_apart(ax, renderer):
     """Check that titles, labels, names of faults and the legend do not overlap."""
     texts = [*ax.texts, ax.title, ax._left_title, ax.xaxis.label, ax.yaxis.label]
@@ -624,6 +627,8 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
         figures.figure(ftforce.capability(ftforce.load_robot("dh5"), locked=[1], task="fx"))
 
 
+@pytest.mark.thorough
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg", "SVG"])
 def test_files_are_what_they_are_called_and_repeat(census, tmp_path, ending):
     path = tmp_path / f"a.{ending}"

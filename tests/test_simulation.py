@@ -132,6 +132,7 @@ CASES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "events", "options"), CASES.values(), ids=CASES)
 def test_every_instant_with_the_remap_is_an_analysis(name, events, options):
     robot, options = ftforce.load_robot(name), {"force": PUSH, **options}

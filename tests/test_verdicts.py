@@ -220,6 +220,7 @@ def by_trying(J, F, limits=None, *, locked=(), free=(), rnea=None, wary=WARY):
     return BORDERLINE if len(answers) == 2 else TOLERATED if answers == {True} else NOT
 
 
+@pytest.mark.thorough
 def draw_lean_arm(rng):
     """Draw a Jacobian with singular values and columns around the tolerances, and its faults."""
     m = int(rng.integers(1, 5))

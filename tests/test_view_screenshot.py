@@ -115,6 +115,7 @@ def test_a_browser_that_ends_is_an_error(opened, instead, scratch):
     assert left_behind(scratch) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("deaf", ["True", "len(sys.argv) == 2"])
 def test_a_browser_that_does_nothing_is_ended_in_time(opened, instead, scratch, monkeypatch, deaf):
     # Its child, or both, ignore the polite signal.

@@ -29,7 +29,7 @@ SINGLE = "7 single faults of the Panda, force task: s_min, rho, jump; 1000 postu
 PAIRS = "28 single and double faults, force task; 1000 postures, so ms are us"
 SIX = "7 single faults, wrench task (m = 6); 1000 postures, so ms are us"
 OTHER = "other questions; 1000 postures, so ms are us"
-WHOLE = "whole sweeps of the Panda, 2e6 postures, 7 sets, force; one and two threads, s"
+WHOLE = "whole sweeps of the Panda, 1e7 postures, 7 sets, force; threads or Dask workers, s"
 
 
 @pytest.fixture(scope="module")
@@ -165,25 +165,27 @@ def test_other_questions(benchmark, arm, q, words, options):
 @pytest.mark.benchmark(group=WHOLE)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_whole_sweep(benchmark, arm, threads):
-    options = {"n": 2e6, "force": FORCE, "limits": "none", "threads": threads}
+    options = {"n": 1e7, "force": FORCE, "limits": "none", "threads": threads}
     result = benchmark.pedantic(ftforce.sweep, (arm,), options, rounds=3, warmup_rounds=1)
-    assert result.done == 2_000_000
+    assert result.done == 10_000_000
 
 
 @pytest.mark.benchmark(group=WHOLE)
 @pytest.mark.parametrize("workers", [1, 2])
 def test_whole_sweep_on_dask(benchmark, arm, workers):
     """With the cluster's start; the long sweep of docs/performance has little of it."""
-    options = {"n": 2e6, "force": FORCE, "limits": "none", "workers": workers}
+    options = {"n": 1e7, "force": FORCE, "limits": "none", "workers": workers}
     result = benchmark.pedantic(ftforce.sweep, (arm,), options, rounds=1, warmup_rounds=0)
-    assert result.done == 2_000_000
+    assert result.done == 10_000_000
 
 
+# Not getrusage: what it calls the largest memory counts that of the process it was started by.
 MEMORY = """
-import resource, ftforce
+import ftforce
 arm = ftforce.load_robot("panda")
 ftforce.sweep(arm, n={n}, force=[80, 50, 10], limits="none")
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+print(status["VmHWM"].split()[0])
 """
 
 
