@@ -48,7 +48,6 @@ def norm(x):
 # ---- beside another solver -------------------------------------------------------------------
 
 
-@pytest.mark.thorough
 def check(problem, result):
     """Compare a result with quadprog's, and with what the theory wants; return its kind."""
     space = space_of(problem)
@@ -79,6 +78,7 @@ def check(problem, result):
     return "binding" if result.binding else "closed form"
 
 
+@pytest.mark.thorough
 def test_ten_thousand_problems_beside_quadprog():
     rng = np.random.default_rng(2009)
     kinds = Counter()
@@ -91,7 +91,6 @@ def test_ten_thousand_problems_beside_quadprog():
     assert kinds["no balance"] > 300, kinds
 
 
-@pytest.mark.thorough
 @given(seeds)
 @law
 def test_any_problem_beside_quadprog(seed):
@@ -99,6 +98,7 @@ def test_any_problem_beside_quadprog(seed):
     check(problem, problem.remap())
 
 
+@pytest.mark.thorough
 def test_shares_of_a_force_beside_highs():
     rng = np.random.default_rng(1)
     kinds = Counter()
@@ -453,8 +453,10 @@ def test_the_solver_is_not_believed(monkeypatch, claim):
     assert not issubclass(SolverError, InputError)
 
 
-@pytest.mark.thorough
 # ---- absurd numbers --------------------------------------------------------------------------
+
+
+@pytest.mark.thorough
 def test_absurd_problems_end_in_numbers_and_are_never_feasible_by_mistake():
     rng = np.random.default_rng(10)
     kinds = Counter()

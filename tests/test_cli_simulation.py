@@ -166,7 +166,6 @@ def test_nothing_is_written_on_an_error(tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_plots(tmp_path, ending):
     magic = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[ending]
@@ -183,6 +182,7 @@ def test_plots(tmp_path, ending):
         assert (tmp_path / f"{i}.{ending}").read_bytes().startswith(magic)
 
 
+@pytest.mark.thorough
 def test_interrupted_nothing_is_written(tmp_path):
     # A shell's background job ignores interrupts, and hands that down.
     start = (

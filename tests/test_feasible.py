@@ -207,7 +207,6 @@ def test_a_lever_up_to_rtol_is_none(lever, ends):
     assert overweight.is_empty is not ends
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(("angle", "inside"), [(0.9e-6, True), (1.1e-6, False)])
 def test_a_direction_up_to_rtol_beside_the_plane_lies_in_it(angle, inside):
     feasible = forces(J, [2.0, np.nan, np.nan], locked=(2, 3))
@@ -215,6 +214,7 @@ def test_a_direction_up_to_rtol_beside_the_plane_lies_in_it(angle, inside):
     assert reach(feasible, d).most == pytest.approx(2.0 if inside else 0.0)
 
 
+@pytest.mark.thorough
 def test_rays_beside_highs():
     rng = np.random.default_rng(8)
     kinds = Counter()
@@ -336,7 +336,6 @@ def circle(count):
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-@pytest.mark.thorough
 def test_no_direction_is_weaker_than_the_weakest():
     rng = np.random.default_rng(11)
     limited = 0
@@ -363,6 +362,7 @@ def test_no_direction_is_weaker_than_the_weakest():
     assert limited > 100
 
 
+@pytest.mark.thorough
 def test_the_weakest_direction_is_found_exactly():
     rng = np.random.default_rng(12)
     compared = 0

@@ -516,11 +516,11 @@ def test_verdicts_are_told_apart_without_colour():
         assert hatch != other_hatch
 
 
-@pytest.mark.thorough
 def everything(history, wrench_history, timeline, census, capability):
     return [history, wrench_history, timeline, census, capability]
 
 
+@pytest.mark.thorough
 def test_texts_are_large_enough_and_do_not_overlap(
     history, wrench_history, timeline, census, capability
 ):
@@ -536,7 +536,6 @@ def test_texts_are_large_enough_and_do_not_overlap(
             _assert_apart(ax, renderer)
 
 
-@pytest.mark.thorough
 def _assert_apart(ax, renderer):
     """Check that titles, labels, names of faults and the legend do not overlap."""
     texts = [*ax.texts, ax.title, ax._left_title, ax.xaxis.label, ax.yaxis.label]
@@ -553,6 +552,7 @@ def _assert_apart(ax, renderer):
         assert width <= 1.0 or height <= 1.0
 
 
+@pytest.mark.thorough
 def test_twelve_joints_of_long_names_have_room(history):
     names = [f"left_arm_shoulder_{i}_actuated_joint" for i in range(12)]
     infos = tuple(JointInfo(name, "revolute") for name in names)
@@ -627,8 +627,6 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
         figures.figure(ftforce.capability(ftforce.load_robot("dh5"), locked=[1], task="fx"))
 
 
-@pytest.mark.thorough
-@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg", "SVG"])
 def test_files_are_what_they_are_called_and_repeat(census, tmp_path, ending):
     path = tmp_path / f"a.{ending}"
@@ -645,6 +643,7 @@ def test_files_are_what_they_are_called_and_repeat(census, tmp_path, ending):
         )
 
 
+@pytest.mark.thorough
 def test_bytes_do_not_depend_on_the_process(tmp_path):
     program = (
         "import ftforce, hashlib\n"
@@ -667,6 +666,7 @@ def test_bytes_do_not_depend_on_the_process(tmp_path):
     assert len(set(runs[0].stdout.split())) == 3
 
 
+@pytest.mark.thorough
 def test_heavy_timelines_of_a_figure_repeat(timeline, history):
     for result in (timeline, history):
         assert figures.figure_bytes(result, "a.svg") == figures.figure_bytes(result, "a.svg")

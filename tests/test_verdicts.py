@@ -220,7 +220,6 @@ def by_trying(J, F, limits=None, *, locked=(), free=(), rnea=None, wary=WARY):
     return BORDERLINE if len(answers) == 2 else TOLERATED if answers == {True} else NOT
 
 
-@pytest.mark.thorough
 def draw_lean_arm(rng):
     """Draw a Jacobian with singular values and columns around the tolerances, and its faults."""
     m = int(rng.integers(1, 5))
@@ -235,6 +234,7 @@ def draw_lean_arm(rng):
     return J, np.flatnonzero(state == 1) + 1, free + 1
 
 
+@pytest.mark.thorough
 def test_verdicts_beside_trying_tolerances():
     rng = np.random.default_rng(3)
     found = Counter()
