@@ -32,6 +32,23 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
     return pose.rotation.copy(), pose.translation.copy()
 
 
+def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
+    """Return orientation (3, 3) and position (3,) in m of every joint of the model, root first.
+
+    In the root's axes; the model's joints outside the chain, and followers, are among them.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions along the chain, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    pin.forwardKinematics(model, data, robot.to_model(q))
+    return tuple((pose.rotation.copy(), pose.translation.copy()) for pose in data.oMi)
+
+
 def reach_bound(robot: Robot) -> tuple[Vector, float]:
     """Return the place of the first joint, m, shape (3,), and the length of all links in a row, m.
 

@@ -165,6 +165,8 @@ def test_random_arms_against_linear_programs(case, seed, data):
             assume(not any(0.0 < amount.most < 1e-3 for amount in amounts.values()))
     levers = np.abs([r.before[HELD].direction @ result.analysis.J for r in result.directions])
     assume(not np.any((levers > 1e-12) & (levers < 1e-4)))
+    entries = np.abs(result.analysis.J)  # next to tolerances of the other solver, it gives up
+    assume(not np.any((entries > 1e-12) & (entries < 1e-4)))
     assert_as_programmed(result, tol=1e-5)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ftforce.arrays import Matrix, Vector, read_only
 from ftforce.errors import InputError
 from ftforce.faults import FaultMode
-from ftforce.kinematics import quaternion, reach_bound
+from ftforce.kinematics import joint_frames, quaternion, reach_bound, tip_pose
 from ftforce.task import COMPONENTS
 from ftforce.view.state import in_components
 from ftforce.words import NEGLIGIBLE, size
@@ -207,11 +207,8 @@ def joint_poses(robot: Robot, q: Vector) -> tuple[tuple[Pose, ...], tuple[Matrix
     q :
         Joint positions, rad or m, shape (n,).
     """
-    model, data = robot.model, robot.data
-    pin.framesForwardKinematics(model, data, robot.to_model(q))
-    poses = tuple(Pose(x.translation.copy(), _wxyz(x.rotation)) for x in data.oMi)
-    tip = data.oMf[robot.tip_frame]
-    return poses, (tip.rotation.copy(), tip.translation.copy())
+    poses = tuple(pose_of(R, place) for R, place in joint_frames(robot, q))
+    return poses, tip_pose(robot, q)
 
 
 def chain_joints(robot: Robot) -> tuple[int | None, ...]:

@@ -34,6 +34,8 @@ _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
 _VIEW = np.array([0.80, -0.95, 0.45])  # from where one looks at the arm
+_RIGHT = np.array([-_VIEW[1], _VIEW[0], 0.0]) / math.hypot(*_VIEW[:2])
+_LABEL = 0.2  # length of a line's label, of the size of the scene
 _ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
 _SAMPLE = 500  # points of a link that are enough to aim the camera
 _SAME = 1e-9  # m: what moved by less did not move
@@ -144,6 +146,9 @@ class Stage:
         points = [pose.position for pose in picture.joints[1:]]
         points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
         points += [end for line in picture.lines for end in line.ends]
+        for line in picture.lines:
+            if line.label:  # it stands to the right of the line's end
+                points += [end + _LABEL * self._extent * _RIGHT for end in line.ends]
         points += [corner for solid in picture.solids for corner in solid.vertices]
         points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # its foot
         for part in self._parts:
