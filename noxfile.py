@@ -10,6 +10,7 @@ import sys
 import nox
 
 nox.needs_version = ">=2024.10.9"
+nox.options.default_venv_backend = "uv|virtualenv"  # uv if it is there: minutes less
 nox.options.error_on_missing_interpreters = False
 nox.options.sessions = ["lint", "types", "tests", "docs", "examples", "minimums", "bench"]
 
