@@ -17,8 +17,9 @@ from ftforce import cli
 from ftforce.faults import FaultSet
 from ftforce.sentences import verdict_sentence
 from ftforce.view.meshes import Geometry, Part
-from ftforce.view.picture import picture
+from ftforce.view.picture import picture, scene_size
 from ftforce.view.session import Session, View
+from ftforce.view.stage import rotation
 from ftforce.view.state import Origin, command_line, initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, joint
@@ -368,6 +369,19 @@ class Seen:
     def scene(self):
         return self.tabs[0].pixels(clip={"x": 370, "y": 160, "width": 500, "height": 630})
 
+    def place_of(self, point):
+        """Return where on the page a point in the root's axes, m, is seen, px."""
+        camera = next(iter(self.session.server.get_clients().values())).camera
+        box = self.page.locator("canvas").first.bounding_box()
+        towards = camera.position - camera.look_at
+        towards /= np.linalg.norm(towards)
+        right = np.cross(camera.up_direction, towards)
+        right /= np.linalg.norm(right)
+        seen = np.array([right, np.cross(towards, right), towards]) @ (point - camera.position)
+        share = seen[:2] / -seen[2] / math.tan(0.5 * camera.fov)
+        middle = np.array([box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]])
+        return middle + 0.5 * box["height"] * share * [1.0, -1.0]
+
     def wait_for_arm(self):
         for _ in range(100):
             if (self.scene().min(axis=2) < 140).sum() > 2000:  # something that is no floor
@@ -464,6 +478,47 @@ def test_page_and_picture_are_saved_by_a_click(seen):
         page.get_by_role("button", name="Save picture").click()
     assert given.value.suggested_filename == "ftforce_dh5.png"
     assert given.value.path().read_bytes().startswith(b"\x89PNG")
+    assert seen.session.problem == ""
+
+
+@pytest.mark.browser
+def test_the_force_follows_the_hand(seen, dh5):
+    seen.wait_for_arm()
+    before, scene = seen.session.state.force, seen.session.picture
+    (arrow,) = (arrow for arrow in scene.arrows if arrow.kind == "requested")
+    along = rotation(scene.tip.wxyz)[:, 0]  # tool x, in the root's axes
+    grip = arrow.end + 0.07 * scene_size(dh5) * along  # on the handle's first axis
+    pull = 0.15  # m
+    x, y = seen.place_of(grip)
+    to_x, to_y = seen.place_of(grip + pull * along)
+    mouse = seen.page.mouse
+    mouse.move(x, y)
+    seen.page.wait_for_timeout(300)
+    mouse.down()
+    for part in np.linspace(0.0, 1.0, 12):
+        mouse.move(x + part * (to_x - x), y + part * (to_y - y))
+        seen.page.wait_for_timeout(60)
+    mouse.up()
+    for _ in range(50):
+        force = seen.session.state.force
+        if abs(force[0] - before[0] - pull / scene.scale) < 0.1 * pull / scene.scale:
+            break
+        seen.page.wait_for_timeout(100)
+    assert force[0] - before[0] == pytest.approx(pull / scene.scale, rel=0.1)
+    assert force[1:] == pytest.approx(before[1:], abs=0.02 * pull / scene.scale)
+    seen.session.settle()
+    seen.wait(f"{np.linalg.norm(force):.2f} N")
+    assert seen.verdict() == verdict_sentence(ftforce.analyze(dh5, force=force))
+
+
+@pytest.mark.browser
+def test_ten_tabs_and_some_that_vanish_disturb_nothing(seen):
+    others = [seen.open() for _ in range(9)]
+    for page in others[:5]:
+        page.close()
+    seen.session.panel.handle("mode3").value = "locked"
+    for page in (seen.page, *others[5:]):
+        seen.wait("joint4 locked", page)
     assert seen.session.problem == ""
 
 
