@@ -103,6 +103,8 @@ def test_degrees_are_taken(opened):
         (["dh5", "--screenshot", "page.jpg"], "must end in .png"),
         (["dh5", "--export", "nowhere/page.html"], "no such folder"),
         (["dh5", "--host", "203.0.113.7"], "no address of this machine"),
+        (["dh5", "--history", "r.npz", "--force", "1,2,3"], "of its own; leave out --force"),
+        (["dh5", "--sweep", "s.zarr", "--task", "wrench"], "a sweep has a task"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):

@@ -33,7 +33,7 @@ from ftforce.cli.common import (
     refuse_force_and_torque,
 )
 from ftforce.cli.printing import say
-from ftforce.errors import InputError, OutputError, printable
+from ftforce.errors import InputError, OutputError, listed, printable
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
@@ -99,6 +99,13 @@ def view(
     refuse_force_and_torque(force, torque)
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
+    if history is not None or sweep is not None:
+        asked = {"force": force, "torque": torque, "length": length}
+        asked |= {
+            "task": None if task == "force" else task,
+            "axes": None if axes == "tool" else axes,
+        }
+        _refuse_question("history" if sweep is None else "sweep", asked)
     _check_outputs(export, screenshot)
     from ftforce.posture import choose_posture
     from ftforce.view.session import Session
@@ -138,6 +145,13 @@ def view(
         if not no_browser:
             _open(session.address)
         session.run()
+
+
+def _refuse_question(of: str, asked: dict[str, Any]) -> None:
+    """Refuse options that a history or a sweep answers itself: they would count for nothing."""
+    given = [f"--{name}" for name, value in asked.items() if value is not None]
+    if given:
+        raise InputError(f"a {of} has a task and a force of its own; leave out {listed(given, 5)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
