@@ -29,7 +29,7 @@ def comparison_document(comparison: Comparison) -> Document:
             "tolerated, every, borderline, full_rank, share": "1",
             "margin, rho, evenness": "1",
             "jump": "share of the force",
-            "capability": asked.size_unit,
+            "capability": asked.capability_unit,
             "visited, survived, some": "m³",
             "cell, reach": "m",
         },
@@ -126,7 +126,7 @@ def _pair(found: tuple[Estimate, Estimate] | None, first: str, second: str) -> D
 def comparison_rows(comparison: Comparison) -> list[Row]:
     """Return one row per arm and size of fault sets, best arm first, after the header."""
     asked = comparison.question
-    unit = asked.size_unit
+    unit = asked.capability_unit
     header = (
         "arm", "rank_first", "rank_last", "joints", "postures",
         "tolerated", "tolerated_low", "tolerated_high", "every", "every_low", "every_high",

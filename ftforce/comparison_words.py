@@ -94,7 +94,7 @@ def _strongest(comparison: Comparison) -> list[str]:
     most, arm = max(finite, key=_first)
     if most <= NEGLIGIBLE:
         return []
-    unit = arm.setting.size_unit
+    unit = arm.setting.capability_unit
     known = "" if len(finite) == len(found) else " of those whose limits are known"
     where = f"along {direction_words(arm.setting)}{known}"
     amount = f"{size(most, 0)} {unit}, the median after a single fault"

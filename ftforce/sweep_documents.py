@@ -59,7 +59,7 @@ def _conventions(sweep: Sweep) -> Document:
         "components": list(setting.components),
         "length": setting.length if has_moments else None,
         "sign": words.SIGN,
-        "units": {"jump": setting.size_unit, "capability": setting.size_unit, "place": "m"},
+        "units": {"jump": setting.size_unit, "capability": setting.capability_unit, "place": "m"},
         "quantiles": "of histograms, to one bin: 0.001 of margin and rho, 0.001 of the force for "
         "jumps, a hundredth of a decade for capabilities",
         "intervals": "95 %",
@@ -127,12 +127,13 @@ def _joint(names: tuple[str, ...], one: JointCriticality) -> Document:
 def sweep_rows(sweep: Sweep) -> list[tuple[Any, ...]]:
     """Return one row per fault set, worst first, the header before them."""
     setting, unit = sweep.setting, sweep.setting.size_unit
+    of_capability = setting.capability_unit
     header = (
         "fault_set", "joints", "postures", "tolerated", "tolerated_low", "tolerated_high",
         "borderline", "not_tolerated", "not_tolerated_low", "not_tolerated_high", "loses_rank",
         "falls", "margin_5", "margin_50", "rho_5", "rho_50", f"jump_50 [{unit}]",
-        f"jump_95 [{unit}]", f"jump_most [{unit}]", f"capability_5 [{unit}]",
-        f"capability_50 [{unit}]", "axes", "task", "length [m]", "limits", "rtol", "wary",
+        f"jump_95 [{unit}]", f"jump_most [{unit}]", f"capability_5 [{of_capability}]",
+        f"capability_50 [{of_capability}]", "axes", "task", "length [m]", "limits", "rtol", "wary",
     )  # fmt: skip
     has_moments = any(name[0] == "m" for name in setting.components)
     conventions = (setting.axes, setting.task, setting.length if has_moments else "",

@@ -103,7 +103,10 @@ def is_noticeable(vector: Vector) -> bool:
 
 def percent(share: float) -> str:
     """Write a share so that neither 0 nor all of it is claimed wrongly."""
-    return f"{100.0 * share:.3g}%" if 1e-9 < share < 1.0 else f"{share:.0%}"
+    if 0.0 < share < 1e-9:
+        return "<1e-7%"
+    text = f"{100.0 * share:.3g}%" if share < 1.0 else f"{share:.0%}"
+    return ">99.9%" if text == "100%" and share < 1.0 else text
 
 
 def torque_of(robot: Robot, joint: int, torque: float) -> str:

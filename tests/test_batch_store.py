@@ -17,8 +17,9 @@ import xarray as xr
 
 import ftforce
 from ftforce.batch import folder, runner, store, variables
+from ftforce.batch.summary import Summary
 from ftforce.batch.sweep import sweep
-from ftforce.errors import InputError, OutputError, SweepError, TrajectoryError
+from ftforce.errors import FtforceError, InputError, OutputError, SweepError, TrajectoryError
 from sweeps import LONG, child, content, differences, killed
 
 pytestmark = pytest.mark.thorough  # processes take seconds to start
@@ -225,6 +226,26 @@ def test_interrupted_from_the_keyboard_keeps_what_is_done(arm, tmp_path):
     sweep(arm, **ASKED, output=path, progress=lambda now, total: seen.append(now))
     assert seen[0] > done
     assert seen[-1] == 13_000
+
+
+def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, monkeypatch):
+    asked = {**ASKED, "keep": "summary", "threads": 1}
+    real, calls = Summary.merge, []
+
+    def merge(self, other):
+        real(self, other)
+        calls.append(len(calls))
+        if len(calls) == 2:  # all is added, but nobody knows yet which chunks it was
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Summary, "merge", merge)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **asked, output=tmp_path / "s")
+    monkeypatch.undo()
+    again = sweep(arm, **asked, output=tmp_path / "s")
+    sweep(arm, **asked, output=tmp_path / "undisturbed")
+    assert int(again.summary.postures) == ASKED["n"]
+    assert not differences(content(tmp_path / "undisturbed"), content(tmp_path / "s"))
 
 
 def test_what_is_not_done_yet_reads_as_unknown(arm, tmp_path):
@@ -446,6 +467,20 @@ def test_damage_is_told(arm, tmp_path):
     (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps(own)}))
     with pytest.raises(SweepError, match="damaged"):
         store.open_sweep(path)
+
+
+def test_damage_is_told_where_the_sweep_is_asked_for_again(arm, tmp_path):
+    asked = {**ASKED, "keep": "summary"}
+    sweep(arm, **asked, output=tmp_path / "s")
+    (tmp_path / "s" / "summary_rho" / "0.0").write_bytes(b"no chunk")
+    with pytest.raises(SweepError, match="is damaged"):
+        sweep(arm, **asked, output=tmp_path / "s")
+
+
+def test_without_the_extra_the_sweep_is_not_called_damaged(stored, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(FtforceError, match=r"stored sweeps need zarr.*ftforce\[sweep\]"):
+        store.open_sweep(stored.path)
 
 
 def test_a_damaged_progress_file_is_told(arm, tmp_path):

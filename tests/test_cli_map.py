@@ -113,6 +113,21 @@ def test_what_is_not_there_is_said_in_a_line(stored, options, words):
     assert not result.stdout
 
 
+def test_slices_without_postures_are_said_in_a_line(tmp_path):
+    arm = ftforce.load_robot("dh5")
+    where = tmp_path / "gap.zarr"
+    q = np.zeros((200, 5))
+    q[:, 0] = np.repeat([-1.2, 1.2], 100)  # two places, and nothing between them
+    result = sweep(arm, q, force=[80, 50, 10], cell=0.1, output=where, keep="summary")
+    y = np.unique(result.dataset.cell_y.values)
+    filled = result.summary.cell_postures.reshape(result.summary.workspace.shape).sum((0, 2)) > 0
+    low, high = y[filled][[0, -1]]
+    said = run(where, "--plane", "xz", "--at", 0.5 * (low + high), status=1).stderr
+    assert "no posture has its tip at y = " in said
+    top = high + 0.05  # the border that the message names
+    assert "Tolerated" in run(where, "--plane", "xz", "--at", top).stdout
+
+
 def test_what_is_no_sweep_is_said_in_a_line(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path, tmp_path / "file", tmp_path / "none"):

@@ -102,6 +102,11 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--mode", "weak"), 1, "weak"),
         (("--samples", "10", "--force", "0,0,0"), 1, "a component that is not zero"),
         (
+            ("--samples", "10", "--keep", "all", "-o", "x.csv"),
+            2,
+            "--keep all needs an --output that ends in .zarr",
+        ),
+        (
             ("--samples", "10", "--keep", "some", "-o", "x.zarr"),
             1,
             "no value of keep 'some'; there is: all, worst",

@@ -8,6 +8,7 @@ from ftforce.batch import job as jobs
 from ftforce.batch.runner import Turns, threads_of
 from ftforce.batch.sweep import sweep
 from ftforce.errors import InputError, UnknownNameError
+from helpers import joint, urdf_of
 
 pytestmark = pytest.mark.thorough
 
@@ -98,3 +99,39 @@ def test_what_makes_no_sense_is_told(arm, options, error, words):
 def test_threads_are_those_of_the_process():
     assert threads_of(None) >= 1
     assert threads_of(3) == 3
+
+
+def test_a_chunk_that_no_codec_takes_is_refused(arm):
+    with pytest.raises(InputError, match=r"a chunk for 5 fault sets has .* postures at most"):
+        sweep(arm, n=1e9, chunk=100_000_000)
+
+
+def test_a_wrist_whose_tip_never_moves(tmp_path):
+    path = tmp_path / "wrist.urdf"
+    links = ["base", "l1", "l2", "l3", "l4"]
+    axes = [(0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, 1)]
+    joints = [
+        joint(f"j{i}", "revolute", links[i], links[i + 1], axis=axis) for i, axis in enumerate(axes)
+    ]
+    path.write_text(urdf_of(*links, joints=joints))
+    wrist = ftforce.load_robot(path)
+    found = sweep(wrist, n=1000, task="moment")
+    assert int(found.summary.cell_postures.max()) == 1000
+    assert int(found.summary.outside) == 0
+
+
+@pytest.mark.parametrize(
+    ("direction", "unit"), [([0, 0, 0, 0, 0, 1], "N·m"), ([0, 0, 1, 0, 0, 1], "N")]
+)
+def test_a_capability_has_the_unit_of_its_direction(arm, direction, unit):
+    found = sweep(arm, n=100, task="wrench", length=0.3, direction=direction)
+    assert found.setting.capability_unit == unit
+    assert found.setting.size_unit == "N"
+    assert found.dataset.summary_min_capability.attrs["units"] == unit.replace("·", " ")
+
+
+def test_without_a_force_nobody_knows_what_falls(arm):
+    asked = {"n": 500, "mode": "free", "task": "fy,fz"}
+    without = sweep(arm, **asked, direction=[0, 1])
+    assert np.isnan([one.falls for one in without.ranked]).all()
+    assert max(one.falls for one in sweep(arm, **asked, force=[0, 1]).ranked) > 0.0

@@ -308,7 +308,7 @@ class _Reports:
         with _naming(one.name):
             result = sweep(
                 robot, postures,
-                **{"cell": 2.0 * reach / CELLS if math.isfinite(reach) else None, **asked},
+                **{"cell": 2.0 * reach / CELLS if 0.0 < reach < math.inf else None, **asked},
                 threads=self.threads, progress=progress,
             )  # fmt: skip
             healthy = healthy_capability(

@@ -113,8 +113,19 @@ class SweepSetting:
 
     @property
     def size_unit(self) -> str:
-        """Unit of jump and capability: N, or of a task of moments alone N·m."""
+        """Unit of the jump: N, or of a task of moments alone N·m."""
         return "N" if any(name[0] == "f" for name in self.components) else "N·m"
+
+    @property
+    def capability_unit(self) -> str:
+        """Unit of the capability: N, or along a direction of moments alone N·m."""
+        if self.direction is None:
+            return self.size_unit
+        pushes = (
+            name[0] == "f" and x != 0.0
+            for name, x in zip(self.components, self.direction, strict=True)
+        )
+        return "N" if any(pushes) else "N·m"
 
 
 @dataclass(frozen=True, eq=False)

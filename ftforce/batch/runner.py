@@ -93,12 +93,14 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
     count = int((~done).sum())
     turns = Turns((index for index in range(job.chunks) if not done[index]), count)
     finished = int(opened.summary.postures)
-    saved = time.monotonic()
+    saved, is_whole = time.monotonic(), True
     try:
         with closing(runner(job, opened, turns)) as parts:
             for chunks, summary in parts if count else ():
+                is_whole = False
                 opened.summary.merge(summary)
                 done[chunks] = True
+                is_whole = True
                 finished += int(summary.postures)
                 if progress is not None:
                     progress(finished, total)
@@ -106,7 +108,8 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
                     store.save_progress(opened)
                     saved = time.monotonic()
     finally:
-        if not done.all():
+        # Ctrl-C within a merge leaves half of it: then what was saved last is the truth.
+        if is_whole and not done.all():
             with suppress(OutputError):  # the first trouble is the one to tell
                 store.save_progress(opened)
 

@@ -135,7 +135,7 @@ def _at_most(x: float, most: float) -> float:
 
 
 def _falls(summary: Summary, s: int, postures: int) -> float:
-    unknown = summary.jump_unknown if summary.jump is not None else summary.capability_unknown
+    unknown = summary.jump_unknown
     return math.nan if unknown is None or not postures else int(unknown[s]) / postures
 
 

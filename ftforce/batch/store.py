@@ -175,7 +175,10 @@ def _complete(asked: Asked, path: Path) -> Opened:
     job = asked.job
     with suppress(OSError):  # who may not write can still read
         _remove_traces(path)
-    summary = _stored_summary(path, job.bins, job.workspace)
+    try:
+        summary = _stored_summary(path, job.bins, job.workspace)
+    except Exception as problem:  # a damaged store may raise anything
+        raise SweepError(path, f"is damaged ({problem}); remove it to begin anew") from None
     return Opened(
         asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None
     )  # fmt: skip
@@ -449,6 +452,9 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
     """
     where = Path(path)
     about = _about(where, SweepError)
+    if not about["complete"] and not (where / _PROGRESS).exists():
+        about = _about(where, SweepError)  # it may have been completed just now
+    _needs_zarr()
     try:
         setting = SweepSetting.from_dict(about["setting"])
         sets = sets_from_lists(about["sets"])
@@ -470,6 +476,17 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         raise SweepError(path, f"is damaged ({problem}); {_KIND} was expected") from None
 
 
+def _needs_zarr() -> None:
+    try:
+        import xarray  # noqa: F401
+        import zarr  # noqa: F401
+    except ImportError as problem:
+        raise FtforceError(
+            f"stored sweeps need {problem.name}: install the extra with "
+            "pip install 'ftforce[sweep]'"
+        ) from None
+
+
 def dataset_of(store: Any) -> Any:
     """Return all arrays of a store as an xarray Dataset, read when they are looked at."""
     import xarray as xr
@@ -484,7 +501,7 @@ def _about(path: Path, error: Any) -> dict[str, Any]:
     try:
         attributes = json.loads((path / _ATTRIBUTES).read_text("utf-8"))
         found = json.loads(attributes[variables.ABOUT])
-        version = found["format"]
+        version, _, _ = found["format"], found["identity"], found["complete"]
     except (OSError, ValueError, KeyError, TypeError):
         raise error(path, f"is there but is no sweep; {_KIND} was expected") from None
     if version != FORMAT:

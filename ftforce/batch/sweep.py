@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +45,9 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
 
 CHUNK = 65_536  # postures, at most
+_LARGEST_ARRAY = 2**31 - 2**16  # bytes that a codec takes at once
 _VALUES = 2_000_000  # postures times fault sets of a chunk, about: 16 MB per array that is kept
+_LEAST_RADIUS = 1e-3  # m: of a wrist whose tip never moves
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -224,7 +227,7 @@ def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> 
     if q is None:
         assert n is not None
         return Drawn.of(robot, n, method, seed)
-    if isinstance(q, (str, Path)):
+    if isinstance(q, (str, os.PathLike)):
         return postures_from_file(robot, q)
     if hasattr(q, "block") and hasattr(q, "identity"):
         if q.n != robot.n:
@@ -237,7 +240,11 @@ def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> 
 def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
     """Return the postures of a chunk: those asked for, or as many as memory takes easily."""
     if chunk is not None:
-        return min(whole_number(chunk, "chunk", PIECE), count)
+        size = min(whole_number(chunk, "chunk", PIECE), count)
+        most = _LARGEST_ARRAY // (8 * sets)
+        if size > most:
+            raise InputError(f"a chunk for {sets} fault sets has {most:,} postures at most: 2 GB")
+        return size
     size = CHUNK
     while size > PIECE and size * sets > _VALUES:
         size //= 2
@@ -252,6 +259,7 @@ def _workspace(robot: Robot, postures: Postures, cell: float | None) -> Workspac
         places = np.array([tip_pose(robot, read_only(row.copy()))[1] for row in q])
         centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
         radius = 1.5 * float(np.ptp(places, axis=0).max()) + 1e-3
+    radius = max(radius, _LEAST_RADIUS)
     edge = _round_length(2.0 * radius / CELLS) if cell is None else cell
     return Workspace.around(centre, radius, edge)
 

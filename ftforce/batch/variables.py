@@ -44,8 +44,8 @@ _WORDS: dict[str, tuple[str, str]] = {
     "moment_jump": ("N m", "norm of the jump of the moments; NaN where the arm cannot stand still"),
     "relative_jump": ("1", "weighted jump over the weighted force; 1 if nothing holds the arm"),
     "capability": (
-        "force",
-        "largest force in the direction; infinite if no limit ends it, NaN if the arm falls",
+        "capability",
+        "largest force in the direction; infinite if no limit ends it, NaN if none is held",
     ),
     "worst_set": (
         "1",
@@ -70,7 +70,7 @@ _COUNTS: dict[str, tuple[tuple[str, ...], str]] = {
     "margin_unknown": (_SET, "postures whose margin is NaN"),
     "rho_unknown": (_SET, "postures whose relative manipulability is NaN"),
     "jump_unknown": (_SET, "postures whose jump is NaN: the arm cannot stand still"),
-    "capability_unknown": (_SET, "postures whose capability is NaN: the arm cannot stand still"),
+    "capability_unknown": (_SET, "postures whose capability is NaN: no force that way"),
     "capability_unlimited": (_SET, "postures whose capability no known limit ends"),
     "cell_postures": (_CELLS, "postures with the tip in the cell"),
     "cell_tolerates_all": (_CELLS, "postures of the cell that tolerate every fault set"),
@@ -132,8 +132,9 @@ def counted(name: str, setting: SweepSetting) -> Variable:
 
 def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
     """Return the attribute that names the unit; none where joints that turn and slide are mixed."""
-    if unit == "force":
-        return {"units": setting.size_unit.replace("·", " ")}
+    if unit in {"force", "capability"}:
+        named = setting.size_unit if unit == "force" else setting.capability_unit
+        return {"units": named.replace("·", " ")}
     if "turn" not in unit:
         return {"units": unit}
     kinds = set(setting.joint_units)
@@ -193,12 +194,14 @@ def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Va
         "share_bin": (bins.share, "1", "margin or relative manipulability"),
         "cell_bin": (np.arange(33) / 32.0, "1", "margin or relative manipulability"),
     }
-    force = setting.size_unit.replace("·", " ")
+    force, capability = (
+        unit.replace("·", " ") for unit in (setting.size_unit, setting.capability_unit)
+    )
     if bins.jump is not None:
         edges["jump_bin"] = (np.concatenate([bins.jump, infinite]), force, "force jump")
     if bins.capability is not None:
         all_edges = np.concatenate([[0.0], bins.capability, infinite])
-        edges["capability_bin"] = (all_edges, force, "capability")
+        edges["capability_bin"] = (all_edges, capability, "capability")
     found = {}
     for name, (values, unit, words) in edges.items():
         bounds = f"{name}_bounds"

@@ -226,14 +226,15 @@ def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
 
 
 def layer_at(sweep: Sweep, axis: int, at: float) -> int:
-    """Return the layer of cells that holds a position along an axis."""
+    """Return the layer of cells that holds a position along an axis, within those with postures."""
     workspace = sweep.summary.workspace
+    first, end = window_of(sweep.summary.cell_postures.reshape(workspace.shape))[axis].tolist()
     place = (at - workspace.origin[axis]) / workspace.edge
-    return min(max(math.floor(place + _ROUNDING), 0), workspace.shape[axis] - 1)
+    return int(min(max(math.floor(place + _ROUNDING), first), end - 1))
 
 
 def check_slice(sweep: Sweep, plane: str, at: float) -> None:
-    """Check that postures lie at this depth or beyond it on both sides.
+    """Check that postures lie at this depth.
 
     Raises
     ------
@@ -241,10 +242,12 @@ def check_slice(sweep: Sweep, plane: str, at: float) -> None:
         They do not; the message says where they lie.
     """
     axis, workspace = depth_axis(plane), sweep.summary.workspace
-    window = window_of(sweep.summary.cell_postures.reshape(workspace.shape))[axis].tolist()
+    postures = sweep.summary.cell_postures.reshape(workspace.shape)
+    window = window_of(postures)[axis].tolist()
     low, high = (workspace.origin[axis] + layer * workspace.edge for layer in window)
     slack = _ROUNDING * workspace.edge
-    if not low - slack <= at <= high + slack:
+    is_within = low - slack <= at <= high + slack
+    if not (is_within and postures.take(layer_at(sweep, axis, at), axis).any()):
         raise InputError(
             f"no posture has its tip at {AXES[axis]} = {at:g} m; they lie from "
             f"{AXES[axis]} = {low:.4g} to {high:.4g} m"

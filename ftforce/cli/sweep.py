@@ -126,6 +126,8 @@ def sweep(
     arm = load(robot, tip, base, None)
     source = _source(arm, samples, postures, grid, deg=deg)
     stored = output is not None and output.suffix.lower() == ".zarr"
+    if keep not in {None, "summary"} and not stored:
+        raise typer.BadParameter(f"--keep {keep} needs an --output that ends in .zarr")
     try:
         with rate_bar("postures") as progress:
             result = batch.sweep(

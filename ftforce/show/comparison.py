@@ -152,7 +152,7 @@ def _force(comparison: Comparison) -> TitledTable | None:
     forced, capable = asked.force is not None, asked.direction is not None
     if not (forced or capable):
         return None
-    unit = asked.size_unit
+    unit = asked.capability_unit
     jumps = ("jump\n50 %", "[%]\n95 %") * forced
     amounts = (f"before\n5 % [{unit}]", "\n50 %", f"after\n5 % [{unit}]", "\n50 %", "kept\n[%]")
     result = table(

@@ -137,12 +137,16 @@ def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
 def _of_capability(
     counts: Counts, edges: Vector, unknown: int, unlimited: int, total: int
 ) -> Histogram:
-    """Return a histogram over decades; what falls counts as 0, what no limit ends as infinite."""
+    """Return a histogram over decades; no force at all counts as 0, no limit as infinite."""
     every = counts.copy()
     every[0] += unknown
     every[-1] += unlimited
     bad, median = (float(quantile(every, edges, p)) for p in (0.05, 0.5))
-    notes = {"0": int(counts[0]), "falls": unknown, "no known limit": unlimited + int(counts[-1])}
+    notes = {
+        "0": int(counts[0]),
+        "no force": unknown,
+        "no known limit": unlimited + int(counts[-1]),
+    }
     grouped = counts[1:-1].reshape(-1, _LOGARITHMIC).sum(axis=1)
     return Histogram(edges[::_LOGARITHMIC], grouped, bad, median, _shares(notes, total))
 
@@ -219,7 +223,8 @@ def mark_key(quantity: str) -> list[Any]:
 def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
     """Say what a histogram shows, and name its axis."""
     title, label = WORDS[quantity]
-    unit = sweep.setting.size_unit
+    setting = sweep.setting
+    unit = setting.capability_unit if quantity == "capability" else setting.size_unit
     if quantity in {"jump", "capability"}:
         kind = "Moment" if unit == "N·m" else "Force"
         title = title.replace("Force", kind).replace("force", kind.lower())

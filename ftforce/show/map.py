@@ -143,7 +143,8 @@ _NAMES = {
 
 def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
     sweep, summary = found.sweep, found.sweep.summary
-    unit = f" [{sweep.setting.size_unit}]" if quantity in {"jump", "capability"} else ""
+    units = {"jump": sweep.setting.size_unit, "capability": sweep.setting.capability_unit}
+    unit = f" [{units[quantity]}]" if quantity in units else ""
     is_jump = quantity == "jump"
     edge = ["most"] if is_jump else ["least"]
     columns = [f"{100.0 * p:g} %" for p in _SHARES]

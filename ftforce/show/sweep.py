@@ -88,7 +88,7 @@ def joints_table(sweep: Sweep) -> TitledTable:
         "Joints, most critical first",
         "#", "joint", "not tolerated\n[%] (95 % interval)", "border-\nline [%]",
         *(["alone\n[%]"] if several else []), "margin\n5 %", "\n50 %", "ρ\n5 %", "\n50 %",
-        *([f"force\n[{setting.size_unit}]"] if capable else []), left=3, folded=(1,),
+        *([f"force\n[{setting.capability_unit}]"] if capable else []), left=3, folded=(1,),
     )  # fmt: skip
     for joint in joints:
         result.add_row(*_joint(sweep, joint, several=several, capable=capable))
@@ -137,7 +137,7 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
         f"Fault sets, {setting.mode}, worst first",
         setting.mode, "not tol.\n[%]", "border-\nline [%]", *(["falls\n[%]"] if falls else []),
         *([f"jump 50 %\n[{unit}]", "\n95 %", "\nmost"] if jumps else []), "margin\n5 %", "ρ\n5 %",
-        *([f"force 5 %\n[{unit}]", "\n50 %"] if capable else []), folded=(),
+        *([f"force 5 %\n[{setting.capability_unit}]", "\n50 %"] if capable else []), folded=(),
     )  # fmt: skip
     for one in ranked[:most]:
         result.add_row(
