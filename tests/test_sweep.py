@@ -130,8 +130,9 @@ def test_a_capability_has_the_unit_of_its_direction(arm, direction, unit):
     assert found.dataset.summary_min_capability.attrs["units"] == unit.replace("·", " ")
 
 
-def test_without_a_force_nobody_knows_what_falls(arm):
-    asked = {"n": 500, "mode": "free", "task": "fy,fz"}
-    without = sweep(arm, **asked, direction=[0, 1])
+def test_without_a_force_nobody_knows_what_falls():
+    panda = ftforce.load_robot("panda")
+    asked = {"n": 500, "mode": "free", "task": "fx,fz"}
+    without = sweep(panda, **asked, direction=[0, 1])
     assert np.isnan([one.falls for one in without.ranked]).all()
-    assert max(one.falls for one in sweep(arm, **asked, force=[0, 1]).ranked) > 0.0
+    assert max(one.falls for one in sweep(panda, **asked, force=[0, 1]).ranked) > 0.0
