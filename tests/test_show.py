@@ -322,7 +322,13 @@ def test_a_jump_is_never_a_part_of_what_was_there(arm):
 def test_shares_in_words():
     none = sentences.share_in_words(None)
     assert none == "with no share of the force alone does the arm stand still"
-    for share, part in ((0.0, "nothing"), (0.5, "50%"), (0.9999, ">99.9%"), (1e-10, "<1e-7%"), (1.0, "100%")):
+    for share, part in (
+        (0.0, "nothing"),
+        (0.5, "50%"),
+        (0.9999, ">99.9%"),
+        (1e-10, "<1e-7%"),
+        (1.0, "100%"),
+    ):
         said = f"in its own direction {part} of the force can be commanded"
         assert sentences.share_in_words(share) == said
 
