@@ -130,7 +130,7 @@ DOCUMENTS = {
 # Limits of which the brakes are unknown.
 MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
 
-# What fault_modes.py, section_v.py, plots.py, closed_loop.py and sweep_map.py draw.
+# What fault_modes.py, section_v.py, plots.py, closed_loop.py, sweep_map.py, view_pictures.py draw.
 DRAWN = {
     "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plot-simulation.svg",
     "plot-census.svg", "plot-capability.svg", "plot-compare.svg", "map-panda.svg",
