@@ -52,7 +52,7 @@ def test_a_change_is_answered(benchmark, session, change):
     benchmark.pedantic(once, rounds=100, warmup_rounds=10)
     assert session.problem == ""
     assert session.answer is not None
-    assert len(session.answer.census.reports) == 7
+    assert len(session.answer.census.sets) == 7
 
 
 @pytest.mark.benchmark(group="from `ftforce view panda` to its picture in a browser, s")
