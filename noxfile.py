@@ -1,4 +1,4 @@
-"""Sessions: lint, types, tests, docs, examples, minimums, bench."""
+"""Sessions: lint, types, tests, docs, examples, minimums, bench; and browser, if asked for."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
 QUICK = "not thorough and not browser"  # what is thorough is so once
 # Installed code is tested, never the checkout; and no test depends on the caller's colours.
-KERNELS = ("python", "tests/compile_kernels.py")  # else every test process compiles its own
 ENVIRONMENT = {"PYTHONSAFEPATH": "1", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
+KERNELS = ("python", "tests/compile_kernels.py")  # else every test process compiles its own
 
 
 def group(name: str) -> list[str]:
