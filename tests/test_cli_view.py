@@ -104,7 +104,13 @@ def test_degrees_are_taken(opened):
         (["dh5", "--export", "nowhere/page.html"], "no such folder"),
         (["dh5", "--host", "203.0.113.7"], "no address of this machine"),
         (["dh5", "--history", "r.npz", "--force", "1,2,3"], "of its own; leave out --force"),
-        (["dh5", "--sweep", "s.zarr", "--task", "wrench"], "a sweep has a task"),
+        (["dh5", "--history", "r.npz", "--gravity", "0,0,0"], "leave out --gravity"),
+        (["dh5", "--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --q, --limits"),
+        (["dh5", "--history", "r.npz", "--inverse", "dynamic"], "leave out --inverse"),
+        (
+            ["dh5", "--sweep", "s.zarr", "--task", "wrench"],
+            "a sweep has a question of its own; leave out --task",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
@@ -119,6 +125,7 @@ def test_what_excludes_each_other_is_refused(opened):
     assert "not both" in run("dh5", "--history", "a.npz", "--sweep", "b.zarr", status=2).stderr
     both = run("dh5", "--force", "1,2,3", "--torque", "1,2,3,4,5", status=2).stderr
     assert "not both" in both
+    assert "--at is a time of a --history" in run("dh5", "--at", "3", status=2).stderr
 
 
 def test_a_port_that_is_taken_is_refused(opened):

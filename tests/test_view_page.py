@@ -160,15 +160,15 @@ def test_a_click_on_the_arm_locks_and_mends(session):
 
 
 def test_the_force_can_be_pulled_and_keeps_its_scale_meanwhile(session):
-    scale, arrow = session.picture.scale, session.picture.arrows[0]
+    scales, arrow = session.picture.scales, session.picture.arrows[0]
     end = arrow.start + 4.0 * (arrow.end - arrow.start)
     session.pull(end, False)
     session.settle()
-    assert session.state.force == pytest.approx([320, 200, 40], abs=0.005 / scale)
-    assert session.picture.scale == scale
+    assert session.state.force == pytest.approx([320, 200, 40], abs=0.005 / scales.force)
+    assert session.picture.scales == scales
     session.pull(end, True)
     session.settle()
-    assert session.picture.scale < scale
+    assert session.picture.scales.force < scales.force
     assert session.panel.handle("force").value == tuple(session.state.force)
 
 
@@ -287,6 +287,9 @@ class Still:
     def set_geometry(self, geometry):
         self.calls.append("set_geometry")
 
+    def page(self):
+        return "own page"
+
     def stop(self):
         self.calls.append("stop")
 
@@ -304,6 +307,7 @@ def test_a_mode_takes_over(dh5):
         assert session.state.modes[1] == "healthy"
         assert session.answer is None
         assert session.picture is not None
+        assert session.page() == "own page"
     assert mode.calls == ["start", "stop"]
 
 
@@ -501,11 +505,11 @@ def test_the_force_follows_the_hand(seen, dh5):
     mouse.up()
     for _ in range(50):
         force = seen.session.state.force
-        if abs(force[0] - before[0] - pull / scene.scale) < 0.1 * pull / scene.scale:
+        if abs(force[0] - before[0] - pull / scene.scales.force) < 0.1 * pull / scene.scales.force:
             break
         seen.page.wait_for_timeout(100)
-    assert force[0] - before[0] == pytest.approx(pull / scene.scale, rel=0.1)
-    assert force[1:] == pytest.approx(before[1:], abs=0.02 * pull / scene.scale)
+    assert force[0] - before[0] == pytest.approx(pull / scene.scales.force, rel=0.1)
+    assert force[1:] == pytest.approx(before[1:], abs=0.02 * pull / scene.scales.force)
     seen.session.settle()
     seen.wait(f"{np.linalg.norm(force):.2f} N")
     assert seen.verdict() == verdict_sentence(ftforce.analyze(dh5, force=force))

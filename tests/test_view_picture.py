@@ -11,23 +11,21 @@ import pytest
 import ftforce
 from ftforce.faults import FaultMode
 from ftforce.kinematics import tip_pose
+from ftforce.task import Task
 from ftforce.view.answer import answer
+from ftforce.view.arrow_nodes import along
+from ftforce.view.arrows import ARROW_KINDS, Scales, TipAxes, arrows_of, nice_scale, scales_for
+from ftforce.view.colours import FAULT_COLOURS, FIXED, NEUTRAL, RAMP, colour_of
 from ftforce.view.picture import (
-    FAULT_COLOURS,
-    FIXED,
-    NEUTRAL,
-    RAMP,
+    _line,
     chain_joints,
-    colour_of,
-    ellipsoid,
     joint_poses,
-    nice_scale,
     picture,
     pulled,
     scene_size,
-    triangles,
 )
-from ftforce.view.stage import along, rotation, viewpoint
+from ftforce.view.solids import ellipsoid, triangles
+from ftforce.view.stage import rotation, viewpoint
 from ftforce.view.state import initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, followed
@@ -38,11 +36,11 @@ def panda():
     return ftforce.load_robot("panda")
 
 
-def shown(robot, *, scale=None, show=None, **options):
+def shown(robot, *, like=None, show=None, **options):
     state = initial_state(robot, **options).showing(**(show or {}))
     # At its own posture panda's tip is turned by half a turn: its rotation is its own inverse.
     found = answer(robot, state.at(state.q + np.linspace(-0.3, 0.2, robot.n)))
-    return found, picture(found, scale)
+    return found, picture(found, like)
 
 
 @pytest.mark.parametrize("axes", ["tool", "world"])
@@ -53,7 +51,7 @@ def test_arrows_are_the_forces_in_one_scale(panda, axes):
     force = found.analysis.force
     for arrow, F in zip(scene.arrows, (force.requested, force.after, force.jump), strict=True):
         assert_close(arrow.start, place)
-        assert_close((arrow.end - arrow.start) / scene.scale, R @ F, tol=1e-9)
+        assert_close((arrow.end - arrow.start) / scene.scales.force, R @ F, tol=1e-9)
     assert [arrow.kind for arrow in scene.arrows] == ["requested", "kept", "lost"]
     assert scene.arrows[2].label == f"lost {force.jump_norm:.1f} N"
     assert_close(rotation(scene.tip.wxyz), R)
@@ -67,15 +65,70 @@ def test_an_arrow_that_lies_on_another_has_no_mark(panda):
     assert all(arrow.length == 0.0 and not arrow.mark for arrow in nothing.arrows)
 
 
-def test_moments_are_arrows_only_where_there_is_no_force(panda):
+def test_moments_are_arrows_in_a_scale_of_their_own(panda):
+    found, scene = shown(panda, locked=[2, 4], task="wrench", force=[0, 6, 8, 100, 0, 30])
+    R, place = tip_pose(panda, found.analysis.posture.q)
+    force = found.analysis.force
+    kinds = [(arrow.kind, arrow.is_moment) for arrow in scene.arrows]
+    assert kinds == [(kind, moment) for moment in (False, True) for kind in ARROW_KINDS]
+    for arrow, F in zip(scene.arrows, 2 * [force.requested, force.after, force.jump], strict=True):
+        scale = scene.scales.moment if arrow.is_moment else scene.scales.force
+        part = F[3:] if arrow.is_moment else F[:3]
+        assert_close(arrow.start, place)
+        assert_close((arrow.end - arrow.start) / scale, R @ part, tol=1e-9)
+    labels = [arrow.label for arrow in scene.arrows]
+    assert labels[0] == "force requested 10.0 N"
+    assert labels[3] == "moment requested 104.4 N·m"
+    assert scene.scales.force != scene.scales.moment
+    assert [note.split(":")[0] for note in scene.notes] == ["arrows", "two heads"]
+
+
+def test_moments_alone_are_the_arrows(panda):
     _, scene = shown(panda, task="mx,mz", force=[3, 4])
-    assert (scene.unit, scene.arrows[0].label) == ("N·m", "requested 5.0 N·m")
-    _, scene = shown(panda, task="wrench", force=[0, 6, 8, 100, 0, 0])
-    assert (scene.unit, scene.arrows[0].label) == ("N", "requested 10.0 N")
+    assert [arrow.is_moment for arrow in scene.arrows] == [True] * 3
+    assert scene.arrows[0].label == "requested 5.0 N·m"
+    assert math.isnan(scene.scales.force)
     found, scene = shown(panda, task="fz,fx", force=[3, 4])
     R, _ = tip_pose(panda, found.analysis.posture.q)
     arrow = scene.arrows[0]
-    assert_close((arrow.end - arrow.start) / scene.scale, R @ [4, 0, 3], tol=1e-9)
+    assert_close((arrow.end - arrow.start) / scene.scales.force, R @ [4, 0, 3], tol=1e-9)
+
+
+def test_a_force_that_is_kept_hides_no_moment_that_is_lost():
+    task = Task.parse("wrench", "tool", 1.0)
+    requested, lost = np.array([0, 0, 5.0, 1, 0, 0]), np.array([0, 0, 0, 0.6, 0, 0.0])
+    vectors = {"requested": requested, "kept": requested - lost, "lost": lost}
+    arrows = arrows_of(task, vectors, TipAxes(np.zeros(3), np.eye(3)), Scales(0.1, 0.2))
+    assert [arrow.mark for arrow in arrows] == [
+        "", "force all kept 5.0 N", "",
+        "moment requested 1.0 N·m", "moment kept 0.4 N·m", "moment lost 0.6 N·m",
+    ]  # fmt: skip
+    assert_close(arrows[5].end, [0.12, 0, 0])
+
+
+def test_scales_are_those_of_the_largest_and_pass_over_what_is_unknown():
+    task = Task.parse("fx,my", "tool", 1.0)
+    known = np.array([[3.0, -200.0], [np.nan, 1e9], [-70.0, 4.0]])
+    scales = scales_for(task, [known, np.array([5.0, 6.0])], 2.0)
+    assert scales == (nice_scale(70.0, 2.0), nice_scale(200.0, 2.0))
+    assert math.isnan(scales_for(Task.parse("fx", "tool", 1.0), [], 2.0).moment)
+
+
+@pytest.mark.parametrize(
+    ("direction", "label"),
+    [
+        ([0, 1, 0, 0, 0, 0], "lost direction of forces"),
+        ([0, 0, 0, 0, 0, 2], "lost direction of moments"),
+        ([0, 1, 0, 0, 0, 2], "lost direction, its force"),
+    ],
+)
+def test_a_line_says_what_it_is_a_direction_of(direction, label):
+    task = Task.parse("wrench", "tool", 0.5)
+    axes = TipAxes(np.ones(3), np.eye(3))
+    ends, whose = _line(task, np.array(direction, dtype=float), axes, 0.3, -0.3)
+    assert f"lost direction{whose}" == label
+    along_y = direction[1] != 0
+    assert_close(ends[1] - ends[0], [0, 0.6, 0] if along_y else [0, 0, 0.6])
 
 
 def test_an_arm_that_cannot_stand_still_keeps_nothing(panda):
@@ -189,7 +242,7 @@ def test_the_polytope_is_drawn_in_the_scale_of_the_arrows(panda):
     )
     R, place = tip_pose(panda, found.analysis.posture.q)
     for solid, after in zip(scene.solids, (False, True), strict=True):
-        F = (solid.vertices - place) @ R / scene.scale
+        F = (solid.vertices - place) @ R / scene.scales.force
         wanted = found.capability.polytope(after=after).vertices
         assert_close(F, wanted)
         lengths = np.linalg.norm(solid.vertices - place, axis=1)
@@ -212,8 +265,8 @@ def test_a_pulled_force_ends_where_the_hand_is(panda):
     found, scene = shown(panda, locked=[4], force=[10, 20, -60])
     end = scene.arrows[0].end + np.array([0.03, -0.02, 0.05])
     wrench = pulled(scene, found, end)
-    again = picture(answer(panda, found.state.pushing(wrench)), scene.scale)
-    assert again.scale == scene.scale
+    again = picture(answer(panda, found.state.pushing(wrench)), scene)
+    assert again.scales == scene.scales
     assert np.abs(again.arrows[0].end - end).max() <= 0.005
     assert (wrench[3:] == 0.0).all()
     found, scene = shown(panda, task="fx,fz", force=[10, 20])

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import re
 import time
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
+import zstandard
 from typer.testing import CliRunner
 
 import ftforce
@@ -14,11 +18,16 @@ from browser import chromium, watched
 from ftforce import cli
 from ftforce.faults import Fault, FaultMode, FaultSet
 from ftforce.history import JointInfo
+from ftforce.source import write_whole
 from ftforce.trajectory import Path
+from ftforce.view.colours import FAULT_COLOURS, colour_of
+from ftforce.view.export import PANEL_WIDTH
+from ftforce.view.history_stage import frame_times
 from ftforce.view.meshes import Geometry, Part
-from ftforce.view.picture import FAULT_COLOURS, colour_of, joint_poses
-from ftforce.view.playback import Playback, _mark, check_fits, faults_at, moment, playback
+from ftforce.view.picture import joint_poses
+from ftforce.view.playback import Playback, _mark, check_fits, playback
 from ftforce.view.session import Session
+from ftforce.view.snapshots import faults_at, snapshot
 from ftforce.view.state import initial_state
 from helpers import assert_close
 
@@ -66,7 +75,7 @@ def forces(session):
     import pinocchio as pin
 
     R = pin.Quaternion(w, x, y, z).toRotationMatrix()
-    return {k: R.T @ (a.end - a.start) / scene.scale for k, a in arrows(session).items()}
+    return {k: R.T @ (a.end - a.start) / scene.scales.force for k, a in arrows(session).items()}
 
 
 @pytest.mark.parametrize("words", ["with remap", "without remap"])
@@ -88,7 +97,7 @@ def test_what_is_shown_at_a_time_stands_in_the_arrays(page, dh5, history, words,
     assert_close(found["requested"], FORCE, tol=1e-6)
     assert_close(found["kept"], np.nan_to_num(run.force[i]), tol=1e-8, scale=100.0)
     assert_close(found["lost"], np.nan_to_num(run.jump[i]), tol=1e-8, scale=100.0)
-    loads = moment(history, mode.run, at).loads
+    loads = snapshot(history, mode.run, at).loads
     assert_close([load.after for load in loads], run.motor[i])
     assert_close([load.before for load in loads], history.healthy.motor[i])
     failed = {fault.joint: fault.mode for fault in faults_at(history, at).faults}
@@ -148,7 +157,7 @@ def test_the_healthy_arm_stands_where_it_is_wanted(page, dh5, history):
     mode.controls["run"].value = "without remap"
     mode.seek(1.5)
     session.settle()
-    nodes = [one.node for one in mode._ghost._parts]
+    nodes = [one.node for one in mode._healthy._stage._parts]
     poses, _ = joint_poses(dh5, history.healthy.q[history.index(1.5 + 1e-9)])
     other, _ = joint_poses(dh5, history.unremapped.q[history.index(1.5 + 1e-9)])
     assert np.abs(poses[-1].position - other[-1].position).max() > 1e-4
@@ -260,6 +269,98 @@ def test_another_tip_of_the_same_joints_does_not_fit(dh5, history):
     other = replace(history, setting=replace(history.setting, tip="elsewhere"))
     with pytest.raises(ftforce.FtforceError, match="another chain"):
         check_fits(dh5, other, "run.npz")
+
+
+# ---- taken along -----------------------------------------------------------------------------
+
+
+def recorded(page):
+    """Return the messages of a page that plays by itself: time and content; and its length, s."""
+    data = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)[1])
+    inner = zstandard.ZstdDecompressor().decompress(data[8:], int.from_bytes(data[:8], "little"))
+    length = int.from_bytes(inner[:8], "little")
+    content = msgspec.msgpack.decode(inner[8 : 8 + length])
+    return content["messages"], content["durationSeconds"]
+
+
+def texts(messages, name):
+    """Return what a label says from which time on."""
+    told = [(t, x["updates"]["text"]) for t, x in messages
+            if x.get("name") == name and "text" in x.get("updates", {})]  # fmt: skip
+    assert told
+    return told
+
+
+def test_a_history_is_taken_along_as_a_page_that_plays(page, history):
+    session, mode = page
+    mode.controls["run"].value = "without remap"
+    mode.seek(0.7)
+    session.settle()
+    before = session.picture
+    taken = session.page()
+    assert (session.picture, mode.time) == (before, 0.7)  # nobody's page has moved
+    messages, seconds = recorded(taken)
+    assert seconds == pytest.approx(mode.end, abs=0.06)
+    clock, run = texts(messages, "/history/clock"), history.unremapped
+    assert clock[0][1].startswith("0.0 s: healthy, tolerated")
+    for at, text in clock:
+        i = history.index(at + 1e-9)
+        assert text.startswith(f"{history.t[i]:.1f} s: ")
+        assert text.endswith(str(run.verdicts[i]))
+        assert ("3 locked" in text) == (history.t[i] >= 0.5 - 1e-9)
+    lost = texts(messages, "/force/lost_label")
+    sizes = np.linalg.norm(run.jump, axis=1)
+    assert lost[0][0] == pytest.approx(history.t[np.argmax(sizes > 1e-6)], abs=0.06)
+    for at, text in lost:
+        assert text == f"lost {sizes[history.index(at + 1e-9)]:.1f} N"
+    for event in history.setting.events:
+        assert f"{event.time:.2f} s, without remap, {event.all_faults}" in taken
+    assert 'data-testid="charts"' in taken
+
+
+@pytest.mark.parametrize(("end", "count"), [(1.0, 21), (0.001, 2), (4000.0, 1000)])
+def test_frames_reach_from_the_start_to_the_end(end, count):
+    times = frame_times(end)
+    assert (len(times), times[0], times[-1]) == (count, 0.0, end)
+
+
+def test_the_command_begins_at_a_time_and_takes_along(file, history, tmp_path):
+    path = tmp_path / "run.html"
+    given = ["view", "dh5", "--history", str(file), "--at", "1.1", "--export", str(path)]
+    result = CliRunner().invoke(cli.build("view"), given)
+    assert result.exit_code == 0, result.output
+    assert len(texts(recorded(path.read_text())[0], "/history/clock")) > 5
+
+
+def test_a_history_begins_where_it_is_asked_to(dh5, file, history):
+    state = initial_state(dh5)
+    mode = playback(dh5, state, file, at=1.1)
+    with Session(dh5, state, mode=mode) as session:
+        assert session.state.faults == faults_at(history, 1.1)
+        assert mode.controls["time"].value == pytest.approx(1.1)
+        assert "3 joint3 locked" in session.panel._banner.content
+    for at in (-0.1, mode.end + 0.1, float("nan")):
+        with pytest.raises(ftforce.FtforceError, match="the history lasts from 0 to"):
+            playback(dh5, state, file, at=at)
+
+
+@pytest.mark.browser
+def test_a_page_that_plays_moves_by_itself(page, tmp_path):
+    session, _ = page
+    session.load_geometry()
+    path = write_whole(tmp_path / "run.html", session.page())
+    clip = {"x": PANEL_WIDTH, "y": 0, "width": 800 - PANEL_WIDTH, "height": 440}
+    with chromium() as browser, watched(browser, path.as_uri(), 800, 500) as tab:
+        tab.page.get_by_text("the whole", exact=False).first.wait_for()
+        before = tab.wait_for_scene(20, clip=clip).astype(int)
+        for _ in range(50):
+            changed = (np.abs(tab.pixels(clip=clip) - before).sum(axis=2) > 30).sum()
+            if changed > 300:
+                break
+            tab.page.wait_for_timeout(200)
+        assert changed > 300
+        assert tab.errors == []
+        assert tab.hosts() == set()
 
 
 @pytest.mark.browser

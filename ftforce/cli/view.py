@@ -72,6 +72,10 @@ def view(
         Path | None,
         typer.Option(metavar="SWEEP.zarr", help="Show the points of a stored `ftforce sweep`."),
     ] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Time of the history to begin with; 0 if not given."),
+    ] = None,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address, open no browser.")
     ] = False,
@@ -101,11 +105,14 @@ def view(
         raise typer.BadParameter("give either --history or --sweep, not both")
     if history is not None or sweep is not None:
         asked = {"force": force, "torque": torque, "length": length}
-        asked |= {
-            "task": None if task == "force" else task,
-            "axes": None if axes == "tool" else axes,
-        }
+        asked |= {"task": _unless(task, "force"), "axes": _unless(axes, "tool")}
+        if history is not None:
+            asked |= {"q": q, "velocity": velocity}
+            asked |= {"acceleration": acceleration, "gravity": gravity, "payload": payload}
+            asked |= {"limits": limits, "inverse": _unless(inverse, "euclidean")}
         _refuse_question("history" if sweep is None else "sweep", asked)
+    if at is not None and history is None:
+        raise typer.BadParameter("--at is a time of a --history; give one")
     _check_outputs(export, screenshot)
     from ftforce.posture import choose_posture
     from ftforce.view.session import Session
@@ -134,7 +141,7 @@ def view(
         rtol=rtol,
         wary=wary,
     )
-    mode = _mode(arm, start, history, sweep)
+    mode = _mode(arm, start, (history, at or 0.0), sweep)
     with Session(arm, start, host=host, port=port, mode=mode) as session:
         if session.warning:
             typer.echo(f"warning: {session.warning}", err=True)
@@ -147,11 +154,16 @@ def view(
         session.run()
 
 
+def _unless(value: object, default: object) -> object:
+    """Return what was given; ``None`` if that is the default."""
+    return None if value == default else value
+
+
 def _refuse_question(of: str, asked: dict[str, Any]) -> None:
     """Refuse options that a history or a sweep answers itself: they would count for nothing."""
     given = [f"--{name}" for name, value in asked.items() if value is not None]
     if given:
-        raise InputError(f"a {of} has a task and a force of its own; leave out {listed(given, 5)}")
+        raise InputError(f"a {of} has a question of its own; leave out {listed(given)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
@@ -178,13 +190,16 @@ def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
     return origin._replace(note=note)
 
 
-def _mode(arm: "Robot", start: "State", history: Path | None, sweep: Path | None) -> "Mode | None":
-    """Return what plays a history or shows a sweep; ``None`` for neither."""
+def _mode(
+    arm: "Robot", start: "State", course: tuple[Path | None, float], sweep: Path | None
+) -> "Mode | None":
+    """Return what plays a history from a time on or shows a sweep; ``None`` for neither."""
     made: Any = None
+    history, at = course
     if history is not None:
         from ftforce.view.playback import playback
 
-        made = playback(arm, start, history)
+        made = playback(arm, start, history, at)
     if sweep is not None:
         from ftforce.view.survey import survey
 

@@ -14,12 +14,13 @@ import numpy as np
 
 from ftforce import sentences, words
 from ftforce.faults import FaultMode
-from ftforce.metrics import Verdict
 from ftforce.show.analysis import situation
-from ftforce.view.picture import (
+from ftforce.view.colours import (
+    ARROW_COLOURS,
     FAULT_COLOURS,
     NEUTRAL,
     RAMP,
+    VERDICT_COLOURS,
     colour_of,
 )
 from ftforce.words import number, ratio, size
@@ -30,21 +31,13 @@ if TYPE_CHECKING:
     from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
     from ftforce.fault_census import Census
+    from ftforce.metrics import Verdict
     from ftforce.set_reports import SetReport
     from ftforce.task import Task
     from ftforce.view.answer import Answer, JointLoad
-    from ftforce.view.picture import Colour, Picture
+    from ftforce.view.colours import Colour
+    from ftforce.view.picture import Picture
 
-VERDICT_COLOURS: dict[Verdict, Colour] = {
-    Verdict.TOLERATED: (0, 110, 80),
-    Verdict.BORDERLINE: (150, 95, 0),
-    Verdict.NOT_TOLERATED: (170, 40, 20),
-}
-ARROW_COLOURS: dict[str, Colour] = {  # those that viser gives to the axes z, y and x of a gizmo
-    "requested": (32, 128, 255),
-    "kept": (32, 190, 110),
-    "lost": (255, 32, 96),
-}
 MOST_SETS = 40
 _ROUNDING = 1e-6  # a share of a force that is smaller is none
 
@@ -523,6 +516,11 @@ def cursor(share: float) -> Markup:
     So a frame sends a few bytes, and no curve again.
     """
     return Markup(f"<style>.ftf .plot b{{left:{100.0 * share:.2f}%}}</style>")
+
+
+def no_cursor() -> Markup:
+    """Return what hides the cursor of all charts: time goes on without them."""
+    return Markup("<style>.ftf .plot b{display:none}</style>")
 
 
 def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = "") -> Markup:

@@ -18,8 +18,8 @@ from ftforce.faults import FaultMode
 from ftforce.posture import choose_posture
 from ftforce.robot import BUILT_IN_POSTURES
 from ftforce.task import AXES
+from ftforce.view.colours import VERDICT_COLOURS
 from ftforce.view.markup import (
-    VERDICT_COLOURS,
     answer_part,
     banner,
     census_part,

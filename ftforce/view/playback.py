@@ -5,96 +5,38 @@ Every number that is shown stands in the history's arrays; nothing is analysed w
 
 from __future__ import annotations
 
-import math
-import re
 import threading
 import time as clock
-from dataclasses import replace
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce import words
 from ftforce.errors import InputError, TrajectoryError, printable
-from ftforce.faults import Fault, FaultMode, FaultSet
 from ftforce.history_files import load_history
-from ftforce.show.canvas import LINE_COLOURS, STROKES
+from ftforce.show.canvas import STROKES
 from ftforce.view import markup
-from ftforce.view.answer import JointLoad
-from ftforce.view.picture import (
-    NEUTRAL,
-    Line,
-    Picture,
-    force_arrows,
-    joint_colours,
-    joint_poses,
-    nice_scale,
-    pose_of,
-    scene_size,
-    spatial,
-)
+from ftforce.view.history_markup import charts, marks, tables
+from ftforce.view.history_stage import PLACES, HealthyArm, aim, animated_page, draw_path, legend
+from ftforce.view.picture import scene_size
 from ftforce.view.session import View
-from ftforce.view.stage import Stage
+from ftforce.view.snapshots import ROUNDING, faults_at, history_scales, scene, sentence, snapshot
 from ftforce.view.state import in_components
 
 if TYPE_CHECKING:
     import os
 
-    from ftforce.arrays import Vector
-    from ftforce.history import History, Run
-    from ftforce.metrics import Verdict
+    from ftforce.history import History
     from ftforce.robot import Robot
     from ftforce.view.meshes import Geometry
     from ftforce.view.session import Session
     from ftforce.view.state import State
 
-PLACES = ("in place", "beside", "hidden")  # of the healthy arm
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
 FRAME = 0.05  # s
 _SLOWEST = 0.25  # s: after a longer pause of the machine it goes on from where it was
-_ROUNDING = 1e-9  # s: a time on the slider that is meant to be a sample's
-_POINTS = 240  # of a curve
-_PATH_COLOUR = (90, 90, 90)
-_WEAK = re.compile(r"weak (\S+)")
-_DASHES = ("", "5 2", "1.5 2")
 
 
-class Moment(NamedTuple):
-    """What a run has at a time.
-
-    Attributes
-    ----------
-    sample :
-        Its index.
-    time :
-        Of the sample, s.
-    run, healthy :
-        The run that is shown, and the one without a fault.
-    faults :
-        Joints that have failed by then.
-    requested, kept, lost :
-        Force that is asked for, at the tip, and missing there, N and N·m, in the task's axes,
-        shape (m,); ``None`` where nothing holds the arm.
-    loads :
-        What each joint does: ``before`` is the healthy run's.
-    verdict :
-        Of this instant.
-    """
-
-    sample: int
-    time: float
-    run: Run
-    healthy: Run
-    faults: FaultSet
-    requested: Vector
-    kept: Vector | None
-    lost: Vector | None
-    loads: tuple[JointLoad, ...]
-    verdict: Verdict
-
-
-def playback(robot: Robot, state: State, path: str | os.PathLike[str]) -> Playback:
+def playback(robot: Robot, state: State, path: str | os.PathLike[str], at: float = 0.0) -> Playback:
     """Return what plays a history that ``ftforce simulate`` wrote.
 
     Parameters
@@ -105,19 +47,24 @@ def playback(robot: Robot, state: State, path: str | os.PathLike[str]) -> Playba
         The question with which the page starts; a history has faults of its own.
     path :
         The history.
+    at :
+        Time to begin with, s.
 
     Raises
     ------
     TrajectoryError
         It cannot be read, or is of another arm.
     InputError
-        The question has faults.
+        The question has faults, or the history has no such time.
     """
     if state.faults.faults:
         raise InputError("a history has faults of its own; leave out --locked, --free and --weak")
     history = load_history(path)
     check_fits(robot, history, path)
-    return Playback(robot, history)
+    end = float(history.t[-1])
+    if not 0.0 <= at <= end:  # nor is NaN
+        raise InputError(f"the history lasts from 0 to {end:g} s; it has nothing at {at:g} s")
+    return Playback(robot, history, at)
 
 
 def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> None:
@@ -139,244 +86,13 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
         raise TrajectoryError(path, f"is of another chain: {there}; here: {here}")
 
 
-def faults_at(history: History, time: float) -> FaultSet:
-    """Return the joints that have failed by a time, s."""
-    told = [event.all_faults for event in history.setting.events if event.time <= time + _ROUNDING]
-    if not told:
-        return FaultSet()
-    found, rest = [], told[-1]
-    for i, joint in enumerate(history.setting.joints):  # a set is in the order of the joints
-        start = f"{i + 1} {joint.name} "
-        if rest.startswith(start):
-            mode, _, rest = rest.removeprefix(start).partition(", ")
-            found.append(_fault(i, mode))
-    return FaultSet(tuple(found))
-
-
-def _fault(joint: int, mode: str) -> Fault:
-    weak = _WEAK.fullmatch(mode)
-    return Fault(joint, FaultMode.WEAK, float(weak[1])) if weak else Fault(joint, FaultMode(mode))
-
-
-def moment(history: History, name: str, time: float) -> Moment:
-    """Return what a run has at a time.
-
-    Parameters
-    ----------
-    history :
-        The history.
-    name :
-        Of the run, one of `ftforce.history.RUNS`.
-    time :
-        In s; the last sample at or before it counts.
-    """
-    i, run = history.index(time + _ROUNDING), history.runs[name]
-    at = float(history.t[i])
-    faults = FaultSet() if name == "healthy" else faults_at(history, at)
-    force, jump = run.force[i], run.jump[i]
-    holds = not np.isnan(force).any()
-    return Moment(
-        i, at, run, history.healthy, faults, np.array(history.setting.force),
-        force if holds else None, jump if holds else None, _loads(history, run, i, faults),
-        run.verdicts[i],
-    )  # fmt: skip
-
-
-def _loads(history: History, run: Run, i: int, faults: FaultSet) -> tuple[JointLoad, ...]:
-    by_joint = {fault.joint: fault for fault in faults.faults}
-    rows = []
-    for j, joint in enumerate(history.setting.joints):
-        fault = by_joint.get(j)
-        is_locked = fault is not None and fault.mode is FaultMode.LOCKED
-        rows.append(
-            JointLoad(
-                number=j + 1,
-                name=joint.name,
-                unit=joint.torque_unit,
-                fault=fault,
-                before=float(history.healthy.motor[i, j]),
-                after=float(run.motor[i, j]),
-                part_before=float(run.force_part[i, j]),
-                part_after=float(run.U[i, j]),
-                brake=float(run.brake[i, j]) if is_locked else math.nan,
-                limit=math.nan if is_locked else history.setting.effort[j],
-                used=math.nan if is_locked else float(run.used[i, j]),
-            )
-        )
-    return tuple(rows)
-
-
-# ---- words -----------------------------------------------------------------------------------
-
-
-def sentence(history: History, name: str, now: Moment) -> str:
-    """Say what a run keeps at a time."""
-    told = [event for event in history.setting.events if event.time <= now.time + _ROUNDING]
-    faults = told[-1].all_faults if told else "every joint healthy"
-    parts = [
-        f"{now.time:.2f} s, {STROKES[name].words}, {faults}: {now.verdict}.",
-        _kept(now, history),
-    ]
-    if name == "remapped" and told and now.time < told[-1].time + history.setting.delay - _ROUNDING:
-        parts.append(f"The remap acts at {told[-1].time + history.setting.delay:g} s.")
-    fall = now.run.falls_from
-    if fall is not None and now.sample >= fall:
-        parts.append(
-            f"From {history.t[fall]:g} s on nothing holds the arm; where that takes it is not "
-            "simulated."
-        )
-    return " ".join(parts)
-
-
-def _kept(now: Moment, history: History) -> str:
-    task = history.setting.task
-    if now.kept is None or now.lost is None:
-        return "Nothing holds the arm."
-    if words.is_noticeable(now.lost):
-        lost = words.amounts(task, now.lost)
-        return f"{lost} of {words.amounts(task, now.requested)} are missing at the tip."
-    if not now.requested.any():
-        return "The arm carries its own weight."
-    whole = words.amounts(task, now.requested)
-    if words.is_noticeable(now.requested - now.kept):
-        return f"It exerts what the healthy arm can of the {whole}."
-    return f"The whole {whole} is exerted."
-
-
-# ---- the scene -------------------------------------------------------------------------------
-
-
-def history_scale(history: History, extent: float) -> float:
-    """Return a length per N (N·m), m, at which the largest force of a history fits."""
-    task, largest = history.setting.task, 0.0
-    vectors = [np.array([history.setting.force])]
-    vectors += [x for run in history.runs.values() for x in (run.force, run.jump)]
-    for one in vectors:
-        norms = np.linalg.norm(spatial(task, one), axis=1)
-        largest = max(largest, float(norms[np.isfinite(norms)].max(initial=0.0)))
-    return nice_scale(largest, extent)
-
-
-def scene(robot: Robot, history: History, now: Moment, scale: float, see_through: bool) -> Picture:
-    """Return what the scene shows at a time."""
-    task = history.setting.task
-    poses, (turn, place) = joint_poses(robot, now.run.q[now.sample])
-    axes = turn if task.axes == "tool" else np.eye(3)
-    nothing = np.zeros(task.m)
-    forces = {
-        "requested": spatial(task, now.requested),
-        "kept": spatial(task, nothing if now.kept is None else now.kept),
-        "lost": spatial(task, nothing if now.lost is None else now.lost),
-    }
-    return Picture(
-        joints=poses,
-        colours=joint_colours(robot, now.loads),
-        tip=pose_of(axes, place),
-        arrows=force_arrows(forces, (axes, place), scale, task.size_unit),
-        lines=(),
-        solids=(),
-        scale=scale,
-        unit=task.size_unit,
-        notes=(f"arrows: 0.1 m is {words.size(0.1 / scale, 1)} {task.size_unit}",),
-        see_through=see_through,
-        can_pull=False,
-    )
-
-
-def ghost(robot: Robot, picture: Picture, q: Vector, offset: Vector) -> Picture:
-    """Return the arm as if healthy, without any force.
-
-    Parameters
-    ----------
-    robot :
-        The arm.
-    picture :
-        Of the other arm.
-    q :
-        Joint positions, rad or m, shape (n,).
-    offset :
-        From the other arm's root to its own, m, shape (3,).
-    """
-    poses, _ = joint_poses(robot, q)
-    none = tuple(arrow._replace(end=arrow.start, mark="") for arrow in picture.arrows)
-    return replace(
-        picture,
-        joints=tuple(pose._replace(position=pose.position + offset) for pose in poses),
-        colours=(NEUTRAL,) * len(poses),
-        arrows=none,
-        notes=(),
-        see_through=True,
-    )
-
-
-# ---- curves ----------------------------------------------------------------------------------
-
-
-def chosen(history: History) -> Vector:
-    """Return the indices of samples that make a curve, the ends of each jump among them."""
-    count = len(history.t)
-    some = np.rint(np.linspace(0, count - 1, min(count, _POINTS))).astype(int)
-    jumps = np.flatnonzero(np.diff(history.answer.verdict)).tolist()[:_POINTS]
-    for event in history.setting.events:
-        for time in (event.time, event.time + history.setting.delay):
-            jumps.append(min(int(np.searchsorted(history.t, time)), count - 1) - 1)
-    edges = np.array([i + k for i in jumps for k in (0, 1)], dtype=int)
-    return np.unique(np.clip(np.concatenate([some, edges]), 0, count - 1))
-
-
-def force_chart(history: History, run: Run) -> markup.Markup:
-    """Return requested, kept and lost force over time."""
-    task, at = history.setting.task, chosen(history)
-    asked = np.tile(np.array(history.setting.force), (len(at), 1))
-    vectors = {"requested": asked, "kept": run.force[at], "lost": run.jump[at]}
-    curves = [
-        markup.Curve(
-            kind, np.linalg.norm(spatial(task, F), axis=1), markup.css(markup.ARROW_COLOURS[kind])
-        )
-        for kind, F in vectors.items()
-    ]
-    return markup.chart("Force at the tip", task.size_unit, history.t[at], curves, _marks(history))
-
-
-def torque_chart(history: History, run: Run) -> markup.Markup:
-    """Return each motor's share of its limit over time, or where no limit is known its torque."""
-    at, setting = chosen(history), history.setting
-    is_known = bool(np.isfinite(run.used).any())
-    values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
-    curves = [
-        markup.Curve(
-            f"{j + 1}", values[:, j], LINE_COLOURS[j % len(LINE_COLOURS)],
-            _DASHES[j // len(LINE_COLOURS) % len(_DASHES)],
-        )
-        for j in range(len(setting.joints))
-    ]  # fmt: skip
-    unit = "% of its limit" if is_known else "N·m (N)"
-    title = "Motor load by joint" if is_known else "Motor torque by joint"
-    return markup.chart(title, unit, history.t[at], curves, _marks(history))
-
-
-def _marks(history: History) -> tuple[float, ...]:
-    end = float(history.t[-1])
-    return tuple(event.time for event in history.setting.events if event.time <= end)
-
-
 def _mark(history: History, time: float) -> str:
     """Return the numbers of the joints that fail at a time: a slider has room for no more."""
-    before = faults_at(history, time - 2.0 * _ROUNDING).joints
+    before = faults_at(history, time - 2.0 * ROUNDING).joints
     return ",".join(str(j + 1) for j in faults_at(history, time).joints if j not in before)
 
 
 # ---- the mode --------------------------------------------------------------------------------
-
-
-class _NoHands:
-    """Of the healthy arm: touching it does nothing."""
-
-    def pull(self, end: Vector, done: bool) -> None:
-        """Do nothing."""
-
-    def touch(self, joint: int) -> None:
-        """Do nothing."""
 
 
 class Playback:
@@ -388,20 +104,22 @@ class Playback:
         The arm.
     history :
         Of this arm.
+    at :
+        Time to begin with, s.
     """
 
     takes_over = True
 
-    def __init__(self, robot: Robot, history: History) -> None:
+    def __init__(self, robot: Robot, history: History, at: float = 0.0) -> None:
         self.robot, self.history = robot, history
         self.end = float(history.t[-1])
         self._names = {STROKES[name].words: name for name in reversed(history.runs)}
         if len(self._names) > 1 and history.setting.events:
             del self._names[STROKES["healthy"].words]  # it is beside the others anyway
         self._name = next(iter(self._names.values()))
-        self._time, self._speed, self._place = 0.0, 1.0, PLACES[0]
-        self._extent = scene_size(robot)
-        self._scale = history_scale(history, self._extent)
+        self._time, self._speed, self._place = at, 1.0, PLACES[0]
+        self._scales = history_scales(history, scene_size(robot))
+        self._geometry: Geometry | None = None
         self._lock = threading.RLock()
         self._own = threading.local()
         self._playing, self._ends = threading.Event(), threading.Event()
@@ -472,19 +190,19 @@ class Playback:
 
     def _as_played(self, state: State) -> State:
         # Under the session's lock: what time it is now, however late this runs.
-        now = moment(self.history, self.run, self.time)
+        now = snapshot(self.history, self.run, self.time)
         return state.at(now.run.q[now.sample]).with_faults(now.faults)
 
     # ---- Mode --------------------------------------------------------------------------------
 
     def start(self, session: Session) -> None:
-        """Begin, paused at the start."""
+        """Begin, paused."""
         self._session = session
-        self._ghost = Stage(session.server, self.robot, _NoHands(), "/healthy", floor=False)
+        self._healthy = HealthyArm(session.server, self.robot)
         with session.panel.first_tab("Time"):
             self._build(session.server.gui)
         session.panel.disable_all()
-        self._draw_path()
+        draw_path(session.server, self.history)
         self._draw_charts()
         task, force = self.history.setting.task, np.array(self.history.setting.force)
         six = in_components(task.components, force)
@@ -498,22 +216,29 @@ class Playback:
         with self._lock:
             name, time, place = self._name, self._time, self._place
         history = self.history
-        now = moment(history, name, time)
-        picture = scene(self.robot, history, now, self._scale, state.shown.see_through)
-        self._show_ghost(picture, now, place)
+        now = snapshot(history, name, time)
+        picture = scene(self.robot, history, now, self._scales, state.shown.see_through)
+        with self._session.server.atomic(), self._lock:  # in the order of the session
+            self._healthy.show(picture, now, place)
         self._cursor.content = str(markup.cursor(now.time / self.end if self.end else 0.0))
         top = markup.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
-        return View(picture, top, self._parts(now), self._legend(picture, name, place))
+        below = legend(picture, name, place, self._session.panel.notes)
+        return View(picture, top, tables(history, now), below)
 
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the healthy arm's links, and aim at the whole course."""
         with self._lock:
-            self._ghost.set_geometry(geometry)
+            self._geometry = geometry
+            self._healthy.set_geometry(geometry)
         picture = self._session.picture
         if picture is not None:
-            places = self.history.runs[self.run].position[chosen(self.history)]
-            way = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
-            self._session.stage.look(replace(picture, lines=tuple(way)))
+            self._session.stage.look(aim(picture, self.history, self.run))
+
+    def page(self) -> str:
+        """Return the history as a page that plays by itself."""
+        with self._lock:
+            name, place, geometry = self._name, self._place, self._geometry
+        return animated_page(self.robot, self.history, name, place, geometry)
 
     def stop(self) -> None:
         """End the thread that plays."""
@@ -549,9 +274,9 @@ class Playback:
         history, step = self.history, max(round(self.end / 1000.0, 3), 0.001)
         self._button = gui.add_button("Play")
         self._button.on_click(lambda _event: self.pause() if self.is_playing else self.play())
-        marks = tuple((time, _mark(history, time)) for time in sorted({*_marks(history)}))
+        faults = tuple((time, _mark(history, time)) for time in sorted({*marks(history)}))
         self._slider = gui.add_slider(
-            "Time (s)", 0.0, max(self.end, step), step, 0.0, marks=marks or None,
+            "Time (s)", 0.0, max(self.end, step), step, round(self._time, 3), marks=faults or None,
             hint="Faults are marked",
         )  # fmt: skip
         self._slider.on_update(lambda _event: self._slid())
@@ -577,53 +302,4 @@ class Playback:
         self._speed = speed
 
     def _draw_charts(self) -> None:
-        run = self.history.runs[self.run]
-        charts = force_chart(self.history, run), torque_chart(self.history, run)
-        self._charts.content = str(markup.block(markup.style(), *charts, testid="charts"))
-
-    def _draw_path(self) -> None:
-        places = self.history.path[chosen(self.history)]
-        if len(places) > 1:
-            ends = np.array(list(pairwise(places)), dtype=np.float32)
-            colours = np.full(ends.shape, _PATH_COLOUR[0], dtype=np.uint8)
-            self._session.server.scene.add_line_segments(
-                "/history/path", ends, colours, thickness=2.0, thickness_units="screen"
-            )
-
-    def _show_ghost(self, picture: Picture, now: Moment, place: str) -> None:
-        is_shown = place != "hidden" and now.run is not now.healthy
-        beside = np.array([0.0, 0.8 * self._extent, 0.0])
-        offset = beside if place == "beside" else np.zeros(3)
-        with self._session.server.atomic(), self._lock:  # in the order of the session
-            if is_shown:
-                self._ghost.update(ghost(self.robot, picture, now.healthy.q[now.sample], offset))
-            else:
-                self._ghost.hide()
-
-    def _parts(self, now: Moment) -> markup.Markup:
-        history, i = self.history, now.sample
-        vectors = [("asked", now.requested), ("kept", now.kept), ("lost", now.lost)]
-        off = now.run.path_error_norm[i]
-        pairs = [
-            ("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm"),
-            ("Margin", f"{words.ratio(float(now.run.margin[i]))} = σ_min(K)/σ_max(J)"),
-        ]
-        brakes = [load for load in now.loads if not math.isnan(load.brake)]
-        if brakes:
-            loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)
-            pairs.append(("Brake load", ", ".join(loads)))
-        return markup.block(
-            markup.load_table(now.loads, history.setting.has_masses, ("healthy", "now")),
-            markup.vector_table(history.setting.task, vectors),
-            markup.facts(pairs, "measures"),
-            testid="answer",
-        )
-
-    def _legend(self, picture: Picture, name: str, place: str) -> markup.Markup:
-        notes = ["grey line: the tip's path"]
-        if place != "hidden" and name != "healthy":
-            where = "at the same place" if place == "in place" else "beside it"
-            notes.insert(
-                0, f"transparent arm: as if healthy, {where}; solid: {STROKES[name].words}"
-            )
-        return markup.legend(picture, (*notes, *self._session.panel.notes))
+        self._charts.content = str(charts(self.history, self.history.runs[self.run]))

@@ -74,6 +74,9 @@ class Mode(Protocol):
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the arm's links in scenes of its own; the session's lock is held."""
 
+    def page(self) -> str | None:
+        """Return what it shows as a page for a file; ``None`` for the scene as it is."""
+
     def stop(self) -> None:
         """End, and every thread of its own with it."""
 
@@ -238,22 +241,20 @@ class Session:
                 if self._ends.is_set():
                     return
                 asked, state, earlier = self._asked, self._state, self._answer
-                scale = None
-                if self._is_pulled and self._picture is not None:
-                    scale = self._picture.scale
-            self._answer_now(state, earlier, scale)
+                like = self._picture if self._is_pulled else None
+            self._answer_now(state, earlier, like)
             with self._news:
                 self._answered = asked
                 self._news.notify_all()
 
-    def _answer_now(self, state: State, earlier: Answer | None, scale: float | None) -> None:
+    def _answer_now(self, state: State, earlier: Answer | None, like: Picture | None) -> None:
         """Answer a question, first all of it, then send it: a tab never shows half of two."""
         started = time.perf_counter()
         try:
             view = None if self.mode is None else self.mode.view(state)
             if view is None:
                 found = answer(self.robot, state, earlier)
-                scene = picture(found, scale)
+                scene = picture(found, like)
                 with self._lock, self.server.atomic():
                     self._answer = found
                     self.panel.show(found, scene)
@@ -340,6 +341,8 @@ class Session:
         """Return the page as HTML that needs no server, and asks none for anything."""
         from ftforce.view.export import scene_html
 
+        if self.mode is not None and (page := self.mode.page()) is not None:
+            return page
         with self._lock:
             part = self.panel.static_parts()
             if self._answer is not None and self._picture is not None and self.mode is None:

@@ -1,8 +1,4 @@
-"""The scene: nodes that are made once, of which an update sends only what changed.
-
-Arrows are arrow-shaped handles of viser's transform controls. They alone can be drawn over
-everything else, so that no arrow ever hides inside the arm; the arrow of an axis has its colour.
-"""
+"""The scene: nodes that are made once, of which an update sends only what changed."""
 
 from __future__ import annotations
 
@@ -12,24 +8,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, read_only
-from ftforce.kinematics import quaternion
-from ftforce.view.picture import ARROW_KINDS, FIXED, chain_joints, scene_size
+from ftforce.view.arrow_nodes import ArrowNodes, assign, moved
+from ftforce.view.colours import FIXED
+from ftforce.view.picture import chain_joints, scene_size
 
 if TYPE_CHECKING:
     import viser
     from numpy.typing import NDArray
 
     from ftforce.robot import Robot
+    from ftforce.view.arrows import Arrow
     from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Arrow, Picture, Solid
+    from ftforce.view.picture import Picture
+    from ftforce.view.solids import Solid
 
-_AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
-_ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels that do not overlap
-    "requested": "bottom-center",
-    "kept": "top-center",
-    "lost": "bottom-right",
-}
-_SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
@@ -38,7 +30,6 @@ _RIGHT = np.array([-_VIEW[1], _VIEW[0], 0.0]) / math.hypot(*_VIEW[:2])
 _LABEL = 0.2  # length of a line's label, of the size of the scene
 _ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
 _SAMPLE = 500  # points of a link that are enough to aim the camera
-_SAME = 1e-9  # m: what moved by less did not move
 
 
 class Hands(Protocol):
@@ -99,14 +90,7 @@ class Stage:
         self._shown_solids: tuple[Solid, ...] = ()
         self._floor = _floor(server, prefix, self._extent)
         self._floor.visible = floor
-        self._arrows = {kind: self._arrow(kind) for kind in ARROW_KINDS}
-        self._labels = {
-            kind: server.scene.add_label(
-                f"{prefix}/force/{kind}_label", kind, anchor=_ANCHOR[kind], visible=False,
-                font_screen_scale=0.85,
-            )
-            for kind in ARROW_KINDS
-        }  # fmt: skip
+        self._arrows: dict[tuple[str, bool], ArrowNodes] = {}
         self._handle: Any = server.scene.add_transform_controls(
             f"{prefix}/force/handle", scale=0.1 * self._extent, line_width=2.5,
             disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.8,
@@ -156,7 +140,7 @@ class Stage:
                 pose = picture.joints[part.joint]
                 points.extend(part.sample @ rotation(pose.wxyz).T + pose.position)
         # An arm that hangs below its root stands on nothing: the floor is below it.
-        _assign(self._floor, "position", np.array([0.0, 0.0, min(0.0, *(p[2] for p in points))]))
+        assign(self._floor, "position", np.array([0.0, 0.0, min(0.0, *(p[2] for p in points))]))
         eye, target = viewpoint(np.array(points), 0.08 * self._extent)
         camera = self.server.initial_camera
         camera.fov, camera.look_at, camera.position = _FOV, target, eye
@@ -168,6 +152,7 @@ class Stage:
         self._paint(picture, last)
         for arrow in picture.arrows:
             self._place_arrow(arrow)
+        self._hide_arrows(picture)
         self._place_handle(picture)
         self._draw_lines(picture, last)
         self._draw_solids(picture)
@@ -175,15 +160,15 @@ class Stage:
     def hide(self) -> None:
         """Hide the arm until the next update; its forces stay."""
         for part in self._parts:
-            _assign(part.node, "visible", False)
+            assign(part.node, "visible", False)
 
     def _pose(self, picture: Picture, last: Picture | None) -> None:
         for part in self._parts:
             pose = picture.joints[part.joint]
             before = None if last is None else last.joints[part.joint]
-            if before is None or _moved(pose.position, before.position):
+            if before is None or moved(pose.position, before.position):
                 part.node.position = pose.position
-            if before is None or _moved(pose.wxyz, before.wxyz):
+            if before is None or moved(pose.wxyz, before.wxyz):
                 part.node.wxyz = pose.wxyz
             if not part.node.visible:
                 part.node.visible = True
@@ -199,48 +184,27 @@ class Stage:
 
     # ---- forces ------------------------------------------------------------------------------
 
-    def _arrow(self, kind: str) -> Any:
-        node: Any = self.server.scene.add_transform_controls(
-            f"{self.prefix}/force/{kind}",
-            scale=1.0,
-            line_width=6.0,
-            active_axes=(_AXIS[kind] == 0, _AXIS[kind] == 1, _AXIS[kind] == 2),
-            disable_rotations=True,
-            disable_sliders=True,
-            depth_test=False,
-            visible=False,
-        )
-        node.on_update(lambda event: self._put_back(kind, event))
-        return node
-
-    def _put_back(self, kind: str, event: Any) -> None:
-        """Undo the drag of an arrow: only the handle is there to be dragged."""
-        picture = self._last
-        if event.phase == "end" and picture is not None:
-            arrow = next(arrow for arrow in picture.arrows if arrow.kind == kind)
-            self._arrows[kind].position = arrow.start + np.array([0.0, 0.0, _SAME])  # sent anew
-            self._arrows[kind].position = arrow.start
-
     def _place_arrow(self, arrow: Arrow) -> None:
-        node, label = self._arrows[arrow.kind], self._labels[arrow.kind]
-        # Under an arrow that lies on it, it would only flicker.
-        is_shown = arrow.length > _SHORTEST and (bool(arrow.mark) or arrow.kind == "kept")
-        _assign(node, "visible", is_shown)
-        _assign(label, "visible", is_shown and bool(arrow.mark))
-        if not is_shown:
-            return
-        _assign(node, "scale", arrow.length)
-        _assign(node, "position", arrow.start)
-        _assign(node, "wxyz", along(arrow.end - arrow.start, _AXIS[arrow.kind]))
-        _assign(label, "text", arrow.mark)
-        _assign(label, "position", arrow.end)
+        key = arrow.kind, arrow.is_moment
+        if key not in self._arrows:  # most tasks have no moments, and some arms no force
+            if not arrow.length:
+                return
+            prefix = f"{self.prefix}/{'moment' if arrow.is_moment else 'force'}"
+            self._arrows[key] = ArrowNodes(self.server, prefix, *key)
+        self._arrows[key].show(arrow)
+
+    def _hide_arrows(self, picture: Picture) -> None:
+        """Hide those that the task no longer has."""
+        shown = {(arrow.kind, arrow.is_moment) for arrow in picture.arrows}
+        for key in self._arrows.keys() - shown:
+            self._arrows[key].hide()
 
     def _place_handle(self, picture: Picture) -> None:
         requested = picture.arrows[0]
-        _assign(self._handle, "visible", picture.can_pull)
+        assign(self._handle, "visible", picture.can_pull)
         if picture.can_pull and not self._is_dragged:  # never out of somebody's hand
-            _assign(self._handle, "position", requested.end)
-            _assign(self._handle, "wxyz", picture.tip.wxyz)
+            assign(self._handle, "position", requested.end)
+            assign(self._handle, "wxyz", picture.tip.wxyz)
 
     def _dragged(self, event: Any) -> None:
         self._is_dragged = event.phase != "end"
@@ -257,7 +221,7 @@ class Stage:
                 thickness=3.0, thickness_units="screen",
             )  # fmt: skip
         if self._lines is not None:
-            _assign(self._lines, "visible", bool(lines))
+            assign(self._lines, "visible", bool(lines))
         if lines:
             self._lines.points = np.array([line.ends for line in lines], dtype=np.float32)
             colours = np.array([line.colour for line in lines])
@@ -266,10 +230,10 @@ class Stage:
             name = f"{self.prefix}/force/line_{len(self._marks)}"
             self._marks.append(scene.add_label(name, "", anchor="top-left", font_screen_scale=0.8))
         for i, mark in enumerate(self._marks):
-            _assign(mark, "visible", i < len(lines))
+            assign(mark, "visible", i < len(lines))
             if i < len(lines):
-                _assign(mark, "text", lines[i].label)
-                _assign(mark, "position", lines[i].ends[1])
+                assign(mark, "text", lines[i].label)
+                assign(mark, "position", lines[i].ends[1])
 
     def _draw_solids(self, picture: Picture) -> None:
         if _same_solids(picture.solids, self._shown_solids):
@@ -330,20 +294,6 @@ def rotation(wxyz: Vector) -> Matrix:
     )
 
 
-def along(vector: Vector, axis: int) -> Vector:
-    """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
-    direction = vector / np.linalg.norm(vector)
-    aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    second = np.cross(direction, aside)
-    second /= np.linalg.norm(second)
-    R: Matrix = np.zeros((3, 3))
-    R[:, axis] = direction
-    R[:, (axis + 1) % 3] = second
-    R[:, (axis + 2) % 3] = np.cross(direction, second)
-    x, y, z, w = quaternion(R).tolist()
-    return np.array([w, x, y, z])
-
-
 def linear(colours: NDArray[Any]) -> Any:
     """Return colours that look as meant on lines and batches: viser takes theirs for linear."""
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
@@ -361,21 +311,9 @@ def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
     )  # fmt: skip
 
 
-def _moved(one: Vector, other: Vector) -> bool:
-    return bool(np.abs(one - other).max() > _SAME)
-
-
-def _assign(node: Any, name: str, value: Any) -> None:
-    """Assign what differs: viser sends every assignment to every tab."""
-    present = getattr(node, name)
-    same = not _moved(present, value) if isinstance(value, np.ndarray) else present == value
-    if not same:
-        setattr(node, name, value)
-
-
 def _same_lines(one: Picture, other: Picture) -> bool:
     return len(one.lines) == len(other.lines) and all(
-        a.label == b.label and not _moved(a.ends, b.ends)
+        a.label == b.label and not moved(a.ends, b.ends)
         for a, b in zip(one.lines, other.lines, strict=True)
     )
 
@@ -385,6 +323,6 @@ def _same_solids(one: tuple[Solid, ...], other: tuple[Solid, ...]) -> bool:
         a.vertices.shape == b.vertices.shape
         and a.faces.shape == b.faces.shape
         and a.colour == b.colour
-        and not _moved(a.vertices, b.vertices)
+        and not moved(a.vertices, b.vertices)
         for a, b in zip(one, other, strict=True)
     )

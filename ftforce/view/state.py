@@ -482,10 +482,10 @@ def _bytes(vector: Vector | None) -> bytes | None:
     return None if vector is None else vector.tobytes()
 
 
-def in_components(components: Sequence[str], vector: Vector) -> Vector:
-    """Return a vector over some of `COMPONENTS` as one over all of them, 0 elsewhere, (6,)."""
-    six = np.zeros(len(COMPONENTS))
-    six[[COMPONENTS.index(name) for name in components]] = vector
+def in_components(components: Sequence[str], vectors: Vector) -> Vector:
+    """Return vectors (..., m) over some of `COMPONENTS` as ones over all, (..., 6), 0 elsewhere."""
+    six = np.zeros((*vectors.shape[:-1], len(COMPONENTS)))
+    six[..., [COMPONENTS.index(name) for name in components]] = vectors
     return six
 
 

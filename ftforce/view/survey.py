@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from ftforce.arrays import Matrix, Vector
     from ftforce.batch.result import Sweep
     from ftforce.robot import Robot
+    from ftforce.view.colours import Colour
     from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Colour
     from ftforce.view.session import Session, View
     from ftforce.view.state import State
 
@@ -235,6 +235,9 @@ class Survey:
             few = places[:: 1 + len(places) // _AIMED]
             lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
             self._session.stage.look(replace(picture, lines=lines))
+
+    def page(self) -> None:
+        """Return nothing: the scene is taken as it is."""
 
     def stop(self) -> None:
         """End; there is no thread."""

@@ -1,0 +1,190 @@
+"""Forces as arrows at the tip, and moments as arrows with two heads. Arrays only."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.arrays import Matrix, Vector, read_only
+from ftforce.view.state import in_components
+from ftforce.words import NEGLIGIBLE, size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ftforce.task import Task
+
+ARROW_KINDS = ("requested", "kept", "lost")
+LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
+_NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+class Scales(NamedTuple):
+    """Length of an arrow per N, and per N·m, m; NaN where the task has no such components."""
+
+    force: float
+    moment: float
+
+    def of(self, task: Task) -> float:
+        """Return that of the task's forces, or if it has none of its moments."""
+        return self.force if task.force_rows else self.moment
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the scales in words."""
+        found = []
+        for scale, what, unit in ((self.force, "arrows", "N"), (self.moment, "two heads", "N·m")):
+            if not math.isnan(scale):
+                found.append(f"{what}: 0.1 m is {size(0.1 / scale, 1)} {unit}")
+        return tuple(found)
+
+
+class TipAxes(NamedTuple):
+    """The task's axes at the tip, in the root's: place, m, shape (3,), and rotation (3, 3)."""
+
+    place: Vector
+    rotation: Matrix
+
+    def point(self, F: Vector, scale: float) -> Vector:
+        """Return where forces (moments) in the task's axes end, m, shape (..., 3).
+
+        Parameters
+        ----------
+        F :
+            N (N·m), shape (..., 3).
+        scale :
+            Length per N (N·m), m.
+        """
+        return read_only(self.place + scale * F @ self.rotation.T)
+
+
+class Arrow(NamedTuple):
+    """A force or a moment at the tip.
+
+    Attributes
+    ----------
+    kind :
+        One of `ARROW_KINDS`.
+    is_moment :
+        Whether it is one: then it has two heads.
+    start, end :
+        In the root's axes, m, shape (3,); equal if there is none.
+    label :
+        What it is, with its size and unit.
+    mark :
+        What is written beside it; empty where another arrow lies on it and says it.
+    """
+
+    kind: str
+    is_moment: bool
+    start: Vector
+    end: Vector
+    label: str
+    mark: str
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+def has_both(task: Task) -> bool:
+    """Return whether a task has forces and moments: the one are no size of the other."""
+    return bool(task.force_rows and task.moment_rows)
+
+
+def forces_of(task: Task, F: Vector) -> Vector:
+    """Return the forces of vectors of task components, N, shape (..., m), as (..., 3)."""
+    return in_components(task.components, F)[..., :3]
+
+
+def moments_of(task: Task, F: Vector) -> Vector:
+    """Return the moments of vectors of task components, N·m, shape (..., m), as (..., 3)."""
+    return in_components(task.components, F)[..., 3:]
+
+
+def spatial(task: Task, F: Vector) -> Vector:
+    """Return forces, or the moments if the task has no forces, of shape (..., m), as (..., 3)."""
+    return forces_of(task, F) if task.force_rows else moments_of(task, F)
+
+
+def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
+    """Return the scales at which all arrows fit.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    vectors :
+        N and N·m, in the task's components, shape (..., m) each; NaN does not count.
+    extent :
+        Size of the scene, m.
+    """
+    whole = np.vstack([np.zeros(task.m), *(F.reshape(-1, task.m) for F in vectors)])
+    whole = whole[np.isfinite(whole).all(axis=1)]
+    largest = [float(np.linalg.norm(part(task, whole), axis=1).max())
+               for part in (forces_of, moments_of)]  # fmt: skip
+    return Scales(
+        nice_scale(largest[0], extent) if task.force_rows else math.nan,
+        nice_scale(largest[1], extent) if task.moment_rows else math.nan,
+    )
+
+
+def nice_scale(largest: float, extent: float) -> float:
+    """Return a length per N (N·m), m, at which the largest force fits, in steps of 1, 2, 5."""
+    if largest <= NEGLIGIBLE:
+        largest = 1.0
+    exact = largest / (LONGEST * extent)  # N per m: the next larger nice number fits
+    power = 10.0 ** math.floor(math.log10(exact))
+    return 1.0 / next(step * power for step in _NICE if step * power >= exact * (1.0 - 1e-9))
+
+
+def arrows_of(
+    task: Task, vectors: dict[str, Vector], axes: TipAxes, scales: Scales
+) -> tuple[Arrow, ...]:
+    """Return the arrows: first three of the forces, then three of the moments, as the task has any.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    vectors :
+        One for each of `ARROW_KINDS`, N and N·m, in the task's components, shape (m,).
+    axes :
+        The task's axes, at the tip.
+    scales :
+        Of the arrows.
+    """
+    found: list[Arrow] = []
+    both = has_both(task)
+    if task.force_rows:
+        forces = {kind: forces_of(task, F) for kind, F in vectors.items()}
+        found += _three(forces, axes, scales.force, "N", "force " if both else "")
+    if task.moment_rows:
+        moments = {kind: moments_of(task, F) for kind, F in vectors.items()}
+        found += _three(moments, axes, scales.moment, "N·m", "moment " if both else "")
+    return tuple(found)
+
+
+def _three(
+    vectors: dict[str, Vector], axes: TipAxes, scale: float, unit: str, noun: str
+) -> list[Arrow]:
+    arrows = []
+    everything_kept = norm(vectors["requested"] - vectors["kept"]) <= NEGLIGIBLE
+    for kind, F in vectors.items():
+        amount = norm(F)
+        is_there = amount > NEGLIGIBLE
+        amount_text = f"{size(amount, 1)} {unit}"
+        label = f"{noun}{kind} {amount_text}"
+        mark = label if is_there else ""
+        if everything_kept:  # one arrow lies on the other
+            mark = f"{noun}all kept {amount_text}" if kind == "kept" and is_there else ""
+        end = axes.point(F, scale) if is_there else axes.place
+        arrows.append(Arrow(kind, unit == "N·m", axes.place, end, label, mark))
+    return arrows
+
+
+def norm(x: Vector) -> float:
+    """Return the length of a vector."""
+    return math.hypot(*x.tolist())

@@ -1,0 +1,114 @@
+"""A history beside the scene: curves over time, and tables of a time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce import words
+from ftforce.show.canvas import LINE_COLOURS
+from ftforce.view import markup
+from ftforce.view.arrows import has_both, moments_of, spatial
+from ftforce.view.colours import ARROW_COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ftforce.arrays import Vector
+    from ftforce.history import History, Run
+    from ftforce.task import Task
+    from ftforce.view.markup import Markup
+    from ftforce.view.snapshots import Snapshot
+
+_POINTS = 240  # of a curve
+_DASHES = ("", "5 2", "1.5 2")
+
+
+def charts(history: History, run: Run) -> Markup:
+    """Return all curves of a run."""
+    force = [force_chart(history, run)]
+    if has_both(history.setting.task):
+        force.append(moment_chart(history, run))
+    return markup.block(markup.style(), *force, torque_chart(history, run), testid="charts")
+
+
+def chosen(history: History) -> Vector:
+    """Return the indices of samples that make a curve, the ends of each jump among them."""
+    count = len(history.t)
+    some = np.rint(np.linspace(0, count - 1, min(count, _POINTS))).astype(int)
+    jumps = np.flatnonzero(np.diff(history.answer.verdict)).tolist()[:_POINTS]
+    for event in history.setting.events:
+        for time in (event.time, event.time + history.setting.delay):
+            jumps.append(min(int(np.searchsorted(history.t, time)), count - 1) - 1)
+    edges = np.array([i + k for i in jumps for k in (0, 1)], dtype=int)
+    return np.unique(np.clip(np.concatenate([some, edges]), 0, count - 1))
+
+
+def tables(history: History, now: Snapshot) -> Markup:
+    """Return what joints, force, path and margin are at a time."""
+    i = now.sample
+    vectors = [("asked", now.requested), ("kept", now.kept), ("lost", now.lost)]
+    off = now.run.path_error_norm[i]
+    pairs = [
+        ("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm"),
+        ("Margin", f"{words.ratio(float(now.run.margin[i]))} = σ_min(K)/σ_max(J)"),
+    ]
+    brakes = [load for load in now.loads if not math.isnan(load.brake)]
+    if brakes:
+        loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)
+        pairs.append(("Brake load", ", ".join(loads)))
+    return markup.block(
+        markup.load_table(now.loads, history.setting.has_masses, ("healthy", "now")),
+        markup.vector_table(history.setting.task, vectors),
+        markup.facts(pairs, "measures"),
+        testid="answer",
+    )
+
+
+def force_chart(history: History, run: Run) -> Markup:
+    """Return requested, kept and lost force over time; of a task of moments, moment."""
+    task = history.setting.task
+    return _vector_chart(history, run, spatial, "Force at the tip", task.size_unit)
+
+
+def moment_chart(history: History, run: Run) -> Markup:
+    """Return requested, kept and lost moment over time."""
+    return _vector_chart(history, run, moments_of, "Moment at the tip", "N·m")
+
+
+def _vector_chart(
+    history: History, run: Run, part: Callable[[Task, Vector], Vector], title: str, unit: str
+) -> Markup:
+    task, at = history.setting.task, chosen(history)
+    asked = np.tile(np.array(history.setting.force), (len(at), 1))
+    vectors = {"requested": asked, "kept": run.force[at], "lost": run.jump[at]}
+    curves = [
+        markup.Curve(kind, np.linalg.norm(part(task, F), axis=1), markup.css(ARROW_COLOURS[kind]))
+        for kind, F in vectors.items()
+    ]
+    return markup.chart(title, unit, history.t[at], curves, marks(history))
+
+
+def torque_chart(history: History, run: Run) -> Markup:
+    """Return each motor's share of its limit over time, or where no limit is known its torque."""
+    at, setting = chosen(history), history.setting
+    is_known = bool(np.isfinite(run.used).any())
+    values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
+    curves = [
+        markup.Curve(
+            f"{j + 1}", values[:, j], LINE_COLOURS[j % len(LINE_COLOURS)],
+            _DASHES[j // len(LINE_COLOURS) % len(_DASHES)],
+        )
+        for j in range(len(setting.joints))
+    ]  # fmt: skip
+    unit = "% of its limit" if is_known else "N·m (N)"
+    title = "Motor load by joint" if is_known else "Motor torque by joint"
+    return markup.chart(title, unit, history.t[at], curves, marks(history))
+
+
+def marks(history: History) -> tuple[float, ...]:
+    """Return the times of its events, s."""
+    end = float(history.t[-1])
+    return tuple(event.time for event in history.setting.events if event.time <= end)

@@ -1,0 +1,201 @@
+"""A history in a scene: path, healthy arm, and the whole course as a page that plays by itself."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.arrays import read_only
+from ftforce.show.canvas import STROKES
+from ftforce.view import markup
+from ftforce.view.export import record, scene_html
+from ftforce.view.history_markup import charts, chosen, tables
+from ftforce.view.picture import Line, scene_size
+from ftforce.view.server import open_server
+from ftforce.view.snapshots import ghost, history_scales, scene, sentence, snapshot
+from ftforce.view.stage import Stage
+
+if TYPE_CHECKING:
+    import viser
+
+    from ftforce.arrays import Vector
+    from ftforce.history import History
+    from ftforce.robot import Robot
+    from ftforce.view.markup import Markup
+    from ftforce.view.meshes import Geometry
+    from ftforce.view.picture import Picture
+    from ftforce.view.snapshots import Snapshot
+
+PLACES = ("in place", "beside", "hidden")  # of the healthy arm
+_PATH_COLOUR = (90, 90, 90)
+_BESIDE = 0.8  # of the size of the arm, along the root's y
+_LOW = 0.85  # of the way from the middle of what the camera sees to its lower edge
+_FRAME = 0.05  # s
+_MOST_FRAMES = 1000  # of a page that plays: then it is a few MB, and opens in a second
+
+
+class _NoHands:
+    """Of an arm that is there to be looked at: touching it does nothing."""
+
+    def pull(self, end: Vector, done: bool) -> None:
+        """Do nothing."""
+
+    def touch(self, joint: int) -> None:
+        """Do nothing."""
+
+
+class HealthyArm:
+    """The arm as if healthy, transparent.
+
+    Parameters
+    ----------
+    server :
+        Whose scene it is.
+    robot :
+        The arm.
+    """
+
+    def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
+        self._robot = robot
+        self._stage = Stage(server, robot, _NoHands(), "/healthy", floor=False)
+        self._beside = np.array([0.0, _BESIDE * scene_size(robot), 0.0])
+
+    def set_geometry(self, geometry: Geometry) -> None:
+        """Show its links."""
+        self._stage.set_geometry(geometry)
+
+    def show(self, picture: Picture, now: Snapshot, place: str) -> None:
+        """Show it as it is at a time, beside the arm of a picture, or hide it."""
+        if place == "hidden" or now.run is now.healthy:
+            self._stage.hide()
+            return
+        offset = self._beside if place == "beside" else np.zeros(3)
+        self._stage.update(ghost(self._robot, picture, now.healthy.q[now.sample], offset))
+
+
+def draw_path(server: viser.ViserServer, history: History) -> None:
+    """Draw the path that the tip should follow."""
+    places = history.path[chosen(history)]
+    if len(places) > 1:
+        ends = np.array(list(pairwise(places)), dtype=np.float32)
+        colours = np.full(ends.shape, _PATH_COLOUR[0], dtype=np.uint8)
+        server.scene.add_line_segments(
+            "/history/path", ends, colours, thickness=2.0, thickness_units="screen"
+        )
+
+
+def aim(picture: Picture, history: History, name: str) -> Picture:
+    """Return a picture for `Stage.look`: with the whole course of the tip in it."""
+    places = history.runs[name].position[chosen(history)]
+    way = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
+    return replace(picture, lines=tuple(way))
+
+
+def legend(picture: Picture, name: str, place: str, notes: tuple[str, ...]) -> Markup:
+    """Return what the scene of a run means; with notes on missing meshes."""
+    told = ["grey line: the tip's path"]
+    if place != "hidden" and name != "healthy":
+        where = "at the same place" if place == "in place" else "beside it"
+        told.insert(0, f"transparent arm: as if healthy, {where}; solid: {STROKES[name].words}")
+    return markup.legend(picture, (*told, *notes))
+
+
+# ---- a page that plays by itself -------------------------------------------------------------
+
+
+def animated_page(
+    robot: Robot, history: History, name: str, place: str, geometry: Geometry | None
+) -> str:
+    """Return a run as HTML that plays by itself, with its story beside it.
+
+    It is recorded on a server of its own, so that nobody's page moves meanwhile.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    history :
+        Of this arm.
+    name :
+        Of the run, one of `ftforce.history.RUNS`.
+    place :
+        Of the healthy arm, one of `PLACES`.
+    geometry :
+        Links of the arm; ``None`` if they are not loaded.
+    """
+    title = f"ftforce {robot.name}"
+    with closing(open_server(port=0, title=title)) as opened:
+        server = opened.server
+        stage, healthy = Stage(server, robot, _NoHands()), HealthyArm(server, robot)
+        if geometry is not None:
+            stage.set_geometry(geometry)
+            healthy.set_geometry(geometry)
+        draw_path(server, history)
+        scales = history_scales(history, scene_size(robot))
+
+        def show(time: float) -> None:
+            now = snapshot(history, name, time)
+            picture = scene(robot, history, now, scales, see_through=False)
+            stage.update(picture)
+            healthy.show(picture, now, place)
+            clock.text = _clock(now)
+
+        first = snapshot(history, name, 0.0)
+        picture = scene(robot, history, first, scales, see_through=False)
+        stage.look(aim(picture, history, name))
+        clock: Any = server.scene.add_label(
+            "/history/clock", "", position=_below(server.initial_camera), font_screen_scale=1.1
+        )
+        show(0.0)
+        times = frame_times(float(history.t[-1]))
+        recording = record(server, times.tolist(), float(times[-1]) / (len(times) - 1), show)
+        notes = () if geometry is None else geometry.notes
+        told = _story(history, name, legend(picture, name, place, notes))
+        return scene_html(server, title=title, answer_html=told, recording=recording)
+
+
+def frame_times(end: float) -> Vector:
+    """Return the times of a recording's frames from 0 to the end, s: at least two."""
+    count = min(math.ceil(end / _FRAME), _MOST_FRAMES - 1)
+    return np.linspace(0.0, end, max(count, 1) + 1)
+
+
+def _below(camera: Any) -> Vector:
+    """Return a place at the lower edge of what a camera sees."""
+    eye, target = np.array(camera.position), np.array(camera.look_at)
+    distance = float(np.linalg.norm(eye - target))
+    towards = (eye - target) / distance
+    up = np.array([0.0, 0.0, 1.0]) - towards[2] * towards
+    up /= np.linalg.norm(up)
+    return read_only(target - _LOW * distance * math.tan(0.5 * camera.fov) * up)
+
+
+def _clock(now: Snapshot) -> str:
+    """Return what stands below the arm: time, what has failed by then, and what becomes of it."""
+    failed = ", ".join(f"{fault.joint + 1} {fault}" for fault in now.faults.faults)
+    return f"{now.time:.1f} s: {failed or 'healthy'}, {now.verdict}"
+
+
+def _story(history: History, name: str, below: Markup) -> Markup:
+    """Return what happens, in the order of time: at the start, at each event, at the end."""
+    delay = history.setting.delay if name == "remapped" else 0.0
+    end = float(history.t[-1])
+    events = [t for event in history.setting.events for t in (event.time, event.time + delay)]
+    times = sorted({0.0, *(t for t in events if t <= end), end})
+    told, doubts = [], history.warnings
+    for time in times:
+        now = snapshot(history, name, time)
+        told.append(markup.verdict_banner(now.verdict, sentence(history, name, now), doubts))
+        doubts = ()
+    at = next((t for t in times if t > 0.0), end)
+    now = snapshot(history, name, at)
+    return markup.element(
+        "div", *told, markup.no_cursor(), charts(history, history.runs[name]),
+        markup.block(markup.element("h3", f"At {now.time:.2f} s")), tables(history, now), below,
+        data_testid="static",
+    )  # fmt: skip

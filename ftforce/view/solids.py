@@ -1,0 +1,151 @@
+"""All forces that an arm can exert, before the fault and after, as surfaces. Arrays only."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ftforce.errors import InputError
+from ftforce.view.arrows import LONGEST, TipAxes, has_both, norm, spatial
+from ftforce.view.colours import AFTER_SOLID, BEFORE_SOLID, Colour
+from ftforce.words import size
+
+if TYPE_CHECKING:
+    from ftforce.arrays import Matrix
+    from ftforce.polytope import Polytope
+    from ftforce.task import Task
+    from ftforce.view.answer import Answer
+
+Faces: TypeAlias = NDArray[np.uint32]
+
+_CIRCLE = 24
+
+
+class Solid(NamedTuple):
+    """A set of forces, drawn around the tip: vertices (k, 3) in the root's axes, m."""
+
+    vertices: Matrix
+    faces: Faces
+    colour: Colour
+    label: str
+
+
+def polytopes_of(answer: Answer) -> tuple[tuple[Polytope, ...], tuple[str, ...]]:
+    """Return the polytopes before and after, if they are shown, or why they are not."""
+    found, task = answer.capability, answer.analysis.task
+    if found is None or answer.state.shown.solid != "polytope":
+        return (), ()
+    if has_both(task):
+        return (), ("a polytope is drawn for forces alone or moments alone",)
+    try:
+        both = found.polytope(after=False), found.polytope(after=True)
+    except InputError as problem:  # too many joints
+        return (), (str(problem),)
+    if not all(one.is_bounded for one in both):
+        return (), ("no known limit ends the forces: no polytope",)
+    return both, ()
+
+
+def solids_of(
+    answer: Answer, axes: TipAxes, polytopes: tuple[Polytope, ...], scale: float, extent: float
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    """Return what is shown of all forces, and what the legend adds.
+
+    Parameters
+    ----------
+    answer :
+        The answer.
+    axes :
+        The task's axes, at the tip.
+    polytopes :
+        Of `polytopes_of`.
+    scale :
+        Length per N (N·m), m.
+    extent :
+        Size of the scene, m.
+    """
+    looks = zip((BEFORE_SOLID, AFTER_SOLID), ("before", "after"), strict=True)
+    if polytopes:
+        task = answer.analysis.task
+        solids = [_polytope(one, task, (axes, scale), colour, f"forces {when} the fault")
+                  for one, (colour, when) in zip(polytopes, looks, strict=True)]  # fmt: skip
+        empty = [f"no force holds the arm {when}" for one, when
+                 in zip(polytopes, ("before the fault", "after the fault"), strict=True)
+                 if one.is_empty]  # fmt: skip
+        return tuple(solid for solid in solids if len(solid.faces)), tuple(empty)
+    if answer.state.shown.solid != "ellipsoid":
+        return (), ()
+    if has_both(answer.analysis.task):
+        return (), ("an ellipsoid is drawn for forces alone or moments alone",)
+    return _ellipsoids(answer, axes, extent)
+
+
+def _polytope(
+    polytope: Polytope, task: Task, drawn: tuple[TipAxes, float], colour: Colour, label: str
+) -> Solid:
+    axes, scale = drawn
+    corners = axes.point(spatial(task, polytope.vertices), scale)
+    return Solid(corners, triangles(polytope.faces), colour, label)
+
+
+def triangles(faces: tuple[tuple[int, ...], ...]) -> Faces:
+    """Return convex polygons as triangles, shape (k, 3); a segment has none."""
+    fans = [(face[0], *edge) for face in faces for edge in pairwise(face[1:])]
+    return np.array(fans, dtype=np.uint32).reshape(-1, 3)
+
+
+def _ellipsoids(
+    answer: Answer, tip: TipAxes, extent: float
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    """Return {F : ‖JᵀF‖ ≤ 1 N·m} before and after the fault, the latter in range(K)."""
+    reduced, task = answer.analysis.reduced, answer.analysis.task
+    weighted = task.weighted_unit
+    before = _axes_of(reduced.healthy.U, reduced.healthy.s, reduced.rank) * weighted
+    after = _axes_of(reduced.damaged.U, reduced.damaged.s, reduced.rank_after) * weighted
+    longest = max((norm(axis) for axis in (*before, *after)), default=0.0)
+    if longest == 0.0:
+        return (), ("no force can be commanded: no ellipsoid",)
+    scale = LONGEST * extent / longest
+    solids = []
+    for axes, colour, when in ((before, BEFORE_SOLID, "before"), (after, AFTER_SOLID, "after")):
+        if len(axes) > 1:  # one direction alone is no surface
+            vertices, faces = ellipsoid(spatial(task, axes))
+            label = f"ellipsoid {when} the fault"
+            solids.append(Solid(tip.point(vertices, scale), faces, colour, label))
+    per = f"{size(longest, 1)} {task.size_unit} for joint torques of norm 1"
+    return tuple(solids), (f"ellipsoids, in a scale of their own: longest axis {per}",)
+
+
+def _axes_of(U: Matrix, s: list[float], rank: int) -> Matrix:
+    """Return the semi-axes 1/σ_i u_i of the directions that are kept, rows, shape (rank, m)."""
+    axes: Matrix = U[:, :rank].T / np.array(s[:rank])[:, None]
+    return axes
+
+
+def ellipsoid(axes: Matrix) -> tuple[Matrix, Faces]:
+    """Return the surface of an ellipsoid around 0, or a disk if it has two axes.
+
+    Parameters
+    ----------
+    axes :
+        Its two or three semi-axes, rows, shape (2 or 3, 3).
+    """
+    turn = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
+    i = np.arange(_CIRCLE)
+    j = (i + 1) % _CIRCLE
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    if len(axes) == 2:
+        centre = np.full(_CIRCLE, _CIRCLE)
+        disk = np.vstack([ring, np.zeros((1, 2))]) @ axes
+        return disk, np.column_stack([i, j, centre]).astype(np.uint32)
+    rise = np.linspace(0.0, math.pi, _CIRCLE // 2 + 1)
+    sphere = np.vstack([np.column_stack([math.sin(a) * ring, np.full(_CIRCLE, math.cos(a))])
+                        for a in rise])  # fmt: skip
+    quads = [np.vstack([np.column_stack([a + i, a + _CIRCLE + i, a + j]),
+                        np.column_stack([a + j, a + _CIRCLE + i, a + _CIRCLE + j])])
+             for a in range(0, _CIRCLE * (len(rise) - 1), _CIRCLE)]  # fmt: skip
+    return sphere @ axes[:3], np.vstack(quads).astype(np.uint32)
