@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -29,8 +30,16 @@ def works(version: str) -> bool:
 CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
 QUICK = "not thorough and not browser"  # what is thorough is so once
-# Installed code is tested, never the checkout; and no test depends on the caller's colours.
-ENVIRONMENT = {"PYTHONSAFEPATH": "1", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
+ENVIRONMENT = {
+    # Installed code is tested, never the checkout; and no test depends on the caller's colours.
+    "PYTHONSAFEPATH": "1",
+    "NO_COLOR": "1",
+    "OMP_NUM_THREADS": "1",
+    # uv leaves it to the first import to compile; without a place for that, each of the hundreds
+    # of processes that tests start would compile NumPy, SciPy and pandas anew.
+    "PYTHONDONTWRITEBYTECODE": "",
+}
+WORKERS = str((os.cpu_count() or 1) + 1)  # tests that wait leave a processor free
 KERNELS = ("python", "tests/compile_kernels.py")  # else every test process compiles its own
 
 
@@ -47,9 +56,9 @@ def tests(session: nox.Session) -> None:
         return
     session.run(*KERNELS, env=ENVIRONMENT)
     if session.python != FOUND[0]:
-        session.run("pytest", "-n", "auto", "-m", QUICK, env=ENVIRONMENT)
+        session.run("pytest", "-n", WORKERS, "-m", QUICK, env=ENVIRONMENT)
         return
-    coverage = ["-n", "auto", "--cov", "--cov-branch"]
+    coverage = ["-n", WORKERS, "--cov", "--cov-branch"]
     unjudged = ["-m", "not browser", "--cov-report=", "--cov-fail-under=0"]
     session.run("pytest", *coverage, *unjudged, env=ENVIRONMENT)
     # Coverage does not see into compiled kernels: their tests run once more as plain Python.
@@ -110,7 +119,7 @@ def minimums(session: nox.Session) -> None:
     session.install(*oldest, ".", *group("test"))
     session.run(*KERNELS, env=ENVIRONMENT)
     options = session.posargs or ["-m", QUICK]
-    session.run("pytest", "-n", "auto", "-q", *options, env=ENVIRONMENT)
+    session.run("pytest", "-n", WORKERS, "-q", *options, env=ENVIRONMENT)
 
 
 @nox.session

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import ftforce
+from effort import rounds
 from ftforce.registry import known_robots
 
 LOCKED = np.array([False, True, False, True, False, False, False])
@@ -78,5 +79,5 @@ def test_analyze_by_hand(benchmark, arm):
 @pytest.mark.benchmark(group="load a known robot, goal 50 ms each")
 @pytest.mark.parametrize("name", known_robots())
 def test_load(benchmark, name):
-    robot = benchmark.pedantic(ftforce.load_robot, args=(name,), rounds=5, warmup_rounds=1)
+    robot = benchmark.pedantic(ftforce.load_robot, args=(name,), rounds=rounds(5), warmup_rounds=1)
     assert robot.n > 0

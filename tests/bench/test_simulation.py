@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import ftforce
+from effort import rounds
 from ftforce.fault_timeline import timeline
 from ftforce.paths import Path
 from ftforce.section_v import END, FORCE, SPEED, START, section_v
@@ -46,7 +47,7 @@ def start():
 
 @pytest.mark.benchmark(group="Section V, 97.6 s at 100 Hz, goal 2 s")
 def test_three_histories(benchmark):
-    history = benchmark.pedantic(section_v, rounds=5, warmup_rounds=1)
+    history = benchmark.pedantic(section_v, rounds=rounds(5), warmup_rounds=1)
     assert len(history.t) > 9700
     assert len(history.runs) == 3
 
@@ -54,14 +55,16 @@ def test_three_histories(benchmark):
 @pytest.mark.benchmark(group="Section V, 97.6 s at 100 Hz, goal 2 s")
 def test_one_history_by_hand(benchmark, start):
     robot = ftforce.load_robot("dh5")
-    tau = benchmark.pedantic(by_hand, args=(robot, start), rounds=5, warmup_rounds=1)
+    tau = benchmark.pedantic(by_hand, args=(robot, start), rounds=rounds(5), warmup_rounds=1)
     assert len(tau) > 9700
 
 
 @pytest.mark.benchmark(group="Section V at other rates: linear in the number of samples")
 @pytest.mark.parametrize("rate", [100.0, 200.0, 400.0])
 def test_rates(benchmark, rate):
-    history = benchmark.pedantic(section_v, kwargs={"rate": rate}, rounds=2, warmup_rounds=0)
+    history = benchmark.pedantic(
+        section_v, kwargs={"rate": rate}, rounds=rounds(2), warmup_rounds=0
+    )
     assert len(history.t) > 97.0 * rate
 
 
@@ -75,5 +78,5 @@ def test_timeline(benchmark, mode):
     def run():
         return timeline(panda, line, mode=mode, force=[0, 0, 30], rate=rate)
 
-    result = benchmark.pedantic(run, rounds=5, warmup_rounds=1)
+    result = benchmark.pedantic(run, rounds=rounds(5), warmup_rounds=1)
     assert result.jump.shape == (100, 7)

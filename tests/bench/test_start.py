@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from effort import rounds
+
 FTFORCE = str(Path(sys.executable).with_name("ftforce"))
 DH5 = Path(__file__).parents[2] / "robots" / "dh5.urdf"
 GROUP = "whole command, goal for analyze: 1.4 times the imports"
@@ -24,5 +26,5 @@ def test_command(benchmark, name):
     def run():
         return subprocess.run(COMMANDS[name], capture_output=True, check=True)
 
-    done = benchmark.pedantic(run, rounds=15, warmup_rounds=2)
+    done = benchmark.pedantic(run, rounds=rounds(15), warmup_rounds=rounds(2))
     assert done.returncode == 0

@@ -15,6 +15,7 @@ import pinocchio as pin
 import pytest
 
 import ftforce
+from effort import QUICK, rounds
 from ftforce.batch.drawn import Drawn
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
@@ -29,7 +30,10 @@ SINGLE = "7 single faults of the Panda, force task: s_min, rho, jump; 1000 postu
 PAIRS = "28 single and double faults, force task; 1000 postures, so ms are us"
 SIX = "7 single faults, wrench task (m = 6); 1000 postures, so ms are us"
 OTHER = "other questions; 1000 postures, so ms are us"
-WHOLE = "whole sweeps of the Panda, 1e7 postures, 7 sets, force; threads or Dask workers, s"
+WHOLE_POSTURES = 1_000_000 if QUICK else 10_000_000
+WHOLE = (
+    f"whole sweeps of the Panda, {WHOLE_POSTURES:.0e} postures, 7 sets, force; threads or Dask, s"
+)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +133,9 @@ def test_ftforce(benchmark, arm, q, case):
 
 def test_expert(benchmark, arm, q, case):
     components, force, largest = case
-    found = benchmark.pedantic(by_expert, (arm, q, force, largest), rounds=7, warmup_rounds=1)
+    found = benchmark.pedantic(
+        by_expert, (arm, q, force, largest), rounds=rounds(7), warmup_rounds=1
+    )
     if components == "force":
         check(evaluator(arm, components, force, faults=largest)(q), found)
     assert found.shape[2] == K
@@ -165,18 +171,18 @@ def test_other_questions(benchmark, arm, q, words, options):
 @pytest.mark.benchmark(group=WHOLE)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_whole_sweep(benchmark, arm, threads):
-    options = {"n": 1e7, "force": FORCE, "limits": "none", "threads": threads}
-    result = benchmark.pedantic(ftforce.sweep, (arm,), options, rounds=3, warmup_rounds=1)
-    assert result.done == 10_000_000
+    options = {"n": WHOLE_POSTURES, "force": FORCE, "limits": "none", "threads": threads}
+    result = benchmark.pedantic(ftforce.sweep, (arm,), options, rounds=rounds(3), warmup_rounds=1)
+    assert result.done == WHOLE_POSTURES
 
 
 @pytest.mark.benchmark(group=WHOLE)
 @pytest.mark.parametrize("workers", [1, 2])
 def test_whole_sweep_on_dask(benchmark, arm, workers):
     """With the cluster's start; the long sweep of docs/performance has little of it."""
-    options = {"n": 1e7, "force": FORCE, "limits": "none", "workers": workers}
+    options = {"n": WHOLE_POSTURES, "force": FORCE, "limits": "none", "workers": workers}
     result = benchmark.pedantic(ftforce.sweep, (arm,), options, rounds=1, warmup_rounds=0)
-    assert result.done == 10_000_000
+    assert result.done == WHOLE_POSTURES
 
 
 # Not getrusage: what it calls the largest memory counts that of the process it was started by.
@@ -189,18 +195,18 @@ print(status["VmHWM"].split()[0])
 """
 
 
-@pytest.mark.benchmark(group="1e8 postures in summary mode: s, and at most 500 MB")
+@pytest.mark.benchmark(group="1e8 (quick: 2e7) postures in summary mode: s, and at most 500 MB")
 def test_a_hundred_million_postures(benchmark):
     """The largest memory is asserted: it does not depend on the machine's other work."""
 
     def run():
-        program = MEMORY.format(n=os.environ.get("FTFORCE_BENCH_POSTURES", "1e8"))
+        program = MEMORY.format(n=2e7 if QUICK else 1e8)
         return subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
 
     done = benchmark.pedantic(run, rounds=1, warmup_rounds=0)
     kilobytes = int(done.stdout)
     benchmark.extra_info["MB"] = kilobytes / 1e3
-    print(f"\n1e8 postures in summary mode: largest memory {kilobytes / 1e3:.0f} MB")
+    print(f"\nsummary mode: largest memory {kilobytes / 1e3:.0f} MB")
     assert kilobytes < 500_000
 
 
@@ -209,11 +215,12 @@ import ftforce, numba, xarray, zarr, scipy.stats
 import ftforce.batch.sweep, ftforce.batch.store, ftforce.batch.runner
 arm = ftforce.load_robot("panda")
 """
+FIRST_CALLS = ("imports", "warm") if QUICK else ("imports", "warm", "cold")
 FIRST = "ftforce.sweep(arm, n=1000, force=[80, 50, 10], limits='none')"
 
 
 @pytest.mark.benchmark(group="a process: imports, and a first sweep with a cold and a warm cache")
-@pytest.mark.parametrize("what", ["imports", "warm", "cold"])
+@pytest.mark.parametrize("what", FIRST_CALLS)
 def test_first_call(benchmark, tmp_path, what):
     folders = iter(tmp_path / str(i) for i in range(100))
     kept = tmp_path / "kept"
@@ -225,6 +232,6 @@ def test_first_call(benchmark, tmp_path, what):
         subprocess.run([sys.executable, "-c", program], check=True, env=environment)
         return cache
 
-    rounds = 1 if what == "cold" else 5
-    cache = benchmark.pedantic(run, rounds=rounds, warmup_rounds=1 if what == "warm" else 0)
+    count = 1 if what == "cold" else rounds(5)
+    cache = benchmark.pedantic(run, rounds=count, warmup_rounds=1 if what == "warm" else 0)
     assert what == "imports" or any(cache.rglob("*.nbc"))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import ftforce
+from effort import rounds
 from ftforce.errors import FtforceError
 from ftforce.view.screenshot import find_browser
 from ftforce.view.session import Session
@@ -49,7 +50,7 @@ def test_a_change_is_answered(benchmark, session, change):
         session.change(lambda state: change(state, i))
         session.settle()
 
-    benchmark.pedantic(once, rounds=100, warmup_rounds=10)
+    benchmark.pedantic(once, rounds=rounds(100), warmup_rounds=10)
     assert session.problem == ""
     assert session.answer is not None
     assert len(session.answer.census.sets) == 7
@@ -64,5 +65,5 @@ def test_the_first_picture(benchmark, tmp_path):
         pytest.skip(str(problem))
     file = tmp_path / "panda.png"
     command = [sys.executable, "-m", "ftforce", "view", "panda", "--screenshot", str(file)]
-    benchmark.pedantic(subprocess.run, (command,), {"check": True}, rounds=3)
+    benchmark.pedantic(subprocess.run, (command,), {"check": True}, rounds=rounds(3))
     assert file.stat().st_size > 10_000
