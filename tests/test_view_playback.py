@@ -271,6 +271,23 @@ def test_another_tip_of_the_same_joints_does_not_fit(dh5, history):
         check_fits(dh5, other, "run.npz")
 
 
+def test_moments_have_arrows_and_curves_of_their_own(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    run = ftforce.simulate(
+        dh5, line, task="fx,fz,my", length=0.3, force=[30, 10, 4], rate=20, faults=["3@0.5"]
+    )
+    mode = Playback(dh5, run, 1.0)
+    with Session(dh5, initial_state(dh5), mode=mode) as session:
+        assert session.problem == ""
+        scene, now = session.picture, snapshot(run, "remapped", 1.0)
+        moments = {arrow.kind: arrow for arrow in scene.arrows if arrow.is_moment}
+        assert moments["requested"].length == pytest.approx(4 * scene.scales.moment)
+        assert moments["kept"].length == pytest.approx(abs(now.kept[2]) * scene.scales.moment)
+        shown = mode._charts.content
+        assert "Force at the tip: 0 to" in shown
+        assert "Moment at the tip: 0 to" in shown
+
+
 # ---- taken along -----------------------------------------------------------------------------
 
 

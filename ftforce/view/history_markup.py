@@ -10,7 +10,7 @@ import numpy as np
 from ftforce import words
 from ftforce.show.canvas import LINE_COLOURS
 from ftforce.view import markup
-from ftforce.view.arrows import has_both, moments_of, spatial
+from ftforce.view.arrows import forces_of, moments_of
 from ftforce.view.colours import ARROW_COLOURS
 
 if TYPE_CHECKING:
@@ -28,10 +28,12 @@ _DASHES = ("", "5 2", "1.5 2")
 
 def charts(history: History, run: Run) -> Markup:
     """Return all curves of a run."""
-    force = [force_chart(history, run)]
-    if has_both(history.setting.task):
-        force.append(moment_chart(history, run))
-    return markup.block(markup.style(), *force, torque_chart(history, run), testid="charts")
+    task, found = history.setting.task, []
+    if task.force_rows:
+        found.append(_vector_chart(history, run, forces_of, "Force at the tip", "N"))
+    if task.moment_rows:
+        found.append(_vector_chart(history, run, moments_of, "Moment at the tip", "N·m"))
+    return markup.block(markup.style(), *found, torque_chart(history, run), testid="charts")
 
 
 def chosen(history: History) -> Vector:
@@ -67,20 +69,10 @@ def tables(history: History, now: Snapshot) -> Markup:
     )
 
 
-def force_chart(history: History, run: Run) -> Markup:
-    """Return requested, kept and lost force over time; of a task of moments, moment."""
-    task = history.setting.task
-    return _vector_chart(history, run, spatial, "Force at the tip", task.size_unit)
-
-
-def moment_chart(history: History, run: Run) -> Markup:
-    """Return requested, kept and lost moment over time."""
-    return _vector_chart(history, run, moments_of, "Moment at the tip", "N·m")
-
-
 def _vector_chart(
     history: History, run: Run, part: Callable[[Task, Vector], Vector], title: str, unit: str
 ) -> Markup:
+    """Return requested, kept and lost forces, or moments, over time."""
     task, at = history.setting.task, chosen(history)
     asked = np.tile(np.array(history.setting.force), (len(at), 1))
     vectors = {"requested": asked, "kept": run.force[at], "lost": run.jump[at]}
