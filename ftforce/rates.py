@@ -68,7 +68,8 @@ def damped_inverse(K: Svd, x: Vector, damped_below: float) -> Vector:
         square = s * s
         if s < damped_below:
             square += 0.25 * (damped_below * damped_below - square)
-        weights.append(1.0 / square if square > 0.0 else 0.0)
+        # Where σ is 0, the numerator is, too; through K it would only nearly be.
+        weights.append(1.0 / square if s > 0.0 else 0.0)
     v: Vector = K.U.dot(x.dot(K.U) * weights).dot(K.A)
     return v
 

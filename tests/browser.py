@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import os
+import re
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
@@ -115,3 +117,15 @@ def watched(browser, url, width=800, height=500):
 def number_of_colours(pixels):
     """Return how many colours a picture has."""
     return len(np.unique(pixels.reshape(-1, 3), axis=0))
+
+
+def recorded(page):
+    """Return the messages that a page for a file holds, each with its time, and its length, s."""
+    import msgspec
+    import zstandard
+
+    data = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', page)[1])
+    inner = zstandard.ZstdDecompressor().decompress(data[8:], int.from_bytes(data[:8], "little"))
+    length = int.from_bytes(inner[:8], "little")
+    content = msgspec.msgpack.decode(inner[8 : 8 + length])
+    return content["messages"], content["durationSeconds"]

@@ -6,20 +6,23 @@ import math
 import shlex
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import ftforce
-from browser import Watched, chromium
+from browser import Watched, chromium, recorded
 from ftforce import cli
+from ftforce.errors import InputError
 from ftforce.faults import FaultSet
 from ftforce.sentences import verdict_sentence
+from ftforce.view.answer import answer
+from ftforce.view.markup import Markup
 from ftforce.view.meshes import Geometry, Part
-from ftforce.view.picture import picture, scene_size
+from ftforce.view.picture import picture, rotation, scene_size
 from ftforce.view.session import Session, View
-from ftforce.view.stage import rotation
 from ftforce.view.state import Origin, command_line, initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, joint
@@ -162,14 +165,80 @@ def test_a_click_on_the_arm_locks_and_mends(session):
 def test_the_force_can_be_pulled_and_keeps_its_scale_meanwhile(session):
     scales, arrow = session.picture.scales, session.picture.arrows[0]
     end = arrow.start + 4.0 * (arrow.end - arrow.start)
-    session.pull(end, False)
+    session.pull(lambda: end, False)
     session.settle()
     assert session.state.force == pytest.approx([320, 200, 40], abs=0.005 / scales.force)
     assert session.picture.scales == scales
-    session.pull(end, True)
+    session.pull(lambda: end, True)
     session.settle()
     assert session.picture.scales.force < scales.force
     assert session.panel.handle("force").value == tuple(session.state.force)
+
+
+def test_a_hand_that_holds_still_changes_nothing(session):
+    put(session, force=(80.37, 0.004, 0.0))
+    before = session.state
+    session.pull(lambda: session.picture.arrows[0].end, False)
+    session.pull(lambda: session.picture.arrows[0].end, True)
+    session.settle()
+    assert session.state is before
+
+
+def test_another_tab_may_change_the_task_while_the_force_is_pulled(session):
+    end = 1.5 * session.picture.arrows[0].end
+    session.pull(lambda: end, False)
+    put(session, task="moment", moment=(1.0, 2.0, 3.0))
+    assert all(np.isfinite(arrow.end).all() for arrow in session.picture.arrows)
+    assert session.picture.arrows[0].length > 0.0
+    session.pull(lambda: session.picture.arrows[0].end + 0.1, False)
+    session.pull(lambda: session.picture.arrows[0].end + 0.1, True)
+    session.settle()
+    assert session.problem == ""
+    assert not session._is_pulled
+    assert session.state.force[0] > 1.0
+
+
+def test_fractions_can_be_typed(session):
+    for name in ("force", "moment", "length", "payload"):
+        assert session.panel.handle(name).precision >= 3
+
+
+def test_an_old_failure_is_no_answer_to_a_newer_question(session, monkeypatch):
+    begun, asked = threading.Event(), threading.Event()
+
+    def slow(robot, state, earlier=None):
+        if state.modes[0] == "locked":
+            begun.set()
+            assert asked.wait(10.0)
+            raise InputError("of the question before")
+        return answer(robot, state, earlier)
+
+    monkeypatch.setattr("ftforce.view.session.answer", slow)
+    session.change(lambda state: state.failing(0, "locked"))
+    assert begun.wait(10.0)
+    session.change(lambda state: state.failing(0, "healthy"))
+    asked.set()
+    session.settle()
+    assert session.problem == ""
+    assert "of the question before" not in session.panel._banner.content
+    assert session.answer.state is session.state
+
+
+def test_what_was_not_saved_is_told_to_the_tab_that_asked(session, monkeypatch):
+    told = []
+    tab = SimpleNamespace(add_notification=lambda title, body, **_: told.append((title, body)))
+    monkeypatch.setattr(session, "page", lambda: 1 / 0)
+    session.save_page(tab)
+    assert told == [("Nothing was saved", "ZeroDivisionError('division by zero')")]
+    assert session.problem == ""
+
+
+def test_a_page_that_is_taken_along_has_no_handle_to_drag(session):
+    name = session.stage.handle_name
+    put(session, mode1="locked")
+    names = [message.get("name") for _, message in recorded(session.page())[0]]
+    assert name not in names
+    assert any(one and one.startswith("/force/") for one in names)
 
 
 def test_what_cannot_be_asked_is_said_and_the_page_lives_on(session):
@@ -279,8 +348,6 @@ class Still:
         self.session = session
 
     def view(self, state):
-        from ftforce.view.answer import answer
-
         robot = self.session.robot
         return View(picture(answer(robot, state.at(np.full(5, 0.5)))), "top", "parts", "below")
 
@@ -289,6 +356,9 @@ class Still:
 
     def page(self):
         return "own page"
+
+    def part(self):
+        return Markup("own part")
 
     def stop(self):
         self.calls.append("stop")
@@ -301,13 +371,17 @@ def test_a_mode_takes_over(dh5):
         assert panel._banner.content == "top"
         assert panel.handle("q0").disabled
         assert panel.handle("mode0").disabled
-        assert not panel.handle("force").disabled
+        with pytest.raises(KeyError):
+            panel.handle("force")
+        assert not panel.handle("see_through").disabled
         session.touch(1)
         session.settle()
         assert session.state.modes[1] == "healthy"
         assert session.answer is None
         assert session.picture is not None
         assert session.page() == "own page"
+        mode.page = lambda: None
+        assert "own part" in session.page()
     assert mode.calls == ["start", "stop"]
 
 

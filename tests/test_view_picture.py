@@ -16,16 +16,17 @@ from ftforce.view.answer import answer
 from ftforce.view.arrow_nodes import along
 from ftforce.view.arrows import ARROW_KINDS, Scales, TipAxes, arrows_of, nice_scale, scales_for
 from ftforce.view.colours import FAULT_COLOURS, FIXED, NEUTRAL, RAMP, colour_of
+from ftforce.view.force_sets import ellipsoid, triangles
 from ftforce.view.picture import (
     _line,
     chain_joints,
     joint_poses,
     picture,
     pulled,
+    rotation,
     scene_size,
 )
-from ftforce.view.solids import ellipsoid, triangles
-from ftforce.view.stage import rotation, viewpoint
+from ftforce.view.stage import viewpoint
 from ftforce.view.state import initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, followed

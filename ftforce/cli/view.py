@@ -81,7 +81,9 @@ def view(
     ] = False,
     host: Annotated[
         str,
-        typer.Option(help="Address to listen on; other machines can only reach another one."),
+        typer.Option(
+            help="Address to listen on; any but loopback lets other machines move the arm."
+        ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
@@ -104,12 +106,13 @@ def view(
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
     if history is not None or sweep is not None:
-        asked = {"force": force, "torque": torque, "length": length}
+        asked: dict[str, object] = {"force": force, "torque": torque, "length": length}
         asked |= {"task": _unless(task, "force"), "axes": _unless(axes, "tool")}
+        asked |= {"velocity": velocity, "acceleration": acceleration, "gravity": gravity}
+        asked |= {"limits": limits, "inverse": _unless(inverse, "euclidean")}
+        asked |= {"rtol": _unless(rtol, 1e-6), "wary": _unless(wary, 1e-2)}
         if history is not None:
-            asked |= {"q": q, "velocity": velocity}
-            asked |= {"acceleration": acceleration, "gravity": gravity, "payload": payload}
-            asked |= {"limits": limits, "inverse": _unless(inverse, "euclidean")}
+            asked |= {"q": q, "payload": payload}
         _refuse_question("history" if sweep is None else "sweep", asked)
     if at is not None and history is None:
         raise typer.BadParameter("--at is a time of a --history; give one")
@@ -148,6 +151,8 @@ def view(
         if export is not None or screenshot is not None:
             _write(session, export, screenshot)
             return
+        if session.problem:  # as `analyze` would
+            raise InputError(session.problem)
         say(f"{arm.name}: {session.address} (Ctrl-C ends it)")
         if not no_browser:
             _open(session.address)
@@ -159,7 +164,7 @@ def _unless(value: object, default: object) -> object:
     return None if value == default else value
 
 
-def _refuse_question(of: str, asked: dict[str, Any]) -> None:
+def _refuse_question(of: str, asked: dict[str, object]) -> None:
     """Refuse options that a history or a sweep answers itself: they would count for nothing."""
     given = [f"--{name}" for name, value in asked.items() if value is not None]
     if given:

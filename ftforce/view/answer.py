@@ -15,6 +15,7 @@ from ftforce.fault_census import Census, census
 from ftforce.faults import Fault, FaultMode
 from ftforce.feasible import Reading
 from ftforce.force_capability import Amount, Capability, capability_of
+from ftforce.words import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
@@ -206,10 +207,17 @@ def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
                 part_after=float(part[1][i]),
                 brake=load if is_locked else math.nan,
                 limit=limit,
-                used=abs(load) / limit if limit > 0.0 else math.nan,  # nor does NaN divide
+                used=_share(load, limit),
             )
         )
     return tuple(rows)
+
+
+def _share(load: float, limit: float) -> float:
+    """Return the share of a limit, NaN if it is not known, infinite if the limit is nothing."""
+    if limit == 0.0:
+        return math.inf if abs(load) > NEGLIGIBLE else 0.0
+    return abs(load) / limit
 
 
 def _without_force(analysis: Analysis) -> Vector:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 ARROW_KINDS = ("requested", "kept", "lost")
 LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
+_LONGEST_MOMENT = 0.3  # likewise: one along a force shows its heads on the other's shaft
 _NICE = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -125,23 +126,34 @@ def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
     whole = whole[np.isfinite(whole).all(axis=1)]
     largest = [float(np.linalg.norm(part(task, whole), axis=1).max())
                for part in (forces_of, moments_of)]  # fmt: skip
+    longest = _LONGEST_MOMENT if has_both(task) else LONGEST
     return Scales(
         nice_scale(largest[0], extent) if task.force_rows else math.nan,
-        nice_scale(largest[1], extent) if task.moment_rows else math.nan,
+        nice_scale(largest[1], extent, longest) if task.moment_rows else math.nan,
     )
 
 
-def nice_scale(largest: float, extent: float) -> float:
-    """Return a length per N (N·m), m, at which the largest force fits, in steps of 1, 2, 5."""
+def nice_scale(largest: float, extent: float, longest: float = LONGEST) -> float:
+    """Return a length per N (N·m), m, at which the largest force fits, in steps of 1, 2, 5.
+
+    Parameters
+    ----------
+    largest :
+        Size of the force, N (N·m).
+    extent :
+        Size of the scene, m.
+    longest :
+        Share of it that the longest arrow may have.
+    """
     if largest <= NEGLIGIBLE:
         largest = 1.0
-    exact = largest / (LONGEST * extent)  # N per m: the next larger nice number fits
+    exact = largest / (longest * extent)  # N per m: the next larger nice number fits
     power = 10.0 ** math.floor(math.log10(exact))
     return 1.0 / next(step * power for step in _NICE if step * power >= exact * (1.0 - 1e-9))
 
 
 def arrows_of(
-    task: Task, vectors: dict[str, Vector], axes: TipAxes, scales: Scales
+    task: Task, vectors: dict[str, Vector | None], axes: TipAxes, scales: Scales
 ) -> tuple[Arrow, ...]:
     """Return the arrows: first three of the forces, then three of the moments, as the task has any.
 
@@ -150,29 +162,39 @@ def arrows_of(
     task :
         The task.
     vectors :
-        One for each of `ARROW_KINDS`, N and N·m, in the task's components, shape (m,).
+        One for each of `ARROW_KINDS`, N and N·m, in the task's components, shape (m,); ``None``
+        where an arm that falls has none. Empty if no force is asked for: then there are no arrows.
     axes :
         The task's axes, at the tip.
     scales :
         Of the arrows.
     """
     found: list[Arrow] = []
+    if not vectors:
+        return ()
     both = has_both(task)
     if task.force_rows:
-        forces = {kind: forces_of(task, F) for kind, F in vectors.items()}
+        forces = {kind: F if F is None else forces_of(task, F) for kind, F in vectors.items()}
         found += _three(forces, axes, scales.force, "N", "force " if both else "")
     if task.moment_rows:
-        moments = {kind: moments_of(task, F) for kind, F in vectors.items()}
+        moments = {kind: F if F is None else moments_of(task, F) for kind, F in vectors.items()}
         found += _three(moments, axes, scales.moment, "N·m", "moment " if both else "")
     return tuple(found)
 
 
 def _three(
-    vectors: dict[str, Vector], axes: TipAxes, scale: float, unit: str, noun: str
+    vectors: dict[str, Vector | None], axes: TipAxes, scale: float, unit: str, noun: str
 ) -> list[Arrow]:
     arrows = []
-    everything_kept = norm(vectors["requested"] - vectors["kept"]) <= NEGLIGIBLE
+    requested, kept = vectors["requested"], vectors["kept"]
+    everything_kept = (
+        requested is not None and kept is not None and norm(requested - kept) <= NEGLIGIBLE
+    )
     for kind, F in vectors.items():
+        if F is None:
+            label = f"{noun}{kind}: nothing holds the arm"
+            arrows.append(Arrow(kind, unit == "N·m", axes.place, axes.place, label, ""))
+            continue
         amount = norm(F)
         is_there = amount > NEGLIGIBLE
         amount_text = f"{size(amount, 1)} {unit}"

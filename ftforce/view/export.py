@@ -29,7 +29,12 @@ _STYLE = f"""
 
 
 def scene_html(
-    server: viser.ViserServer, *, title: str, answer_html: str, recording: Any = None
+    server: viser.ViserServer,
+    *,
+    title: str,
+    answer_html: str,
+    recording: Any = None,
+    without: Iterable[str] = (),
 ) -> str:
     """Return the scene, with the answer beside it, as HTML; `write_whole` writes it.
 
@@ -43,6 +48,8 @@ def scene_html(
         What stands beside the scene, as HTML that is safe.
     recording :
         What `record` returned, to be played; ``None`` for the scene as it is now.
+    without :
+        Names of nodes that are left out: handles that nobody would answer.
 
     Raises
     ------
@@ -50,6 +57,9 @@ def scene_html(
         viser's page has changed.
     """
     serializer = server.get_scene_serializer() if recording is None else recording
+    if left_out := set(without):
+        kept = [told for told in serializer._messages if told[1].get("name") not in left_out]
+        serializer._messages = kept
     page: str = serializer.as_html()
     policy = html.escape(content_policy(""), quote=True)
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'

@@ -36,11 +36,11 @@ def charts(history: History, run: Run) -> Markup:
     return markup.block(markup.style(), *found, torque_chart(history, run), testid="charts")
 
 
-def chosen(history: History) -> Vector:
-    """Return the indices of samples that make a curve, the ends of each jump among them."""
+def chosen(history: History, run: Run) -> Vector:
+    """Return the indices of samples that make a run's curve, the ends of each jump among them."""
     count = len(history.t)
     some = np.rint(np.linspace(0, count - 1, min(count, _POINTS))).astype(int)
-    jumps = np.flatnonzero(np.diff(history.answer.verdict)).tolist()[:_POINTS]
+    jumps = np.flatnonzero(np.diff(run.verdict)).tolist()[:_POINTS]
     for event in history.setting.events:
         for time in (event.time, event.time + history.setting.delay):
             jumps.append(min(int(np.searchsorted(history.t, time)), count - 1) - 1)
@@ -52,11 +52,14 @@ def tables(history: History, now: Snapshot) -> Markup:
     """Return what joints, force, path and margin are at a time."""
     i = now.sample
     vectors = [("asked", now.requested), ("kept", now.kept), ("lost", now.lost)]
-    off = now.run.path_error_norm[i]
+    holds = now.kept is not None
+    off = now.run.path_error_norm[i] if holds else math.nan
     pairs = [
         ("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm"),
         ("Margin", f"{words.ratio(float(now.run.margin[i]))} = σ_min(K)/σ_max(J)"),
     ]
+    if not holds:
+        pairs = [("Off path", "–")]
     brakes = [load for load in now.loads if not math.isnan(load.brake)]
     if brakes:
         loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)
@@ -73,9 +76,10 @@ def _vector_chart(
     history: History, run: Run, part: Callable[[Task, Vector], Vector], title: str, unit: str
 ) -> Markup:
     """Return requested, kept and lost forces, or moments, over time."""
-    task, at = history.setting.task, chosen(history)
+    task, at = history.setting.task, chosen(history, run)
     asked = np.tile(np.array(history.setting.force), (len(at), 1))
-    vectors = {"requested": asked, "kept": run.force[at], "lost": run.jump[at]}
+    kept, lost = (_until_fall(run, at, F[at]) for F in (run.force, run.jump))
+    vectors = {"requested": asked, "kept": kept, "lost": lost}
     curves = [
         markup.Curve(kind, np.linalg.norm(part(task, F), axis=1), markup.css(ARROW_COLOURS[kind]))
         for kind, F in vectors.items()
@@ -85,9 +89,10 @@ def _vector_chart(
 
 def torque_chart(history: History, run: Run) -> Markup:
     """Return each motor's share of its limit over time, or where no limit is known its torque."""
-    at, setting = chosen(history), history.setting
+    at, setting = chosen(history, run), history.setting
     is_known = bool(np.isfinite(run.used).any())
     values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
+    values = _until_fall(run, at, values)
     curves = [
         markup.Curve(
             f"{j + 1}", values[:, j], LINE_COLOURS[j % len(LINE_COLOURS)],
@@ -98,6 +103,13 @@ def torque_chart(history: History, run: Run) -> Markup:
     unit = "% of its limit" if is_known else "N·m (N)"
     title = "Motor load by joint" if is_known else "Motor torque by joint"
     return markup.chart(title, unit, history.t[at], curves, marks(history))
+
+
+def _until_fall(run: Run, at: Vector, values: Vector) -> Vector:
+    """Return values that end where nothing holds the arm any more."""
+    if run.falls_from is None:
+        return values
+    return np.where((at < run.falls_from)[:, None], values, np.nan)
 
 
 def marks(history: History) -> tuple[float, ...]:

@@ -17,10 +17,12 @@ from ftforce.view.export import record, scene_html
 from ftforce.view.history_markup import charts, chosen, tables
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.server import open_server
-from ftforce.view.snapshots import ghost, history_scales, scene, sentence, snapshot
-from ftforce.view.stage import Stage
+from ftforce.view.snapshots import first_with, ghost, history_scales, scene, sentence, snapshot
+from ftforce.view.stage import Stage, linear
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import viser
 
     from ftforce.arrays import Vector
@@ -35,14 +37,14 @@ PLACES = ("in place", "beside", "hidden")  # of the healthy arm
 _PATH_COLOUR = (90, 90, 90)
 _BESIDE = 0.8  # of the size of the arm, along the root's y
 _LOW = 0.85  # of the way from the middle of what the camera sees to its lower edge
-_FRAME = 0.05  # s
+FRAME = 0.05  # s
 _MOST_FRAMES = 1000  # of a page that plays: then it is a few MB, and opens in a second
 
 
 class _NoHands:
     """Of an arm that is there to be looked at: touching it does nothing."""
 
-    def pull(self, end: Vector, done: bool) -> None:
+    def pull(self, end: Callable[[], Vector], done: bool) -> None:
         """Do nothing."""
 
     def touch(self, joint: int) -> None:
@@ -80,10 +82,10 @@ class HealthyArm:
 
 def draw_path(server: viser.ViserServer, history: History) -> None:
     """Draw the path that the tip should follow."""
-    places = history.path[chosen(history)]
+    places = history.path[chosen(history, history.healthy)]
     if len(places) > 1:
         ends = np.array(list(pairwise(places)), dtype=np.float32)
-        colours = np.full(ends.shape, _PATH_COLOUR[0], dtype=np.uint8)
+        colours = np.broadcast_to(linear(np.array(_PATH_COLOUR)), ends.shape)
         server.scene.add_line_segments(
             "/history/path", ends, colours, thickness=2.0, thickness_units="screen"
         )
@@ -91,7 +93,8 @@ def draw_path(server: viser.ViserServer, history: History) -> None:
 
 def aim(picture: Picture, history: History, name: str) -> Picture:
     """Return a picture for `Stage.look`: with the whole course of the tip in it."""
-    places = history.runs[name].position[chosen(history)]
+    run = history.runs[name]
+    places = run.position[chosen(history, run)]
     way = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
     return replace(picture, lines=tuple(way))
 
@@ -109,7 +112,13 @@ def legend(picture: Picture, name: str, place: str, notes: tuple[str, ...]) -> M
 
 
 def animated_page(
-    robot: Robot, history: History, name: str, place: str, geometry: Geometry | None
+    robot: Robot,
+    history: History,
+    name: str,
+    geometry: Geometry | None,
+    *,
+    place: str = PLACES[0],
+    see_through: bool = False,
 ) -> str:
     """Return a run as HTML that plays by itself, with its story beside it.
 
@@ -123,10 +132,12 @@ def animated_page(
         Of this arm.
     name :
         Of the run, one of `ftforce.history.RUNS`.
-    place :
-        Of the healthy arm, one of `PLACES`.
     geometry :
         Links of the arm; ``None`` if they are not loaded.
+    place :
+        Of the healthy arm, one of `PLACES`.
+    see_through :
+        Whether the arm is transparent.
     """
     title = f"ftforce {robot.name}"
     with closing(open_server(port=0, title=title)) as opened:
@@ -138,15 +149,17 @@ def animated_page(
         draw_path(server, history)
         scales = history_scales(history, scene_size(robot))
 
-        def show(time: float) -> None:
+        def at(time: float) -> tuple[Snapshot, Picture]:
             now = snapshot(history, name, time)
-            picture = scene(robot, history, now, scales, see_through=False)
+            return now, scene(robot, history, now, scales, see_through)
+
+        def show(time: float) -> None:
+            now, picture = at(time)
             stage.update(picture)
             healthy.show(picture, now, place)
             clock.text = _clock(now)
 
-        first = snapshot(history, name, 0.0)
-        picture = scene(robot, history, first, scales, see_through=False)
+        _, picture = at(0.0)
         stage.look(aim(picture, history, name))
         clock: Any = server.scene.add_label(
             "/history/clock", "", position=_below(server.initial_camera), font_screen_scale=1.1
@@ -161,7 +174,7 @@ def animated_page(
 
 def frame_times(end: float) -> Vector:
     """Return the times of a recording's frames from 0 to the end, s: at least two."""
-    count = min(math.ceil(end / _FRAME), _MOST_FRAMES - 1)
+    count = min(math.ceil(end / FRAME), _MOST_FRAMES - 1)
     return np.linspace(0.0, end, max(count, 1) + 1)
 
 
@@ -186,7 +199,7 @@ def _story(history: History, name: str, below: Markup) -> Markup:
     delay = history.setting.delay if name == "remapped" else 0.0
     end = float(history.t[-1])
     events = [t for event in history.setting.events for t in (event.time, event.time + delay)]
-    times = sorted({0.0, *(t for t in events if t <= end), end})
+    times = sorted({0.0, *(first_with(history, t) for t in events if t <= end), end})
     told, doubts = [], history.warnings
     for time in times:
         now = snapshot(history, name, time)

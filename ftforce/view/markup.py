@@ -263,6 +263,8 @@ def torque_text(torque: float) -> str:
 
 def share_text(share: float) -> str:
     """Return a share of a limit in per cent."""
+    if math.isinf(share):
+        return "∞"
     return "?" if math.isnan(share) else f"{100.0 * share:.0f}%"
 
 
@@ -355,7 +357,8 @@ def measures(answer: Answer) -> Markup:
         pairs.append(("Brake load", loads))
     if (weakest := answer.weakest) is not None:
         before, after = (_weakest(amount.most) for amount in weakest)
-        pairs.append(("Weakest", f"{before} before, {after} after {analysis.task.size_unit}"))
+        unit = words.unit_of_size(analysis.task)
+        pairs.append(("Weakest", f"{before} before, {after} after [{unit}]"))
     return facts(pairs, "measures")
 
 
@@ -438,17 +441,17 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
 
 def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
     """Return what colours, arrows and lines mean; with remarks, on missing meshes mostly."""
-    keys = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
-    keys += [_key(colour, label, "line") for label, colour in _lines(picture).items()]
-    keys += [_key(solid.colour, solid.label) for solid in picture.solids]
-    keys += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
-    keys.append(_key(NEUTRAL, "unknown"))
+    told = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
+    told += [_key(colour, label, "line") for label, colour in _lines(picture).items()]
+    told += [_key(solid.colour, solid.label) for solid in picture.solids]
+    told += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
+    told.append(_key(NEUTRAL, "unknown"))
     steps = ", ".join(css(colour) for colour in RAMP)
     look = f"width:50px;background:linear-gradient(90deg,{steps})"
     ramp = element("span", class_="key", style=look)
-    keys.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
+    told.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
     notes = (element("div", note, class_="note") for note in (*picture.notes, *remarks))
-    return block(element("h3", "Legend"), *keys, *notes, testid="legend")
+    return block(element("h3", "Legend"), *told, *notes, testid="legend")
 
 
 def _lines(picture: Picture) -> dict[str, Colour]:
@@ -489,15 +492,16 @@ def chart(
     marks :
         Times of vertical lines, s.
     """
-    known = np.concatenate([[0.0, 1e-9], *(curve.values for curve in curves)])
+    known = np.concatenate([[0.0], *(curve.values for curve in curves)])
     known = known[np.isfinite(known)]
     low, high = float(known.min()), float(known.max())
+    height = max(high - low, 1e-9)
     first, length = float(t[0]), max(float(t[-1] - t[0]), 1e-9)
     x = 100.0 * (t - first) / length
     parts = [_stroke([(100.0 * (mark - first) / length, y) for y in (0.0, 100.0)], "#555", "3 2")
              for mark in marks]  # fmt: skip
     for curve in curves:
-        y = 100.0 * (high - curve.values) / (high - low)
+        y = 100.0 * (high - curve.values) / height
         parts += [_stroke(run, curve.colour, curve.dashes) for run in _unbroken(x, y)]
     svg = element("svg", *parts, viewBox="0 -2 100 104", preserveAspectRatio="none")
     names = (element("span", element("i", style=f"background:{c.colour}"), c.name, class_="entry")

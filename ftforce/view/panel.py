@@ -56,6 +56,7 @@ _CHOOSE = "choose …"
 _LONGEST_NAME = 16  # letters beside a slider
 _SLIDE = 5.0  # m: how far a joint that slides without limits goes on the page
 _HEAVIEST = 1000.0  # kg
+_DIGITS = 4  # after the point of what is typed
 
 
 class Actions(Protocol):
@@ -71,7 +72,7 @@ class Actions(Protocol):
         """Give a tab the page as a file that needs no server."""
 
 
-class _Control:
+class Control:
     """A control of the page, and what the question last said it shows."""
 
     def __init__(self, handle: Any, value: Any) -> None:
@@ -100,18 +101,28 @@ class Panel:
         The question with which the page starts.
     actions :
         What the controls do.
+    is_played :
+        Whether posture, faults and load are a `Mode`'s: then controls show the first two, and
+        there is no question to be changed.
     """
 
     def __init__(
-        self, server: viser.ViserServer, robot: Robot, state: State, actions: Actions
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        state: State,
+        actions: Actions,
+        *,
+        is_played: bool = False,
     ) -> None:
         self.robot = robot
         self.notes: tuple[str, ...] = ()  # on the arm's meshes
         self._gui: Any = server.gui
         self._actions = actions
         self._start = state
+        self._is_played = is_played
         self._own = threading.local()  # whether this thread is writing what the question says
-        self._controls: dict[str, _Control] = {}
+        self._controls: dict[str, Control] = {}
         self._labels: tuple[str, ...] = ()
         self._sets: tuple[FaultSet, ...] = ()
         self._build_answer()
@@ -132,13 +143,17 @@ class Panel:
         gui = self._gui
         self.tabs = gui.add_tab_group()
         with self.tabs.add_tab("Arm"):
+            if self._is_played:
+                self._build_look(state)
             self._build_arm(state)
-        with self.tabs.add_tab("Force"):
-            self._build_force(state)
-        with self.tabs.add_tab("Census"):
-            self._build_census(state)
+        if not self._is_played:
+            with self.tabs.add_tab("Force"):
+                self._build_force(state)
+            with self.tabs.add_tab("Census"):
+                self._build_census(state)
         with self.tabs.add_tab("Take along"):
-            self._command = gui.add_html("")
+            if not self._is_played:
+                self._command = gui.add_html("")
             self._button("save_picture", "Save picture", self._actions.save_picture)
             self._button("save_page", "Save page", self._actions.save_page)
         gui.main_panel.dock_right()
@@ -157,6 +172,9 @@ class Panel:
             self._build_slider(i, joint, state)
         for i, joint in enumerate(robot.joints):
             self._build_fault(i, joint, state)
+        if self._is_played:
+            for name, control in self._controls.items():
+                control.handle.disabled = name != "see_through"
 
     def _build_slider(self, i: int, joint: Joint, state: State) -> None:
         low, high = slider_range(joint)
@@ -180,7 +198,7 @@ class Panel:
         )  # fmt: skip
         self._control(f"mode{i}", mode, state.modes[i], lambda x: lambda s: s.failing(i, x))
         factor = self._gui.add_slider(
-            f"Torque {joint.number} (%)", 0.0, 100.0, 1.0, _percent(state.factors[i]),
+            f"Torque {joint.number} (%)", 0.0, 100.0, 0.1, _percent(state.factors[i]),
             visible=state.modes[i] == FaultMode.WEAK,
             hint=f"Share of its largest torque that {joint.name} can still give",
         )  # fmt: skip
@@ -206,6 +224,7 @@ class Panel:
                 hint="Of the robot on its environment, x, y, z in the task's axes; or drag the "
                 "handle at the tip of the blue arrow",
             )  # fmt: skip
+            vector.precision = _DIGITS  # viser takes the step's, and lets nobody type more
             value = tuple(state.wrench[rows].tolist())
             self._control(key, vector, value, _pusher(rows))
         tasks = _TASKS if str(task) in _TASKS else (str(task), *_TASKS)
@@ -219,9 +238,12 @@ class Panel:
                                      hint="tool: of the tip; world: of the root, at the tip"),
             task.axes, lambda x: lambda s: s.asking(str(s.task), x),
         )  # fmt: skip
+        length = gui.add_number(
+            "Length L (m)", task.length, step=0.01, hint="Weighs moments against forces"
+        )
+        length.precision = _DIGITS
         self._control(
-            "length", gui.add_number("Length L (m)", task.length, step=0.01,
-                                     hint="Weighs moments against forces"),
+            "length", length,
             task.length, lambda x: lambda s: s.asking(str(s.task), s.task.axes, x),
         )  # fmt: skip
         self._build_conditions(state)
@@ -239,9 +261,12 @@ class Panel:
             state.weighs, lambda x: lambda s: s.weighing(x),
         )  # fmt: skip
         mass = 0.0 if state.payload is None else state.payload.mass
+        payload = gui.add_number(
+            "Payload (kg)", mass, min=0.0, max=max(_HEAVIEST, mass), step=0.1, hint="At the tip"
+        )
+        payload.precision = _DIGITS
         self._control(
-            "payload", gui.add_number("Payload (kg)", mass, min=0.0, max=max(_HEAVIEST, mass),
-                                      step=0.1, hint="At the tip"),
+            "payload", payload,
             mass, lambda x: lambda s: s.carrying(_payload(s, x)),
         )  # fmt: skip
 
@@ -257,9 +282,13 @@ class Panel:
             "weakest", gui.add_checkbox("Weakest direction", shown.weakest),
             shown.weakest, lambda x: lambda s: s.showing(weakest=x),
         )  # fmt: skip
+        self._build_look(state)
+
+    def _build_look(self, state: State) -> None:
+        see_through = state.shown.see_through
         self._control(
-            "see_through", gui.add_checkbox("See through the arm", shown.see_through),
-            shown.see_through, lambda x: lambda s: s.showing(see_through=x),
+            "see_through", self._gui.add_checkbox("See through the arm", see_through),
+            see_through, lambda x: lambda s: s.showing(see_through=x),
         )  # fmt: skip
 
     def _build_census(self, state: State) -> None:
@@ -290,7 +319,7 @@ class Panel:
         Its hand on the page and the session's worker write it; who writes says so, and what the
         question already says is nobody's wish.
         """
-        control = self._controls[name] = _Control(handle, value)
+        control = self._controls[name] = Control(handle, value)
 
         def update(_event: Any) -> None:
             if getattr(self._own, "writes", False):
@@ -308,7 +337,7 @@ class Panel:
     def _button(self, name: str, label: str, act: Callable[[Any], None]) -> None:
         handle = self._gui.add_button(label)
         handle.on_click(lambda event: act(event.client))
-        self._controls[name] = _Control(handle, None)
+        self._controls[name] = Control(handle, None)
 
     # ---- what controls mean ------------------------------------------------------------------
 
@@ -323,6 +352,10 @@ class Panel:
         if name == _CHOOSE:
             return lambda state: state
         return lambda state: state.in_posture(choose_posture(self.robot, None, name))
+
+    def begin_with(self, state: State) -> None:
+        """Let Reset go back to another question: for a `Mode` that asks one."""
+        self._start = state
 
     def _reset(self) -> None:
         """Go back to the question with which the page started; what is shown stays."""
@@ -377,12 +410,22 @@ class Panel:
             values[f"mode{i}"] = state.modes[i]
             values[f"factor{i}"] = _percent(state.factors[i])
         with self._writing():
+            self._offer_task(str(task))
             for name, value in values.items():
-                self._controls[name].tell(value)
+                if name in self._controls:
+                    self._controls[name].tell(value)
             for i, mode in enumerate(state.modes):
                 _show(self._controls[f"factor{i}"].handle, mode == FaultMode.WEAK)
-            _show(self._controls["moment"].handle, bool(task.moment_rows))
-            _show(self._controls["length"].handle, bool(task.moment_rows))
+            for name in {"moment", "length"} & self._controls.keys():
+                _show(self._controls[name].handle, bool(task.moment_rows))
+
+    def _offer_task(self, task: str) -> None:
+        """Let the task be one that can be chosen: a mode may have another than the usual ones."""
+        if "task" in self._controls:
+            handle = self._controls["task"].handle
+            if task not in handle.options:
+                handle.options = (task, *_TASKS)
+                self._controls["task"].value = handle.value  # viser chooses when it is replaced
 
     def _posture_name(self, state: State) -> str:
         name = state.posture.source.removeprefix("posture '").removesuffix("'")
@@ -396,25 +439,14 @@ class Panel:
         self.tabs._rebuild_tab_props()
         return tab
 
-    def disable_all(self) -> None:
-        """Take everything out of the user's hands but what is shown: for a `Mode`."""
-        for name, control in self._controls.items():
-            if name not in {"save_picture", "save_page", "see_through"}:
-                control.handle.disabled = True
-        self._all_sets.disabled = True
-
-    def disable(self, is_disabled: bool) -> None:
-        """Take posture and faults out of the user's hands, or give them back: for a `Mode`."""
-        for name, control in self._controls.items():
-            if name[-1].isdigit() or name in {"posture", "reset"}:
-                control.handle.disabled = is_disabled
-
     def show(self, answer: Answer, picture: Picture) -> None:
         """Show an answer."""
-        command = command_line(self.robot, answer.state)
         _write(self._banner, banner(answer))
         _write(self._answer, answer_part(answer))
         _write(self._legend, legend(picture, self.notes))
+        if self._is_played:
+            return
+        command = command_line(self.robot, answer.state)
         _write(self._command, command_part(command, answer.state.origin.note))
         _write(self._census, census_part(answer.census, answer.analysis.faults.joints))
         self._show_sets(answer)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
+from ftforce import words
 from ftforce.arrays import Matrix, Vector, read_only
 from ftforce.kinematics import joint_frames, quaternion, reach_bound, tip_pose
 from ftforce.task import COMPONENTS
@@ -25,7 +25,7 @@ from ftforce.view.arrows import (
     scales_for,
 )
 from ftforce.view.colours import FIXED, LOST_LINE, WEAKEST_LINE, colour_of
-from ftforce.view.solids import polytopes_of, solids_of
+from ftforce.view.force_sets import polytopes_of, solids_of
 from ftforce.words import NEGLIGIBLE, size
 
 if TYPE_CHECKING:
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from ftforce.task import Task
     from ftforce.view.answer import Answer, JointLoad
     from ftforce.view.colours import Colour
-    from ftforce.view.solids import Solid
+    from ftforce.view.force_sets import Solid
 
 _LINE = 0.3  # of half a line, as a share of the size of the arm's scene
-_HAND = 0.005  # m: finer steps of a dragged force are not meant
+HAND = 0.005  # m: finer steps of a dragged force are not meant
 
 
 class Pose(NamedTuple):
@@ -113,7 +113,8 @@ def picture(answer: Answer, like: Picture | None = None) -> Picture:
     vectors = _vectors(answer)
     extent = scene_size(robot)
     if like is None:
-        sizes = [*vectors.values(), *(polytope.vertices for polytope in polytopes)]
+        known = (F for F in vectors.values() if F is not None)
+        sizes = [*known, *(polytope.vertices for polytope in polytopes)]
         scales = scales_for(task, sizes, extent)
     else:
         scales = like.scales
@@ -126,7 +127,7 @@ def picture(answer: Answer, like: Picture | None = None) -> Picture:
         lines=_lines(answer, axes, extent),
         solids=solids,
         scales=scales,
-        notes=(*scales.notes(), *problem, *notes),
+        notes=(*(scales.notes() if vectors or polytopes else ()), *problem, *notes),
         see_through=shown.see_through,
         can_pull=analysis.force is not None,
     )
@@ -189,10 +190,12 @@ def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
     """
     task = answer.analysis.task
     scale = picture.scales.of(task)
-    w, x, y, z = picture.tip.wxyz.tolist()
-    F = pin.Quaternion(w, x, y, z).toRotationMatrix().T @ (end - picture.tip.position) / scale
-    step = 10.0 ** math.floor(math.log10(_HAND / scale))
+    F = rotation(picture.tip.wxyz).T @ (end - picture.tip.position) / scale
+    step = 10.0 ** math.floor(math.log10(HAND / scale))
     wrench = answer.state.wrench.copy()
+    if (requested := requested_of(answer)) is not None:  # of torques, other than the wrench
+        for name, value in zip(task.components, requested.tolist(), strict=True):
+            wrench[COMPONENTS.index(name)] = value
     first = 0 if task.force_rows else 3
     # What the task lacks is no part of the request, wherever the hand goes.
     for row in (COMPONENTS.index(name) for name in task.components):
@@ -201,16 +204,28 @@ def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
     return read_only(wrench)
 
 
-def _vectors(answer: Answer) -> dict[str, Vector]:
-    """Return requested, kept and lost force in the task's components, N and N·m, (m,) each."""
-    change, task = answer.analysis.force, answer.analysis.task
-    none = np.zeros(task.m)
+def _vectors(answer: Answer) -> dict[str, Vector | None]:
+    """Return requested, kept and lost force in the task's components, N and N·m, (m,) each.
+
+    Of an arm that cannot stand still the last two are ``None``; if no force is asked for, there
+    is none of them.
+    """
+    change = answer.analysis.force
     if change is None:
-        return dict.fromkeys(ARROW_KINDS, none)
-    requested = change.before if change.requested is None else change.requested
-    # An arm that cannot stand still keeps nothing, and what it loses is no arrow.
-    vectors = zip(ARROW_KINDS, (requested, change.after, change.jump), strict=True)
-    return {kind: none if F is None else F for kind, F in vectors}
+        return {}
+    vectors = zip(ARROW_KINDS, (requested_of(answer), change.after, change.jump), strict=True)
+    return dict(vectors)
+
+
+def requested_of(answer: Answer) -> Vector | None:
+    """Return the force that is asked for, in the task's components, N and N·m, shape (m,).
+
+    It is what the torques mean if those are given, and ``None`` if every direction is asked about.
+    """
+    change = answer.analysis.force
+    if change is None:
+        return None
+    return change.before if change.requested is None else change.requested
 
 
 def pose_of(rotation: Matrix, place: Vector) -> Pose:
@@ -225,17 +240,11 @@ def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
     for row in answer.analysis.lost_directions:
         ends, whose = _line(task, task.unweigh_force(row), axes, half, -half)
         lines.append(Line(ends, LOST_LINE, f"lost direction{whose}"))
-    if (weakest := answer.weakest) is not None:
+    if (weakest := answer.weakest) is not None and math.isfinite(weakest[1].most):
         ends, whose = _line(task, weakest[1].direction, axes, half, 0.0)
-        amount = _most(weakest[1].most, task.size_unit)
+        amount = f"{size(weakest[1].most, 1)} {words.unit_of_size(task)}"
         lines.append(Line(ends, WEAKEST_LINE, f"weakest direction{whose}: {amount}"))
     return tuple(lines)
-
-
-def _most(most: float, unit: str) -> str:
-    if math.isnan(most):
-        return "the arm does not stand still"
-    return "no limit" if math.isinf(most) else f"{size(most, 1)} {unit}"
 
 
 def _line(
@@ -251,6 +260,18 @@ def _line(
     part = force if force.any() else moment
     unit = axes.rotation @ (part / norm(part))
     return read_only(np.array([axes.place + behind * unit, axes.place + ahead * unit])), whose
+
+
+def rotation(wxyz: Vector) -> Matrix:
+    """Return the rotation (3, 3) of a unit quaternion w, x, y, z."""
+    w, x, y, z = wxyz.tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
 
 
 def _wxyz(R: Matrix) -> Vector:

@@ -11,15 +11,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.errors import InputError, TrajectoryError, printable
+from ftforce.errors import InputError, TrajectoryError
 from ftforce.history_files import load_history
 from ftforce.show.canvas import STROKES
 from ftforce.view import markup
+from ftforce.view.fitting import Stored, difference, displacement
 from ftforce.view.history_markup import charts, marks, tables
-from ftforce.view.history_stage import PLACES, HealthyArm, aim, animated_page, draw_path, legend
+from ftforce.view.history_stage import (
+    FRAME,
+    PLACES,
+    HealthyArm,
+    aim,
+    animated_page,
+    draw_path,
+    legend,
+)
+from ftforce.view.panel import Control
 from ftforce.view.picture import scene_size
 from ftforce.view.session import View
-from ftforce.view.snapshots import ROUNDING, faults_at, history_scales, scene, sentence, snapshot
+from ftforce.view.snapshots import (
+    ROUNDING,
+    faults_at,
+    first_with,
+    history_scales,
+    scene,
+    sentence,
+    snapshot,
+)
 from ftforce.view.state import in_components
 
 if TYPE_CHECKING:
@@ -32,7 +50,7 @@ if TYPE_CHECKING:
     from ftforce.view.state import State
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
-FRAME = 0.05  # s
+_PRINTED = 1e-5  # six digits of a time are enough to mean it
 _SLOWEST = 0.25  # s: after a longer pause of the machine it goes on from where it was
 
 
@@ -62,9 +80,9 @@ def playback(robot: Robot, state: State, path: str | os.PathLike[str], at: float
     history = load_history(path)
     check_fits(robot, history, path)
     end = float(history.t[-1])
-    if not 0.0 <= at <= end:  # nor is NaN
+    if not 0.0 <= at <= end * (1.0 + _PRINTED):  # nor is NaN
         raise InputError(f"the history lasts from 0 to {end:g} s; it has nothing at {at:g} s")
-    return Playback(robot, history, at)
+    return Playback(robot, history, min(at, end))
 
 
 def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> None:
@@ -75,21 +93,19 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
     TrajectoryError
         It is of another one; the message says what differs.
     """
-    setting = history.setting
-    theirs = [(joint.name, joint.unit) for joint in setting.joints]
-    if theirs != [(joint.name, joint.unit) for joint in robot.joints]:
-        names, own = (", ".join(map(printable, x)) for x in (dict(theirs), robot.names))
-        raise TrajectoryError(path, f"is of another arm: its joints are {names}; here: {own}")
-    if (setting.base, setting.tip) != (robot.base, robot.tip):
-        there = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
-        here = f"{printable(robot.base)} to {printable(robot.tip)}"
-        raise TrajectoryError(path, f"is of another chain: {there}; here: {here}")
+    setting, run = history.setting, history.healthy
+    joints = tuple(joint.name for joint in setting.joints)
+    units = tuple(joint.unit for joint in setting.joints)
+    stored = Stored(setting.robot, setting.base, setting.tip, joints, units)
+    problem = difference(robot, stored) or displacement(robot, run.q[0], run.position[0])
+    if problem:
+        raise TrajectoryError(path, problem)
 
 
 def _mark(history: History, time: float) -> str:
     """Return the numbers of the joints that fail at a time: a slider has room for no more."""
-    before = faults_at(history, time - 2.0 * ROUNDING).joints
-    return ",".join(str(j + 1) for j in faults_at(history, time).joints if j not in before)
+    before = faults_at(history, time - 2.0 * ROUNDING).faults
+    return ",".join(str(x.joint + 1) for x in faults_at(history, time).faults if x not in before)
 
 
 # ---- the mode --------------------------------------------------------------------------------
@@ -154,7 +170,7 @@ class Playback:
         """Show the time that it is now, whoever set it."""
         self._own.writes = True  # viser calls callbacks of what it is told, too
         try:
-            self._slider.value = min(round(self.time, 3), self._slider.max)
+            self._clock.tell(min(round(self.time, 3), self._slider.max))
         finally:
             self._own.writes = False
         self._ask()
@@ -201,7 +217,6 @@ class Playback:
         self._healthy = HealthyArm(session.server, self.robot)
         with session.panel.first_tab("Time"):
             self._build(session.server.gui)
-        session.panel.disable_all()
         draw_path(session.server, self.history)
         self._draw_charts()
         task, force = self.history.setting.task, np.array(self.history.setting.force)
@@ -218,7 +233,7 @@ class Playback:
         history = self.history
         now = snapshot(history, name, time)
         picture = scene(self.robot, history, now, self._scales, state.shown.see_through)
-        with self._session.server.atomic(), self._lock:  # in the order of the session
+        with self._session.server.atomic(), self._lock:
             self._healthy.show(picture, now, place)
         self._cursor.content = str(markup.cursor(now.time / self.end if self.end else 0.0))
         top = markup.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
@@ -238,7 +253,14 @@ class Playback:
         """Return the history as a page that plays by itself."""
         with self._lock:
             name, place, geometry = self._name, self._place, self._geometry
-        return animated_page(self.robot, self.history, name, place, geometry)
+        see_through = self._session.state.shown.see_through
+        return animated_page(
+            self.robot, self.history, name, geometry, place=place, see_through=see_through
+        )
+
+    def part(self) -> markup.Markup:
+        """Return nothing: its page is one of its own."""
+        return markup.Markup()
 
     def stop(self) -> None:
         """End the thread that plays."""
@@ -272,13 +294,15 @@ class Playback:
 
     def _build(self, gui: Any) -> None:
         history, step = self.history, max(round(self.end / 1000.0, 3), 0.001)
+        end, now = max(self.end, step), min(round(self._time, 3), self.end)
         self._button = gui.add_button("Play")
         self._button.on_click(lambda _event: self.pause() if self.is_playing else self.play())
         faults = tuple((time, _mark(history, time)) for time in sorted({*marks(history)}))
         self._slider = gui.add_slider(
-            "Time (s)", 0.0, max(self.end, step), step, round(self._time, 3), marks=faults or None,
+            "Time (s)", 0.0, end, step, now, marks=faults or None,
             hint="Faults are marked",
         )  # fmt: skip
+        self._clock = Control(self._slider, self._slider.value)
         self._slider.on_update(lambda _event: self._slid())
         names = tuple(self._names)
         run = gui.add_dropdown("Run", names, initial_value=names[0])
@@ -294,9 +318,14 @@ class Playback:
                          "place": place}  # fmt: skip
 
     def _slid(self) -> None:
-        if not getattr(self._own, "writes", False):
-            self.pause()
-            self.seek(float(self._slider.value))
+        if getattr(self._own, "writes", False):
+            return
+        self.pause()
+        time = self._clock.value = float(self._slider.value)
+        for event in self.history.setting.events:
+            if round(event.time, 3) == round(time, 3):  # on a mark: with the fault, not before it
+                time = first_with(self.history, event.time)
+        self.seek(time)
 
     def _hasten(self, speed: float) -> None:
         self._speed = speed

@@ -6,16 +6,17 @@ that vanishes in the middle of a drag, share one question, and no answer is late
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from ftforce.errors import FtforceError
 from ftforce.view.answer import answer
 from ftforce.view.markup import static_page
 from ftforce.view.panel import Panel
-from ftforce.view.picture import picture, pulled
+from ftforce.view.picture import HAND, picture, pulled
 from ftforce.view.stage import Stage
 from ftforce.view.state import HEALTHY, command_line
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.robot import Robot
     from ftforce.view.answer import Answer
+    from ftforce.view.markup import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.state import State
@@ -54,13 +56,13 @@ class View(NamedTuple):
 class Mode(Protocol):
     """Something that takes posture and faults out of the user's hands: a history, a sweep.
 
-    It adds its own tab with ``session.panel.tabs.add_tab`` and its own nodes to
+    It adds its own tab with ``session.panel.first_tab`` and its own nodes to
     ``session.server.scene``; when its time, or its point, changes, it calls `Session.refresh`, or
     `Session.change` with another question.
     """
 
     takes_over: bool
-    """Whether the controls of posture and faults are disabled."""
+    """Whether posture, faults and load are its own: then the page asks nothing else."""
 
     def start(self, session: Session) -> None:
         """Begin; the session's page is up, and nothing was answered yet."""
@@ -76,6 +78,9 @@ class Mode(Protocol):
 
     def page(self) -> str | None:
         """Return what it shows as a page for a file; ``None`` for the scene as it is."""
+
+    def part(self) -> Markup:
+        """Return what stands beside the scene as it is, in a file, above the answer's tables."""
 
     def stop(self) -> None:
         """End, and every thread of its own with it."""
@@ -111,7 +116,8 @@ class Session:
         self._state = state
         self._answer: Answer | None = None
         self._picture: Picture | None = None
-        self._problem = ""
+        self._refusal = ""  # of the last change
+        self._failure = ""  # of the last question that was answered
         self._is_pulled = False
         self._lock = threading.RLock()
         self._news = threading.Condition(self._lock)
@@ -123,9 +129,9 @@ class Session:
         try:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
-                self.panel = Panel(self.server, robot, state, self)
+                is_played = mode is not None and mode.takes_over
+                self.panel = Panel(self.server, robot, state, self, is_played=is_played)
             if mode is not None:
-                self.panel.disable(mode.takes_over)
                 mode.start(self)  # before anything is asked of it
             self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
             self._worker.start()
@@ -168,7 +174,7 @@ class Session:
     def problem(self) -> str:
         """Why the newest question has no answer; empty if it has."""
         with self._lock:
-            return self._problem
+            return self._refusal or self._failure
 
     # ---- what anybody may do, from any thread ------------------------------------------------
 
@@ -184,9 +190,9 @@ class Session:
         with self._lock:
             try:
                 self._state = change(self._state)
-                self._problem = ""
+                self._refusal = ""
             except FtforceError as error:
-                self._problem = str(error)
+                self._refusal = str(error)
             self._ask()
 
     def refresh(self) -> None:
@@ -211,15 +217,22 @@ class Session:
             if not self._news.wait_for(lambda: self._answered >= asked, seconds):
                 raise TimeoutError(f"no answer within {seconds:g} s")
 
-    def pull(self, end: Vector, done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,)."""
+    def pull(self, end: Callable[[], Vector], done: bool) -> None:
+        """Move the end of the requested force to a place in the root's axes, m, shape (3,).
+
+        What a hand that holds still moves is nobody's wish: the question stays.
+        """
         with self._lock:
+            self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
             shown, scene = self._answer, self._picture
             if shown is None or scene is None or not scene.can_pull:
                 return
-            wrench = pulled(scene, shown, end)
-            self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
-            self.change(lambda state: state.pushing(wrench))
+            place = end()
+            if math.dist(place, scene.arrows[0].end) > 0.5 * HAND:
+                wrench = pulled(scene, shown, place)
+                self.change(lambda state: state.pushing(wrench))
+            elif done:
+                self._ask()  # all arrows in a scale that fits them
 
     def touch(self, joint: int) -> None:
         """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
@@ -241,7 +254,9 @@ class Session:
                 if self._ends.is_set():
                     return
                 asked, state, earlier = self._asked, self._state, self._answer
-                like = self._picture if self._is_pulled else None
+                like = None
+                if self._is_pulled and earlier is not None and earlier.state.task == state.task:
+                    like = self._picture
             self._answer_now(state, earlier, like)
             with self._news:
                 self._answered = asked
@@ -264,22 +279,22 @@ class Session:
                     self.panel.show_parts(view.top, view.parts, view.below)
                     self._show(view.picture)
         except FtforceError as error:
-            self._show_problem(str(error))
+            self._show_failure(str(error))
         except Exception as error:  # the page lives on; its user never meets a traceback
-            self._show_problem(f"{_MISTAKE} ({error!r})")
+            self._show_failure(f"{_MISTAKE} ({error!r})")
         self.seconds = time.perf_counter() - started
 
     def _show(self, scene: Picture) -> None:
-        self._picture = scene
+        self._picture, self._failure = scene, ""
         self.stage.update(scene)
         self.panel.sync(self._state)
-        if self._problem:  # of a change that was refused
-            self.panel.show_problem(self._problem)
+        if self._refusal:
+            self.panel.show_problem(self._refusal)
 
-    def _show_problem(self, problem: str) -> None:
+    def _show_failure(self, problem: str) -> None:
         with self._lock, self.server.atomic():
-            self._problem = problem
-            self.panel.show_problem(problem)
+            self._failure = problem
+            self.panel.show_problem(self.problem)
             self.panel.sync(self._state)
 
     # ---- beginning and end -------------------------------------------------------------------
@@ -345,11 +360,14 @@ class Session:
             return page
         with self._lock:
             part = self.panel.static_parts()
-            if self._answer is not None and self._picture is not None and self.mode is None:
+            if self._answer is not None and self._picture is not None:
                 command = command_line(self.robot, self._answer.state)
                 part = static_page(self._answer, self._picture, command, self.panel.notes)
+            if self.mode is not None:
+                part = self.mode.part() + part
             title = f"ftforce {self.robot.name}"
-            return scene_html(self.server, title=title, answer_html=part)
+            handle = (self.stage.handle_name,)
+            return scene_html(self.server, title=title, answer_html=part, without=handle)
 
     def png(self) -> bytes:
         """Return the scene as a PNG, drawn by a browser without a window.
@@ -365,14 +383,14 @@ class Session:
 
     def save_page(self, client: Any) -> None:
         """Give a tab the page as a file."""
-        with self._told():
+        with self._told(client):
             self._give(client, "html", self.page().encode())
 
     def save_picture(self, client: Any) -> None:
         """Give a tab the scene as it sees it, as a PNG."""
         from ftforce.view.screenshot import render_png
 
-        with self._told():
+        with self._told(client):
             self._give(client, "png", render_png(client))
 
     def _give(self, client: Any, ending: str, content: bytes) -> None:
@@ -380,14 +398,15 @@ class Session:
         client.send_file_download(name, content, save_immediately=True)
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Show an error in the banner: it happens in a thread of viser's."""
+    def _told(self, client: Any) -> Iterator[None]:
+        """Tell a tab of an error: it happens in a thread of viser's."""
         try:
             yield
         except FtforceError as error:
-            self._show_problem(str(error))
+            client.add_notification("Nothing was saved", str(error), color="red")
         except Exception as error:  # a tab that is gone, for one
-            self._show_problem(f"nothing was saved ({error!r})")
+            with suppress(Exception):
+                client.add_notification("Nothing was saved", repr(error), color="red")
 
 
 def _file_name(robot: Robot) -> str:

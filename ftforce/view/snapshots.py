@@ -36,7 +36,7 @@ class Snapshot(NamedTuple):
     Attributes
     ----------
     sample :
-        Its index.
+        Its index; that of the last posture that is known, if by then nothing holds the arm.
     time :
         Of the sample, s.
     run, healthy :
@@ -45,7 +45,7 @@ class Snapshot(NamedTuple):
         Joints that have failed by then.
     requested, kept, lost :
         Force that is asked for, at the tip, and missing there, N and N·m, in the task's axes,
-        shape (m,); ``None`` where nothing holds the arm.
+        shape (m,); ``None`` from where nothing holds the arm.
     loads :
         What each joint does: ``before`` is the healthy run's.
     verdict :
@@ -96,18 +96,27 @@ def snapshot(history: History, name: str, time: float) -> Snapshot:
         In s; the last sample at or before it counts.
     """
     i, run = history.index(time + ROUNDING), history.runs[name]
-    at = float(history.t[i])
+    at, fall = float(history.t[i]), run.falls_from
     faults = FaultSet() if name == "healthy" else faults_at(history, at)
-    force, jump = run.force[i], run.jump[i]
-    holds = not np.isnan(force).any()
+    holds = fall is None or i < fall
+    loads, verdict = _loads(history, run, i, faults, holds), run.verdicts[i]
+    if fall is not None:
+        i = min(i, fall)  # where the fall takes the arm is not known
     return Snapshot(
         i, at, run, history.healthy, faults, np.array(history.setting.force),
-        force if holds else None, jump if holds else None, _loads(history, run, i, faults),
-        run.verdicts[i],
+        run.force[i] if holds else None, run.jump[i] if holds else None, loads, verdict,
     )  # fmt: skip
 
 
-def _loads(history: History, run: Run, i: int, faults: FaultSet) -> tuple[JointLoad, ...]:
+def first_with(history: History, time: float) -> float:
+    """Return the time of the first sample that knows of an event at a time, s."""
+    i = int(np.searchsorted(history.t, time - ROUNDING))
+    return float(history.t[min(i, len(history.t) - 1)])
+
+
+def _loads(
+    history: History, run: Run, i: int, faults: FaultSet, holds: bool
+) -> tuple[JointLoad, ...]:
     by_joint = {fault.joint: fault for fault in faults.faults}
     rows = []
     for j, joint in enumerate(history.setting.joints):
@@ -120,15 +129,24 @@ def _loads(history: History, run: Run, i: int, faults: FaultSet) -> tuple[JointL
                 unit=joint.torque_unit,
                 fault=fault,
                 before=float(history.healthy.motor[i, j]),
-                after=float(run.motor[i, j]),
+                after=float(run.motor[i, j]) if holds else math.nan,
                 part_before=float(run.force_part[i, j]),
-                part_after=float(run.U[i, j]),
-                brake=float(run.brake[i, j]) if is_locked else math.nan,
-                limit=math.nan if is_locked else history.setting.effort[j],
-                used=math.nan if is_locked else float(run.used[i, j]),
+                part_after=float(run.U[i, j]) if holds else math.nan,
+                brake=float(run.brake[i, j]) if is_locked and holds else math.nan,
+                limit=_limit(history, run, i, j, fault),
+                used=float(run.used[i, j]) if holds else math.nan,
             )
         )
     return tuple(rows)
+
+
+def _limit(history: History, run: Run, i: int, j: int, fault: Fault | None) -> float:
+    """Return the largest torque of what holds a joint, N·m (N), NaN if it is not known."""
+    if fault is not None and fault.mode is FaultMode.LOCKED:  # a brake, of which the share stands
+        used = float(run.used[i, j])
+        return abs(float(run.brake[i, j])) / used if used > 0.0 else math.nan
+    share = 1.0 if fault is None or fault.mode is not FaultMode.WEAK else fault.factor
+    return share * history.setting.effort[j]
 
 
 # ---- words -----------------------------------------------------------------------------------
@@ -142,10 +160,12 @@ def sentence(history: History, name: str, now: Snapshot) -> str:
         f"{now.time:.2f} s, {STROKES[name].words}, {faults}: {now.verdict}.",
         _kept(now, history),
     ]
-    if name == "remapped" and told and now.time < told[-1].time + history.setting.delay - ROUNDING:
-        parts.append(f"The remap acts at {told[-1].time + history.setting.delay:g} s.")
+    acts = [event.time + history.setting.delay for event in told]
+    pending = [f"{time:g} s" for time in acts if now.time < time - ROUNDING]
+    if name == "remapped" and pending:
+        parts.append(f"The remap acts at {words.joined(pending)}.")
     fall = now.run.falls_from
-    if fall is not None and now.sample >= fall:
+    if fall is not None and now.kept is None:
         parts.append(
             f"From {history.t[fall]:g} s on nothing holds the arm; where that takes it is not "
             "simulated."
@@ -185,11 +205,10 @@ def scene(
     task = history.setting.task
     poses, (turn, place) = joint_poses(robot, now.run.q[now.sample])
     axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
-    nothing = np.zeros(task.m)
     forces = {
         "requested": now.requested,
-        "kept": nothing if now.kept is None else now.kept,
-        "lost": nothing if now.lost is None else now.lost,
+        "kept": now.kept,
+        "lost": now.lost,
     }
     return Picture(
         joints=poses,
@@ -220,12 +239,11 @@ def ghost(robot: Robot, picture: Picture, q: Vector, offset: Vector) -> Picture:
         From the other arm's root to its own, m, shape (3,).
     """
     poses, _ = joint_poses(robot, q)
-    none = tuple(arrow._replace(end=arrow.start, mark="") for arrow in picture.arrows)
     return replace(
         picture,
         joints=tuple(pose._replace(position=pose.position + offset) for pose in poses),
         colours=(NEUTRAL,) * len(poses),
-        arrows=none,
+        arrows=(),
         notes=(),
         see_through=True,
     )

@@ -10,17 +10,19 @@ import numpy as np
 from ftforce.arrays import Matrix, Vector, read_only
 from ftforce.view.arrow_nodes import ArrowNodes, assign, moved
 from ftforce.view.colours import FIXED
-from ftforce.view.picture import chain_joints, scene_size
+from ftforce.view.picture import chain_joints, rotation, scene_size
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import viser
     from numpy.typing import NDArray
 
     from ftforce.robot import Robot
     from ftforce.view.arrows import Arrow
+    from ftforce.view.force_sets import Solid
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
-    from ftforce.view.solids import Solid
 
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
@@ -35,8 +37,11 @@ _SAMPLE = 500  # points of a link that are enough to aim the camera
 class Hands(Protocol):
     """What touching the scene does."""
 
-    def pull(self, end: Vector, done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,)."""
+    def pull(self, end: Callable[[], Vector], done: bool) -> None:
+        """Move the end of the requested force to a place in the root's axes, m, shape (3,).
+
+        It is asked for when its turn comes: viser's threads call in any order.
+        """
 
     def touch(self, joint: int) -> None:
         """Click on a joint of the chain, index from 0."""
@@ -83,7 +88,7 @@ class Stage:
         self._parts: list[_Part] = []
         self._last: Picture | None = None
         self._opacity: float | None = None
-        self._is_dragged = False
+        self._drags: set[Any] = set()  # tabs whose hand has the force
         self._lines: Any = None
         self._marks: list[Any] = []
         self._solids: list[Any] = []
@@ -91,8 +96,9 @@ class Stage:
         self._floor = _floor(server, prefix, self._extent)
         self._floor.visible = floor
         self._arrows: dict[tuple[str, bool], ArrowNodes] = {}
+        self.handle_name = f"{prefix}/force/handle"
         self._handle: Any = server.scene.add_transform_controls(
-            f"{prefix}/force/handle", scale=0.1 * self._extent, line_width=2.5,
+            self.handle_name, scale=0.1 * self._extent, line_width=2.5,
             disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.8,
             visible=False,
         )  # fmt: skip
@@ -200,16 +206,21 @@ class Stage:
             self._arrows[key].hide()
 
     def _place_handle(self, picture: Picture) -> None:
-        requested = picture.arrows[0]
         assign(self._handle, "visible", picture.can_pull)
-        if picture.can_pull and not self._is_dragged:  # never out of somebody's hand
-            assign(self._handle, "position", requested.end)
+        if picture.can_pull and not self._drags:  # never out of somebody's hand
+            assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
     def _dragged(self, event: Any) -> None:
-        self._is_dragged = event.phase != "end"
-        end = read_only(np.array(self._handle.position, dtype=float))
-        self._hands.pull(end, event.phase == "end")
+        if event.phase == "start":  # nothing has moved
+            self._drags.add(event.client_id)
+            return
+        if event.phase == "end":
+            self._drags.discard(event.client_id)
+        self._hands.pull(self._end, not self._drags)
+
+    def _end(self) -> Vector:
+        return read_only(np.array(self._handle.position, dtype=float))
 
     def _draw_lines(self, picture: Picture, last: Picture | None) -> None:
         if last is not None and _same_lines(picture, last):
@@ -280,18 +291,6 @@ def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
     aside = (np.abs(seen - middle) + margin) / slopes
     distance = float((aside.max(axis=1) + (points - target) @ towards).max())
     return read_only(target + distance * towards), read_only(target)
-
-
-def rotation(wxyz: Vector) -> Matrix:
-    """Return the rotation (3, 3) of a unit quaternion w, x, y, z."""
-    w, x, y, z = wxyz.tolist()
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
 
 
 def linear(colours: NDArray[Any]) -> Any:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ftforce.arrays import read_only
 from ftforce.batch.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
-from ftforce.errors import SweepError, printable
+from ftforce.errors import SweepError
 from ftforce.history import VERDICTS
 from ftforce.view import markup
+from ftforce.view.fitting import Stored, difference, displacement
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.stage import linear
 from ftforce.view.state import in_components
@@ -67,6 +70,8 @@ class Points(NamedTuple):
         In the root's axes, m, shape (k, 3).
     verdict :
         Index in ``ftforce.history.VERDICTS``, of each fault set that can be chosen, shape (k, s).
+    worst :
+        Index of the fault set that is worst in each posture, the first of several, shape (k,).
     total :
         How many postures the sweep has that are done.
     """
@@ -74,6 +79,7 @@ class Points(NamedTuple):
     q: Matrix
     tip: Matrix
     verdict: NDArray[np.int8]
+    worst: NDArray[np.int64]
     total: int
 
 
@@ -99,7 +105,12 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
     check_fits(robot, sweep, path)
     if not sweep.done:
         raise SweepError(path, "has no posture yet; the command that began it goes on")
-    return Survey(robot, state, sweep)
+    found = Survey(robot, state, sweep)
+    if found.points is not None:
+        problem = displacement(robot, found.points.q[0], found.points.tip[0])
+        if problem:
+            raise SweepError(path, problem)
+    return found
 
 
 def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
@@ -111,14 +122,9 @@ def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None
         It is of another one; the message says what differs.
     """
     setting = sweep.setting
-    units = tuple(joint.unit for joint in robot.joints)
-    if (setting.joints, setting.joint_units) != (tuple(robot.names), units):
-        names, own = (", ".join(map(printable, x)) for x in (setting.joints, robot.names))
-        raise SweepError(path, f"is of another arm: its joints are {names}; here: {own}")
-    if (setting.base, setting.tip) != (robot.base, robot.tip):
-        there = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
-        here = f"{printable(robot.base)} to {printable(robot.tip)}"
-        raise SweepError(path, f"is of another chain: {there}; here: {here}")
+    stored = Stored(setting.robot, setting.base, setting.tip, setting.joints, setting.joint_units)
+    if problem := difference(robot, stored):
+        raise SweepError(path, problem)
 
 
 def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
@@ -154,7 +160,10 @@ def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
         chosen = np.sort(np.random.default_rng(_SEED).choice(done, most, replace=False))
     verdict = np.asarray(data[name].isel(posture=chosen).values).reshape(len(chosen), -1)
     q = np.asarray(data["q"].isel(posture=chosen).values)
-    return Points(q, tips[chosen], verdict.astype(np.int8), len(done))
+    worst = verdict.argmax(axis=1)
+    if name == "worst_verdict":
+        worst = np.asarray(data["worst_set"].isel(posture=chosen).values)
+    return Points(q, tips[chosen], verdict.astype(np.int8), worst.astype(np.int64), len(done))
 
 
 def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
@@ -208,6 +217,8 @@ class Survey:
         self._choices = choices(sweep)
         self._start = state
         self._chosen, self._shown = EVERY, SHOWN[0]
+        self._asks, self._asks_the_same = state, True
+        self._lock = threading.RLock()
 
     # ---- Mode --------------------------------------------------------------------------------
 
@@ -221,11 +232,19 @@ class Survey:
         else:
             self._nodes = self._add_points(self.points)
             self._nodes.on_click(lambda event: self.take(event.instance_index))
-        self._tell()
         session.change(self._as_swept)
+        self._asks = session.state
+        session.panel.begin_with(self._asks)
+        self._tell()
 
     def view(self, state: State) -> View | None:
-        """Return nothing: the ordinary answer is shown."""
+        """Return nothing: the ordinary answer is shown. The legend says if it is another's."""
+        with self._lock:
+            asks_the_same = _question(state) == _question(self._asks)
+            if asks_the_same != self._asks_the_same:
+                self._asks_the_same = asks_the_same
+                self._tell()
+        return None
 
     def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # a `Mode` has it
         """Aim at all points: there is one arm."""
@@ -245,22 +264,29 @@ class Survey:
     # ---- what it is told ---------------------------------------------------------------------
 
     def take(self, point: int | None) -> None:
-        """Take the arm to a point, and fail the joints that were chosen."""
-        if self.points is None or point is None or not 0 <= point < len(self.points.q):
+        """Take the arm to a point, and fail the joints that were chosen.
+
+        Of every set it is the worst one, unless all are tolerated there: then the faults stay.
+        """
+        points = self.points
+        if points is None or point is None or not 0 <= point < len(points.q):
             return
-        q, faults = self.points.q[point], self._faults()
+        q, faults = points.q[point], self._faults()
+        if faults is None and verdicts_of(points, None)[point]:
+            faults = self.sweep.sets[points.worst[point]]
         self._session.change(
             lambda state: state.at(q) if faults is None else state.at(q).with_faults(faults)
         )
 
     def choose(self, label: str) -> None:
         """Colour the points by what another fault set does, named as on the page."""
-        self._chosen = label
-        if self.points is None:
-            self._nodes.remove()
-            self._nodes = self._add_cells(label)
-        self._paint()
-        self._tell()
+        with self._lock:
+            self._chosen = label
+            if self.points is None:
+                self._nodes.remove()
+                self._nodes = self._add_cells(label)
+            self._paint()
+            self._tell()
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -277,12 +303,20 @@ class Survey:
         return None if place is None else self.sweep.sets[place]
 
     def _as_swept(self, state: State) -> State:
-        """Return the question with the sweep's task and force: colours and verdict must agree."""
+        """Return the sweep's question: colours and verdict must agree. It has no limits."""
         setting = self.sweep.setting
-        asked = state.asking(setting.task, setting.axes, setting.length)
+        asked = replace(
+            state.asking(setting.task, setting.axes, setting.length),
+            rtol=setting.rtol, wary=setting.wary, is_limited=False,
+            own_gravity=self._gravity(),
+        )  # fmt: skip
         if setting.force is None:
             return asked.loaded("every direction")
         return asked.pushing(in_components(setting.components, np.array(setting.force)))
+
+    def _gravity(self) -> Vector | None:
+        own = read_only(np.array(self.sweep.setting.gravity, dtype=float))
+        return None if np.array_equal(own, self.robot.model.gravity.linear) else own
 
     # ---- the page ----------------------------------------------------------------------------
 
@@ -297,8 +331,9 @@ class Survey:
         self.controls = {"sets": sets, "shown": shown}
 
     def _show(self, kind: str) -> None:
-        self._shown = kind
-        self._paint()
+        with self._lock:
+            self._shown = kind
+            self._paint()
 
     def _paint(self) -> None:
         """Colour the points, and draw those of the verdict that is wanted."""
@@ -333,9 +368,15 @@ class Survey:
             flat_shading=True, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
+    def part(self) -> markup.Markup:
+        """Return what the points' colours mean."""
+        return self._told()
+
     def _tell(self) -> None:
-        content = self._cells_legend() if self.points is None else self._points_legend(self.points)
-        self._legend.content = str(content)
+        self._legend.content = str(self._told())
+
+    def _told(self) -> markup.Markup:
+        return self._cells_legend() if self.points is None else self._points_legend(self.points)
 
     def _points_legend(self, points: Points) -> markup.Markup:
         verdicts, shown = self.verdicts, len(points.q)
@@ -348,6 +389,8 @@ class Survey:
         if shown < points.total:
             number += f", at random of {points.total:,} postures"
         notes = [f"{number}. A click on one takes the arm to its posture."]
+        if self._chosen == EVERY:
+            notes[0] = f"{notes[0][:-1]}, and fails the set that is worst there."
         if self.sweep.setting.keep == "worst":
             notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
         return markup.keys(pairs, [*notes, *self._notes()], "sweep")
@@ -370,12 +413,27 @@ class Survey:
         if setting.force is not None:
             values = ", ".join(f"{x:.{_FORCE_DIGITS}g}" for x in setting.force)
             force = f"force ({values}) in {setting.axes} axes"
+        asks = "the page asks that too"
+        if not self._asks_the_same:
+            asks = "the page asks something else (Reset goes back)"
         total = f"{percent(share)} of all {self.sweep.done:,} postures tolerate it"
+        carried = f"The sweep carried a payload, {setting.payload}; add it under Force."
         return [
             f"Fault set: {what}, {setting.mode}. {total}.",
-            f"The sweep asked for task {setting.task}, {force}; the page asks that too.",
+            f"The sweep asked for task {setting.task}, {force}; {asks}.",
+            *([carried] if setting.payload else []),
             *(f"Warning: {doubt}." for doubt in self.sweep.warnings),
         ]
+
+
+def _question(state: State) -> tuple[object, ...]:
+    """Return what a verdict depends on besides posture, faults and payload."""
+    force = None if state.force is None else state.force.tobytes()
+    gravity = None if state.gravity is None else state.gravity.tobytes()
+    return (
+        state.load, force, state.task, state.counts_limits, gravity, state.inverse, state.rtol,
+        state.wary,
+    )  # fmt: skip
 
 
 def _colour(share: float) -> Colour:

@@ -76,7 +76,9 @@ def solids_of(
         empty = [f"no force holds the arm {when}" for one, when
                  in zip(polytopes, ("before the fault", "after the fault"), strict=True)
                  if one.is_empty]  # fmt: skip
-        return tuple(solid for solid in solids if len(solid.faces)), tuple(empty)
+        flat = [_flat(solid.label) for one, solid in zip(polytopes, solids, strict=True)
+                if not one.is_empty and not len(solid.faces)]  # fmt: skip
+        return tuple(solid for solid in solids if len(solid.faces)), (*empty, *flat)
     if answer.state.shown.solid != "ellipsoid":
         return (), ()
     if has_both(answer.analysis.task):
@@ -110,14 +112,20 @@ def _ellipsoids(
     if longest == 0.0:
         return (), ("no force can be commanded: no ellipsoid",)
     scale = LONGEST * extent / longest
-    solids = []
+    solids, flat = [], []
     for axes, colour, when in ((before, BEFORE_SOLID, "before"), (after, AFTER_SOLID, "after")):
-        if len(axes) > 1:  # one direction alone is no surface
+        label = f"ellipsoid {when} the fault"
+        if len(axes) > 1:
             vertices, faces = ellipsoid(spatial(task, axes))
-            label = f"ellipsoid {when} the fault"
             solids.append(Solid(tip.point(vertices, scale), faces, colour, label))
+        else:
+            flat.append(_flat(label) if len(axes) else f"{label}: no force can be commanded")
     per = f"{size(longest, 1)} {task.size_unit} for joint torques of norm 1"
-    return tuple(solids), (f"ellipsoids, in a scale of their own: longest axis {per}",)
+    return tuple(solids), (f"ellipsoids, in a scale of their own: longest axis {per}", *flat)
+
+
+def _flat(label: str) -> str:
+    return f"{label}: along one line alone, no surface"
 
 
 def _axes_of(U: Matrix, s: list[float], rank: int) -> Matrix:
