@@ -54,10 +54,10 @@ def tests(session: nox.Session) -> None:
     if session.posargs:
         session.run("pytest", *session.posargs, env=ENVIRONMENT)
         return
-    session.run(*KERNELS, env=ENVIRONMENT)
     if session.python != FOUND[0]:
         session.run("pytest", "-n", WORKERS, "-m", QUICK, env=ENVIRONMENT)
         return
+    session.run(*KERNELS, env=ENVIRONMENT)
     coverage = ["-n", WORKERS, "--cov", "--cov-branch"]
     unjudged = ["-m", "not browser", "--cov-report=", "--cov-fail-under=0"]
     session.run("pytest", *coverage, *unjudged, env=ENVIRONMENT)
@@ -117,7 +117,6 @@ def minimums(session: nox.Session) -> None:
     """Run the tests with the oldest dependencies that pyproject.toml admits."""
     oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
     session.install(*oldest, ".", *group("test"))
-    session.run(*KERNELS, env=ENVIRONMENT)
     options = session.posargs or ["-m", QUICK]
     session.run("pytest", "-n", WORKERS, "-q", *options, env=ENVIRONMENT)
 

@@ -24,7 +24,7 @@ from ftforce.limits import Limits
 from ftforce.task import Task
 from helpers import KNOWN
 
-pytestmark = pytest.mark.thorough
+pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 WORDS = ("tolerated", "borderline", "not tolerated")
 TASKS = (("force", None), ("wrench", 0.3), ("fx,fz", None), ("my", None), ("fz,mx,fx", 0.5))

@@ -78,6 +78,7 @@ def check(problem, result):
     return "binding" if result.binding else "closed form"
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_ten_thousand_problems_beside_quadprog():
     rng = np.random.default_rng(2009)
@@ -98,6 +99,7 @@ def test_any_problem_beside_quadprog(seed):
     check(problem, problem.remap())
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_shares_of_a_force_beside_highs():
     rng = np.random.default_rng(1)
@@ -456,6 +458,7 @@ def test_the_solver_is_not_believed(monkeypatch, claim):
 # ---- absurd numbers --------------------------------------------------------------------------
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_absurd_problems_end_in_numbers_and_are_never_feasible_by_mistake():
     rng = np.random.default_rng(10)
@@ -488,6 +491,7 @@ def test_absurd_problems_end_in_numbers_and_are_never_feasible_by_mistake():
     assert kinds["given up"] < 3
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e-3, 1e3, 1e9])
 def test_the_unit_of_length_does_not_matter(unit):

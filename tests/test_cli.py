@@ -564,6 +564,7 @@ PRINTING = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("arguments", PRINTING, ids=" ".join)
 @pytest.mark.parametrize("buffered", ["", "1"], ids=["buffered", "unbuffered"])
 def test_a_full_standard_output_is_one_line(tmp_path, arguments, buffered):

@@ -165,6 +165,7 @@ def test_nothing_is_written_on_an_error(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_plots(tmp_path, ending):

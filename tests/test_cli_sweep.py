@@ -24,6 +24,7 @@ def test_the_tables_name_the_critical_joint():
     assert max(map(len, result.stdout.splitlines())) <= 80
 
 
+@pytest.mark.thorough
 def test_the_command_says_what_python_says():
     arm = ftforce.load_robot("dh5")
     options = ("--force", "80,50,10", "--mode", "free", "--payload", "1", "--axes", "world")
@@ -35,6 +36,7 @@ def test_the_command_says_what_python_says():
     assert document == json.loads(json.dumps(expected))
 
 
+@pytest.mark.thorough
 def test_a_zarr_folder_is_kept_and_opens_in_xarray(tmp_path):
     out = tmp_path / "s.zarr"
     first = run(*SMALL, "--output", str(out), "--keep", "worst")
@@ -47,6 +49,7 @@ def test_a_zarr_folder_is_kept_and_opens_in_xarray(tmp_path):
     assert ftforce.open_sweep(out).setting.keep == "worst"
 
 
+@pytest.mark.thorough
 def test_another_question_is_refused_by_an_existing_folder(tmp_path):
     out = tmp_path / "s.zarr"
     run(*SMALL, "-o", str(out))
@@ -56,6 +59,7 @@ def test_another_question_is_refused_by_an_existing_folder(tmp_path):
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", ["json", "csv", "txt", "svg", "html"])
 def test_tables_become_files(form, tmp_path):
     file = tmp_path / f"s.{form}"
@@ -63,6 +67,7 @@ def test_tables_become_files(form, tmp_path):
     assert "joint2" in file.read_text("utf-8")
 
 
+@pytest.mark.thorough
 def test_postures_from_a_file_in_degrees(tmp_path):
     q = np.array([[10.0, 70.0, 25.0, 65.0, 0.0], [-10.0, 18.0, -6.0, -5.0, -6.0]])
     np.savetxt(
@@ -81,6 +86,7 @@ def test_postures_from_a_file_in_degrees(tmp_path):
     np.testing.assert_allclose(dataset["jump"][0], [0.0, 0.0, 80.0, 0.0, 0.0], atol=0.005)
 
 
+@pytest.mark.thorough
 def test_a_grid(tmp_path):
     result = run("sweep", "dh5", "--grid", "1,3,3,2,1", "--format", "json")
     assert json.loads(result.stdout)["postures"]["count"] == 18
@@ -177,6 +183,7 @@ def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):
     assert shown[-2]["rate"] == "1,000 postures/s"
 
 
+@pytest.mark.thorough
 def test_chunks_are_smaller_for_many_sets(tmp_path):
     arm = ftforce.load_robot("panda")
     for faults, chunk in ((1, 65_536), (3, 16_384)):

@@ -17,7 +17,7 @@ from ftforce.posture import choose_posture
 from ftforce.trajectory import Path
 from helpers import assert_close
 
-pytestmark = pytest.mark.thorough
+pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 ASKED_FOR = 0.02  # of the force: what a user may rely on
 AGREES = 0.004  # of the force; 0.0014 is seen

@@ -136,6 +136,7 @@ def test_every_set_of_every_mode_is_what_analyze_says(panda, mode, options):
         assert_close(report.jump_norm, alone.force.jump_norm, scale=size)
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("mode", ["locked", "free"])
 @pytest.mark.parametrize(

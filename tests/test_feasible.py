@@ -214,6 +214,7 @@ def test_a_direction_up_to_rtol_beside_the_plane_lies_in_it(angle, inside):
     assert reach(feasible, d).most == pytest.approx(2.0 if inside else 0.0)
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_rays_beside_highs():
     rng = np.random.default_rng(8)
@@ -362,6 +363,7 @@ def test_no_direction_is_weaker_than_the_weakest():
     assert limited > 100
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_the_weakest_direction_is_found_exactly():
     rng = np.random.default_rng(12)

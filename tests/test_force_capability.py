@@ -123,6 +123,7 @@ CASES = [
 ]
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("brakes", [None, 60.0], ids=["no brakes", "brakes"])
 @pytest.mark.parametrize("case", CASES, ids=str)
@@ -135,6 +136,7 @@ def test_panda_against_linear_programs(panda, case, brakes):
     assert assert_as_programmed(result)
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @given(arms(least=3), seeds, st.data())
 @settings(deadline=None, max_examples=40)

@@ -16,6 +16,8 @@ from helpers import arms, assert_close, load_text, serial_urdf, toolbox_arm
 from urdfs import arm, followed, j2, load
 
 law = settings(deadline=None, max_examples=40)
+pytestmark = pytest.mark.thorough
+
 REACHABLE = ("dh5", "panda", "ur5", "kinova", "tiago", "so101")
 FIXED = '<limit lower="0.5" upper="0.5" effort="10" velocity="3"/>'
 

@@ -39,7 +39,7 @@ from helpers import (
 )
 from problems import Problem, draw_problem, margin_by_highs
 
-pytestmark = pytest.mark.thorough
+pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 law = settings(deadline=None, max_examples=100)
 law_of_arms = settings(deadline=None, max_examples=40)

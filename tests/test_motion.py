@@ -18,7 +18,7 @@ from ftforce.trajectory import Path, Recording, start_of
 from helpers import assert_close, load_text, seeds, serial_urdf
 from urdfs import arm, followed, load
 
-pytestmark = pytest.mark.thorough
+pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 law = settings(deadline=None, max_examples=25)
 NEVER = math.inf

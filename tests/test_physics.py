@@ -20,7 +20,7 @@ from ftforce.limits import Limits
 from helpers import KNOWN, assert_close, serial_urdf
 from urdfs import joint, link, load
 
-pytestmark = pytest.mark.thorough
+pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 EXACT = 1e-7  # nothing but rounding: MuJoCo 4 gives 2e-15, some before it 1e-8
 STRENGTH = 40.0  # N, typical of the forces

@@ -520,6 +520,7 @@ def everything(history, wrench_history, timeline, census, capability):
     return [history, wrench_history, timeline, census, capability]
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_texts_are_large_enough_and_do_not_overlap(
     history, wrench_history, timeline, census, capability
@@ -627,6 +628,7 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
         figures.figure(ftforce.capability(ftforce.load_robot("dh5"), locked=[1], task="fx"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg", "SVG"])
 def test_files_are_what_they_are_called_and_repeat(census, tmp_path, ending):
     path = tmp_path / f"a.{ending}"
@@ -643,6 +645,7 @@ def test_files_are_what_they_are_called_and_repeat(census, tmp_path, ending):
         )
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_bytes_do_not_depend_on_the_process(tmp_path):
     program = (
@@ -666,6 +669,7 @@ def test_bytes_do_not_depend_on_the_process(tmp_path):
     assert len(set(runs[0].stdout.split())) == 3
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_heavy_timelines_of_a_figure_repeat(timeline, history):
     for result in (timeline, history):

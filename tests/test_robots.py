@@ -255,6 +255,7 @@ def test_why_some_urdfs_do_not_load(name, reason):
 READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyonic_hands.urdf"}]
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("path", READABLE, ids=lambda path: "/".join(path.parts[-3:]))
 def test_every_tip_candidate_can_be_chosen(path):

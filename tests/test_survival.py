@@ -525,6 +525,7 @@ def test_maps_of_a_page_share_scale_and_bar(pairs):
     assert_close(lengths, [lengths[0]] * 3, tol=0.1)
 
 
+@pytest.mark.no_cover
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_pages_repeat_byte_by_byte(pairs, tmp_path, ending):
     files = [figures.save_figure(pairs, tmp_path / f"{i}.{ending}") for i in range(2)]

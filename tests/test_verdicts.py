@@ -234,6 +234,7 @@ def draw_lean_arm(rng):
     return J, np.flatnonzero(state == 1) + 1, free + 1
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 def test_verdicts_beside_trying_tolerances():
     rng = np.random.default_rng(3)

@@ -14,16 +14,19 @@ import ftforce
 from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
 from ftforce.view.markup import (
+    Curve,
     Markup,
     answer_part,
     banner,
     bar,
     census_part,
+    chart,
     command_part,
     element,
     legend,
     problem_banner,
     set_label,
+    share_text,
     static_page,
     text,
 )
@@ -219,6 +222,15 @@ def test_the_legend_has_the_arrows_and_their_scale(locked):
     for arrow in scene.arrows:
         assert arrow.label in texts
     assert {"lost direction", "mesh x is missing", *scene.notes} <= set(texts)
+
+
+def test_a_curve_of_nothing_has_nothing_as_its_title():
+    shown = chart("Force", "N", np.arange(3.0), [Curve("lost", np.zeros(3), "red")])
+    assert "Force: 0 to 0 N" in shown
+
+
+def test_a_share_of_a_limit_of_nothing():
+    assert [share_text(share) for share in (math.inf, math.nan, 0.5)] == ["∞", "?", "50%"]
 
 
 def test_the_command_is_copied_as_it_is():

@@ -521,6 +521,23 @@ def test_a_slider_moves_the_arm(seen):
 
 
 @pytest.mark.browser
+def test_a_force_is_typed_with_its_fractions(seen):
+    page = seen.page
+    page.get_by_role("tab", name="Force", exact=True).click()
+    fields = page.locator("input:visible").and_(page.locator("[value='80']"))
+    field = fields.element_handle()  # its value, by which it was found, changes
+    field.fill("12.625")
+    field.press("Enter")
+    for _ in range(50):
+        seen.session.settle()
+        if seen.session.state.force[0] == 12.625:
+            break
+        page.wait_for_timeout(100)
+    assert seen.session.state.force.tolist() == [12.625, 50, 10]
+    assert page.locator("input:visible").and_(page.locator("[value='12.625']")).count() == 1
+
+
+@pytest.mark.browser
 def test_a_click_in_the_census_shows_that_fault(seen):
     seen.page.get_by_role("tab", name="Census").click()
     first = seen.cells("census")[0]

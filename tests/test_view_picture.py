@@ -23,6 +23,7 @@ from ftforce.view.picture import (
     joint_poses,
     picture,
     pulled,
+    requested_of,
     rotation,
     scene_size,
 )
@@ -135,6 +136,43 @@ def test_a_line_says_what_it_is_a_direction_of(direction, label):
 def test_an_arm_that_cannot_stand_still_keeps_nothing(panda):
     _, scene = shown(panda, free=[2, 3, 4, 5, 6], force=[1, 0, 0])
     assert [arrow.length > 0.0 for arrow in scene.arrows] == [True, False, False]
+    assert scene.arrows[1].label == "kept: nothing holds the arm"
+    assert scene.arrows[2].label == "lost: nothing holds the arm"
+
+
+def test_where_no_force_is_asked_for_there_is_no_arrow(panda):
+    found = answer(panda, initial_state(panda, locked=[2]).loaded("every direction"))
+    scene = picture(found)
+    assert scene.arrows == ()
+    assert not any("0.1 m is" in note for note in scene.notes)
+
+
+def test_torques_are_pulled_as_the_force_they_mean(panda):
+    torque = [1.0, -8.0, 3.0, 6.0, -1.0, 2.0, 0.5]
+    found = answer(panda, initial_state(panda, torque=torque, task="wrench"))
+    scene, means = picture(found), requested_of(found)
+    assert np.abs(means[3:]).max() > 0.1
+    wrench = pulled(scene, found, scene.arrows[0].end)
+    assert_close(wrench[:3], means[:3], tol=0.005 / scene.scales.force, scale=1.0)
+    assert_close(wrench[3:], means[3:])
+
+
+def test_what_has_no_surface_is_said(panda):
+    for solid in ("ellipsoid", "polytope"):
+        _, scene = shown(panda, task="fx", limits="urdf", show={"solid": solid})
+        assert not scene.solids
+        assert sum("along one line alone" in note for note in scene.notes) == 2
+    everything = range(1, 8)
+    _, scene = shown(panda, locked=everything, limits="urdf", show={"solid": "ellipsoid"})
+    assert "ellipsoid after the fault: no force can be commanded" in scene.notes
+    assert len(scene.solids) == 1
+
+
+def test_no_direction_is_the_weakest_where_nothing_limits(panda):
+    _, scene = shown(panda, limits="none", show={"weakest": True})
+    assert not any("weakest" in line.label for line in scene.lines)
+    _, scene = shown(panda, task="wrench", limits="urdf", show={"weakest": True})
+    assert scene.lines[-1].label.endswith(" weighted N")
 
 
 @pytest.mark.parametrize("largest", [1e-12, 1e-3, 0.99, 1.0, 34.6, 5e4])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import replace
 
@@ -18,12 +19,13 @@ from ftforce.source import write_whole
 from ftforce.trajectory import Path
 from ftforce.view.colours import FAULT_COLOURS, colour_of
 from ftforce.view.export import PANEL_WIDTH
+from ftforce.view.history_markup import charts
 from ftforce.view.history_stage import frame_times
 from ftforce.view.meshes import Geometry, Part
 from ftforce.view.picture import joint_poses
 from ftforce.view.playback import Playback, _mark, check_fits, playback
 from ftforce.view.session import Session
-from ftforce.view.snapshots import faults_at, snapshot
+from ftforce.view.snapshots import faults_at, first_with, sentence, snapshot
 from ftforce.view.state import initial_state
 from helpers import assert_close
 
@@ -232,7 +234,7 @@ def test_a_closed_page_leaves_no_thread(dh5, history):
 def test_where_nothing_holds_the_arm_that_is_said(dh5):
     line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
     fallen = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["free:1,2,3,4,5@0.5"])
-    assert fallen.remapped.falls_from is not None
+    fall = fallen.remapped.falls_from
     mode = Playback(dh5, fallen)
     with Session(dh5, initial_state(dh5), mode=mode) as session:
         mode.seek(1.0)
@@ -242,6 +244,71 @@ def test_where_nothing_holds_the_arm_that_is_said(dh5):
         assert np.isnan(fallen.remapped.force[fallen.index(1.0)]).all()
         assert arrows(session)["kept"].length == 0.0
         assert arrows(session)["lost"].length == 0.0
+        assert arrows(session)["lost"].label == "lost: nothing holds the arm"
+        poses, _ = joint_poses(dh5, fallen.remapped.q[fall])
+        assert_close(session.picture.joints[-1].position, poses[-1].position)
+
+
+def test_a_fall_ends_what_is_told_though_the_arrays_go_on(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    fallen = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["free:2@0.3"])
+    fall = fallen.unremapped.falls_from
+    assert np.isfinite(fallen.unremapped.force[-1]).all()
+    before = snapshot(fallen, "unremapped", float(fallen.t[fall - 1]))
+    assert before.kept is not None
+    now = snapshot(fallen, "unremapped", 1.2)
+    assert (now.kept, now.lost, now.sample) == (None, None, fall)
+    assert now.time == pytest.approx(1.2, abs=0.05)
+    assert all(np.isnan([load.after, load.used]).all() for load in now.loads)
+    told = sentence(fallen, "unremapped", now)
+    assert "missing" not in told
+    assert f"From {fallen.t[fall]:g} s on nothing holds the arm" in told
+    shown = str(charts(fallen, fallen.unremapped))
+    last = max(
+        float(point.split(",")[0])
+        for line in re.findall(r'points="([^"]+)" fill="none" stroke="rgb\(32,190', shown)
+        for point in line.split()
+    )
+    assert last <= 100.0 * fallen.t[fall] / fallen.t[-1] + 0.1
+
+
+def test_limits_of_failed_joints_are_theirs(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    run = ftforce.simulate(
+        dh5, line, force=FORCE, rate=20, faults=["weak:3:0.5@0.3", "2@0.6"], limits="urdf"
+    )
+    loads = snapshot(run, "remapped", 1.0).loads
+    assert loads[2].limit == 0.5 * dh5.effort[2]
+    assert loads[2].used == pytest.approx(abs(loads[2].after) / loads[2].limit)
+    assert loads[1].used == pytest.approx(float(run.remapped.used[run.index(1.0), 1]), nan_ok=True)
+
+
+def test_every_remap_that_is_still_to_come_is_named(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    run = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["3@0.8", "1@1.0"], delay=0.4)
+    told = sentence(run, "remapped", snapshot(run, "remapped", 1.1))
+    assert told.endswith("The remap acts at 1.2 s and 1.4 s.")
+
+
+def test_a_fault_between_two_samples_is_told_with_the_first_that_knows(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.3)], speed=0.05)
+    run = ftforce.simulate(dh5, line, force=FORCE, rate=3, faults=["2,3,4@0.5", "5@2.2"])
+    mode = Playback(dh5, run)
+    with Session(dh5, initial_state(dh5), mode=mode) as session:
+        page = session.page()
+        for event in run.setting.events:
+            at = first_with(run, event.time)
+            assert at >= event.time > at - 0.34
+            assert f"{at:.2f} s, with remap, {event.all_faults}" in page
+        mode.controls["time"].value = 0.5  # on the mark
+        session.settle()
+        assert session.state.faults == faults_at(run, 0.7)
+
+
+def test_a_joint_that_was_weak_and_locks_is_marked(dh5):
+    line = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
+    run = ftforce.simulate(dh5, line, force=FORCE, rate=20, faults=["weak:3:0.5@0.4", "3@0.8"])
+    assert [_mark(run, at) for at in (0.4, 0.8)] == ["3", "3"]
 
 
 @pytest.mark.parametrize(
@@ -259,6 +326,19 @@ def test_what_does_not_fit_is_said_in_one_line(file, arguments, words):
     assert words in result.stderr
     assert result.stderr.startswith("error: ")
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_an_arm_of_the_same_joints_does_not_fit(history):
+    ur5, ur10 = (ftforce.load_robot(name) for name in ("ur5", "ur10"))
+    assert ur5.names == ur10.names
+    line = Path.through([(0.5, 0.2, 0.4), (0.5, 0.25, 0.4)], speed=0.05)
+    run = ftforce.simulate(ur5, line, force=[0, 0, 10], rate=5)
+    check_fits(ur5, run, "run.npz")
+    with pytest.raises(ftforce.FtforceError, match="is of another arm, ur5"):
+        check_fits(ur10, run, "run.npz")
+    renamed = replace(run, setting=replace(run.setting, robot=ur10.name))
+    with pytest.raises(ftforce.FtforceError, match=r"its tip was 0\.\d+ m away"):
+        check_fits(ur10, renamed, "run.npz")
 
 
 def test_another_tip_of_the_same_joints_does_not_fit(dh5, history):
@@ -343,6 +423,10 @@ def test_a_history_begins_where_it_is_asked_to(dh5, file, history):
         assert session.state.faults == faults_at(history, 1.1)
         assert mode.controls["time"].value == pytest.approx(1.1)
         assert "3 joint3 locked" in session.panel._banner.content
+    close = playback(dh5, state, file, at=mode.end * (1.0 + 1e-6))  # as a message prints it
+    with Session(dh5, state, mode=close) as session:
+        assert close.time == mode.end
+        assert session.problem == ""
     for at in (-0.1, mode.end + 0.1, float("nan")):
         with pytest.raises(ftforce.FtforceError, match="the history lasts from 0 to"):
             playback(dh5, state, file, at=at)

@@ -112,6 +112,76 @@ def test_the_page_asks_what_the_sweep_asked(page):
     assert "force (80, 50, 10) in tool axes" in mode._legend.content
 
 
+def test_a_click_on_a_dark_point_fails_the_set_that_is_worst_there(dh5, stored):
+    verdicts = ftforce.open_sweep(stored["all"]).dataset["verdict"].values
+    dark, bright = int(verdicts.max(axis=1).argmax()), int(verdicts.max(axis=1).argmin())
+    assert verdicts[dark].max() > verdicts[bright].max() == 0
+    for keep in ("all", "worst"):
+        session, mode = opened(dh5, stored[keep])
+        with session:
+            assert "fails the set that is worst there" in mode._legend.content
+            mode.take(dark)
+            session.settle()
+            found = session.answer.analysis
+            assert found.verdict is VERDICTS[int(verdicts[dark].max())]
+            faults = session.state.faults
+            mode.take(bright)
+            session.settle()
+            assert session.state.faults == faults
+
+
+def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page):
+    session, mode = page
+    asked = session.state
+    session.panel.handle("task").value = "fx,fz"
+    session.settle()
+    assert "the page asks something else" in mode._legend.content
+    session.panel.handle("axes").value = "world"
+    session.change(lambda state: state.with_joint(1, 0.3))
+    session.settle()
+    reset = session.panel.handle("reset")
+    for callback in reset._impl.update_cb:
+        callback(SimpleNamespace(client=None, target=reset))
+    session.settle()
+    assert session.state.task == asked.task
+    assert session.state.force.tolist() == FORCE
+    assert "the page asks that too" in mode._legend.content
+
+
+def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
+    path = tmp_path / "s.zarr"
+    ftforce.sweep(
+        dh5, n=64, task="fx,fz", axes="world", force=[1, 3], gravity=[0, 0, -1.62], rtol=1e-5,
+        wary=0.05, keep="all", output=path, threads=1,
+    )  # fmt: skip
+    session, mode = opened(dh5, path)
+    with session:
+        state = session.state
+        assert (state.rtol, state.wary, str(state.task)) == (1e-5, 0.05, "fx,fz")
+        assert state.gravity.tolist() == [0, 0, -1.62]
+        assert session.panel.handle("task").value == "fx,fz"
+        verdicts = ftforce.open_sweep(path).dataset["verdict"].values
+        mode.controls["sets"].value = "{2}"
+        for point in range(0, 64, 8):
+            mode.take(point)
+            session.settle()
+            assert session.answer.analysis.verdict is VERDICTS[int(verdicts[point, 1])]
+
+
+def test_a_page_that_is_taken_along_says_what_the_colours_mean(page):
+    session, _ = page
+    taken = session.page()
+    for verdict in VERDICTS:
+        assert f"{verdict}: " in taken
+    assert 'data-testid="static"' in taken
+
+
+def test_an_arm_with_another_shape_does_not_fit(dh5, stored, monkeypatch):
+    monkeypatch.setattr("ftforce.view.fitting.tip_pose", lambda robot, q: (None, np.ones(3)))
+    with pytest.raises(ftforce.FtforceError, match="m away from where this arm has it"):
+        survey(dh5, initial_state(dh5), stored["all"])
+
+
 def test_points_of_one_verdict_can_be_shown(page, stored):
     _, mode = page
     worst = ftforce.open_sweep(stored["all"]).dataset["verdict"].values.max(axis=1)
