@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.kinematics import quaternion
+from ftforce.view.picture import wxyz_of
 
 if TYPE_CHECKING:
     import viser
@@ -109,8 +109,7 @@ def along(vector: Vector, axis: int) -> Vector:
     R[:, axis] = direction
     R[:, (axis + 1) % 3] = second
     R[:, (axis + 2) % 3] = np.cross(direction, second)
-    x, y, z, w = quaternion(R).tolist()
-    return np.array([w, x, y, z])
+    return wxyz_of(R)
 
 
 def assign(node: Any, name: str, value: Any) -> None:

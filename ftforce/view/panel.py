@@ -18,6 +18,7 @@ from ftforce.faults import FaultMode
 from ftforce.posture import choose_posture
 from ftforce.robot import BUILT_IN_POSTURES
 from ftforce.task import AXES
+from ftforce.view.arrow_nodes import assign
 from ftforce.view.colours import VERDICT_COLOURS
 from ftforce.view.markup import (
     answer_part,
@@ -305,6 +306,7 @@ class Panel:
         self._all_sets = gui.add_dropdown(
             "Show a set", (_CHOOSE,), initial_value=_CHOOSE, hint="All fault sets, worst first"
         )
+        self._chosen_set = Control(self._all_sets, _CHOOSE)
         self._all_sets.on_update(lambda _event: self._choose_set())
         self._buttons = [gui.add_button(_CHOOSE, visible=False) for _ in range(_BUTTONS)]
         for k, button in enumerate(self._buttons):
@@ -365,7 +367,7 @@ class Panel:
     def _choose_set(self) -> None:
         if getattr(self._own, "writes", False):
             return
-        value = self._all_sets.value
+        value = self._chosen_set.value = self._all_sets.value
         if value in self._labels:
             self._show_set(self._labels.index(value))
 
@@ -479,13 +481,13 @@ class Panel:
             if labels != self._labels:
                 self._labels = labels
                 self._all_sets.options = (_CHOOSE, *labels)
-            if self._all_sets.value != chosen:
-                self._all_sets.value = chosen
+                self._chosen_set.value = self._all_sets.value  # viser chooses, if need be
+            self._chosen_set.tell(chosen)
         for k, button in enumerate(self._buttons):
             _show(button, k < len(labels))
             if k < len(labels):
-                _set(button, "label", labels[k])
-                _set(button, "color", VERDICT_COLOURS[reports[k].verdict])
+                assign(button, "label", labels[k])
+                assign(button, "color", VERDICT_COLOURS[reports[k].verdict])
 
 
 def slider_range(joint: Joint) -> tuple[float, float]:
@@ -540,13 +542,8 @@ def _percent(factor: float) -> float:
 
 
 def _show(handle: Any, is_visible: bool) -> None:
-    _set(handle, "visible", is_visible)
+    assign(handle, "visible", is_visible)
 
 
 def _write(handle: Any, content: str) -> None:
-    _set(handle, "content", str(content))  # viser knows plain strings only
-
-
-def _set(handle: Any, name: str, value: Any) -> None:
-    if getattr(handle, name) != value:
-        setattr(handle, name, value)
+    assign(handle, "content", str(content))  # viser knows plain strings only

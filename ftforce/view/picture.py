@@ -230,7 +230,7 @@ def requested_of(answer: Answer) -> Vector | None:
 
 def pose_of(rotation: Matrix, place: Vector) -> Pose:
     """Return a turn (3, 3) and a place, m, shape (3,), as a pose."""
-    return Pose(place, _wxyz(rotation))
+    return Pose(place, wxyz_of(rotation))
 
 
 def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
@@ -274,6 +274,7 @@ def rotation(wxyz: Vector) -> Matrix:
     )
 
 
-def _wxyz(R: Matrix) -> Vector:
+def wxyz_of(R: Matrix) -> Vector:
+    """Return a rotation (3, 3) as a unit quaternion w, x, y, z."""
     x, y, z, w = quaternion(R).tolist()
     return np.array([w, x, y, z])

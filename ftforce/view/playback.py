@@ -233,12 +233,15 @@ class Playback:
         history = self.history
         now = snapshot(history, name, time)
         picture = scene(self.robot, history, now, self._scales, state.shown.see_through)
-        with self._session.server.atomic(), self._lock:
-            self._healthy.show(picture, now, place)
-        self._cursor.content = str(markup.cursor(now.time / self.end if self.end else 0.0))
+
+        def more() -> None:
+            with self._lock:
+                self._healthy.show(picture, now, place)
+            self._cursor.content = str(markup.cursor(now.time / self.end if self.end else 0.0))
+
         top = markup.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
         below = legend(picture, name, place, self._session.panel.notes)
-        return View(picture, top, tables(history, now), below)
+        return View(picture, top, tables(history, now), below, more)
 
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the healthy arm's links, and aim at the whole course."""

@@ -45,12 +45,15 @@ class View(NamedTuple):
         The scene.
     top, parts, below :
         HTML of `ftforce.view.markup`: where the verdict, the tables and the legend are.
+    more :
+        Shows what else belongs to it, at the same time.
     """
 
     picture: Picture
     top: str
     parts: str
     below: str = ""
+    more: Callable[[], None] | None = None
 
 
 class Mode(Protocol):
@@ -278,6 +281,8 @@ class Session:
                 with self._lock, self.server.atomic():
                     self.panel.show_parts(view.top, view.parts, view.below)
                     self._show(view.picture)
+                    if view.more is not None:
+                        view.more()
         except FtforceError as error:
             self._show_failure(str(error))
         except Exception as error:  # the page lives on; its user never meets a traceback
