@@ -137,6 +137,7 @@ FILES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("content", "message"), FILES.values(), ids=FILES)
 def test_files_that_are_no_robots(tmp_path, content, message):
     path = write(tmp_path, content)
@@ -254,6 +255,7 @@ VALUES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "message"), VALUES.values(), ids=VALUES)
 @pytest.mark.parametrize("command", ["analyze", "census"])
 def test_values_out_of_place(good, command, options, message):
@@ -347,6 +349,7 @@ MODES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("options", "message"), MODES.values(), ids=MODES)
 @pytest.mark.parametrize("command", ["analyze", "capability"])
 def test_fault_modes_out_of_place(good, command, options, message):
@@ -434,6 +437,7 @@ LIMITS_FILES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("content", "message"), LIMITS_FILES.values(), ids=LIMITS_FILES)
 @pytest.mark.parametrize("command", ["analyze", "census", "capability"])
 def test_files_of_limits_that_cannot_be_used(good, command, content, message):

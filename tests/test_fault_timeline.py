@@ -86,6 +86,7 @@ CASES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "options"), CASES.values(), ids=CASES)
 def test_every_cell_is_an_analysis(name, options):
     robot, options = ftforce.load_robot(name), dict(options)
@@ -307,6 +308,7 @@ def test_too_many_cells(panda):
     )
 
 
+@pytest.mark.thorough
 def test_doubts_are_those_of_a_simulation(dh5):
     far = Path.through([(0.9, 0.3, 0.2), (1.6, 0.4, 0.25)], speed=0.3)
     push = {"force": [80, 50, 10], "rate": 10}

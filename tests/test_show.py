@@ -56,6 +56,7 @@ def results(arm):
             yield ftforce.capability(arm, **faults, **moving, task=task, direction=direction)
 
 
+@pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", known_robots())
 def test_everything_fits_a_terminal_of_80_columns(name):
