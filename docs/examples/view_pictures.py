@@ -28,13 +28,13 @@ HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 800}
 FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 DRAWN = 4000  # ms after the last click
-MOMENT = "70"  # s, of the history
 
 PAGES = {
     "view-locked": "panda --locked 4 --force 0,0,50 --limits urdf",
     "view-lost": "dh5 --locked 2,4,5 --force 80,50,10",
     "view-census": "panda --force 0,0,50",
-    "view-history": "dh5 --history run.npz",
+    "view-moments": "panda --task wrench --locked 1,4 --force 0,40,40,6,0,8",
+    "view-history": "dh5 --history run.npz --at 70",
     "view-sweep": "panda --sweep panda.zarr",
 }
 TABS = {"view-census": "Census"}
@@ -76,9 +76,6 @@ def wait_until_drawn(page: Page, tab: str | None) -> None:
         notice.click()  # that there is no GPU
     if tab is not None:
         page.get_by_role("tab", name=tab).click()
-    if page.get_by_role("tab", name="Time").count():
-        page.get_by_role("textbox").first.fill(MOMENT)
-        page.keyboard.press("Enter")
     page.wait_for_timeout(DRAWN)
 
 

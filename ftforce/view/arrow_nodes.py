@@ -24,6 +24,11 @@ _ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels t
     "kept": "top-center",
     "lost": "bottom-right",
 }
+_MOMENT_ANCHOR: dict[str, Any] = {
+    "requested": "center-right",
+    "kept": "center-left",
+    "lost": "top-center",
+}
 _SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
 _SAME = 1e-9  # m: what moved by less did not move
 _SECOND_HEAD = 0.78  # of a moment's arrow: where the other one ends, of its length
@@ -52,8 +57,9 @@ class ArrowNodes:
         self._handles = [
             self._handle(server, name, width) for name, _ in zip(names, self._lengths, strict=False)
         ]
+        anchor = (_MOMENT_ANCHOR if is_moment else _ANCHOR)[kind]
         self._label: Any = server.scene.add_label(
-            f"{prefix}/{kind}_label", kind, anchor=_ANCHOR[kind], visible=False,
+            f"{prefix}/{kind}_label", kind, anchor=anchor, visible=False,
             font_screen_scale=0.85,
         )  # fmt: skip
 
