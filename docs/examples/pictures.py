@@ -134,7 +134,8 @@ MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
 DRAWN = {
     "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plot-simulation.svg",
     "plot-census.svg", "plot-capability.svg", "plot-compare.svg", "map-panda.svg",
-    "view-locked.png", "view-lost.png", "view-census.png", "view-history.png", "view-sweep.png",
+    "view-locked.png", "view-lost.png", "view-moments.png", "view-census.png",
+    "view-history.png", "view-sweep.png",
     "map-tiago.svg", "map-solid.svg",
 }  # fmt: skip
 
