@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ftforce.view.shapes import Faces, Mesh
     from ftforce.view.visuals import Visual
 
-MOST_SHOWN = 150_000  # triangles; more of them take a browser without a GPU too long
+MOST_SHOWN = 70_000  # triangles; more of them take a browser without a GPU too long
 LARGEST_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known ones have up to 21 MB
 _BONE = 0.03  # radius of a link without a mesh, as a share of the arm's reach
 _UNSCALED = (1.0, 1.0, 1.0)
