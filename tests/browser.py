@@ -90,16 +90,23 @@ class Watched:
 @contextmanager
 def chromium():
     """Start Chromium; yield Playwright's browser."""
-    executable = needs_browser()
+    needs_browser()
     from playwright.sync_api import sync_playwright
 
+    with sync_playwright() as playwright, started(playwright) as browser:
+        yield browser
+
+
+@contextmanager
+def started(playwright):
+    """Start Chromium with a Playwright that runs already; yield its browser."""
     flags = [*ARGS, "--no-sandbox"] if os.geteuid() == 0 else list(ARGS)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, headless=True, args=flags)
-        try:
-            yield browser
-        finally:
-            browser.close()
+    path = find_browser()
+    browser = playwright.chromium.launch(executable_path=path, headless=True, args=flags)
+    try:
+        yield browser
+    finally:
+        browser.close()
 
 
 @contextmanager
