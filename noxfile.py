@@ -71,7 +71,8 @@ def tests(session: nox.Session) -> None:
 def browser(session: nox.Session) -> None:
     """Run the tests that drive Chromium, which has to be installed."""
     session.install(".", *group("test"))
-    session.run("pytest", "-m", "browser", *session.posargs, env=ENVIRONMENT)
+    options = session.posargs or ["-n", "auto"]  # more of them would wait for each other too long
+    session.run("pytest", "-m", "browser", *options, env=ENVIRONMENT)
 
 
 @nox.session

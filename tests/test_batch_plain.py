@@ -46,21 +46,17 @@ def answers(
         return plan.evaluator()(q)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("mode", ["locked", "free"])
 @pytest.mark.parametrize(
     ("name", "components", "axes"),
     [
         ("panda", "force", "tool"),
         ("kinova", "wrench", "world"),
-        *(
-            pytest.param(*case, marks=pytest.mark.thorough)
-            for case in [
-                ("panda", "wrench", "tool"),
-                ("dh5", "force", "world"),
-                ("ur5", "fz,fx", "tool"),
-                ("ur5", "fz", "tool"),
-            ]
-        ),
+        ("panda", "wrench", "tool"),
+        ("dh5", "force", "world"),
+        ("ur5", "fz,fx", "tool"),
+        ("ur5", "fz", "tool"),
     ],
 )
 def test_kernels_say_what_analyze_says(name: str, components: str, axes: Any, mode: Any) -> None:
