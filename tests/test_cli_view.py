@@ -105,7 +105,7 @@ def test_degrees_are_taken(opened):
         (["dh5", "--host", "203.0.113.7"], "no address of this machine"),
         (["dh5", "--history", "r.npz", "--force", "1,2,3"], "of its own; leave out --force"),
         (["dh5", "--history", "r.npz", "--gravity", "0,0,0"], "leave out --gravity"),
-        (["dh5", "--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --limits, --q"),
+        (["dh5", "--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --q, --limits"),
         (["dh5", "--history", "r.npz", "--inverse", "dynamic"], "leave out --inverse"),
         (
             ["dh5", "--sweep", "s.zarr", "--task", "wrench"],

@@ -1,8 +1,7 @@
 """``ftforce simulate``: an arm along a trajectory while joints fail."""
 
-import inspect
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,6 +26,7 @@ from ftforce.cli.common import (
     load,
     numbers,
 )
+from ftforce.cli.given import given_options
 from ftforce.cli.progress import progress_bar
 from ftforce.cli.trajectories import (
     From,
@@ -164,14 +164,7 @@ def _refuse_beside_paper(given: dict[str, object]) -> None:
     InputError
         There is one.
     """
-    named = []
-    for name, parameter in inspect.signature(simulate).parameters.items():
-        if name in _BESIDE_PAPER or given[name] == parameter.default:
-            continue
-        info = get_args(parameter.annotation)[1]
-        declared = [word for word in info.param_decls or () if word.startswith("--")]
-        is_argument = isinstance(info, typer.models.ArgumentInfo)
-        named.append(name.upper() if is_argument else (declared or [f"--{name}"])[0])
+    named = given_options(simulate, given, given.keys() - _BESIDE_PAPER)
     if named:
         raise InputError(f"--paper says all of that itself; leave out {', '.join(named)}")
 

@@ -32,13 +32,20 @@ from ftforce.cli.common import (
     numbers,
     refuse_force_and_torque,
 )
+from ftforce.cli.given import given_options
 from ftforce.cli.printing import say
-from ftforce.errors import InputError, OutputError, listed, printable
+from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.session import Mode, Session
     from ftforce.view.state import Origin, State
+
+
+_OF_A_SWEEP = {
+    "force", "torque", "velocity", "acceleration", "gravity", "limits", "inverse", "task",
+    "length", "axes", "rtol", "wary",
+}  # fmt: skip
 
 
 def view(
@@ -102,18 +109,12 @@ def view(
 
     Without --force or --torque: 20 N along each axis to begin with.
     """
+    given = dict(locals())
     refuse_force_and_torque(force, torque)
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
     if history is not None or sweep is not None:
-        asked: dict[str, object] = {"force": force, "torque": torque, "length": length}
-        asked |= {"task": _unless(task, "force"), "axes": _unless(axes, "tool")}
-        asked |= {"velocity": velocity, "acceleration": acceleration, "gravity": gravity}
-        asked |= {"limits": limits, "inverse": _unless(inverse, "euclidean")}
-        asked |= {"rtol": _unless(rtol, 1e-6), "wary": _unless(wary, 1e-2)}
-        if history is not None:
-            asked |= {"q": q, "payload": payload}
-        _refuse_question("history" if sweep is None else "sweep", asked)
+        _refuse_question(given)
     if at is not None and history is None:
         raise typer.BadParameter("--at is a time of a --history; give one")
     _check_outputs(export, screenshot)
@@ -122,10 +123,10 @@ def view(
     from ftforce.view.state import Origin, initial_state
 
     arm = load(robot, tip, base, posture)
-    given = numbers(q, "--q")
+    place = numbers(q, "--q")
     start = initial_state(
         arm,
-        None if given is None else choose_posture(arm, given, posture, degrees=deg),
+        None if place is None else choose_posture(arm, place, posture, degrees=deg),
         origin=_doubted(arm, Origin(robot, base, tip, posture)),
         locked=",".join(locked or ()),
         free=",".join(free or ()),
@@ -144,7 +145,7 @@ def view(
         rtol=rtol,
         wary=wary,
     )
-    mode = _mode(arm, start, (history, at or 0.0), sweep)
+    mode = _mode(arm, start, history, at or 0.0, sweep)
     with Session(arm, start, host=host, port=port, mode=mode) as session:
         if session.warning:
             typer.echo(f"warning: {session.warning}", err=True)
@@ -159,16 +160,14 @@ def view(
         session.run()
 
 
-def _unless(value: object, default: object) -> object:
-    """Return what was given; ``None`` if that is the default."""
-    return None if value == default else value
-
-
-def _refuse_question(of: str, asked: dict[str, object]) -> None:
+def _refuse_question(given: dict[str, object]) -> None:
     """Refuse options that a history or a sweep answers itself: they would count for nothing."""
-    given = [f"--{name}" for name, value in asked.items() if value is not None]
-    if given:
-        raise InputError(f"a {of} has a question of its own; leave out {listed(given)}")
+    of, own = "sweep", _OF_A_SWEEP
+    if given["history"] is not None:
+        of, own = "history", _OF_A_SWEEP | {"q", "payload"}
+    named = given_options(view, given, own)
+    if named:
+        raise InputError(f"a {of} has a question of its own; leave out {', '.join(named)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
@@ -196,11 +195,10 @@ def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
 
 
 def _mode(
-    arm: "Robot", start: "State", course: tuple[Path | None, float], sweep: Path | None
+    arm: "Robot", start: "State", history: Path | None, at: float, sweep: Path | None
 ) -> "Mode | None":
     """Return what plays a history from a time on or shows a sweep; ``None`` for neither."""
     made: Any = None
-    history, at = course
     if history is not None:
         from ftforce.view.playback import playback
 
