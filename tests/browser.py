@@ -86,6 +86,16 @@ class Watched:
             self.page.wait_for_timeout(250)
         raise AssertionError(f"no scene was drawn in {SECONDS:g} s; errors: {self.errors}")
 
+    def wait_for_change(self, before, at_least, **options):
+        """Wait until so many pixels differ from earlier ones, of the same part of the page."""
+        for _ in range(50):
+            difference = np.abs(self.pixels(**options).astype(int) - before).sum(axis=2)
+            changed = (difference > 30).sum()
+            if changed > at_least:
+                return
+            self.page.wait_for_timeout(200)
+        raise AssertionError(f"only {changed} pixels have changed; errors: {self.errors}")
+
 
 @contextmanager
 def chromium():

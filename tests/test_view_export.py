@@ -77,6 +77,8 @@ def test_another_page_of_visers_is_an_error_in_words(opened, monkeypatch):
 
     with pytest.raises(FtforceError, match="viser's page is not as expected"):
         scene_html(opened.server, title="a", answer_html="b", recording=Other())
+    with pytest.raises(FtforceError, match="viser's page is not as expected"):
+        scene_html(opened.server, title="a", answer_html="b", recording=Other(), without=["/a"])
 
 
 def test_a_recording_shows_every_frame(opened):

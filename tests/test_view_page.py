@@ -410,6 +410,9 @@ def browser():
         yield started
 
 
+SCENE = {"x": 370, "y": 160, "width": 500, "height": 630}  # what is between the panels
+
+
 class Seen:
     """The page in a browser: one tab, or several."""
 
@@ -445,7 +448,7 @@ class Seen:
         return [row.locator("td").all_inner_texts() for row in rows.all()]
 
     def scene(self):
-        return self.tabs[0].pixels(clip={"x": 370, "y": 160, "width": 500, "height": 630})
+        return self.tabs[0].pixels(clip=SCENE)
 
     def place_of(self, point):
         """Return where on the page a point in the root's axes, m, is seen, px."""
@@ -511,12 +514,7 @@ def test_a_slider_moves_the_arm(seen):
     box = row.locator("input").last
     box.fill("20")
     box.press("Enter")
-    for _ in range(50):
-        changed = (np.abs(seen.scene().astype(int) - before).sum(axis=2) > 30).sum()
-        if changed > 3000:
-            break
-        seen.page.wait_for_timeout(200)
-    assert changed > 3000
+    seen.tabs[0].wait_for_change(before, 3000, clip=SCENE)
     assert math.degrees(seen.session.state.q[1]) == pytest.approx(20.0)
 
 

@@ -53,9 +53,8 @@ class ArrowNodes:
         self._last: Arrow | None = None
         self._lengths = (1.0, _SECOND_HEAD) if is_moment else (1.0,)
         width = _MOMENT_WIDTH if is_moment else _WIDTH
-        names = (f"{prefix}/{kind}", f"{prefix}/{kind}_second")
         self._handles = [
-            self._handle(server, name, width) for name, _ in zip(names, self._lengths, strict=False)
+            self._handle(server, f"{prefix}/{kind}_{i}", width) for i in range(len(self._lengths))
         ]
         anchor = (_MOMENT_ANCHOR if is_moment else _ANCHOR)[kind]
         self._label: Any = server.scene.add_label(

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 PANEL_WIDTH = 340  # px, of the answer beside the scene
 
+_CHANGED = (
+    "viser's page is not as expected; install the one that ftforce was tested with: "
+    "pip install 'ftforce[view]'"
+)
 _Frame = TypeVar("_Frame")
 
 # viser's notices (of a browser without a GPU, mostly) would cover the scene.
@@ -57,9 +61,7 @@ def scene_html(
         viser's page has changed.
     """
     serializer = server.get_scene_serializer() if recording is None else recording
-    if left_out := set(without):
-        kept = [told for told in serializer._messages if told[1].get("name") not in left_out]
-        serializer._messages = kept
+    _leave_out(serializer, set(without))
     page: str = serializer.as_html()
     policy = html.escape(content_policy(""), quote=True)
     head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
@@ -69,6 +71,16 @@ def scene_html(
     )
     end = page.rindex("</body>")  # the last one: scripts come before it
     return f'{page[:end]}<aside id="ftforce-answer">{answer_html}</aside>{page[end:]}'
+
+
+def _leave_out(serializer: Any, names: set[str]) -> None:
+    """Take what is told of some nodes out of what a page will show."""
+    if not names:
+        return
+    messages = getattr(serializer, "_messages", None)
+    if messages is None:
+        raise FtforceError(_CHANGED)
+    serializer._messages = [told for told in messages if told[1].get("name") not in names]
 
 
 def record(
@@ -101,8 +113,5 @@ def record(
 def _replaced(page: str, part: str, other: str) -> str:
     head, found, rest = page.partition(part)
     if not found:
-        raise FtforceError(
-            "viser's page is not as expected; install the one that ftforce was tested with: "
-            "pip install 'ftforce[view]'"
-        )
+        raise FtforceError(_CHANGED)
     return f"{head}{other}{rest}"

@@ -53,13 +53,11 @@ def tables(history: History, now: Snapshot) -> Markup:
     i = now.sample
     vectors = [("asked", now.requested), ("kept", now.kept), ("lost", now.lost)]
     holds = now.kept is not None
-    off = now.run.path_error_norm[i] if holds else math.nan
-    pairs = [
-        ("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm"),
-        ("Margin", f"{words.ratio(float(now.run.margin[i]))} = σ_min(K)/σ_max(J)"),
-    ]
-    if not holds:
-        pairs = [("Off path", "–")]
+    off = math.hypot(*now.run.path_error[i].tolist()) if holds else math.nan
+    pairs = [("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm")]
+    if holds:
+        margin = words.ratio(float(now.run.margin[i]))
+        pairs.append(("Margin", f"{margin} = σ_min(K)/σ_max(J)"))
     brakes = [load for load in now.loads if not math.isnan(load.brake)]
     if brakes:
         loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ftforce import words
 from ftforce.arrays import Matrix, Vector, read_only
@@ -265,13 +266,8 @@ def _line(
 def rotation(wxyz: Vector) -> Matrix:
     """Return the rotation (3, 3) of a unit quaternion w, x, y, z."""
     w, x, y, z = wxyz.tolist()
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    R: Matrix = pin.Quaternion(w, x, y, z).toRotationMatrix()
+    return R
 
 
 def wxyz_of(R: Matrix) -> Vector:

@@ -207,7 +207,7 @@ class Playback:
     def _as_played(self, state: State) -> State:
         # Under the session's lock: what time it is now, however late this runs.
         now = snapshot(self.history, self.run, self.time)
-        return state.at(now.run.q[now.sample]).with_faults(now.faults)
+        return state.at(now.q).with_faults(now.faults)
 
     # ---- Mode --------------------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ftforce import words
 from ftforce.faults import Fault, FaultMode, FaultSet
+from ftforce.history import VERDICTS
 from ftforce.show.canvas import STROKES
 from ftforce.view.answer import JointLoad
 from ftforce.view.arrows import Scales, TipAxes, arrows_of, scales_for
@@ -36,9 +37,11 @@ class Snapshot(NamedTuple):
     Attributes
     ----------
     sample :
-        Its index; that of the last posture that is known, if by then nothing holds the arm.
+        Its index.
     time :
         Of the sample, s.
+    q :
+        Joint positions, rad or m, shape (n,); the last that are known, if nothing holds the arm.
     run, healthy :
         The run that is shown, and the one without a fault.
     faults :
@@ -54,6 +57,7 @@ class Snapshot(NamedTuple):
 
     sample: int
     time: float
+    q: Vector
     run: Run
     healthy: Run
     faults: FaultSet
@@ -99,13 +103,19 @@ def snapshot(history: History, name: str, time: float) -> Snapshot:
     at, fall = float(history.t[i]), run.falls_from
     faults = FaultSet() if name == "healthy" else faults_at(history, at)
     holds = fall is None or i < fall
-    loads, verdict = _loads(history, run, i, faults, holds), run.verdicts[i]
-    if fall is not None:
-        i = min(i, fall)  # where the fall takes the arm is not known
     return Snapshot(
-        i, at, run, history.healthy, faults, np.array(history.setting.force),
-        run.force[i] if holds else None, run.jump[i] if holds else None, loads, verdict,
-    )  # fmt: skip
+        sample=i,
+        time=at,
+        q=run.q[i if holds else fall],
+        run=run,
+        healthy=history.healthy,
+        faults=faults,
+        requested=np.array(history.setting.force),
+        kept=run.force[i] if holds else None,
+        lost=run.jump[i] if holds else None,
+        loads=_loads(history, run, i, faults, holds),
+        verdict=VERDICTS[int(run.verdict[i])],
+    )
 
 
 def first_with(history: History, time: float) -> float:
@@ -164,8 +174,7 @@ def sentence(history: History, name: str, now: Snapshot) -> str:
     pending = [f"{time:g} s" for time in acts if now.time < time - ROUNDING]
     if name == "remapped" and pending:
         parts.append(f"The remap acts at {words.joined(pending)}.")
-    fall = now.run.falls_from
-    if fall is not None and now.kept is None:
+    if now.kept is None and (fall := now.run.falls_from) is not None:
         parts.append(
             f"From {history.t[fall]:g} s on nothing holds the arm; where that takes it is not "
             "simulated."
@@ -203,7 +212,7 @@ def scene(
 ) -> Picture:
     """Return what the scene shows at a time."""
     task = history.setting.task
-    poses, (turn, place) = joint_poses(robot, now.run.q[now.sample])
+    poses, (turn, place) = joint_poses(robot, now.q)
     axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
     forces = {
         "requested": now.requested,

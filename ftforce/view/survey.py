@@ -215,7 +215,6 @@ class Survey:
         self.robot, self.sweep = robot, sweep
         self.points = read_points(sweep)
         self._choices = choices(sweep)
-        self._start = state
         self._chosen, self._shown = EVERY, SHOWN[0]
         self._asks, self._asks_the_same = state, True
         self._lock = threading.RLock()
