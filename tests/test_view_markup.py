@@ -13,25 +13,21 @@ import pytest
 import ftforce
 from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
+from ftforce.view.curves import Curve, chart
+from ftforce.view.elements import Markup, element, text
 from ftforce.view.markup import (
-    Curve,
-    Markup,
     answer_part,
     banner,
-    bar,
     census_part,
-    chart,
     command_part,
-    element,
     legend,
     problem_banner,
     set_label,
-    share_text,
     static_page,
-    text,
 )
 from ftforce.view.picture import picture
 from ftforce.view.state import Origin, command_line, initial_state
+from ftforce.view.tables import bar, share_text
 
 BAD = "<img src=x onerror=\"alert('1')\">&amp;"
 TAGS = {"div", "span", "h3", "table", "thead", "tbody", "tr", "th", "td", "style", "details",

@@ -19,7 +19,7 @@ from ftforce.errors import InputError
 from ftforce.faults import FaultSet
 from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
-from ftforce.view.markup import Markup
+from ftforce.view.elements import Markup
 from ftforce.view.meshes import Geometry, Part
 from ftforce.view.picture import picture, rotation, scene_size
 from ftforce.view.session import Session, View

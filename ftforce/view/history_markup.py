@@ -9,9 +9,11 @@ import numpy as np
 
 from ftforce import words
 from ftforce.show.canvas import LINE_COLOURS
-from ftforce.view import markup
+from ftforce.view import elements
 from ftforce.view.arrows import forces_of, moments_of
 from ftforce.view.colours import ARROW_COLOURS
+from ftforce.view.curves import Curve, chart
+from ftforce.view.tables import load_table, vector_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.history import History, Run
     from ftforce.task import Task
-    from ftforce.view.markup import Markup
+    from ftforce.view.elements import Markup
     from ftforce.view.snapshots import Snapshot
 
 _POINTS = 240  # of a curve
@@ -33,7 +35,7 @@ def charts(history: History, run: Run) -> Markup:
         found.append(_vector_chart(history, run, forces_of, "Force at the tip", "N"))
     if task.moment_rows:
         found.append(_vector_chart(history, run, moments_of, "Moment at the tip", "N·m"))
-    return markup.block(markup.style(), *found, torque_chart(history, run), testid="charts")
+    return elements.block(elements.style(), *found, torque_chart(history, run), testid="charts")
 
 
 def chosen(history: History, run: Run) -> Vector:
@@ -62,10 +64,10 @@ def tables(history: History, now: Snapshot) -> Markup:
     if brakes:
         loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)
         pairs.append(("Brake load", ", ".join(loads)))
-    return markup.block(
-        markup.load_table(now.loads, history.setting.has_masses, ("healthy", "now")),
-        markup.vector_table(history.setting.task, vectors),
-        markup.facts(pairs, "measures"),
+    return elements.block(
+        load_table(now.loads, history.setting.has_masses, ("healthy", "now")),
+        vector_table(history.setting.task, vectors),
+        elements.facts(pairs, "measures"),
         testid="answer",
     )
 
@@ -79,10 +81,10 @@ def _vector_chart(
     kept, lost = (_until_fall(run, at, F[at]) for F in (run.force, run.jump))
     vectors = {"requested": asked, "kept": kept, "lost": lost}
     curves = [
-        markup.Curve(kind, np.linalg.norm(part(task, F), axis=1), markup.css(ARROW_COLOURS[kind]))
+        Curve(kind, np.linalg.norm(part(task, F), axis=1), elements.css(ARROW_COLOURS[kind]))
         for kind, F in vectors.items()
     ]
-    return markup.chart(title, unit, history.t[at], curves, marks(history))
+    return chart(title, unit, history.t[at], curves, marks(history))
 
 
 def torque_chart(history: History, run: Run) -> Markup:
@@ -92,7 +94,7 @@ def torque_chart(history: History, run: Run) -> Markup:
     values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
     values = _until_fall(run, at, values)
     curves = [
-        markup.Curve(
+        Curve(
             f"{j + 1}", values[:, j], LINE_COLOURS[j % len(LINE_COLOURS)],
             _DASHES[j // len(LINE_COLOURS) % len(_DASHES)],
         )
@@ -100,7 +102,7 @@ def torque_chart(history: History, run: Run) -> Markup:
     ]  # fmt: skip
     unit = "% of its limit" if is_known else "N·m (N)"
     title = "Motor load by joint" if is_known else "Motor torque by joint"
-    return markup.chart(title, unit, history.t[at], curves, marks(history))
+    return chart(title, unit, history.t[at], curves, marks(history))
 
 
 def _until_fall(run: Run, at: Vector, values: Vector) -> Vector:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ftforce.arrays import read_only
 from ftforce.show.canvas import STROKES
-from ftforce.view import markup
+from ftforce.view import curves, elements, markup
 from ftforce.view.export import record, scene_html
 from ftforce.view.history_markup import charts, chosen, tables
 from ftforce.view.picture import Line, scene_size
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.history import History
     from ftforce.robot import Robot
-    from ftforce.view.markup import Markup
+    from ftforce.view.elements import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.snapshots import Snapshot
@@ -207,8 +207,8 @@ def _story(history: History, name: str, below: Markup) -> Markup:
         doubts = ()
     at = next((t for t in times if t > 0.0), end)
     now = snapshot(history, name, at)
-    return markup.element(
-        "div", *told, markup.no_cursor(), charts(history, history.runs[name]),
-        markup.block(markup.element("h3", f"At {now.time:.2f} s")), tables(history, now), below,
+    return elements.element(
+        "div", *told, curves.no_cursor(), charts(history, history.runs[name]),
+        elements.block(elements.element("h3", f"At {now.time:.2f} s")), tables(history, now), below,
         data_testid="static",
     )  # fmt: skip

@@ -1,19 +1,11 @@
-"""The page's answer as HTML: the only file that writes markup, so that no name can be any.
-
-Every text goes through `text`. What `element` returns is a `Markup`, and only that is taken into
-another element as it is; a plain string, whatever stands in it, is shown as text.
-"""
+"""The page's answer as HTML: verdict, tables, census, legend, command."""
 
 from __future__ import annotations
 
-import html
 import math
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from ftforce import sentences, words
-from ftforce.faults import FaultMode
 from ftforce.show.analysis import situation
 from ftforce.view.colours import (
     ARROW_COLOURS,
@@ -21,55 +13,33 @@ from ftforce.view.colours import (
     NEUTRAL,
     RAMP,
     VERDICT_COLOURS,
-    colour_of,
 )
+from ftforce.view.elements import (
+    Markup,
+    block,
+    cell,
+    css,
+    element,
+    facts,
+    row,
+    style,
+    table,
+)
+from ftforce.view.tables import force_table, torque_table
 from ftforce.words import number, ratio, size
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
-    from ftforce.analysis import Analysis
-    from ftforce.arrays import Vector
     from ftforce.fault_census import Census
     from ftforce.metrics import Verdict
     from ftforce.set_reports import SetReport
-    from ftforce.task import Task
-    from ftforce.view.answer import Answer, JointLoad
+    from ftforce.view.answer import Answer
     from ftforce.view.colours import Colour
     from ftforce.view.picture import Picture
 
 MOST_SETS = 40
 _ROUNDING = 1e-6  # a share of a force that is smaller is none
-
-STYLE = """
-.ftf{font:12px/1.35 system-ui,'Noto Sans','DejaVu Sans',sans-serif;color:#1a1a1a;padding:4px 10px}
-.ftf h3{font-size:12px;font-weight:600;margin:8px 0 2px}
-.ftf table{border-collapse:collapse;width:100%;table-layout:fixed}
-.ftf td,.ftf th{padding:1px 3px;text-align:right;white-space:nowrap}
-.ftf td,.ftf th{overflow:hidden;text-overflow:ellipsis}
-.ftf th{color:#666;font-weight:400}
-.ftf .l{text-align:left}
-.ftf .w{white-space:normal;overflow-wrap:anywhere}
-.ftf .b td{font-weight:600;border-top:1px solid #ddd}
-.ftf .bar{position:relative;height:12px;background:#eee;border:1px solid #bbb;box-sizing:border-box}
-.ftf .bar i{position:absolute;left:0;top:0;bottom:0}
-.ftf .over{color:#aa2814;font-weight:600}
-.ftf .verdict{padding:7px 9px;border-radius:5px;color:#fff;font-size:12.5px;overflow-wrap:anywhere}
-.ftf .warning{background:#fff4d6;border-left:3px solid #e69f00}
-.ftf .warning{padding:2px 6px;margin:4px 0;overflow-wrap:anywhere}
-.ftf .key{display:inline-block;width:14px;height:9px;margin-right:5px;border:1px solid #999}
-.ftf .line{height:3px;border:0;vertical-align:middle}
-.ftf .entry{display:inline-block;margin-right:10px}
-.ftf .note{color:#666}
-.ftf code{font:11px monospace;overflow-wrap:anywhere;user-select:all}
-.ftf button{font:12px system-ui,sans-serif;padding:5px 10px;cursor:pointer;width:100%}
-.ftf .plot{position:relative;height:96px;border:1px solid #bbb}
-.ftf .plot svg{position:absolute;width:100%;height:100%;left:0;top:0}
-.ftf .plot b{position:absolute;top:0;bottom:0;width:2px;margin-left:-1px;background:#000}
-.ftf .ends{display:flex;justify-content:space-between;color:#666}
-.ftf .names i{display:inline-block;width:14px;height:3px;margin-right:5px;vertical-align:middle}
-.ftf summary{cursor:pointer;font-weight:600;margin-top:8px}
-"""
 
 # The text is in the element's data, never in the script.
 _COPY = (
@@ -80,57 +50,6 @@ _COPY = (
     "say(ok?'copied':'select the text and copy it')};"
     "navigator.clipboard?navigator.clipboard.writeText(t).then(()=>say('copied'),old):old()"
 )
-
-
-class Markup(str):
-    """HTML that is safe: made by `element`, of texts that were escaped."""
-
-    __slots__ = ()
-
-
-def text(words_: str) -> Markup:
-    """Return a text as HTML that shows it, whatever stands in it."""
-    return words_ if isinstance(words_, Markup) else Markup(html.escape(words_, quote=True))
-
-
-def element(name: str, *children: str, **attributes: str) -> Markup:
-    """Return an element; plain strings in it, and all its attributes, are escaped.
-
-    Parameters
-    ----------
-    name :
-        Of the element.
-    children :
-        Texts and `Markup`.
-    attributes :
-        ``class_`` is class, ``data_testid`` is data-testid; empty ones are left out.
-    """
-    given = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{html.escape(value, quote=True)}"'
-        for key, value in attributes.items()
-        if value
-    )
-    return Markup(f"<{name}{given}>{''.join(map(text, children))}</{name}>")
-
-
-def style() -> Markup:
-    """Return what the other parts look like."""
-    return Markup(f"<style>{STYLE}</style>")
-
-
-def block(*children: str, testid: str = "") -> Markup:
-    """Return a part of the page."""
-    return element("div", *children, class_="ftf", data_testid=testid)
-
-
-def css(colour: Colour) -> str:
-    """Return a colour as CSS has it."""
-    return f"rgb({colour[0]},{colour[1]},{colour[2]})"
-
-
-def text_on(colour: Colour) -> str:
-    """Return black or white, whichever is read better on a colour."""
-    return "#000" if sum(colour) > 400 else "#fff"
 
 
 # ---- the banner ------------------------------------------------------------------------------
@@ -166,175 +85,7 @@ def _banner(colour: Colour, words_: str, testid: str) -> Markup:
     return element("div", words_, class_="verdict", style=look, data_testid=testid, role="status")
 
 
-# ---- tables ----------------------------------------------------------------------------------
-
-
-def table(
-    columns: Sequence[tuple[str, str, str]],
-    rows: Iterable[Markup],
-    testid: str,
-) -> Markup:
-    """Return a table.
-
-    Parameters
-    ----------
-    columns :
-        Title, class and CSS width of each.
-    rows :
-        Made by `row`.
-    testid :
-        For tests.
-    """
-    head = element(
-        "tr", *(element("th", title, class_=kind, style=width and f"width:{width}")
-                for title, kind, width in columns),
-    )  # fmt: skip
-    return element("table", element("thead", head), element("tbody", *rows), data_testid=testid)
-
-
-def row(cells: Iterable[Markup], kind: str = "") -> Markup:
-    """Return a row of a table."""
-    return element("tr", *cells, class_=kind)
-
-
-def cell(words_: str, kind: str = "", title: str = "") -> Markup:
-    """Return a cell; ``title`` is shown when one points at it."""
-    return element("td", words_, class_=kind, title=title)
-
-
-def torque_table(answer: Answer) -> Markup:
-    """Return what each motor gives before and after, with a bar against its limit."""
-    return load_table(answer.loads, answer.analysis.rnea.is_known)
-
-
-def load_table(
-    loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
-) -> Markup:
-    """Return what each motor gives, with a bar against its limit.
-
-    Parameters
-    ----------
-    loads :
-        Of the joints.
-    has_masses :
-        Whether the weight is known.
-    names :
-        Of the two columns.
-    """
-    units = {load.unit for load in loads}
-    unit = units.pop() if len(units) == 1 else "N·m, N"
-    title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
-    columns = [
-        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "56px"), (names[1], "", "51px"),
-        ("of limit", "l", "50px"), ("", "", "40px"),
-    ]  # fmt: skip
-    rows = (_load_row(load) for load in loads)
-    return element("div", element("h3", title), table(columns, rows, "torques"))
-
-
-def _load_row(load: JointLoad) -> Markup:
-    after = torque_text(load.after)
-    hint = f"force part {torque_text(load.part_before)} → {torque_text(load.part_after)}"
-    mode = None if load.fault is None else load.fault.mode
-    if mode is FaultMode.LOCKED:
-        after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
-    colour = colour_of(mode, load.used)
-    look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
-    # Not by colour alone; the names of joints leave no room for the whole word.
-    place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
-    name = load.name if load.fault is None else f"{load.name}: {load.fault}"
-    limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
-    return row(
-        [
-            element("td", place, class_="l", style=look, title=name),
-            cell(load.name, "l", name),
-            cell(torque_text(load.before), "", hint),
-            cell(after, "", hint),
-            element("td", bar(load.used, colour), title=f"limit {limit}"),
-            cell(share_text(load.used), "over" if load.used > 1.0 else "", f"limit {limit}"),
-        ]
-    )
-
-
-def torque_text(torque: float) -> str:
-    """Return a torque, or what stands for one that is not known."""
-    return "–" if math.isnan(torque) else number(torque)
-
-
-def share_text(share: float) -> str:
-    """Return a share of a limit in per cent."""
-    if math.isinf(share):
-        return "∞"
-    return "?" if math.isnan(share) else f"{100.0 * share:.0f}%"
-
-
-def bar(share: float, colour: Colour) -> Markup:
-    """Return a bar that is as full as a share of a limit."""
-    width = 0.0 if math.isnan(share) else 100.0 * min(share, 1.0)
-    # The darker half of the ramp: its light end would vanish on a page.
-    filled = element("i", style=f"width:{width:.0f}%;background:{css(colour)}")
-    return element("div", filled, class_="bar")
-
-
-def force_table(analysis: Analysis) -> Markup:
-    """Return the force at the tip before and after, and its jump, per axis and their norms."""
-    task, change = analysis.task, analysis.force
-    if change is None:
-        return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
-    vectors: list[tuple[str, Vector | None]] = [
-        ("before", change.before), ("after", change.after), ("jump", change.jump)
-    ]  # fmt: skip
-    if change.requested is not None and words.is_noticeable(change.unsupported):
-        vectors.insert(0, ("asked", change.requested))
-    return vector_table(task, vectors)
-
-
-def _force_title(task: Task) -> str:
-    return f"Force at the tip, in the axes of {words.axes_in_words(task)}"
-
-
-def vector_table(task: Task, vectors: Sequence[tuple[str, Vector | None]]) -> Markup:
-    """Return named forces at the tip per axis, N and N·m, and their norms."""
-    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
-    values = [vector for _, vector in vectors]
-    parts = zip(task.components, task.units, strict=True)
-    rows = [
-        row([cell(name, "l"), cell(unit, "l"), *(cell(_component(x, i)) for x in values)])
-        for i, (name, unit) in enumerate(parts)
-    ]
-    sizes = ("|force|", "N", task.force_rows), ("|moment|", "N·m", task.moment_rows)
-    for name, unit, own in sizes:
-        if own:
-            norms = (cell(_norm(x, own)) for x in values)
-            rows.append(row([cell(name, "l"), cell(unit, "l"), *norms], "b"))
-    return element("div", element("h3", _force_title(task)), table(columns, rows, "forces"))
-
-
-def _component(vector: Vector | None, i: int) -> str:
-    return "–" if vector is None else size(float(vector[i]))
-
-
-def _norm(vector: Vector | None, rows: tuple[int, ...]) -> str:
-    return "–" if vector is None else size(float(np.linalg.norm(vector[list(rows)])))
-
-
-def _unit_forces(analysis: Analysis) -> Markup:
-    """Return what is kept and lost of 1 N (1 N·m) along each axis."""
-    task = analysis.task
-    columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
-    rows = []
-    for name, unit, (force, _) in zip(
-        task.components, task.units, analysis.unit_forces, strict=True
-    ):
-        values = (cell(_component(force.after, i)) for i in range(task.m))
-        rows.append(row([cell(f"{name} 1 {unit}", "l"), *values]))
-    return table(columns, rows, "forces")
-
-
-def facts(pairs: Iterable[tuple[str, str]], testid: str) -> Markup:
-    """Return names and values in two columns."""
-    rows = (row([cell(name, "l w"), cell(value, "l w")]) for name, value in pairs)
-    return table([("", "l", "96px"), ("", "l", "")], rows, testid)
+# ---- the answer -----------------------------------------------------------------------------
 
 
 def measures(answer: Answer) -> Markup:
@@ -462,88 +213,6 @@ def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str)
     """Return what colours mean, and what else is to be said."""
     told = (element("div", note, class_="note") for note in notes)
     return block(style(), *(_key(colour, words_) for colour, words_ in pairs), *told, testid=testid)
-
-
-# ---- curves over time ------------------------------------------------------------------------
-
-
-class Curve(NamedTuple):
-    """A quantity over time: name, values (NaN leaves a gap), colour of CSS, dashes of SVG."""
-
-    name: str
-    values: Vector
-    colour: str
-    dashes: str = ""
-
-
-def chart(
-    title: str, unit: str, t: Vector, curves: Sequence[Curve], marks: Iterable[float] = ()
-) -> Markup:
-    """Return curves over time as SVG, from 0 or the lowest value up; `cursor` marks a time.
-
-    Parameters
-    ----------
-    title, unit :
-        Of the values.
-    t :
-        Times, s, shape (N,).
-    curves :
-        Their values have shape (N,).
-    marks :
-        Times of vertical lines, s.
-    """
-    known = np.concatenate([[0.0], *(curve.values for curve in curves)])
-    known = known[np.isfinite(known)]
-    low, high = float(known.min()), float(known.max())
-    height = max(high - low, 1e-9)
-    first, length = float(t[0]), max(float(t[-1] - t[0]), 1e-9)
-    x = 100.0 * (t - first) / length
-    parts = [_stroke([(100.0 * (mark - first) / length, y) for y in (0.0, 100.0)], "#555", "3 2")
-             for mark in marks]  # fmt: skip
-    for curve in curves:
-        y = 100.0 * (high - curve.values) / height
-        parts += [_stroke(run, curve.colour, curve.dashes) for run in _unbroken(x, y)]
-    svg = element("svg", *parts, viewBox="0 -2 100 104", preserveAspectRatio="none")
-    names = (element("span", element("i", style=f"background:{c.colour}"), c.name, class_="entry")
-             for c in curves)  # fmt: skip
-    ends = (element("span", f"{x:g} s") for x in (first, first + length))
-    return element(
-        "div", element("h3", f"{title}: {low:.3g} to {high:.3g} {unit}"),
-        element("div", svg, element("b"), class_="plot"), element("div", *ends, class_="ends"),
-        element("div", *names, class_="names"),
-    )  # fmt: skip
-
-
-def cursor(share: float) -> Markup:
-    """Return what puts the cursor of all charts at a share of their time, 0 to 1.
-
-    So a frame sends a few bytes, and no curve again.
-    """
-    return Markup(f"<style>.ftf .plot b{{left:{100.0 * share:.2f}%}}</style>")
-
-
-def no_cursor() -> Markup:
-    """Return what hides the cursor of all charts: time goes on without them."""
-    return Markup("<style>.ftf .plot b{display:none}</style>")
-
-
-def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = "") -> Markup:
-    places = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
-    return element(
-        "polyline", points=places, fill="none", stroke=colour, stroke_width="1.6",
-        stroke_dasharray=dashes, vector_effect="non-scaling-stroke",
-    )  # fmt: skip
-
-
-def _unbroken(x: Vector, y: Vector) -> list[list[tuple[float, float]]]:
-    """Return runs of points between gaps."""
-    runs: list[list[tuple[float, float]]] = [[]]
-    for point in zip(x.tolist(), y.tolist(), strict=True):
-        if math.isnan(point[1]):
-            runs.append([])
-        else:
-            runs[-1].append(point)
-    return [run for run in runs if len(run) > 1]
 
 
 def _key(colour: Colour, words_: str, kind: str = "") -> Markup:

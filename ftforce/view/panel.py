@@ -6,7 +6,6 @@ says now, change the newest question with it, and leave the answer to the sessio
 
 from __future__ import annotations
 
-import math
 import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -20,6 +19,7 @@ from ftforce.robot import BUILT_IN_POSTURES
 from ftforce.task import AXES
 from ftforce.view.arrow_nodes import assign
 from ftforce.view.colours import VERDICT_COLOURS
+from ftforce.view.controls import Control, shortened, slider_range, slider_step, slider_value
 from ftforce.view.markup import (
     answer_part,
     banner,
@@ -36,7 +36,6 @@ from ftforce.view.state import (
     State,
     command_line,
     meant_position,
-    shown_position,
 )
 
 if TYPE_CHECKING:
@@ -54,8 +53,6 @@ _TASKS = ("force", "moment", "wrench", "fx,fy", "fx,fz", "fy,fz", "fx", "fy", "f
 _CENSUS = ("none", "single faults", "single and double faults")
 _BUTTONS = 8  # fault sets that have a button of their own, the worst
 _CHOOSE = "choose …"
-_LONGEST_NAME = 16  # letters beside a slider
-_SLIDE = 5.0  # m: how far a joint that slides without limits goes on the page
 _HEAVIEST = 1000.0  # kg
 _DIGITS = 4  # after the point of what is typed
 
@@ -71,22 +68,6 @@ class Actions(Protocol):
 
     def save_page(self, client: Any) -> None:
         """Give a tab the page as a file that needs no server."""
-
-
-class Control:
-    """A control of the page, and what the question last said it shows."""
-
-    def __init__(self, handle: Any, value: Any) -> None:
-        self.handle, self.value = handle, value
-
-    def tell(self, value: Any) -> None:
-        """Let it show what the question says, unless a hand has just moved it.
-
-        Then the hand's own callback is on its way; what it says becomes the question's.
-        """
-        is_moved = self.handle.value != self.value
-        if self.value != value and not is_moved:
-            self.value = self.handle.value = value
 
 
 class Panel:
@@ -488,36 +469,6 @@ class Panel:
             if k < len(labels):
                 assign(button, "label", labels[k])
                 assign(button, "color", VERDICT_COLOURS[reports[k].verdict])
-
-
-def slider_range(joint: Joint) -> tuple[float, float]:
-    """Return the ends of a joint's slider, degrees or m; a continuous joint turns once."""
-    if joint.unit == "m":
-        low, high = (x if math.isfinite(x) else math.copysign(_SLIDE, x)
-                     for x in (joint.lower, joint.upper))  # fmt: skip
-        return math.floor(low * 1e4) / 1e4, math.ceil(high * 1e4) / 1e4
-    low, high = (math.degrees(x) if math.isfinite(x) else math.copysign(180.0, x)
-                 for x in (joint.lower, joint.upper))  # fmt: skip
-    return math.floor(low * 100.0) / 100.0, math.ceil(high * 100.0) / 100.0
-
-
-def slider_step(joint: Joint) -> float:
-    """Return the step of a joint's slider, degrees or m."""
-    return 0.0001 if joint.unit == "m" else 0.01
-
-
-def slider_value(joint: Joint, position: float) -> float:
-    """Return what a joint's slider shows, degrees or m; a continuous joint's angle is wrapped."""
-    low, high = slider_range(joint)
-    if joint.type == "continuous":
-        position = math.remainder(position, 2.0 * math.pi)
-    shown = shown_position(joint.unit, position)
-    return min(max(round(shown, 4 if joint.unit == "m" else 2) + 0.0, low), high)
-
-
-def shortened(name: str) -> str:
-    """Return a name that fits beside a slider: its end says more than its beginning."""
-    return name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"
 
 
 def _pusher(rows: slice) -> Callable[[Any], Callable[[State], State]]:

@@ -14,7 +14,8 @@ import numpy as np
 from ftforce.errors import InputError, TrajectoryError
 from ftforce.history_files import load_history
 from ftforce.show.canvas import STROKES
-from ftforce.view import markup
+from ftforce.view import curves, elements, markup
+from ftforce.view.controls import Control
 from ftforce.view.fitting import Stored, difference, displacement
 from ftforce.view.history_markup import charts, marks, tables
 from ftforce.view.history_stage import (
@@ -26,7 +27,6 @@ from ftforce.view.history_stage import (
     draw_path,
     legend,
 )
-from ftforce.view.panel import Control
 from ftforce.view.picture import scene_size
 from ftforce.view.session import View
 from ftforce.view.snapshots import (
@@ -237,7 +237,7 @@ class Playback:
         def more() -> None:
             with self._lock:
                 self._healthy.show(picture, now, place)
-            self._cursor.content = str(markup.cursor(now.time / self.end if self.end else 0.0))
+            self._cursor.content = str(curves.cursor(now.time / self.end if self.end else 0.0))
 
         top = markup.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
         below = legend(picture, name, place, self._session.panel.notes)
@@ -261,9 +261,9 @@ class Playback:
             self.robot, self.history, name, geometry, place=place, see_through=see_through
         )
 
-    def part(self) -> markup.Markup:
+    def part(self) -> elements.Markup:
         """Return nothing: its page is one of its own."""
-        return markup.Markup()
+        return elements.Markup()
 
     def stop(self) -> None:
         """End the thread that plays."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ftforce.arrays import Vector
     from ftforce.robot import Robot
     from ftforce.view.answer import Answer
-    from ftforce.view.markup import Markup
+    from ftforce.view.elements import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.state import State

@@ -13,7 +13,7 @@ from ftforce.batch.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import SweepError
 from ftforce.history import VERDICTS
-from ftforce.view import markup
+from ftforce.view import elements, markup
 from ftforce.view.fitting import Stored, difference, displacement
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.stage import linear
@@ -367,17 +367,17 @@ class Survey:
             flat_shading=True, cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
-    def part(self) -> markup.Markup:
+    def part(self) -> elements.Markup:
         """Return what the points' colours mean."""
         return self._told()
 
     def _tell(self) -> None:
         self._legend.content = str(self._told())
 
-    def _told(self) -> markup.Markup:
+    def _told(self) -> elements.Markup:
         return self._cells_legend() if self.points is None else self._points_legend(self.points)
 
-    def _points_legend(self, points: Points) -> markup.Markup:
+    def _points_legend(self, points: Points) -> elements.Markup:
         verdicts, shown = self.verdicts, len(points.q)
         counts = np.bincount(verdicts, minlength=len(VERDICTS)).tolist()
         pairs = [
@@ -394,7 +394,7 @@ class Survey:
             notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
         return markup.keys(pairs, [*notes, *self._notes()], "sweep")
 
-    def _cells_legend(self) -> markup.Markup:
+    def _cells_legend(self) -> elements.Markup:
         pairs = [(_colour(share), f"{share:.0%} of the postures tolerate it") for share in _SHARES]
         note = (
             "Middles of the cells by the share of their postures. The sweep kept its summary "

@@ -1,0 +1,153 @@
+"""Torques and forces as tables of HTML, with bars against the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce import words
+from ftforce.faults import FaultMode
+from ftforce.view.colours import colour_of
+from ftforce.view.elements import cell, css, element, row, table, text_on
+from ftforce.words import number, size
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ftforce.analysis import Analysis
+    from ftforce.arrays import Vector
+    from ftforce.task import Task
+    from ftforce.view.answer import Answer, JointLoad
+    from ftforce.view.colours import Colour
+    from ftforce.view.elements import Markup
+
+
+def torque_table(answer: Answer) -> Markup:
+    """Return what each motor gives before and after, with a bar against its limit."""
+    return load_table(answer.loads, answer.analysis.rnea.is_known)
+
+
+def load_table(
+    loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
+) -> Markup:
+    """Return what each motor gives, with a bar against its limit.
+
+    Parameters
+    ----------
+    loads :
+        Of the joints.
+    has_masses :
+        Whether the weight is known.
+    names :
+        Of the two columns.
+    """
+    units = {load.unit for load in loads}
+    unit = units.pop() if len(units) == 1 else "N·m, N"
+    title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
+    columns = [
+        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "56px"), (names[1], "", "51px"),
+        ("of limit", "l", "50px"), ("", "", "40px"),
+    ]  # fmt: skip
+    rows = (_load_row(load) for load in loads)
+    return element("div", element("h3", title), table(columns, rows, "torques"))
+
+
+def _load_row(load: JointLoad) -> Markup:
+    after = torque_text(load.after)
+    hint = f"force part {torque_text(load.part_before)} → {torque_text(load.part_after)}"
+    mode = None if load.fault is None else load.fault.mode
+    if mode is FaultMode.LOCKED:
+        after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
+    colour = colour_of(mode, load.used)
+    look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
+    # Not by colour alone; the names of joints leave no room for the whole word.
+    place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
+    name = load.name if load.fault is None else f"{load.name}: {load.fault}"
+    limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
+    return row(
+        [
+            element("td", place, class_="l", style=look, title=name),
+            cell(load.name, "l", name),
+            cell(torque_text(load.before), "", hint),
+            cell(after, "", hint),
+            element("td", bar(load.used, colour), title=f"limit {limit}"),
+            cell(share_text(load.used), "over" if load.used > 1.0 else "", f"limit {limit}"),
+        ]
+    )
+
+
+def torque_text(torque: float) -> str:
+    """Return a torque, or what stands for one that is not known."""
+    return "–" if math.isnan(torque) else number(torque)
+
+
+def share_text(share: float) -> str:
+    """Return a share of a limit in per cent."""
+    if math.isinf(share):
+        return "∞"
+    return "?" if math.isnan(share) else f"{100.0 * share:.0f}%"
+
+
+def bar(share: float, colour: Colour) -> Markup:
+    """Return a bar that is as full as a share of a limit."""
+    width = 0.0 if math.isnan(share) else 100.0 * min(share, 1.0)
+    # The darker half of the ramp: its light end would vanish on a page.
+    filled = element("i", style=f"width:{width:.0f}%;background:{css(colour)}")
+    return element("div", filled, class_="bar")
+
+
+def force_table(analysis: Analysis) -> Markup:
+    """Return the force at the tip before and after, and its jump, per axis and their norms."""
+    task, change = analysis.task, analysis.force
+    if change is None:
+        return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
+    vectors: list[tuple[str, Vector | None]] = [
+        ("before", change.before), ("after", change.after), ("jump", change.jump)
+    ]  # fmt: skip
+    if change.requested is not None and words.is_noticeable(change.unsupported):
+        vectors.insert(0, ("asked", change.requested))
+    return vector_table(task, vectors)
+
+
+def _force_title(task: Task) -> str:
+    return f"Force at the tip, in the axes of {words.axes_in_words(task)}"
+
+
+def vector_table(task: Task, vectors: Sequence[tuple[str, Vector | None]]) -> Markup:
+    """Return named forces at the tip per axis, N and N·m, and their norms."""
+    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
+    values = [vector for _, vector in vectors]
+    parts = zip(task.components, task.units, strict=True)
+    rows = [
+        row([cell(name, "l"), cell(unit, "l"), *(cell(_component(x, i)) for x in values)])
+        for i, (name, unit) in enumerate(parts)
+    ]
+    sizes = ("|force|", "N", task.force_rows), ("|moment|", "N·m", task.moment_rows)
+    for name, unit, own in sizes:
+        if own:
+            norms = (cell(_norm(x, own)) for x in values)
+            rows.append(row([cell(name, "l"), cell(unit, "l"), *norms], "b"))
+    return element("div", element("h3", _force_title(task)), table(columns, rows, "forces"))
+
+
+def _component(vector: Vector | None, i: int) -> str:
+    return "–" if vector is None else size(float(vector[i]))
+
+
+def _norm(vector: Vector | None, rows: tuple[int, ...]) -> str:
+    return "–" if vector is None else size(float(np.linalg.norm(vector[list(rows)])))
+
+
+def _unit_forces(analysis: Analysis) -> Markup:
+    """Return what is kept and lost of 1 N (1 N·m) along each axis."""
+    task = analysis.task
+    columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
+    rows = []
+    for name, unit, (force, _) in zip(
+        task.components, task.units, analysis.unit_forces, strict=True
+    ):
+        values = (cell(_component(force.after, i)) for i in range(task.m))
+        rows.append(row([cell(f"{name} 1 {unit}", "l"), *values]))
+    return table(columns, rows, "forces")
