@@ -21,8 +21,9 @@ from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
 from ftforce.view.elements import Markup
 from ftforce.view.meshes import Geometry, Part
+from ftforce.view.modes import View
 from ftforce.view.picture import picture, rotation, scene_size
-from ftforce.view.session import Session, View
+from ftforce.view.session import Session
 from ftforce.view.state import Origin, command_line, initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, joint

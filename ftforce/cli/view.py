@@ -38,7 +38,8 @@ from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
-    from ftforce.view.session import Mode, Session
+    from ftforce.view.modes import Mode
+    from ftforce.view.session import Session
     from ftforce.view.state import Origin, State
 
 

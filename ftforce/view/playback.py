@@ -27,8 +27,8 @@ from ftforce.view.history_stage import (
     draw_path,
     legend,
 )
+from ftforce.view.modes import View
 from ftforce.view.picture import scene_size
-from ftforce.view.session import View
 from ftforce.view.snapshots import (
     ROUNDING,
     faults_at,
@@ -112,7 +112,7 @@ def _mark(history: History, time: float) -> str:
 
 
 class Playback:
-    """Plays a history on the page: a `ftforce.view.session.Mode`.
+    """Plays a history on the page: a `ftforce.view.modes.Mode`.
 
     Parameters
     ----------

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.colours import Colour
     from ftforce.view.meshes import Geometry
-    from ftforce.view.session import Session, View
+    from ftforce.view.modes import View
+    from ftforce.view.session import Session
     from ftforce.view.state import State
 
 MOST = 20_000  # points: a browser without a GPU still turns them
@@ -197,7 +198,7 @@ def share_colours(shares: Vector) -> NDArray[np.uint8]:
 
 
 class Survey:
-    """Shows a sweep on the page: a `ftforce.view.session.Mode`.
+    """Shows a sweep on the page: a `ftforce.view.modes.Mode`.
 
     Parameters
     ----------

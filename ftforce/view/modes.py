@@ -1,0 +1,67 @@
+"""What may take the place of the ordinary answer: a history that plays, the points of a sweep."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ftforce.view.elements import Markup
+    from ftforce.view.meshes import Geometry
+    from ftforce.view.picture import Picture
+    from ftforce.view.session import Session
+    from ftforce.view.state import State
+
+
+class View(NamedTuple):
+    """What a `Mode` shows instead of the ordinary answer.
+
+    Attributes
+    ----------
+    picture :
+        The scene.
+    top, parts, below :
+        HTML of `ftforce.view.markup`: where the verdict, the tables and the legend are.
+    more :
+        Shows what else belongs to it, at the same time.
+    """
+
+    picture: Picture
+    top: str
+    parts: str
+    below: str = ""
+    more: Callable[[], None] | None = None
+
+
+class Mode(Protocol):
+    """Something that takes posture and faults out of the user's hands: a history, a sweep.
+
+    It adds its own tab with ``session.panel.first_tab`` and its own nodes to
+    ``session.server.scene``; when its time, or its point, changes, it calls `Session.refresh`, or
+    `Session.change` with another question.
+    """
+
+    takes_over: bool
+    """Whether posture, faults and load are its own: then the page asks nothing else."""
+
+    def start(self, session: Session) -> None:
+        """Begin; the session's page is up, and nothing was answered yet."""
+
+    def view(self, state: State) -> View | None:
+        """Return what is shown now; ``None`` for the answer to the question.
+
+        It is called by the session's worker, which shows the error if one is raised.
+        """
+
+    def set_geometry(self, geometry: Geometry) -> None:
+        """Show the arm's links in scenes of its own; the session's lock is held."""
+
+    def page(self) -> str | None:
+        """Return what it shows as a page for a file; ``None`` for the scene as it is."""
+
+    def part(self) -> Markup:
+        """Return what stands beside the scene as it is, in a file, above the answer's tables."""
+
+    def stop(self) -> None:
+        """End, and every thread of its own with it."""
