@@ -61,7 +61,8 @@ def draw(browser: Browser, name: str, folder: Path, output: Path) -> None:
         page.goto(address[0])
         wait_until_drawn(page, TABS.get(name))
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-        few = picture.quantize(192, dither=Image.Dither.NONE)  # a third of the bytes
+        # A third of the bytes; the colours of keys and verdicts are few, and have to stay.
+        few = picture.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
         few.save(output / f"{name}.png", optimize=True)
         page.close()
     finally:
