@@ -1,4 +1,4 @@
-"""Sessions: lint, types, tests, docs, examples, minimums, bench; and browser, if asked for."""
+"""Sessions of nox: `nox` runs the default ones, `nox --list` names all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ import nox
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "uv|virtualenv"  # uv if it is there: minutes less
 nox.options.error_on_missing_interpreters = False
-nox.options.sessions = ["lint", "types", "tests", "docs", "examples", "minimums", "bench"]
 
 PROJECT = nox.project.load_toml("pyproject.toml")
 SUPPORTED = ("3.11", "3.12", "3.13")
@@ -29,48 +28,83 @@ def works(version: str) -> bool:
 
 CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
-QUICK = "not thorough and not browser"  # what is thorough is so once
+ALL = "not browser"
+QUICK = "not thorough and not browser"  # what is thorough runs on one Python, and unwatched
 ENVIRONMENT = {
     # Installed code is tested, never the checkout; and no test depends on the caller's colours.
     "PYTHONSAFEPATH": "1",
     "NO_COLOR": "1",
     "OMP_NUM_THREADS": "1",
-    # uv leaves it to the first import to compile; without a place for that, each of the hundreds
-    # of processes that tests start would compile NumPy, SciPy and pandas anew.
+    # uv leaves it to the first import to compile; without a place for that, each of the
+    # processes that tests start would compile NumPy, SciPy and pandas anew.
     "PYTHONDONTWRITEBYTECODE": "",
 }
-WORKERS = str((os.cpu_count() or 1) + 1)  # tests that wait leave a processor free
-KERNELS = ("python", "tests/compile_kernels.py")  # else every test process compiles its own
+WORKERS = ("-n", str((os.cpu_count() or 1) + 1))  # tests that wait leave a processor free
 
 
 def group(name: str) -> list[str]:
+    """Return the requirements of a dependency group."""
     return nox.project.dependency_groups(PROJECT, name)
 
 
-@nox.session(python=FOUND)
-def tests(session: nox.Session) -> None:
-    """Run the tests against an installed, non-editable ftforce, with coverage."""
-    session.install(".", *group("test"))
-    if session.posargs:
-        session.run("pytest", *session.posargs, env=ENVIRONMENT)
-        return
-    if session.python != FOUND[0]:
-        session.run("pytest", "-n", WORKERS, "-m", QUICK, env=ENVIRONMENT)
-        return
-    session.run(*KERNELS, env=ENVIRONMENT)
-    coverage = ["-n", WORKERS, "--cov", "--cov-branch"]
-    unjudged = ["-m", "not browser", "--cov-report=", "--cov-fail-under=0"]
-    session.run("pytest", *coverage, *unjudged, env=ENVIRONMENT)
-    # Coverage does not see into compiled kernels: their tests run once more as plain Python.
-    plain = {**ENVIRONMENT, "NUMBA_DISABLE_JIT": "1"}
-    more = ["--cov-append", "--cov-report=term-missing:skip-covered", "--cov-fail-under=95"]
-    session.run("pytest", "-m", "plain", *coverage, *more, env=plain)
+def install(session: nox.Session, *requirements: str) -> None:
+    """Install ftforce, not editable, and put compiled kernels beside it.
+
+    They are kept in nox's cache from one session to the next; without them each of the test
+    processes would compile its own for a minute.
+    """
+    session.install(".", *requirements)
+    kept = os.path.join(session.cache_dir, "kernels")
+    session.run("python", "tests/compile_kernels.py", kept, env=ENVIRONMENT)
 
 
 @nox.session
+def tests(session: nox.Session) -> None:
+    """Run the tests on the current Python."""
+    install(session, *group("test"))
+    session.run("pytest", *(session.posargs or [*WORKERS, "-m", ALL]), env=ENVIRONMENT)
+
+
+@nox.session(name="tests-all", python=FOUND, default=False)
+def tests_all(session: nox.Session) -> None:
+    """Run the tests on every supported Python that is found."""
+    install(session, *group("test"))
+    session.run("pytest", *(session.posargs or [*WORKERS, "-m", QUICK]), env=ENVIRONMENT)
+
+
+@nox.session
+def coverage(session: nox.Session) -> None:
+    """Measure which lines and branches the tests reach."""
+    install(session, *group("test"))
+    # Branches need the C tracer before Python 3.14, where coverage takes sys.monitoring by itself.
+    cover = [*WORKERS, "-q", "--cov", "--cov-branch"]
+    unjudged = ["-m", QUICK, "--cov-report=", "--cov-fail-under=0"]
+    session.run("pytest", *cover, *unjudged, env=ENVIRONMENT)
+    # Coverage does not see into compiled kernels: their tests run once more as plain Python.
+    plain = {**ENVIRONMENT, "NUMBA_DISABLE_JIT": "1"}
+    judged = ["--cov-append", "--cov-report=term-missing:skip-covered", "--cov-fail-under=95"]
+    session.run("pytest", "-m", "plain", *cover, *judged, env=plain)
+
+
+@nox.session(default=False)
+def campaign(session: nox.Session) -> None:
+    """Run the tests with ten times the random cases: before a release, or for a change of kernels."""
+    install(session, *group("test"))
+    environment = {**ENVIRONMENT, "FTFORCE_CAMPAIGN": "1"}
+    session.run("pytest", *(session.posargs or [*WORKERS, "-m", ALL]), env=environment)
+
+
+@nox.session(default=False)
+def mutants(session: nox.Session) -> None:
+    """Break the code in 60 places, one at a time, and see that the tests notice."""
+    session.install("-e", ".", *group("test"))
+    session.run("python", "tests/mutants.py", *session.posargs, env=ENVIRONMENT)
+
+
+@nox.session(default=False)
 def browser(session: nox.Session) -> None:
     """Run the tests that drive Chromium, which has to be installed."""
-    session.install(".", *group("test"))
+    install(session, *group("test"))
     options = session.posargs or ["-n", "auto"]  # more of them would wait for each other too long
     session.run("pytest", "-m", "browser", *options, env=ENVIRONMENT)
 
@@ -101,7 +135,7 @@ def docs(session: nox.Session) -> None:
 @nox.session
 def examples(session: nox.Session) -> None:
     """Run the examples, and see that every picture shows what the code prints today."""
-    session.install(".", *group("docs"))
+    install(session, *group("docs"))
     for script in ("paper_case.py", "your_own_jacobian.py"):
         session.run("python", f"docs/examples/{script}", env=ENVIRONMENT)
     drawn = session.create_tmp()
@@ -113,20 +147,24 @@ def examples(session: nox.Session) -> None:
     session.run("python", "docs/examples/pictures.py", "--check", env=ENVIRONMENT)
 
 
-@nox.session(python=FOUND[0])
+@nox.session
 def minimums(session: nox.Session) -> None:
-    """Run the tests with the oldest dependencies that pyproject.toml admits."""
+    """Run the tests with the oldest dependencies that pyproject.toml admits.
+
+    With these no deprecation may be raised either; a newer release may deprecate what we use
+    without breaking anybody's run.
+    """
     oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
     session.install(*oldest, ".", *group("test"))
-    options = session.posargs or ["-m", QUICK]
-    session.run("pytest", "-n", WORKERS, "-q", *options, env=ENVIRONMENT)
+    session.run("python", "tests/compile_kernels.py", env=ENVIRONMENT)
+    options = session.posargs or [*WORKERS, "-q", "-m", QUICK]
+    session.run("pytest", "-W", "error", *options, env=ENVIRONMENT)
 
 
 @nox.session
 def bench(session: nox.Session) -> None:
     """Measure side by side, in one run, against what a user would write instead."""
-    session.install(".", *group("bench"))
-    session.run(*KERNELS, env=ENVIRONMENT)
+    install(session, *group("bench"))
     # As timeit has it: no garbage collection, warm caches.
     timing = ["--benchmark-disable-gc", "--benchmark-warmup=on", "--benchmark-sort=name"]
     columns = "--benchmark-columns=min,median,iqr"
