@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import chain
 
 import nox
 
@@ -151,14 +152,16 @@ def examples(session: nox.Session) -> None:
 def minimums(session: nox.Session) -> None:
     """Run the tests with the oldest dependencies that pyproject.toml admits.
 
-    With these no deprecation may be raised either; a newer release may deprecate what we use
-    without breaking anybody's run.
+    With these nothing that ftforce uses may be deprecated; a newer release may deprecate it without
+    breaking anybody's run.
     """
-    oldest = [re.sub(r">=", "==", dependency) for dependency in PROJECT["project"]["dependencies"]]
-    session.install(*oldest, ".", *group("test"))
-    session.run("python", "tests/compile_kernels.py", env=ENVIRONMENT)
+    extras = PROJECT["project"]["optional-dependencies"].values()
+    admitted = chain(PROJECT["project"]["dependencies"], *extras)
+    oldest = [re.sub(r">=([^,]+).*", r"==\1", requirement) for requirement in admitted]
+    install(session, *oldest, *group("test"))
     options = session.posargs or [*WORKERS, "-q", "-m", QUICK]
-    session.run("pytest", "-W", "error", *options, env=ENVIRONMENT)
+    strict = "filterwarnings=error:::ftforce\nerror:::test_"
+    session.run("pytest", "-o", strict, *options, env=ENVIRONMENT)
 
 
 @nox.session
