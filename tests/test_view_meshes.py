@@ -65,15 +65,14 @@ def test_a_rod_goes_from_one_point_to_another(end):
 
 def test_a_coarser_mesh_stays_within_a_cell():
     solid = shapes.sphere(1.0)
-    coarse = shapes.coarser(solid, np.array([0.2, 0.2, 0.1]))
+    coarse = shapes.coarser(solid, np.full(3, 0.2))
     assert 8 < len(coarse.faces) < len(solid.faces)
     assert np.abs(np.linalg.norm(coarse.vertices, axis=1) - 1.0).max() < 0.2
     assert coarse.volume == pytest.approx(solid.volume, rel=0.1)
-    assert np.ptp(coarse.vertices[:, 0]) < np.ptp(coarse.vertices[:, 2])
     corners = np.sort(coarse.faces, axis=1)
     assert (np.diff(corners, axis=1) > 0).all()
     assert len(np.unique(corners, axis=0)) == len(corners)
-    assert shapes.coarser(solid, np.full(3, 10.0)).is_empty
+    assert len(shapes.coarser(solid, np.full(3, 10.0)).faces) == 0
 
 
 # ---- files -----------------------------------------------------------------------------------
@@ -106,11 +105,12 @@ def test_files_are_read_as_others_read_them(name):
             assert ours.volume == pytest.approx(theirs.volume, rel=1e-3)
 
 
+PARAMS = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+
+
 def source(name, numbers):
-    count = len(numbers.split())
-    params = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
-    return f"""<source id="{name}"><float_array id="{name}a" count="{count}">{numbers}</float_array>
-    <technique_common><accessor source="#{name}a" count="{count // 3}" stride="3">{params}</accessor>
+    return f"""<source id="{name}"><float_array id="{name}a">{numbers}</float_array>
+    <technique_common><accessor source="#{name}a" stride="3">{PARAMS}</accessor>
     </technique_common></source>"""
 
 
@@ -129,13 +129,21 @@ def collada(nodes, unit="", library="", shapes="", more=""):
 
 CORNER = '<input semantic="VERTEX" source="#v" offset="{}"/>'
 NORMAL = '<input semantic="NORMAL" source="#n" offset="{}"/>'
-TRIANGLE = (
-    f'<triangles count="1">{CORNER.format(0)}{NORMAL.format(1)}<p>0 0 1 0 2 0</p></triangles>'
-)
-SQUARE = (
-    f'<polylist count="1">{NORMAL.format(0)}{CORNER.format(1)}'
-    "<vcount>4</vcount><p>0 0 0 1 0 2 0 3</p></polylist>"
-)
+
+
+FIRST = CORNER.format(0)
+
+
+def triangles(corners, inputs=FIRST):
+    return f"<triangles>{inputs}<p>{corners}</p></triangles>"
+
+
+def polylist(counts, corners, inputs=FIRST):
+    return f"<polylist>{inputs}<vcount>{counts}</vcount><p>{corners}</p></polylist>"
+
+
+TRIANGLE = triangles("0 0 1 0 2 0", CORNER.format(0) + NORMAL.format(1))
+SQUARE = polylist("4", "0 0 0 1 0 2 0 3", NORMAL.format(0) + CORNER.format(1))
 HERE = '<instance_geometry url="#g"/>'
 
 
@@ -159,11 +167,7 @@ def test_all_materials_of_a_collada_file_are_read(dae):
     ("one", "count"),
     [
         (f"<polygons>{CORNER.format(0)}<p>0 1 2 3</p><p>0 1 2</p></polygons>", 3),
-        (
-            f"<polylist>{CORNER.format(0)}<vcount>3 4 2 3</vcount>"
-            "<p>0 1 2 0 1 2 3 0 1 1 2 3</p></polylist>",
-            4,
-        ),
+        (polylist("3 4 2 3", "0 1 2 0 1 2 3 0 1 1 2 3"), 4),
     ],
 )
 def test_polygons_become_fans(dae, one, count):
@@ -175,8 +179,7 @@ def test_nodes_turn_shift_and_scale_one_after_the_other(dae):
     turn = "<translate>1 0 0</translate><rotate>0 0 2 90</rotate><scale>2 1 1</scale>"
     matrix = "<matrix>1 0 0 0 0 1 0 0 0 0 1 5 0 0 0 1</matrix>"
     mesh = dae(f"<node>{turn}<node>{matrix}{HERE}</node></node>")
-    assert_close(mesh.vertices.min(axis=0), [0, 0, 5])
-    assert_close(mesh.vertices.max(axis=0), [1, 2, 5])
+    assert_close(mesh.bounds, [[0, 0, 5], [1, 2, 5]], tol=1e-6)  # pycollada has single precision
 
 
 def test_a_mirrored_node_still_faces_outwards(dae):
@@ -200,12 +203,9 @@ def test_nodes_of_the_library_are_used_as_often_as_they_are_named(dae):
 
 
 def test_what_is_not_shown_is_not_read(dae):
-    image = (
-        "<library_images><image><init_from>file:///dev/zero</init_from></image></library_images>"
-    )
-    bound = (
-        "<bind_material><technique_common><instance_material/></technique_common></bind_material>"
-    )
+    image = "<library_images><image><init_from>/dev/zero</init_from></image></library_images>"
+    bound = '<bind_material><technique_common><instance_material target="#none"/>'
+    bound += "</technique_common></bind_material>"
     camera = '<instance_camera url="#none"/>'
     here = HERE.replace("/>", f">{bound}</instance_geometry>")
     assert len(dae(f"<node>{camera}{here}</node>", more=image).faces) == 3
@@ -232,32 +232,24 @@ LAST = '<node><instance_node url="#n40"/></node>'
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"nodes": '<node><instance_geometry url="#x"/></node>'}, "x not found"),
-        ({"nodes": '<node><instance_geometry url="http://a/b.dae#g"/></node>'}, "Invalid url"),
+        ({"nodes": HERE.replace("#g", "#x").join(["<node>", "</node>"])}, "x not found"),
+        ({"nodes": HERE.replace("#", "http://a#").join(["<node>", "</node>"])}, "Invalid url"),
         ({"nodes": '<node id="l"><instance_node url="#l"/></node>'}, "l not found"),
         ({"nodes": LAST, "library": f'<node id="n0">{HERE}</node>{DOUBLED}'}, "too many nodes"),
         ({"library": f'{LATE}<node id="n1000">{HERE}</node>'}, "too many nodes"),
-        ({"nodes": "<node>" * 5000 + "</node>" * 5000}, "cannot be read"),
+        ({"nodes": "<node>" * 5000 + "</node>" * 5000}, "recursion"),
         ({"nodes": "<node/>"}, "no triangles"),
         ({"nodes": f"<node><matrix>1 2</matrix>{HERE}</node>"}, "matrix"),
         ({"nodes": f"<node><matrix>{'nan ' * 16}</matrix>{HERE}</node>"}, "not finite"),
         ({"unit": '<unit meter="0"/>'}, "no length"),
         ({"unit": '<unit meter="inf"/>'}, "no length"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 4</p></triangles>"}, "a.dae"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 -1</p></triangles>"}, "do not exist"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 2 x</p></triangles>"}, "cannot be read"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1</p></triangles>"}, "cannot be read"),
-        ({"shapes": f"<triangles>{NORMAL.format(0)}<p>0 0 0</p></triangles>"}, "ertex"),
-        (
-            {
-                "shapes": f"<polylist>{CORNER.format(0)}<vcount>2000000000</vcount><p>0</p></polylist>"
-            },
-            "more corners",
-        ),
-        (
-            {"shapes": f"<polylist>{CORNER.format(0)}<vcount>-3 4</vcount><p>0</p></polylist>"},
-            "more",
-        ),
+        ({"shapes": triangles("0 1 4")}, "a.dae"),
+        ({"shapes": triangles("0 1 -1")}, "do not exist"),
+        ({"shapes": triangles("0 1 2 x")}, "cannot be read"),
+        ({"shapes": triangles("0 1")}, "cannot be read"),
+        ({"shapes": triangles("0 0 0", NORMAL.format(0))}, "ertex"),
+        ({"shapes": polylist("2000000000", "0")}, "more corners"),
+        ({"shapes": polylist("-3 4", "0")}, "more corners"),
     ],
 )
 def test_what_is_wrong_in_a_collada_file_is_said(dae, parts, words):
@@ -284,8 +276,8 @@ def test_every_form_of_a_file_gives_the_same_mesh(tmp_path):
     for name in ("binary.stl", "text.STL"):
         mesh = read_mesh(tmp_path / name)
         assert (len(mesh.vertices), len(mesh.faces)) == (8, 12), name
-    lines = ["mtllib /dev/zero", "usemtl none", *("v {} {} {}".format(*v) for v in solid.vertices)]
-    lines += ["f {}/1/1 {}//2 -{}".format(a + 1, b + 1, 39 - c) for a, b, c in solid.faces[:12]]
+    lines = ["mtllib /dev/zero", *("v {} {} {}".format(*v) for v in solid.vertices)]
+    lines += [f"f {a + 1}/1/1 {b + 1}//2 -{39 - c}" for a, b, c in solid.faces[:12]]
     (tmp_path / "box.obj").write_text("\n".join(lines) + "\n")
     for name in ("binary.stl", "text.STL", "box.obj"):
         mesh = read_mesh(tmp_path / name)
@@ -391,7 +383,7 @@ def test_links_are_where_pinocchio_has_them(name, monkeypatch):
     if not any(one.shape != "mesh" for one in read_visuals(robot.path).shapes):
         assert cKDTree(their_points).query(points)[0].max() < 2e-6
     if name != "ur5":  # of which coal mixes up the triangles
-        assert cKDTree(centres).query(their_centres)[0].max() < 2e-6
+        assert cKDTree(centres).query(their_centres)[0].max() < 1e-5  # slivers are gone
 
 
 @pytest.mark.parametrize("name", ["z1", "panda"])

@@ -97,8 +97,17 @@ def _parsed(root: Element) -> Collada:
     # A node is read again for each one that it names and that comes after it.
     if len(scene) * (1 + scene.count("instance_node")) > _MOST_READ:
         raise ValueError("its scene has too many nodes")
+    for one in root.iter("rotate"):
+        one.text = _of_unit_axis(one.text or "")
     root.set("xmlns", _NAMESPACE)
     return Collada(io.BytesIO(ElementTree.tostring(root)))
+
+
+def _of_unit_axis(rotation: str) -> str:
+    """Return a rotation about an axis of length 1: pycollada takes every axis for one."""
+    x, y, z, angle = map(float, rotation.split())
+    length = math.hypot(x, y, z) or 1.0
+    return f"{x / length} {y / length} {z / length} {angle}"
 
 
 def _scene(file: Collada, most: int) -> Trimesh:
@@ -107,8 +116,9 @@ def _scene(file: Collada, most: int) -> Trimesh:
     done: dict[int, Trimesh] = {}
     meshes, count = [], 0
     for geometry, pose in _instances(file):
-        mesh = done.get(id(geometry)) or _mesh(geometry, most)
-        done[id(geometry)] = mesh
+        if id(geometry) not in done:
+            done[id(geometry)] = _mesh(geometry, most)
+        mesh = done[id(geometry)]
         count += len(mesh.faces)
         _check_count(count, most)
         meshes.append(mesh.copy().apply_transform(pose))
@@ -148,9 +158,9 @@ def _mesh(geometry: Geometry, most: int) -> Trimesh:
         count += _count(part)
         _check_count(count, most)
         meshes.append(_triangles(part))
-    vertices, faces = (
-        trimesh.util.append_faces(*zip(*meshes, strict=True)) if meshes else (None, None)
-    )
+    if not meshes:
+        return trimesh.Trimesh()
+    vertices, faces = trimesh.util.append_faces(*zip(*meshes, strict=True))
     return trimesh.Trimesh(vertices, faces, process=False)
 
 

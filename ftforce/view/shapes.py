@@ -31,7 +31,10 @@ def capsule(radius: float, length: float) -> Trimesh:
     """Return a cylinder on z with a half sphere at each end; ``length`` is the cylinder's, m."""
     from trimesh import creation
 
-    return creation.capsule(length, radius, count=(ROUND // 2, ROUND))
+    # trimesh's own capsule has its full width since version 5 only.
+    quarter = np.linspace(0.0, np.pi / 2.0, ROUND // 4 + 1)
+    half = np.column_stack([np.cos(quarter), np.sin(quarter)]) * radius + [0.0, length / 2.0]
+    return creation.revolve(np.concatenate([half[::-1] * [1.0, -1.0], half]), sections=ROUND)
 
 
 def cylinder(radius: float, length: float) -> Trimesh:
