@@ -247,7 +247,7 @@ LAST = '<node><instance_node url="#n40"/></node>'
         ({"shapes": triangles("0 1 -1")}, "do not exist"),
         ({"shapes": triangles("0 1 2 x")}, "cannot be read"),
         ({"shapes": triangles("0 1")}, "cannot be read"),
-        ({"shapes": triangles("0 0 0", NORMAL.format(0))}, "ertex"),
+        ({"shapes": triangles("0 0 0", NORMAL.format(0))}, "cannot be read"),
         ({"shapes": polylist("2000000000", "0")}, "more corners"),
         ({"shapes": polylist("-3 4", "0")}, "more corners"),
     ],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.errors import FileError
+from ftforce.errors import FileError, printable
 from ftforce.source import read_bytes, read_text
 from ftforce.view.collada import read_collada
 from ftforce.view.shapes import is_degenerate
@@ -69,11 +69,11 @@ def _stl(data: bytes, path: Path) -> Trimesh:
     import trimesh
 
     try:
-        if data.count(b"endsolid") > _MOST_SOLIDS:  # trimesh looks for a new name for each
+        if data.lower().count(b"endsolid") > _MOST_SOLIDS:  # trimesh looks for a new name for each
             raise ValueError(f"over {_MOST_SOLIDS} solids")
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
     except Exception as problem:  # trimesh raises whatever it stumbles over
-        raise FileError(path, f"cannot be read as an STL ({problem})") from None
+        raise FileError(path, f"cannot be read as an STL ({printable(problem)[:200]})") from None
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)  # no normals or attributes
 
 
