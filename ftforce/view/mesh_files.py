@@ -41,7 +41,7 @@ def read_mesh(path: Path) -> Trimesh:
         It cannot be read, is too large, or holds no triangles.
     """
     with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
-        # numpy 2.1 to 2.3 go on with the numbers before what is no number.
+        # Older versions of numpy go on with the numbers before what is no number.
         warnings.filterwarnings("error", "string or file could not be read")
         mesh = _read(path)
     if len(mesh.faces) > MOST_TRIANGLES:
