@@ -1,8 +1,5 @@
 """What an arm looks like: against coal and Pinocchio's own geometry, and with meshes missing."""
 
-import struct
-import time
-
 import coal
 import numpy as np
 import pinocchio as pin
@@ -23,20 +20,6 @@ from urdfs import BODY, arm, link, write
 pytestmark = pytest.mark.thorough
 
 
-def volume(mesh):
-    """Return the volume that triangles enclose, positive if they face outwards."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
-    return np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
-
-
-def is_closed(mesh):
-    """Whether every edge is used once in each direction, by places rather than indices."""
-    _, same = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)
-    faces = same[mesh.faces]
-    edges = [tuple(edge) for face in faces for edge in zip(face, np.roll(face, -1), strict=True)]
-    return len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
-
-
 # ---- simple solids ---------------------------------------------------------------------------
 
 SIDES = shapes.ROUND
@@ -54,22 +37,20 @@ FLAT = SIDES * np.sin(2 * np.pi / SIDES) / 2  # area of the polygon in a circle 
     ],
 )
 def test_solids_are_closed_face_outwards_and_have_their_size(solid, size, wanted, tolerance):
-    assert is_closed(solid)
-    assert_close(np.ptp(solid.vertices, axis=0), size)
-    assert volume(solid) == pytest.approx(wanted, rel=tolerance)
+    closed = solid.copy()
+    closed.merge_vertices()
+    assert closed.is_watertight
+    assert closed.is_winding_consistent
+    assert_close(solid.extents, size)
+    assert_close(solid.bounds.mean(axis=0), np.zeros(3) if wanted != 2.0944 else [0, 0, 1])
+    assert solid.volume == pytest.approx(wanted, rel=tolerance)
 
 
 def test_edges_of_boxes_and_cylinders_stay_sharp():
     # The page shades triangles that share a vertex as one smooth surface.
-    for solid, sides in ((shapes.box(1, 2, 3), 6), (shapes.cylinder(1, 2), 3)):
-        parent = np.arange(len(solid.vertices))
-        for _ in range(len(parent)):
-            lowest = parent[solid.faces].min(axis=1)
-            before = parent.copy()
-            np.minimum.at(parent, solid.faces.ravel(), np.repeat(lowest, 3))
-            if np.array_equal(before, parent):
-                break
-        assert len(np.unique(parent[solid.faces])) == sides
+    assert shapes.box(1, 2, 3).body_count == 6
+    assert shapes.cylinder(1, 2).body_count == 3
+    assert shapes.sphere(1).body_count == 1
 
 
 @pytest.mark.parametrize("end", [(0, 0, 1), (0, 0, -2), (1, 0, 0), (0.3, -2, 1)])
@@ -82,76 +63,63 @@ def test_a_rod_goes_from_one_point_to_another(end):
     assert from_start.max() == pytest.approx(np.linalg.norm(end) + 0.1)
 
 
-def test_a_mirror_image_still_faces_outwards():
-    assert volume(shapes.scaled(shapes.box(1, 1, 1), (1, -2, 1))) == pytest.approx(2)
-    assert volume(shapes.scaled(shapes.box(1, 1, 1), (-1, -2, 1))) == pytest.approx(2)
-
-
-def test_equal_vertices_become_one():
-    solid = shapes.sphere(1.0)
-    joined = shapes.joined(solid.vertices[solid.faces].astype(np.float32))
-    places = np.unique(solid.vertices.astype(np.float32) + np.float32(0), axis=0)
-    assert len(joined.vertices) == len(places)
-    assert_close(joined.vertices[joined.faces], solid.vertices[solid.faces], tol=1e-6)
-    # A zero and a negative zero are one place, and a triangle without area goes.
-    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[-0.0, 0, 0], [0, 0, -0.0], [1, 0, 0]]])
-    assert [len(x) for x in shapes.joined(corners.astype(np.float32))] == [3, 1]
-
-
 def test_a_coarser_mesh_stays_within_a_cell():
     solid = shapes.sphere(1.0)
-    coarse = shapes.coarser(solid, 0.2)
+    coarse = shapes.coarser(solid, np.full(3, 0.2))
     assert 8 < len(coarse.faces) < len(solid.faces)
     assert np.abs(np.linalg.norm(coarse.vertices, axis=1) - 1.0).max() < 0.2
-    assert coarse.faces.max() < len(coarse.vertices)
-    assert volume(coarse) == pytest.approx(volume(solid), rel=0.1)
-    assert len(shapes.coarser(solid, 10.0).faces) == 0
+    assert coarse.volume == pytest.approx(solid.volume, rel=0.1)
+    corners = np.sort(coarse.faces, axis=1)
+    assert (np.diff(corners, axis=1) > 0).all()
+    assert len(np.unique(corners, axis=0)) == len(corners)
+    assert len(shapes.coarser(solid, np.full(3, 10.0)).faces) == 0
 
 
 # ---- files -----------------------------------------------------------------------------------
 
 
-def stl(corners, count=None):
+def stl(corners):
     """Return a binary STL of corners (f, 3, 3)."""
-    triangles = b"".join(struct.pack("<12fH", 0, 0, 0, *one.ravel(), 0) for one in corners)
-    return b" " * 80 + struct.pack("<I", len(corners) if count is None else count) + triangles
+    soup = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners), process=False)
+    return trimesh.exchange.stl.export_stl(soup)
 
 
 def box_corners(*sides):
-    solid = shapes.box(*sides)
-    return solid.vertices[solid.faces]
+    return np.array(shapes.box(*sides).triangles)
 
 
-def area(mesh):
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
-
-
-@pytest.mark.parametrize("name", ["xarm7", "tiago", "panda", "ur3", "ur5", "baxter_left", "z1"])
+@pytest.mark.parametrize("name", ["tiago", "panda", "ur5", "baxter_left"])
 def test_files_are_read_as_others_read_them(name):
     paths = {one.path for one in read_visuals(known_robots()[name].urdf).shapes if one.path}
     for path in sorted(paths)[:8]:
         ours = read_mesh(path)
-        low, high = ours.vertices.min(axis=0), ours.vertices.max(axis=0)
         # coal has the places right, but mixes up triangles where there are several materials.
         model = coal.MeshLoader(coal.NODE_TYPE.BV_AABB).load(str(path), np.ones(3))
         vertices = np.array(model.vertices())
-        assert_close(low, vertices.min(axis=0), scale=1.0, tol=1e-6)
-        assert_close(high, vertices.max(axis=0), scale=1.0, tol=1e-6)
-        theirs = trimesh.load(path, force="mesh")
+        bounds = [vertices.min(axis=0), vertices.max(axis=0)]
+        assert_close(ours.bounds, bounds, scale=1.0, tol=1e-6)
+        theirs = trimesh.load_mesh(path)
         assert len(ours.faces) == pytest.approx(len(theirs.faces), rel=0.01)
-        assert area(ours) == pytest.approx(theirs.area, rel=1e-4)
+        assert ours.area == pytest.approx(theirs.area, rel=1e-4)
         if theirs.is_watertight:
-            assert volume(ours) == pytest.approx(theirs.volume, rel=1e-3)
+            assert ours.volume == pytest.approx(theirs.volume, rel=1e-3)
 
 
-def collada(nodes, unit="", library="", shapes=""):
+PARAMS = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+
+
+def source(name, numbers):
+    return f"""<source id="{name}"><float_array id="{name}a">{numbers}</float_array>
+    <technique_common><accessor source="#{name}a" stride="3">{PARAMS}</accessor>
+    </technique_common></source>"""
+
+
+def collada(nodes, unit="", library="", shapes="", more=""):
     """Return a COLLADA file of a triangle and a square, both in one geometry."""
     return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-    <asset>{unit}<up_axis>Y_UP</up_axis></asset>
+    <asset>{unit}<up_axis>Y_UP</up_axis></asset>{more}
     <library_geometries><geometry id="g"><mesh>
-    <source id="p"><float_array id="pa" count="12">0 0 0 1 0 0 1 1 0 0 1 0</float_array>
-    <technique_common><accessor source="#pa" count="4" stride="3"/></technique_common></source>
+    {source("p", "0 0 0 1 0 0 1 1 0 0 1 0")}{source("n", "0 0 1")}
     <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
     {shapes or TRIANGLE + SQUARE}</mesh></geometry></library_geometries>
     <library_nodes>{library}</library_nodes>
@@ -161,13 +129,21 @@ def collada(nodes, unit="", library="", shapes=""):
 
 CORNER = '<input semantic="VERTEX" source="#v" offset="{}"/>'
 NORMAL = '<input semantic="NORMAL" source="#n" offset="{}"/>'
-TRIANGLE = (
-    f'<triangles count="1">{CORNER.format(0)}{NORMAL.format(1)}<p>0 9 1 9 2 9</p></triangles>'
-)
-SQUARE = (
-    f'<polylist count="1">{NORMAL.format(0)}{CORNER.format(1)}'
-    "<vcount>4</vcount><p>9 0 9 1 9 2 9 3</p></polylist>"
-)
+
+
+FIRST = CORNER.format(0)
+
+
+def triangles(corners, inputs=FIRST):
+    return f"<triangles>{inputs}<p>{corners}</p></triangles>"
+
+
+def polylist(counts, corners, inputs=FIRST):
+    return f"<polylist>{inputs}<vcount>{counts}</vcount><p>{corners}</p></polylist>"
+
+
+TRIANGLE = triangles("0 0 1 0 2 0", CORNER.format(0) + NORMAL.format(1))
+SQUARE = polylist("4", "0 0 0 1 0 2 0 3", NORMAL.format(0) + CORNER.format(1))
 HERE = '<instance_geometry url="#g"/>'
 
 
@@ -183,38 +159,37 @@ def dae(tmp_path):
 def test_all_materials_of_a_collada_file_are_read(dae):
     mesh = dae(f"<node>{HERE}</node>")
     assert len(mesh.faces) == 3
-    assert area(mesh) == pytest.approx(1.5)
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
-    assert (np.cross(b - a, c - a)[:, 2] > 0).all()
+    assert mesh.area == pytest.approx(1.5)
+    assert (mesh.face_normals[:, 2] > 0).all()
 
 
-def test_polygons_become_fans(dae):
-    one = f"<polygons>{CORNER.format(0)}<p>0 1 2 3</p><p>0 1 2</p><p>0 1</p></polygons>"
+@pytest.mark.parametrize(
+    ("one", "count"),
+    [
+        (f"<polygons>{CORNER.format(0)}<p>0 1 2 3</p><p>0 1 2</p></polygons>", 3),
+        (polylist("3 4 2 3", "0 1 2 0 1 2 3 0 1 1 2 3"), 4),
+    ],
+)
+def test_polygons_become_fans(dae, one, count):
     mesh = dae(f"<node>{HERE}</node>", shapes=one)
-    assert (len(mesh.faces), area(mesh)) == (3, pytest.approx(1.5))
-    counts, corners = "<vcount>3 4 2 3</vcount>", "<p>0 1 2 0 1 2 3 0 1 1 2 3</p>"
-    mixed = f"<polylist>{CORNER.format(0)}{counts}{corners}</polylist>"
-    mesh = dae(f"<node>{HERE}</node>", shapes=mixed)
-    assert (len(mesh.faces), area(mesh)) == (4, pytest.approx(2.0))
+    assert (len(mesh.faces), mesh.area) == (count, pytest.approx(count / 2))
 
 
 def test_nodes_turn_shift_and_scale_one_after_the_other(dae):
     turn = "<translate>1 0 0</translate><rotate>0 0 2 90</rotate><scale>2 1 1</scale>"
     matrix = "<matrix>1 0 0 0 0 1 0 0 0 0 1 5 0 0 0 1</matrix>"
     mesh = dae(f"<node>{turn}<node>{matrix}{HERE}</node></node>")
-    assert_close(mesh.vertices.min(axis=0), [0, 0, 5])
-    assert_close(mesh.vertices.max(axis=0), [1, 2, 5])
+    assert_close(mesh.bounds, [[0, 0, 5], [1, 2, 5]], tol=1e-6)  # pycollada has single precision
 
 
 def test_a_mirrored_node_still_faces_outwards(dae):
     mesh = dae(f"<node><scale>1 1 -1</scale>{HERE}</node>")
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
-    assert (np.cross(b - a, c - a)[:, 2] < 0).all()
+    assert (mesh.face_normals[:, 2] < 0).all()
 
 
 def test_a_unit_counts_and_the_up_axis_does_not(dae):
     mesh = dae(f"<node>{HERE}</node>", unit='<unit name="millimeter" meter="0.001"/>')
-    assert_close(np.ptp(mesh.vertices, axis=0), [0.001, 0.001, 0.0])
+    assert_close(mesh.extents, [0.001, 0.001, 0.0])
 
 
 def test_nodes_of_the_library_are_used_as_often_as_they_are_named(dae):
@@ -227,63 +202,77 @@ def test_nodes_of_the_library_are_used_as_often_as_they_are_named(dae):
     assert set(mesh.vertices[:, 2]) == {1.0, 2.0}
 
 
+def test_what_is_not_shown_is_not_read(dae):
+    image = "<library_images><image><init_from>/dev/zero</init_from></image></library_images>"
+    bound = '<bind_material><technique_common><instance_material target="#none"/>'
+    bound += "</technique_common></bind_material>"
+    camera = '<instance_camera url="#none"/>'
+    here = HERE.replace("/>", f">{bound}</instance_geometry>")
+    assert len(dae(f"<node>{camera}{here}</node>", more=image).faces) == 3
+
+
+@pytest.mark.parametrize("scene", ["<scene/>", ""])
+def test_a_file_without_a_chosen_scene_is_shown(tmp_path, scene):
+    text = collada(f"<node><translate>0 0 1</translate>{HERE}</node>")
+    text = text.replace('<scene><instance_visual_scene url="#s"/></scene>', scene)
+    (tmp_path / "a.dae").write_text(text)
+    assert_close(read_mesh(tmp_path / "a.dae").vertices[:, 2], np.ones(7))
+    text = text.replace("library_visual_scenes", "library_else")
+    (tmp_path / "a.dae").write_text(text)
+    assert_close(read_mesh(tmp_path / "a.dae").vertices[:, 2], np.zeros(7))
+
+
+LATE = "".join(f'<node id="n{i}"><instance_node url="#n{i + 1}"/></node>' for i in range(1000))
+DOUBLED = "".join(
+    f'<node id="n{i}">{2 * f"""<instance_node url="#n{i - 1}"/>"""}</node>' for i in range(1, 41)
+)
+LAST = '<node><instance_node url="#n40"/></node>'
+
+
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"nodes": '<node><instance_geometry url="#x"/></node>'}, "does not hold"),
-        ({"nodes": '<node><instance_geometry url="http://a/b.dae#g"/></node>'}, "does not hold"),
-        ({"nodes": '<node id="l"><instance_node url="#l"/></node>'}, "too many nodes"),
+        ({"nodes": HERE.replace("#g", "#x").join(["<node>", "</node>"])}, "x not found"),
+        ({"nodes": HERE.replace("#", "http://a#").join(["<node>", "</node>"])}, "Invalid url"),
+        ({"nodes": '<node id="l"><instance_node url="#l"/></node>'}, "l not found"),
+        ({"nodes": LAST, "library": f'<node id="n0">{HERE}</node>{DOUBLED}'}, "too many nodes"),
+        ({"library": f'{LATE}<node id="n1000">{HERE}</node>'}, "too many nodes"),
+        ({"nodes": "<node>" * 5000 + "</node>" * 5000}, "recursion"),
         ({"nodes": "<node/>"}, "no triangles"),
-        ({"nodes": f"<node><matrix>1 2</matrix>{HERE}</node>"}, "reshape"),
+        ({"nodes": f"<node><matrix>1 2</matrix>{HERE}</node>"}, "matrix"),
         ({"nodes": f"<node><matrix>{'nan ' * 16}</matrix>{HERE}</node>"}, "not finite"),
-        ({"nodes": f"<node>{HERE}</node>", "unit": '<unit meter="0"/>'}, "no length"),
-        ({"nodes": f"<node>{HERE}</node>", "unit": '<unit meter="inf"/>'}, "no length"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 4</p></triangles>"}, "do not exist"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 -1</p></triangles>"}, "do not exist"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1 x</p></triangles>"}, "invalid"),
-        ({"shapes": f"<triangles>{CORNER.format(0)}<p>0 1</p></triangles>"}, "reshape"),
-        ({"shapes": f"<triangles>{CORNER.format(10**9)}<p>0 1 2</p></triangles>"}, "offsets"),
-        ({"shapes": f"<triangles>{NORMAL.format(0)}<p>0 1 2</p></triangles>"}, "no vertices"),
-        ({"shapes": f"<polylist>{CORNER.format(0)}<vcount>9</vcount><p>0</p></polylist>"}, "more"),
+        ({"unit": '<unit meter="0"/>'}, "no length"),
+        ({"unit": '<unit meter="inf"/>'}, "no length"),
+        ({"shapes": triangles("0 1 4")}, "a.dae"),
+        ({"shapes": triangles("0 1 -1")}, "do not exist"),
+        ({"shapes": triangles("0 1 2 x")}, "cannot be read"),
+        ({"shapes": triangles("0 1")}, "cannot be read"),
+        ({"shapes": triangles("0 0 0", NORMAL.format(0))}, "cannot be read"),
+        ({"shapes": polylist("2000000000", "0")}, "more corners"),
+        ({"shapes": polylist("-3 4", "0")}, "more corners"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_in_a_collada_file_is_said(dae, parts, words):
     with pytest.raises(FileError, match=words):
         dae(**{"nodes": f"<node>{HERE}</node>", **parts})
 
 
-def test_nodes_that_multiply_are_stopped(dae):
-    doubled = [
-        f'<node id="n{i}">{2 * f"""<instance_node url="#n{i + 1}"/>"""}</node>' for i in range(40)
-    ]
-    started = time.monotonic()
-    with pytest.raises(FileError, match="too many nodes"):
-        dae(
-            '<node><instance_node url="#n0"/></node>',
-            library="".join(doubled) + f'<node id="n40">{HERE}</node>',
-        )
-    assert time.monotonic() - started < 5.0
-
-
 def test_every_form_of_a_file_gives_the_same_mesh(tmp_path):
-    corners = box_corners(1, 2, 3)
+    corners = box_corners(1, 2, 3) - [0.5, 0, 0]  # has zeros
+    corners[0][corners[0] == 0] = -0.0
+    corners = np.concatenate([corners, corners[:1, [0, 0, 1]]])  # and a triangle without area
+    solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(corners), process=False)
     (tmp_path / "binary.stl").write_bytes(stl(corners))
-    text = "".join(
-        "facet normal 0 0 0\nouter loop\n"
-        + "".join("vertex {} {} {}\n".format(*corner) for corner in one)
-        + "endloop\nendfacet\n"
-        for one in corners
-    )
-    (tmp_path / "text.STL").write_text(f"solid a\n{text}endsolid a\n")
-    solid = shapes.box(1, 2, 3)
-    lines = ["v {} {} {}".format(*v) for v in solid.vertices]
-    lines += ["f {}/1/1 {}//2 {} # a".format(*(f + 1)).split(" #")[0] for f in solid.faces]
+    (tmp_path / "text.STL").write_text(trimesh.exchange.stl.export_stl_ascii(solid))
+    lines = ["mtllib /dev/zero", *("v {} {} {}".format(*v) for v in solid.vertices)]
+    lines += [f"f {a + 1}/1/1 {b + 1}//2 -{39 - c}" for a, b, c in solid.faces[:12]]
     (tmp_path / "box.obj").write_text("\n".join(lines) + "\n")
     for name in ("binary.stl", "text.STL", "box.obj"):
         mesh = read_mesh(tmp_path / name)
         assert len(mesh.faces) == 12, name
-        assert volume(mesh) == pytest.approx(6.0), name
-        assert_close(np.ptp(mesh.vertices, axis=0), [1, 2, 3])
+        assert len(mesh.vertices) == (39 if name == "box.obj" else 8), name
+        assert mesh.volume == pytest.approx(6.0), name
+        assert_close(mesh.extents, [1, 2, 3])
 
 
 @pytest.mark.parametrize(
@@ -292,23 +281,19 @@ def test_every_form_of_a_file_gives_the_same_mesh(tmp_path):
         ("a.stl", b""),
         ("a.stl", b"\x00" * 84),
         ("a.stl", stl(box_corners(1, 1, 1))[:-7]),
-        ("a.stl", stl(box_corners(1, 1, 1), count=10**9)),
-        ("a.stl", stl(np.full((2, 3, 3), np.nan))),
+        ("a.stl", stl(np.where(np.arange(3) == 0, np.nan, box_corners(1, 1, 1)))),
         ("a.stl", stl(1e30 * box_corners(1, 1, 1))),
         ("a.stl", stl(np.zeros((4, 3, 3)))),
-        ("a.stl", b"solid a\nfacet\n"),
         ("a.dae", b"<COLLADA>"),
-        ("a.dae", b"no xml"),
         ("a.dae", b'<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><COLLADA>&a;</COLLADA>'),
         ("a.dae", b"<robot/>"),
-        ("a.obj", b"v 1 2\nf 1 2 3\n"),
         ("a.obj", b"v 1 2 3\nv 1 2 3\nf 1 2 3\n"),
         ("a.obj", b"v 1 2 3\nv 1 2 3\nf 0 1 2\n"),
-        ("a.obj", b"v 1 2 x\n"),
         ("a.obj", b"v 1 2 3\nf 1/1/1\n"),
-        ("a.stl", b"solid a vertex 1 2 x"),
-        ("a.stl", b"solid a vertex 1 2 3 vertex 1 2 3"),
-        ("a.stl", b"solid a" + b" vertex 1 2 1e300" * 3),
+        ("a.stl", b"solid a\nvertex 1 2 x\nendsolid a"),
+        ("a.stl", b"solid a\nvertex 1 2 3\nvertex 1 2 3\nendsolid a"),
+        ("a.stl", b"solid a\nfacet\n" + b"vertex 1 2 1e300\n" * 3 + b"endsolid a"),
+        ("a.stl", b"solid\nendsolid\n" * 10_000),
         ("a.obj", b"\xff" * 100),
     ],
 )
@@ -319,12 +304,16 @@ def test_a_file_that_is_no_mesh_is_an_error_and_nothing_is_printed(tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch):
+def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch, dae):
     path = tmp_path / "a.stl"
     path.write_bytes(stl(box_corners(1, 1, 1)))
     monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", 11)
     with pytest.raises(FileError, match="12 triangles; at most 11"):
         read_mesh(path)
+    for most in (5, 2):  # instances count, and a geometry does before it is made
+        monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", most)
+        with pytest.raises(FileError, match=f"over {most} triangles"):
+            dae(f"<node>{2 * HERE}</node>")
     monkeypatch.setattr(mesh_files, "LARGEST_MESH", 100)
     with pytest.raises(FileError, match="larger than"):
         read_mesh(path)
@@ -371,25 +360,23 @@ def by_pinocchio(robot, q):
     return np.concatenate(points), np.concatenate(centres)
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5", "xarm7", "tiago", "kinova", "pr2_left"])
+@pytest.mark.parametrize("name", ["panda", "ur5", "tiago", "pr2_left"])
 def test_links_are_where_pinocchio_has_them(name, monkeypatch):
     monkeypatch.setattr(meshes, "MOST_SHOWN", 10**9)  # as their files have them
     robot = load_robot(name)
     geometry = load_geometry(robot)
     q = choose_posture(robot, None, None).q + np.linspace(-0.3, 0.2, robot.n)
-    (points, centres), (their_points, their_centres) = (
-        in_the_world(robot, geometry, q), by_pinocchio(robot, q)
-    )  # fmt: skip
+    points, centres = in_the_world(robot, geometry, q)
+    their_points, their_centres = by_pinocchio(robot, q)
     assert cKDTree(points).query(their_points)[0].max() < 2e-6
     if not any(one.shape != "mesh" for one in read_visuals(robot.path).shapes):
         assert cKDTree(their_points).query(points)[0].max() < 2e-6
     if name != "ur5":  # of which coal mixes up the triangles
-        assert cKDTree(centres).query(their_centres)[0].max() < 2e-6
+        assert cKDTree(centres).query(their_centres)[0].max() < 1e-5  # slivers are gone
 
 
-@pytest.mark.parametrize("name", ["z1", "panda"])
-def test_a_robot_with_many_triangles_is_shown_with_fewer(name):
-    robot = load_robot(name)
+def test_a_robot_with_many_triangles_is_shown_with_fewer():
+    robot = load_robot("panda")
     geometry = load_geometry(robot)
     q = choose_posture(robot, None, None).q
     ours, theirs = in_the_world(robot, geometry, q)[0], by_pinocchio(robot, q)[0]
@@ -453,7 +440,7 @@ def reaches(part, point, radius=0.1):
     return np.linalg.norm(part.vertices - point, axis=1).min() < radius
 
 
-@pytest.mark.parametrize("content", [None, b"rubbish", b""])
+@pytest.mark.parametrize("content", [None, b"rubbish"])
 def test_a_link_whose_mesh_cannot_be_had_is_a_rod_to_the_next_joint(tmp_path, shown, content):
     if content is not None:
         (tmp_path / "a.stl").write_bytes(content)
@@ -467,15 +454,28 @@ def test_a_link_whose_mesh_cannot_be_had_is_a_rod_to_the_next_joint(tmp_path, sh
     assert np.linalg.norm(part.vertices, axis=1).max() < 0.6
 
 
-def test_a_mesh_is_scaled_and_put_where_its_origin_says(tmp_path, shown):
+@pytest.mark.parametrize("scale", ["0.001 0.001 0.001", "0.001 -0.001 0.001"])
+def test_a_mesh_is_scaled_and_put_where_its_origin_says(tmp_path, shown, scale):
     (tmp_path / "a.stl").write_bytes(stl(1000.0 * box_corners(1, 2, 3)))
     origin = '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'
-    one = mesh_visual("a.stl", scale="0.001 0.001 0.001").replace("<visual>", f"<visual>{origin}")
-    _, geometry = shown(one)
+    _, geometry = shown(mesh_visual("a.stl", scale=scale).replace("<visual>", f"<visual>{origin}"))
     (part,) = geometry.parts
     assert geometry.notes == ()
     assert_close(part.vertices.max(axis=0), [2.0, 0.5, 1.5], tol=1e-6)
     assert_close(part.vertices.min(axis=0), [0.0, -0.5, -1.5], tol=1e-6)
+    assert trimesh.Trimesh(part.vertices, part.faces).volume == pytest.approx(6.0)  # not inside out
+
+
+def test_few_triangles_of_a_mesh_are_scaled_too(tmp_path, shown, monkeypatch):
+    (tmp_path / "a.stl").write_bytes(stl(1000.0 * np.array(shapes.sphere(1.0).triangles)))
+    monkeypatch.setattr(meshes, "MOST_SHOWN", 600)
+    _, geometry = shown(mesh_visual("a.stl", scale="0.001 -0.002 0.001"))
+    (part,) = geometry.parts
+    assert 200 < len(part.faces) <= 600
+    assert_close(np.ptp(part.vertices, axis=0), [2, 4, 2], tol=0.1)
+    assert trimesh.Trimesh(part.vertices, part.faces).volume > 0
+    _, flat = shown(mesh_visual("a.stl", scale="0.001 0.001 0"))
+    assert not flat.parts or np.ptp(flat.parts[0].vertices, axis=0).min() == 0
 
 
 def test_a_mesh_that_is_no_part_of_an_arm_is_left_out(tmp_path, shown):

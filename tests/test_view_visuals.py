@@ -6,10 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from ftforce import known_robots
 from ftforce.errors import URDFError
-from ftforce.view.visuals import MESH_ENDINGS, find_mesh, read_visuals, rotation
-from helpers import KNOWN, assert_close
+from ftforce.view.visuals import find_mesh, read_visuals
+from helpers import assert_close
 from urdfs import BODY, arm, link, write
 
 
@@ -57,40 +56,26 @@ def test_a_shape_lies_where_its_origin_says(read):
     assert_close(found.placement[3], [0, 0, 0, 1])
 
 
-def test_roll_pitch_and_yaw_are_pinocchios():
-    for rpy in np.random.default_rng(0).uniform(-4, 4, (20, 3)):
-        assert_close(rotation(tuple(rpy)), pin.rpy.rpyToMatrix(*rpy))
-
-
 def test_a_mesh_has_a_scale_and_a_file(tmp_path, read):
     (tmp_path / "part.STL").write_bytes(b"x")
     found = only(read(looks(visual('<mesh filename="part.STL" scale="1 -2 0.001"/>'))))
     assert found.size == (1.0, -2.0, 0.001)
     assert found.path == tmp_path / "part.STL"
     assert found.named == "part.STL"
-
-
-def test_a_mesh_that_is_missing_is_known_by_its_name(read):
-    found = only(read(looks(visual('<mesh filename="package://a/none.dae"/>'))))
-    assert (found.path, found.named) == (None, "package://a/none.dae")
+    missing = only(read(looks(visual('<mesh filename="package://a/none.dae"/>'))))
+    assert (missing.path, missing.named) == (None, "package://a/none.dae")
 
 
 @pytest.mark.parametrize(
     ("shape", "words"),
     [
         ("", "it has no box, cylinder, sphere or mesh"),
-        ('<torus radius="1"/>', "it has no box, cylinder, sphere or mesh"),
         ('<box size="1 2"/>', "3 numbers needed"),
-        ('<box size="1 nan 2"/>', "not finite"),
         ('<box size="1 1e9 2"/>', "too large"),
         ('<box size="1 -1 2"/>', "no size"),
-        ("<box/>", "3 numbers needed"),
-        ('<sphere radius="0"/>', "no size"),
         ('<cylinder radius="1"/>', "length"),
         ('<mesh filename="http://example.org/a.stl"/>', "no local file"),
-        ('<mesh filename="https://example.org/a.dae"/>', "no local file"),
         ('<mesh filename="/etc/passwd"/>', "meshes end in"),
-        ('<mesh filename=""/>', "meshes end in"),
         ('<mesh filename="package://a/../../b.stl"/>', "leads out"),
         ('<mesh filename="package:///etc/b.stl"/>', "leads out"),
         ('<mesh filename="a.stl" scale="x"/>', "not a number"),
@@ -104,11 +89,8 @@ def test_what_is_wrong_with_a_shape_is_a_note_and_the_rest_is_shown(read, shape,
     assert "link 'l1'" in note
 
 
-def test_a_visual_without_geometry_is_a_note(read):
+def test_a_visual_without_geometry_or_with_a_wrong_origin_is_a_note(read):
     assert read(looks("<visual/>")).notes
-
-
-def test_an_origin_that_is_wrong_is_a_note(read):
     (note,) = read(looks(visual('<sphere radius="1"/>', '<origin rpy="1 2"/>'))).notes
     assert "origin rpy" in note
 
@@ -189,13 +171,3 @@ def test_a_folder_or_a_pipe_is_no_mesh(packages):
     os.mkfifo(folder / "pipe.stl")
     for name in ("folder.stl", "pipe.stl", "x" * 400 + ".stl"):
         assert find_mesh(str(folder / name), urdf) is None
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_the_known_robots_look_like_something_and_no_mesh_is_missing(name):
-    visuals = read_visuals(known_robots()[name].urdf)
-    assert visuals.notes == ()
-    assert visuals.shapes
-    for shape in visuals.shapes:
-        assert (shape.path is not None) == (shape.shape == "mesh")
-        assert shape.path is None or shape.path.suffix.lower() in MESH_ENDINGS

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from trimesh import Trimesh
 
     from ftforce.arrays import Matrix, Vector
     from ftforce.robot import Robot
-    from ftforce.view.shapes import Faces, Mesh
     from ftforce.view.visuals import Visual
 
 MOST_SHOWN = 70_000  # triangles; more of them take a browser without a GPU too long
@@ -58,7 +58,7 @@ class Part:
 
     joint: int
     vertices: NDArray[np.float32]
-    faces: Faces
+    faces: NDArray[np.uint32]
     flat: bool
 
 
@@ -83,10 +83,9 @@ class _Piece:
     """One shape, not yet scaled, and how it gets to its joint's axes."""
 
     joint: int
-    mesh: Mesh
+    mesh: Trimesh
     scale: tuple[float, ...]
-    rotation: Matrix
-    translation: Vector
+    placement: Matrix
     is_of_file: bool
 
 
@@ -118,10 +117,12 @@ def load_geometry(robot: Robot) -> Geometry:
     return Geometry(tuple(part for part in parts if len(part.faces)), tuple(notes))
 
 
-def _part(joint: int, meshes: Sequence[Mesh], is_flat: bool) -> Part:
-    mesh = shapes.merged(meshes)
-    vertices = mesh.vertices.astype(np.float32)
-    return Part(joint, read_only(vertices), read_only(mesh.faces), is_flat)
+def _part(joint: int, meshes: Sequence[Trimesh], is_flat: bool) -> Part:
+    from trimesh.util import concatenate
+
+    mesh = concatenate(meshes)
+    vertices, faces = np.array(mesh.vertices, np.float32), np.array(mesh.faces, np.uint32)
+    return Part(joint, read_only(vertices), read_only(faces), is_flat)
 
 
 def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[int], list[str]]:
@@ -141,8 +142,7 @@ def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[
         placement = frame.placement.homogeneous @ visual.placement
         is_of_file = visual.shape == "mesh"
         scale = visual.size if is_of_file else _UNSCALED
-        turn, shift = placement[:3, :3], placement[:3, 3]
-        pieces.append(_Piece(frame.parentJoint, mesh, scale, turn, shift, is_of_file))
+        pieces.append(_Piece(frame.parentJoint, mesh, scale, placement, is_of_file))
     return pieces, bare, files.notes()
 
 
@@ -150,11 +150,11 @@ class _Files:
     """Mesh files, each of which is read once."""
 
     def __init__(self) -> None:
-        self._meshes: dict[Path, Mesh | None] = {}
+        self._meshes: dict[Path, Trimesh | None] = {}
         self._problems: dict[str, str] = {}
         self._bytes = 0
 
-    def mesh(self, visual: Visual) -> Mesh | None:
+    def mesh(self, visual: Visual) -> Trimesh | None:
         """Return the mesh of a visual; ``None`` if it cannot be had."""
         path = visual.path
         if path is None:
@@ -168,7 +168,7 @@ class _Files:
             return None
         return mesh
 
-    def _read(self, path: Path) -> Mesh | None:
+    def _read(self, path: Path) -> Trimesh | None:
         try:
             self._bytes += path.stat().st_size
             if self._bytes > LARGEST_TOTAL:
@@ -185,12 +185,12 @@ class _Files:
         return list(self._problems.values())
 
 
-def _is_of_an_arm(mesh: Mesh, visual: Visual) -> bool:
+def _is_of_an_arm(mesh: Trimesh, visual: Visual) -> bool:
     reach = np.abs(mesh.vertices).max(axis=0) * np.abs(visual.size)
     return bool(reach.max() <= LARGEST_LENGTH)
 
 
-def _simple(visual: Visual) -> Mesh:
+def _simple(visual: Visual) -> Trimesh:
     if visual.shape == "box":
         return shapes.box(*visual.size)
     if visual.shape == "cylinder":
@@ -198,9 +198,8 @@ def _simple(visual: Visual) -> Mesh:
     return shapes.sphere(*visual.size)
 
 
-def _placed(piece: _Piece) -> Mesh:
-    mesh = shapes.scaled(piece.mesh, piece.scale)
-    return shapes.moved(mesh, piece.rotation, piece.translation)
+def _placed(piece: _Piece) -> Trimesh:
+    return piece.mesh.copy().apply_transform(piece.placement @ np.diag([*piece.scale, 1.0]))
 
 
 # ---- fewer triangles -------------------------------------------------------------------------
@@ -228,20 +227,19 @@ def _size(piece: _Piece) -> float:
 
 def _coarser(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
     """Return the shapes on a grid, m; a mesh that several of them share is worked on once."""
-    done: dict[tuple[int, tuple[float, ...]], Mesh] = {}
-    coarse = []
+    done: dict[tuple[int, tuple[float, ...]], Trimesh] = {}
     for piece in pieces:
         key = (id(piece.mesh), piece.scale)
         if key not in done:
-            done[key] = shapes.coarser(shapes.scaled(piece.mesh, piece.scale), cell)
-        coarse.append(replace(piece, mesh=done[key], scale=_UNSCALED))
-    return coarse
+            with np.errstate(divide="ignore"):  # a scale of 0 makes all of an axis one cell
+                done[key] = shapes.coarser(piece.mesh, cell / np.abs(piece.scale))
+    return [replace(piece, mesh=done[id(piece.mesh), piece.scale]) for piece in pieces]
 
 
 # ---- links without a mesh --------------------------------------------------------------------
 
 
-def _bones(robot: Robot, joint: int) -> Iterator[Mesh]:
+def _bones(robot: Robot, joint: int) -> Iterator[Trimesh]:
     """Yield a joint and rods to the next joints, or to the tip, in the joint's axes."""
     radius = _BONE * min(reach_bound(robot)[1], 4.0) or _BONE
     start = np.zeros(3)
@@ -253,7 +251,7 @@ def _bones(robot: Robot, joint: int) -> Iterator[Mesh]:
         yield shapes.cylinder(1.5 * radius, radius)
         return
     drum = shapes.cylinder(radius, 2.2 * radius)
-    yield shapes.moved(drum, shapes.turned_to(_axis(robot, joint)), start)
+    yield shapes.along(drum, _axis(robot, joint))
 
 
 def _ends(robot: Robot, joint: int) -> list[Vector]:

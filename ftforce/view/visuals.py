@@ -6,7 +6,6 @@ is shown.
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
+import pinocchio as pin
 
 from ftforce.arrays import Matrix, read_only
 from ftforce.errors import URDFError, printable
@@ -186,21 +186,9 @@ def _sizes(shape: Element) -> Numbers:
 def _placement(origin: Element | None) -> Matrix:
     placement = np.eye(4)
     if origin is not None:
-        placement[:3, :3] = rotation(_read(origin.get("rpy", "0 0 0"), 3, "origin rpy"))
+        placement[:3, :3] = pin.rpy.rpyToMatrix(*_read(origin.get("rpy", "0 0 0"), 3, "origin rpy"))
         placement[:3, 3] = _read(origin.get("xyz", "0 0 0"), 3, "origin xyz")
     return read_only(placement)
-
-
-def rotation(rpy: Numbers) -> Matrix:
-    """Return the rotation of roll, pitch and yaw about fixed axes, rad, shape (3, 3)."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _read(text: str, count: int, what: str) -> Numbers:
