@@ -18,17 +18,17 @@ from ftforce.view.history_markup import charts, chosen, tables
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.server import open_server
 from ftforce.view.snapshots import first_with, ghost, history_scales, scene, sentence, snapshot
-from ftforce.view.stage import Stage, linear
+from ftforce.view.stage import Stage, add_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import viser
+    from markupsafe import Markup
 
     from ftforce.arrays import Vector
     from ftforce.history import History
     from ftforce.robot import Robot
-    from ftforce.view.elements import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.snapshots import Snapshot
@@ -84,10 +84,8 @@ def draw_path(server: viser.ViserServer, history: History) -> None:
     """Draw the path that the tip should follow."""
     places = history.path[chosen(history, history.healthy)]
     if len(places) > 1:
-        ends = np.array(list(pairwise(places)), dtype=np.float32)
-        colours = np.broadcast_to(linear(np.array(_PATH_COLOUR)), ends.shape)
-        server.scene.add_line_segments(
-            "/history/path", ends, colours, thickness=2.0, thickness_units="screen"
+        add_lines(
+            server.scene, "/history/path", np.array(list(pairwise(places))), _PATH_COLOUR, 2.0
         )
 
 
@@ -169,7 +167,7 @@ def animated_page(
         recording = record(server, times.tolist(), float(times[-1]) / (len(times) - 1), show)
         notes = () if geometry is None else geometry.notes
         told = _story(history, name, legend(picture, name, place, notes))
-        return scene_html(server, title=title, answer_html=told, recording=recording)
+        return scene_html(server, title=title, answer=told, recording=recording)
 
 
 def frame_times(end: float) -> Vector:
@@ -207,8 +205,11 @@ def _story(history: History, name: str, below: Markup) -> Markup:
         doubts = ()
     at = next((t for t in times if t > 0.0), end)
     now = snapshot(history, name, at)
-    return elements.element(
-        "div", *told, curves.no_cursor(), charts(history, history.runs[name]),
-        elements.block(elements.element("h3", f"At {now.time:.2f} s")), tables(history, now), below,
-        data_testid="static",
-    )  # fmt: skip
+    told += [
+        curves.no_cursor(),
+        charts(history, history.runs[name]),
+        elements.block(elements.element("h3", f"At {now.time:.2f} s")),
+        tables(history, now),
+        below,
+    ]
+    return elements.element("div", *told, data_testid="static")

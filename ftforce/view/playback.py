@@ -14,7 +14,7 @@ import numpy as np
 from ftforce.errors import InputError, TrajectoryError
 from ftforce.history_files import load_history
 from ftforce.show.canvas import STROKES
-from ftforce.view import curves, elements, markup
+from ftforce.view import curves, markup
 from ftforce.view.controls import Control
 from ftforce.view.fitting import Stored, difference, displacement
 from ftforce.view.history_markup import charts, marks, tables
@@ -27,7 +27,7 @@ from ftforce.view.history_stage import (
     draw_path,
     legend,
 )
-from ftforce.view.modes import View
+from ftforce.view.modes import Mode, View
 from ftforce.view.picture import scene_size
 from ftforce.view.snapshots import (
     ROUNDING,
@@ -94,9 +94,9 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
         It is of another one; the message says what differs.
     """
     setting, run = history.setting, history.healthy
-    joints = tuple(joint.name for joint in setting.joints)
+    names = tuple(joint.name for joint in setting.joints)
     units = tuple(joint.unit for joint in setting.joints)
-    stored = Stored(setting.robot, setting.base, setting.tip, joints, units)
+    stored = Stored(setting.robot, setting.base, setting.tip, names, units)
     problem = difference(robot, stored) or displacement(robot, run.q[0], run.position[0])
     if problem:
         raise TrajectoryError(path, problem)
@@ -111,7 +111,7 @@ def _mark(history: History, time: float) -> str:
 # ---- the mode --------------------------------------------------------------------------------
 
 
-class Playback:
+class Playback(Mode):
     """Plays a history on the page: a `ftforce.view.modes.Mode`.
 
     Parameters
@@ -124,6 +124,7 @@ class Playback:
         Time to begin with, s.
     """
 
+    tab = "Time"
     takes_over = True
 
     def __init__(self, robot: Robot, history: History, at: float = 0.0) -> None:
@@ -215,7 +216,7 @@ class Playback:
         """Begin, paused."""
         self._session = session
         self._healthy = HealthyArm(session.server, self.robot)
-        with session.panel.first_tab("Time"):
+        with session.panel.first_tab:
             self._build(session.server.gui)
         draw_path(session.server, self.history)
         self._draw_charts()
@@ -261,10 +262,6 @@ class Playback:
             self.robot, self.history, name, geometry, place=place, see_through=see_through
         )
 
-    def part(self) -> elements.Markup:
-        """Return nothing: its page is one of its own."""
-        return elements.Markup()
-
     def stop(self) -> None:
         """End the thread that plays."""
         self._ends.set()
@@ -302,10 +299,9 @@ class Playback:
         self._button.on_click(lambda _event: self.pause() if self.is_playing else self.play())
         faults = tuple((time, _mark(history, time)) for time in sorted({*marks(history)}))
         self._slider = gui.add_slider(
-            "Time (s)", 0.0, end, step, now, marks=faults or None,
-            hint="Faults are marked",
-        )  # fmt: skip
-        self._clock = Control(self._slider, self._slider.value)
+            "Time (s)", 0.0, end, step, now, marks=faults or None, hint="Faults are marked"
+        )
+        self._clock = Control(self._slider)
         self._slider.on_update(lambda _event: self._slid())
         names = tuple(self._names)
         run = gui.add_dropdown("Run", names, initial_value=names[0])
@@ -317,8 +313,7 @@ class Playback:
         place.on_update(lambda _event: self._put(place.value))
         self._charts = gui.add_html("")
         self._cursor = gui.add_html("")
-        self.controls = {"play": self._button, "time": self._slider, "run": run, "speed": speed,
-                         "place": place}  # fmt: skip
+        self.controls = {"time": self._slider, "run": run, "speed": speed, "place": place}
 
     def _slid(self) -> None:
         if getattr(self._own, "writes", False):

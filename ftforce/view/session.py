@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ftforce.errors import FtforceError
 from ftforce.view.answer import answer
 from ftforce.view.markup import static_page
+from ftforce.view.modes import Mode
 from ftforce.view.panel import Panel
 from ftforce.view.picture import HAND, picture, pulled
 from ftforce.view.stage import Stage
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.answer import Answer
     from ftforce.view.meshes import Geometry
-    from ftforce.view.modes import Mode
     from ftforce.view.picture import Picture
     from ftforce.view.state import State
 
@@ -62,7 +62,8 @@ class Session:
     ) -> None:
         from ftforce.view.server import open_server
 
-        self.robot, self.mode = robot, mode
+        self.robot = robot
+        self.mode = mode or Mode()
         self._state = state
         self._answer: Answer | None = None
         self._picture: Picture | None = None
@@ -79,10 +80,15 @@ class Session:
         try:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
-                is_played = mode is not None and mode.takes_over
-                self.panel = Panel(self.server, robot, state, self, is_played=is_played)
-            if mode is not None:
-                mode.start(self)  # before anything is asked of it
+                self.panel = Panel(
+                    self.server,
+                    robot,
+                    state,
+                    self,
+                    first_tab=self.mode.tab,
+                    is_played=self.mode.takes_over,
+                )
+            self.mode.start(self)  # before anything is asked of it
             self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
             self._worker.start()
             self.settle()
@@ -186,7 +192,7 @@ class Session:
 
     def touch(self, joint: int) -> None:
         """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
-        if self.mode is not None and self.mode.takes_over:
+        if self.mode.takes_over:
             return
 
         def toggle(state: State) -> State:
@@ -216,7 +222,7 @@ class Session:
         """Answer a question, first all of it, then send it: a tab never shows half of two."""
         started = time.perf_counter()
         try:
-            view = None if self.mode is None else self.mode.view(state)
+            view = self.mode.view(state)
             if view is None:
                 found = answer(self.robot, state, earlier)
                 scene = picture(found, like)
@@ -264,8 +270,7 @@ class Session:
             self.panel.notes = geometry.notes
             if self._picture is not None:
                 self.stage.look(self._picture)
-            if self.mode is not None:
-                self.mode.set_geometry(geometry)
+            self.mode.set_geometry(geometry)
         self.refresh()  # the legend says what is missing
 
     def run(self) -> None:
@@ -287,8 +292,7 @@ class Session:
             self._news.notify_all()
         if not was_open:
             return
-        if self.mode is not None:
-            self.mode.stop()
+        self.mode.stop()
         worker = getattr(self, "_worker", None)
         if worker is not None:
             worker.join(10.0)
@@ -308,18 +312,16 @@ class Session:
         """Return the page as HTML that needs no server, and asks none for anything."""
         from ftforce.view.export import scene_html
 
-        if self.mode is not None and (page := self.mode.page()) is not None:
+        if (page := self.mode.page()) is not None:
             return page
         with self._lock:
             part = self.panel.static_parts()
             if self._answer is not None and self._picture is not None:
                 command = command_line(self.robot, self._answer.state)
                 part = static_page(self._answer, self._picture, command, self.panel.notes)
-            if self.mode is not None:
-                part = self.mode.part() + part
-            title = f"ftforce {self.robot.name}"
-            handle = (self.stage.handle_name,)
-            return scene_html(self.server, title=title, answer_html=part, without=handle)
+            title, part = f"ftforce {self.robot.name}", self.mode.part() + part
+            with self.server.atomic(), self.stage.without_handle():  # no tab sees that it is gone
+                return scene_html(self.server, title=title, answer=part)
 
     def png(self) -> bytes:
         """Return the scene as a PNG, drawn by a browser without a window.

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, read_only
-from ftforce.view.arrow_nodes import ArrowNodes, assign, moved
-from ftforce.view.colours import FIXED
+from ftforce.view.arrow_nodes import IN_FRONT, ArrowNodes, assign, is_same
+from ftforce.view.colours import FIXED, NEUTRAL
 from ftforce.view.picture import chain_joints, rotation, scene_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     import viser
     from numpy.typing import NDArray
 
     from ftforce.robot import Robot
     from ftforce.view.arrows import Arrow
+    from ftforce.view.colours import Colour
     from ftforce.view.force_sets import Solid
     from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Picture
+    from ftforce.view.picture import Line, Picture
 
+_BOTH_SIDES: dict[str, Any] = {"side": "double", "cast_shadow": False, "receive_shadow": False}
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
@@ -96,12 +99,13 @@ class Stage:
         self._floor = _floor(server, prefix, self._extent)
         self._floor.visible = floor
         self._arrows: dict[tuple[str, bool], ArrowNodes] = {}
-        self.handle_name = f"{prefix}/force/handle"
         self._handle: Any = server.scene.add_transform_controls(
-            self.handle_name, scale=0.1 * self._extent, line_width=2.5,
-            disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.8,
-            visible=False,
-        )  # fmt: skip
+            f"{prefix}/force/handle",
+            scale=0.1 * self._extent,
+            line_width=2.5,
+            opacity=0.8,
+            **IN_FRONT,
+        )
         self._handle.on_update(self._dragged)
 
     # ---- the arm -----------------------------------------------------------------------------
@@ -118,10 +122,8 @@ class Stage:
                 color=FIXED,
                 opacity=self._opacity,
                 flat_shading=part.flat,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
                 visible=self._last is not None,
+                **_BOTH_SIDES,
             )
             if moves is not None:
                 node.on_click(_clicker(self._hands, moves))
@@ -163,6 +165,16 @@ class Stage:
         self._draw_lines(picture, last)
         self._draw_solids(picture)
 
+    @contextmanager
+    def without_handle(self) -> Iterator[None]:
+        """Hide the handle of the force meanwhile: in a file nobody would answer it."""
+        is_shown = self._handle.visible
+        self._handle.visible = False
+        try:
+            yield
+        finally:
+            self._handle.visible = is_shown
+
     def hide(self) -> None:
         """Hide the arm until the next update; its forces stay."""
         for part in self._parts:
@@ -172,12 +184,11 @@ class Stage:
         for part in self._parts:
             pose = picture.joints[part.joint]
             before = None if last is None else last.joints[part.joint]
-            if before is None or moved(pose.position, before.position):
+            if before is None or not is_same(pose.position, before.position):
                 part.node.position = pose.position
-            if before is None or moved(pose.wxyz, before.wxyz):
+            if before is None or not is_same(pose.wxyz, before.wxyz):
                 part.node.wxyz = pose.wxyz
-            if not part.node.visible:
-                part.node.visible = True
+            assign(part.node, "visible", True)
 
     def _paint(self, picture: Picture, last: Picture | None) -> None:
         self._opacity = _SEE_THROUGH if picture.see_through else None
@@ -223,14 +234,13 @@ class Stage:
         return read_only(np.array(self._handle.position, dtype=float))
 
     def _draw_lines(self, picture: Picture, last: Picture | None) -> None:
-        if last is not None and _same_lines(picture, last):
+        if last is not None and _are_same(picture.lines, last.lines):
             return
         scene, lines = self.server.scene, picture.lines
         if self._lines is None and lines:
-            self._lines = scene.add_line_segments(
-                f"{self.prefix}/force/lines", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8),
-                thickness=3.0, thickness_units="screen",
-            )  # fmt: skip
+            self._lines = add_lines(
+                scene, f"{self.prefix}/force/lines", np.zeros((1, 2, 3)), NEUTRAL, 3.0
+            )
         if self._lines is not None:
             assign(self._lines, "visible", bool(lines))
         if lines:
@@ -247,7 +257,7 @@ class Stage:
                 assign(mark, "position", lines[i].ends[1])
 
     def _draw_solids(self, picture: Picture) -> None:
-        if _same_solids(picture.solids, self._shown_solids):
+        if _are_same(picture.solids, self._shown_solids):
             return
         for node in self._solids:
             node.remove()
@@ -260,9 +270,7 @@ class Stage:
                 color=solid.colour,
                 opacity=_SOLID_OPACITY,
                 flat_shading=True,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
+                **_BOTH_SIDES,
             )
             for i, solid in enumerate(picture.solids)
         ]
@@ -298,6 +306,15 @@ def linear(colours: NDArray[Any]) -> Any:
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 
+def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: float) -> Any:
+    """Add line segments of one colour; ends in the root's axes, m, shape (k, 2, 3), and px."""
+    colours = np.broadcast_to(linear(np.array(colour)), ends.shape)
+    places = ends.astype(np.float32)
+    return scene.add_line_segments(
+        name, places, colours, thickness=thickness, thickness_units="screen"
+    )
+
+
 def _clicker(hands: Hands, joint: int) -> Any:
     return lambda _event: hands.touch(joint)
 
@@ -305,23 +322,21 @@ def _clicker(hands: Hands, joint: int) -> Any:
 def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
     width = 0.2 * math.ceil(10.0 * extent)
     return server.scene.add_grid(
-        f"{prefix}/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
-        cell_color=(232, 232, 232), section_color=(208, 208, 208), shadow_opacity=0.0,
-    )  # fmt: skip
-
-
-def _same_lines(one: Picture, other: Picture) -> bool:
-    return len(one.lines) == len(other.lines) and all(
-        a.label == b.label and not moved(a.ends, b.ends)
-        for a, b in zip(one.lines, other.lines, strict=True)
+        f"{prefix}/grid",
+        width=width,
+        height=width,
+        plane="xy",
+        cell_size=0.1,
+        section_size=0.5,
+        cell_color=(232, 232, 232),
+        section_color=(208, 208, 208),
+        shadow_opacity=0.0,
     )
 
 
-def _same_solids(one: tuple[Solid, ...], other: tuple[Solid, ...]) -> bool:
-    return len(one) == len(other) and all(
-        a.vertices.shape == b.vertices.shape
-        and a.faces.shape == b.faces.shape
-        and a.colour == b.colour
-        and not moved(a.vertices, b.vertices)
+def _are_same(ones: tuple[Line | Solid, ...], others: tuple[Line | Solid, ...]) -> bool:
+    return len(ones) == len(others) and all(
+        is_same(a, b)
+        for one, other in zip(ones, others, strict=True)
         for a, b in zip(one, other, strict=True)
     )
