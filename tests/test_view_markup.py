@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import html
+import importlib
 import math
+import sys
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from markupsafe import Markup, escape
 
 import ftforce
 from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
 from ftforce.view.curves import Curve, chart
-from ftforce.view.elements import Markup, element, text
+from ftforce.view.elements import element
 from ftforce.view.markup import (
     answer_part,
     banner,
@@ -81,13 +83,19 @@ def locked(panda):
 
 
 def test_texts_are_escaped_and_only_once():
-    assert text(BAD) == html.escape(BAD, quote=True)
-    assert text(text(BAD)) == text(BAD)
     inner = element("i", BAD)
+    assert inner == f"<i>{escape(BAD)}</i>"
     assert element("div", inner, "<b>") == f"<div>{inner}&lt;b&gt;</div>"
-    assert Reader(element("div", title=BAD)).attributes == [("title", BAD)]
-    assert isinstance(inner, Markup)
+    for title in (BAD, Markup(BAD)):  # an attribute is never markup
+        assert Reader(element("div", title=title)).attributes == [("title", BAD)]
     assert not isinstance(f"{inner}", Markup)  # what is put together elsewhere is text again
+
+
+def test_without_markupsafe_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "markupsafe", None)
+    monkeypatch.delitem(sys.modules, "ftforce.view.elements")
+    with pytest.raises(ftforce.FtforceError, match=r"pip install 'ftforce\[view\]'"):
+        importlib.import_module("ftforce.view.elements")
 
 
 def hostile(robot):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import viser
 from typer.testing import CliRunner
 
 import ftforce
@@ -57,7 +58,26 @@ def opened(dh5, path):
 
 
 @pytest.fixture
-def page(dh5, stored):
+def clicks(monkeypatch):
+    """Collect what a click on a button, by its label, or on points does."""
+    found = {}
+
+    def collecting(kind):
+        real = kind.on_click
+
+        def on_click(node, act):
+            found[getattr(node, "label", "points")] = act
+            return real(node, act)
+
+        monkeypatch.setattr(kind, "on_click", on_click)
+
+    collecting(viser.GuiButtonHandle)
+    collecting(viser.BatchedMeshHandle)
+    return found
+
+
+@pytest.fixture
+def page(dh5, stored, clicks):
     session, mode = opened(dh5, stored["all"])
     with session:
         yield session, mode
@@ -79,13 +99,12 @@ def test_colours_are_the_verdicts_of_the_sweep(page, stored):
             assert f"{verdict}: {count:,} (" in mode._legend.content
 
 
-def test_a_click_takes_the_arm_there_and_the_controls_go_on(page, dh5, stored):
+def test_a_click_takes_the_arm_there_and_the_controls_go_on(page, stored, clicks):
     session, mode = page
     data = ftforce.open_sweep(stored["all"]).dataset
-    (click,) = (entry.callback for entry in mode._nodes._impl.click_cb)
     mode.controls["sets"].value = "{3}"
     for point in (7, 300):
-        click(SimpleNamespace(instance_index=point))
+        clicks["points"](SimpleNamespace(instance_index=point))
         session.settle()
         q = data["q"].values[point]
         assert np.array_equal(session.state.q, q)
@@ -130,7 +149,7 @@ def test_a_click_on_a_dark_point_fails_the_set_that_is_worst_there(dh5, stored):
             assert session.state.faults == faults
 
 
-def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page):
+def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page, clicks):
     session, mode = page
     asked = session.state
     session.panel.handle("task").value = "fx,fz"
@@ -139,9 +158,7 @@ def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page):
     session.panel.handle("axes").value = "world"
     session.change(lambda state: state.with_joint(1, 0.3))
     session.settle()
-    reset = session.panel.handle("reset")
-    for callback in reset._impl.update_cb:
-        callback(SimpleNamespace(client=None, target=reset))
+    clicks["Reset"](SimpleNamespace(client=None))
     session.settle()
     assert session.state.task == asked.task
     assert session.state.force.tolist() == FORCE

@@ -113,6 +113,9 @@ class Stage:
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the arm's links; they take their places with the picture that was shown last."""
         scene = self.server.scene
+        for earlier in self._parts:
+            earlier.node.remove()
+        self._parts = []
         for i, part in enumerate(geometry.parts):
             moves = self._moves[part.joint]
             node = scene.add_mesh_simple(
