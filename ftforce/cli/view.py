@@ -39,7 +39,7 @@ from ftforce.errors import InputError, OutputError, printable
 if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.session import Session
-    from ftforce.view.state import Origin, State
+    from ftforce.view.state import Origin
 
 
 _LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}

@@ -9,13 +9,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from ftforce.view.picture import wxyz_of
+import pinocchio as pin
 
 if TYPE_CHECKING:
     import viser
 
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.arrays import Vector
     from ftforce.view.arrows import Arrow
 
 _AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
@@ -108,15 +107,8 @@ class ArrowNodes:
 
 def along(vector: Vector, axis: int) -> Vector:
     """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
-    direction = vector / np.linalg.norm(vector)
-    aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    second = np.cross(direction, aside)
-    second /= np.linalg.norm(second)
-    R: Matrix = np.zeros((3, 3))
-    R[:, axis] = direction
-    R[:, (axis + 1) % 3] = second
-    R[:, (axis + 2) % 3] = np.cross(direction, second)
-    return wxyz_of(R)
+    turn = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
+    return np.array([turn.w, turn.x, turn.y, turn.z])
 
 
 def assign(node: Any, name: str, value: Any) -> None:

@@ -21,8 +21,6 @@ from ftforce.view.snapshots import first_with, ghost, history_scales, scene, sen
 from ftforce.view.stage import Stage, add_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import viser
     from markupsafe import Markup
 
@@ -41,16 +39,6 @@ FRAME = 0.05  # s
 _MOST_FRAMES = 1000  # of a page that plays: then it is a few MB, and opens in a second
 
 
-class _NoHands:
-    """Of an arm that is there to be looked at: touching it does nothing."""
-
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Do nothing."""
-
-    def touch(self, joint: int) -> None:
-        """Do nothing."""
-
-
 class HealthyArm:
     """The arm as if healthy, transparent.
 
@@ -64,7 +52,7 @@ class HealthyArm:
 
     def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
         self._robot = robot
-        self._stage = Stage(server, robot, _NoHands(), "/healthy", floor=False)
+        self._stage = Stage(server, robot, prefix="/healthy", floor=False)
         self._beside = np.array([0.0, _BESIDE * scene_size(robot), 0.0])
 
     def set_geometry(self, geometry: Geometry) -> None:
@@ -140,7 +128,7 @@ def animated_page(
     title = f"ftforce {robot.name}"
     with closing(open_server(port=0, title=title)) as opened:
         server = opened.server
-        stage, healthy = Stage(server, robot, _NoHands()), HealthyArm(server, robot)
+        stage, healthy = Stage(server, robot), HealthyArm(server, robot)
         if geometry is not None:
             stage.set_geometry(geometry)
             healthy.set_geometry(geometry)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from ftforce.robot import Joint, Robot
     from ftforce.view.answer import Answer
     from ftforce.view.picture import Picture
+    from ftforce.view.session import Session
 
     Change: TypeAlias = Callable[[State, Any], State]
     """What becomes of a question when a control is given a value."""
@@ -54,19 +55,6 @@ _HEAVIEST = 1000.0  # kg
 _DIGITS = 4  # after the point of what is typed
 
 
-class Actions(Protocol):
-    """What the controls do."""
-
-    def change(self, change: Callable[[State], State]) -> None:
-        """Change the newest question, and have it answered."""
-
-    def save_picture(self, client: Any) -> None:
-        """Give a tab the scene as a PNG."""
-
-    def save_page(self, client: Any) -> None:
-        """Give a tab the page as a file that needs no server."""
-
-
 class Panel:
     """Controls to the right, the answer to the left.
 
@@ -78,8 +66,8 @@ class Panel:
         The arm.
     state :
         The question with which the page starts.
-    actions :
-        What the controls do.
+    session :
+        Does what the controls say.
     first_tab :
         Label of a `Mode`'s own tab; empty if there is none.
     is_played :
@@ -99,7 +87,7 @@ class Panel:
         server: viser.ViserServer,
         robot: Robot,
         state: State,
-        actions: Actions,
+        session: Session,
         *,
         first_tab: str = "",
         is_played: bool = False,
@@ -107,7 +95,7 @@ class Panel:
         self.robot = robot
         self.notes: tuple[str, ...] = ()
         self._gui: Any = server.gui
-        self._actions = actions
+        self._session = session
         self._start = state
         self._is_played = is_played
         self._own = threading.local()  # whether this thread is writing what the question says
@@ -147,8 +135,8 @@ class Panel:
         with tabs.add_tab("Take along"):
             if not self._is_played:
                 self._command = gui.add_html("")
-            self._button("save_picture", "Save picture", self._actions.save_picture)
-            self._button("save_page", "Save page", self._actions.save_page)
+            self._button("save_picture", "Save picture", self._session.save_picture)
+            self._button("save_page", "Save page", self._session.save_page)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(CONTROL_WIDTH)
 
@@ -298,7 +286,7 @@ class Panel:
                 control.value = handle.value
                 return meaning(state, handle.value)
 
-            self._actions.change(change)
+            self._session.change(change)
 
         handle.on_update(update)
 
@@ -328,7 +316,7 @@ class Panel:
     def _reset(self) -> None:
         """Go back to the question with which the page started; what is shown stays."""
         start = self._start
-        self._actions.change(lambda state: start.showing(**state.shown._asdict()))
+        self._session.change(lambda state: start.showing(**state.shown._asdict()))
 
     def _choose_set(self) -> None:
         if getattr(self._own, "writes", False):
@@ -340,7 +328,7 @@ class Panel:
     def _show_set(self, k: int) -> None:
         sets = self._sets
         if k < len(sets):
-            self._actions.change(lambda state: state.with_faults(sets[k]))
+            self._session.change(lambda state: state.with_faults(sets[k]))
 
     # ---- writing -----------------------------------------------------------------------------
 

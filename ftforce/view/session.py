@@ -49,7 +49,21 @@ class Session:
         Where it listens; without a port the first one that is free.
     mode :
         Takes over posture and faults; ``None`` if the user has them.
+
+    Attributes
+    ----------
+    address :
+        Where a browser finds the page.
+    warning :
+        What a user should know of the address; empty if only this machine reaches it.
+    state :
+        The newest question.
+    answer, picture :
+        The last that were shown; ``None`` before the first.
     """
+
+    answer: Answer | None = None
+    picture: Picture | None = None
 
     def __init__(
         self,
@@ -64,9 +78,7 @@ class Session:
 
         self.robot = robot
         self.mode = mode or Mode()
-        self._state = state
-        self._answer: Answer | None = None
-        self._picture: Picture | None = None
+        self.state = state
         self._refusal = ""  # of the last change
         self._failure = ""  # of the last question that was answered
         self._is_pulled = False
@@ -77,6 +89,7 @@ class Session:
         self.seconds = 0.0
         self._open = open_server(host, port, title=f"ftforce {robot.name}")
         self.server: viser.ViserServer = self._open.server
+        self.address, self.warning = self._open.address, self._open.warning
         try:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
@@ -99,34 +112,6 @@ class Session:
             raise
 
     @property
-    def address(self) -> str:
-        """Where a browser finds the page."""
-        return self._open.address
-
-    @property
-    def warning(self) -> str:
-        """What a user should know of the address; empty if only this machine reaches it."""
-        return self._open.warning
-
-    @property
-    def state(self) -> State:
-        """The newest question."""
-        with self._lock:
-            return self._state
-
-    @property
-    def answer(self) -> Answer | None:
-        """The last answer that was shown; ``None`` before the first."""
-        with self._lock:
-            return self._answer
-
-    @property
-    def picture(self) -> Picture | None:
-        """The last scene that was shown; ``None`` before the first."""
-        with self._lock:
-            return self._picture
-
-    @property
     def problem(self) -> str:
         """Why the newest question has no answer; empty if it has."""
         with self._lock:
@@ -145,7 +130,7 @@ class Session:
         """
         with self._lock:
             try:
-                self._state = change(self._state)
+                self.state = change(self.state)
                 self._refusal = ""
             except FtforceError as error:
                 self._refusal = str(error)
@@ -180,7 +165,7 @@ class Session:
         """
         with self._lock:
             self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
-            shown, scene = self._answer, self._picture
+            shown, scene = self.answer, self.picture
             if shown is None or scene is None or not scene.can_pull:
                 return
             place = end()
@@ -209,10 +194,10 @@ class Session:
                 self._news.wait_for(lambda: self._asked > self._answered or self._ends.is_set())
                 if self._ends.is_set():
                     return
-                asked, state, earlier = self._asked, self._state, self._answer
+                asked, state, earlier = self._asked, self.state, self.answer
                 like = None
                 if self._is_pulled and earlier is not None and earlier.state.task == state.task:
-                    like = self._picture
+                    like = self.picture
             self._answer_now(state, earlier, like)
             with self._news:
                 self._answered = asked
@@ -227,7 +212,7 @@ class Session:
                 found = answer(self.robot, state, earlier)
                 scene = picture(found, like)
                 with self._lock, self.server.atomic():
-                    self._answer = found
+                    self.answer = found
                     self.panel.show(found, scene)
                     self._show(scene)
             else:
@@ -243,9 +228,9 @@ class Session:
         self.seconds = time.perf_counter() - started
 
     def _show(self, scene: Picture) -> None:
-        self._picture, self._failure = scene, ""
+        self.picture, self._failure = scene, ""
         self.stage.update(scene)
-        self.panel.sync(self._state)
+        self.panel.sync(self.state)
         if self._refusal:
             self.panel.show_problem(self._refusal)
 
@@ -253,7 +238,7 @@ class Session:
         with self._lock, self.server.atomic():
             self._failure = problem
             self.panel.show_problem(self.problem)
-            self.panel.sync(self._state)
+            self.panel.sync(self.state)
 
     # ---- beginning and end -------------------------------------------------------------------
 
@@ -268,8 +253,8 @@ class Session:
         with self._lock, self.server.atomic():
             self.stage.set_geometry(geometry)
             self.panel.notes = geometry.notes
-            if self._picture is not None:
-                self.stage.look(self._picture)
+            if self.picture is not None:
+                self.stage.look(self.picture)
             self.mode.set_geometry(geometry)
         self.refresh()  # the legend says what is missing
 
@@ -316,9 +301,9 @@ class Session:
             return page
         with self._lock:
             part = self.panel.static_parts()
-            if self._answer is not None and self._picture is not None:
-                command = command_line(self.robot, self._answer.state)
-                part = static_page(self._answer, self._picture, command, self.panel.notes)
+            if self.answer is not None and self.picture is not None:
+                command = command_line(self.robot, self.answer.state)
+                part = static_page(self.answer, self.picture, command, self.panel.notes)
             title, part = f"ftforce {self.robot.name}", self.mode.part() + part
             with self.server.atomic(), self.stage.without_handle():  # no tab sees that it is gone
                 return scene_html(self.server, title=title, answer=part)

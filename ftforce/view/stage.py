@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ftforce.view.colours import FIXED, NEUTRAL
 from ftforce.view.picture import chain_joints, rotation, scene_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     import viser
     from numpy.typing import NDArray
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ftforce.view.force_sets import Solid
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Line, Picture
+    from ftforce.view.session import Session
 
 _BOTH_SIDES: dict[str, Any] = {"side": "double", "cast_shadow": False, "receive_shadow": False}
 _SEE_THROUGH = 0.45
@@ -35,19 +37,6 @@ _RIGHT = np.array([-_VIEW[1], _VIEW[0], 0.0]) / math.hypot(*_VIEW[:2])
 _LABEL = 0.2  # length of a line's label, of the size of the scene
 _ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
 _SAMPLE = 500  # points of a link that are enough to aim the camera
-
-
-class Hands(Protocol):
-    """What touching the scene does."""
-
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,).
-
-        It is asked for when its turn comes: viser's threads call in any order.
-        """
-
-    def touch(self, joint: int) -> None:
-        """Click on a joint of the chain, index from 0."""
 
 
 class _Part(NamedTuple):
@@ -68,7 +57,7 @@ class Stage:
     robot :
         The arm.
     hands :
-        Called when somebody drags the force or clicks on a joint.
+        Told when somebody drags the force or clicks on a joint; without it nobody can.
     prefix :
         Of the names of its nodes; another arm on the same server needs another one.
     floor :
@@ -79,7 +68,7 @@ class Stage:
         self,
         server: viser.ViserServer,
         robot: Robot,
-        hands: Hands,
+        hands: Session | None = None,
         prefix: str = "",
         *,
         floor: bool = True,
@@ -106,7 +95,8 @@ class Stage:
             opacity=0.8,
             **IN_FRONT,
         )
-        self._handle.on_update(self._dragged)
+        if hands is not None:
+            self._handle.on_update(lambda event: self._dragged(event, hands))
 
     # ---- the arm -----------------------------------------------------------------------------
 
@@ -128,8 +118,8 @@ class Stage:
                 visible=self._last is not None,
                 **_BOTH_SIDES,
             )
-            if moves is not None:
-                node.on_click(_clicker(self._hands, moves))
+            if self._hands is not None and moves is not None:
+                node.on_click(partial(_touch, self._hands, moves))
             few = part.vertices[:: 1 + len(part.vertices) // _SAMPLE]
             self._parts.append(_Part(part.joint, node, few.astype(float)))
         if self._last is not None:
@@ -225,13 +215,13 @@ class Stage:
             assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
-    def _dragged(self, event: Any) -> None:
+    def _dragged(self, event: Any, hands: Session) -> None:
         if event.phase == "start":  # nothing has moved
             self._drags.add(event.client_id)
             return
         if event.phase == "end":
             self._drags.discard(event.client_id)
-        self._hands.pull(self._end, not self._drags)
+        hands.pull(self._end, not self._drags)
 
     def _end(self) -> Vector:
         return read_only(np.array(self._handle.position, dtype=float))
@@ -318,8 +308,8 @@ def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: fl
     )
 
 
-def _clicker(hands: Hands, joint: int) -> Any:
-    return lambda _event: hands.touch(joint)
+def _touch(hands: Session, joint: int, _event: Any) -> None:
+    hands.touch(joint)
 
 
 def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
