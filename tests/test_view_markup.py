@@ -32,8 +32,25 @@ from ftforce.view.state import Origin, command_line, initial_state
 from ftforce.view.tables import bar, share_text
 
 BAD = "<img src=x onerror=\"alert('1')\">&amp;"
-TAGS = {"div", "span", "h3", "table", "thead", "tbody", "tr", "th", "td", "style", "details",
-        "summary", "code", "button", "i"}  # fmt: skip
+TAGS = set(
+    [
+        "div",
+        "span",
+        "h3",
+        "table",
+        "thead",
+        "tbody",
+        "tr",
+        "th",
+        "td",
+        "style",
+        "details",
+        "summary",
+        "code",
+        "button",
+        "i",
+    ]
+)
 
 
 class Reader(HTMLParser):
