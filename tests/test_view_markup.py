@@ -32,25 +32,8 @@ from ftforce.view.state import Origin, command_line, initial_state
 from ftforce.view.tables import bar, share_text
 
 BAD = "<img src=x onerror=\"alert('1')\">&amp;"
-TAGS = set(
-    [
-        "div",
-        "span",
-        "h3",
-        "table",
-        "thead",
-        "tbody",
-        "tr",
-        "th",
-        "td",
-        "style",
-        "details",
-        "summary",
-        "code",
-        "button",
-        "i",
-    ]
-)
+TABLES = {"table", "thead", "tbody", "tr", "th", "td"}
+TAGS = TABLES | {"div", "span", "h3", "style", "details", "summary", "code", "button", "i"}
 
 
 class Reader(HTMLParser):

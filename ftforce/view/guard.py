@@ -18,7 +18,7 @@ import threading
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 from weakref import WeakKeyDictionary
 
@@ -26,6 +26,8 @@ from ftforce.view import viser_private
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from websockets.datastructures import Headers
 
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
@@ -38,13 +40,6 @@ _POLICY = (
 )
 
 _lock = threading.Lock()  # what `serving` replaces belongs to the whole process
-
-
-class Headers(Protocol):
-    """Headers of a request or response, as websockets has them."""
-
-    def get_all(self, key: str) -> list[str]:
-        """Return all values of a header, none if it is not there."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from ftforce.view.elements import (
     style,
     table,
 )
-from ftforce.view.tables import brake_loads, force_table, torque_table
+from ftforce.view.tables import brake_loads, force_table, load_table
 from ftforce.words import ratio, size
 
 if TYPE_CHECKING:
@@ -121,7 +121,8 @@ def answer_part(answer: Answer) -> Markup:
     analysis = answer.analysis
     asked = facts(situation(analysis), "question")
     question = element("details", element("summary", "The question"), asked)
-    tables = torque_table(answer), force_table(analysis), measures(answer)
+    torques = load_table(answer.loads, analysis.rnea.is_known)
+    tables = torques, force_table(analysis), measures(answer)
     return block(*tables, question, testid="answer")
 
 

@@ -278,7 +278,7 @@ class Panel:
         control = self._controls[name] = Control(handle)
 
         def update(_event: Any) -> None:
-            if getattr(self._own, "writes", False):
+            if self.is_writing:
                 return
 
             def change(state: State) -> State:
@@ -319,7 +319,7 @@ class Panel:
         self._session.change(lambda state: start.showing(**state.shown._asdict()))
 
     def _choose_set(self) -> None:
-        if getattr(self._own, "writes", False):
+        if self.is_writing:
             return
         value = self._chosen_set.value = self._all_sets.value
         if value in self._labels:
@@ -332,8 +332,13 @@ class Panel:
 
     # ---- writing -----------------------------------------------------------------------------
 
+    @property
+    def is_writing(self) -> bool:
+        """Whether this thread writes what the question says: then nobody's hand moves a control."""
+        return getattr(self._own, "writes", False)
+
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def writing(self) -> Iterator[None]:
         """Write controls without acting on it: viser calls callbacks of what it is told, too."""
         self._own.writes = True
         try:
@@ -344,7 +349,7 @@ class Panel:
     def sync(self, state: State) -> None:
         """Let the controls show a question; the session's lock is held."""
         values = self._values(state)
-        with self._writing():
+        with self.writing():
             self._offer_task(values["task"])
             for name in values.keys() & self._controls.keys():
                 self._controls[name].tell(values[name])
@@ -422,7 +427,7 @@ class Panel:
             (label for label, faults in zip(labels, self._sets, strict=True) if faults == shown),
             _CHOOSE,
         )
-        with self._writing():
+        with self.writing():
             if labels != self._labels:
                 self._labels = labels
                 self._all_sets.options = (_CHOOSE, *labels)

@@ -16,7 +16,7 @@ from ftforce.history_files import load_history
 from ftforce.show.canvas import STROKES
 from ftforce.view import curves, markup
 from ftforce.view.controls import Control
-from ftforce.view.fitting import Stored, difference, displacement
+from ftforce.view.fitting import difference, displacement
 from ftforce.view.history_markup import charts, marks, tables
 from ftforce.view.history_stage import (
     FRAME,
@@ -96,9 +96,8 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
     setting, run = history.setting, history.healthy
     names = tuple(joint.name for joint in setting.joints)
     units = tuple(joint.unit for joint in setting.joints)
-    stored = Stored(setting.robot, setting.base, setting.tip, names, units)
-    problem = difference(robot, stored) or displacement(robot, run.q[0], run.position[0])
-    if problem:
+    problem = difference(robot, setting, names, units)
+    if problem := problem or displacement(robot, run.q[0], run.position[0]):
         raise TrajectoryError(path, problem)
 
 
@@ -138,7 +137,6 @@ class Playback(Mode):
         self._scales = history_scales(history, scene_size(robot))
         self._geometry: Geometry | None = None
         self._lock = threading.RLock()
-        self._own = threading.local()
         self._playing, self._ends = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -169,11 +167,8 @@ class Playback(Mode):
 
     def _tell(self) -> None:
         """Show the time that it is now, whoever set it."""
-        self._own.writes = True  # viser calls callbacks of what it is told, too
-        try:
+        with self._session.panel.writing():
             self._clock.tell(min(round(self.time, 3), self._slider.max))
-        finally:
-            self._own.writes = False
         self._ask()
 
     def play(self) -> None:
@@ -316,7 +311,7 @@ class Playback(Mode):
         self.controls = {"time": self._slider, "run": run, "speed": speed, "place": place}
 
     def _slid(self) -> None:
-        if getattr(self._own, "writes", False):
+        if self._session.panel.is_writing:
             return
         self.pause()
         time = self._clock.value = float(self._slider.value)

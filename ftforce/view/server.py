@@ -108,22 +108,17 @@ def exposure(host: str) -> str:
     )
 
 
-def set_scene_defaults(server: viser.ViserServer) -> None:
-    """Set light: without shadows and surroundings, which cost seconds where there is no GPU."""
-    scene = server.scene
-    scene.world_axes.visible = False
-    scene.configure_environment_map(None)
-    scene.configure_default_lights(True, cast_shadow=False)
-    scene.add_light_ambient("/ambient", intensity=1.5)  # or the arm is black from below
-
-
 def _set_up(server: viser.ViserServer) -> None:
-    gui = server.gui
+    gui, scene = server.gui, server.scene
     gui.configure_theme(
         show_share_button=False, show_logo=False, control_width="large", brand_color=_BRAND
     )
     gui.set_panel_label("ftforce")
-    set_scene_defaults(server)
+    # Without shadows and surroundings, which cost seconds where there is no GPU.
+    scene.world_axes.visible = False
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.add_light_ambient("/ambient", intensity=1.5)  # or the arm is black from below
 
 
 def _viser() -> Any:

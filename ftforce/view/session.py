@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from ftforce.errors import FtforceError
@@ -22,7 +22,7 @@ from ftforce.view.stage import Stage
 from ftforce.view.state import HEALTHY, command_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     import viser
 
@@ -321,31 +321,25 @@ class Session:
         return screenshot(self.server, self.address)
 
     def save_page(self, client: Any) -> None:
-        """Give a tab the page as a file."""
-        with self._told(client):
-            self._give(client, "html", self.page().encode())
+        """Give a tab the page as a file that needs no server."""
+        self._give(client, "html", lambda: self.page().encode())
 
     def save_picture(self, client: Any) -> None:
         """Give a tab the scene as it sees it, as a PNG."""
         from ftforce.view.screenshot import render_png
 
-        with self._told(client):
-            self._give(client, "png", render_png(client))
+        self._give(client, "png", lambda: render_png(client))
 
-    def _give(self, client: Any, ending: str, content: bytes) -> None:
+    def _give(self, client: Any, ending: str, content: Callable[[], bytes]) -> None:
+        """Give a tab a file, or tell it of the error: this happens in a thread of viser's."""
         name = f"{_file_name(self.robot)}.{ending}"
-        client.send_file_download(name, content, save_immediately=True)
-
-    @contextmanager
-    def _told(self, client: Any) -> Iterator[None]:
-        """Tell a tab of an error: it happens in a thread of viser's."""
         try:
-            yield
-        except FtforceError as error:
-            client.add_notification("Nothing was saved", str(error), color="red")
+            given = content()
+            client.send_file_download(name, given, save_immediately=True)
         except Exception as error:  # a tab that is gone, for one
+            problem = str(error) if isinstance(error, FtforceError) else repr(error)
             with suppress(Exception):
-                client.add_notification("Nothing was saved", repr(error), color="red")
+                client.add_notification("Nothing was saved", problem, color="red")
 
 
 def _file_name(robot: Robot) -> str:

@@ -14,7 +14,8 @@ from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import SweepError
 from ftforce.history import VERDICTS
 from ftforce.view import markup
-from ftforce.view.fitting import Stored, difference, displacement
+from ftforce.view.colours import along_ramp
+from ftforce.view.fitting import difference, displacement
 from ftforce.view.modes import Mode
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.stage import linear
@@ -48,7 +49,7 @@ RAMP: tuple[Colour, ...] = (
 )
 VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
 _SEED = 0  # the same points every time
-_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of which the ramp has the colours
 _RADIUS = 0.007  # of a point, as a share of the arm's size
 _CUBE = 0.35  # edge of a cell's cube, as a share of the cell's
 _AIMED = 400  # points that are enough to aim the camera
@@ -128,8 +129,7 @@ def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None
         It is of another one; the message says what differs.
     """
     setting = sweep.setting
-    stored = Stored(setting.robot, setting.base, setting.tip, setting.joints, setting.joint_units)
-    if problem := difference(robot, stored):
+    if problem := difference(robot, setting, setting.joints, setting.joint_units):
         raise SweepError(path, problem)
 
 
@@ -196,10 +196,7 @@ def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
 
 def share_colours(shares: Vector) -> NDArray[np.uint8]:
     """Return colours of shares from 0 to 1, shape (k, 3)."""
-    steps = np.linspace(0.0, 1.0, len(RAMP))
-    parts = [np.interp(shares, steps, channel) for channel in np.array(RAMP, dtype=float).T]
-    found: NDArray[np.uint8] = np.rint(np.column_stack(parts)).astype(np.uint8)
-    return found
+    return along_ramp(RAMP, shares)
 
 
 class Survey(Mode):
@@ -396,11 +393,8 @@ class Survey(Mode):
         return markup.keys(pairs, [*notes, *self._notes()], "sweep")
 
     def _cells_legend(self) -> Markup:
-        colours = map(tuple, share_colours(np.array(_SHARES)).tolist())
-        pairs = [
-            (colour, f"{share:.0%} of the postures tolerate it")
-            for colour, share in zip(colours, _SHARES, strict=True)
-        ]
+        told = (f"{share:.0%} of the postures tolerate it" for share in _SHARES)
+        pairs = list(zip(reversed(RAMP), told, strict=True))
         note = (
             "Middles of the cells by the share of their postures. The sweep kept its summary "
             "alone: a click cannot take the arm to a posture (sweep with --keep all or worst)."

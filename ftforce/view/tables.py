@@ -22,13 +22,8 @@ if TYPE_CHECKING:
     from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
     from ftforce.task import Task
-    from ftforce.view.answer import Answer, JointLoad
+    from ftforce.view.answer import JointLoad
     from ftforce.view.colours import Colour
-
-
-def torque_table(answer: Answer) -> Markup:
-    """Return what each motor gives before and after, with a bar against its limit."""
-    return load_table(answer.loads, answer.analysis.rnea.is_known)
 
 
 def load_table(
