@@ -1,6 +1,7 @@
 """The page's server: who may talk to it, where it listens, and how it ends."""
 
 import asyncio
+import errno
 import http.client
 import socket
 import threading
@@ -332,10 +333,19 @@ def test_a_port_that_is_taken_is_an_error_and_another_one_is_found(opened, monke
     assert opened.port < other.port < opened.port + 100
 
 
-@pytest.mark.parametrize("port", [-1, 65536, 99999])
+@pytest.mark.parametrize("port", [-1, 65536])
 def test_what_is_no_port_is_an_error(port):
     with pytest.raises(InputError, match="from 1 to 65535"):
         open_server(port=port)
+
+
+def test_a_port_of_the_administrator_s_is_an_error(monkeypatch):
+    def refuse(*_where, **_options):
+        raise PermissionError(errno.EACCES, "denied")
+
+    monkeypatch.setattr(socket, "create_server", refuse)
+    with pytest.raises(InputError, match="port 80 needs an administrator's rights"):
+        open_server(port=80)
 
 
 @pytest.mark.parametrize("host", ["203.0.113.7", "none.invalid", "a b", "x" * 300, "127.0.0.1:80"])

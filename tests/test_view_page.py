@@ -484,10 +484,9 @@ def test_locked_changes_verdict_and_table_to_the_numbers_of_analyze(seen, dh5):
     seen.wait("43.66 N")
     found = ftforce.analyze(dh5, locked=[2, 4, 5], force=[80, 50, 10])
     assert seen.verdict() == verdict_sentence(found)
-    for cells, before, after, i in zip(
-        seen.cells("torques"), found.torque.total_before, found.torque.total_after, range(5),
-        strict=True,
-    ):  # fmt: skip
+    rows, torque = seen.cells("torques"), found.torque
+    numbers = zip(torque.total_before, torque.total_after, strict=True)
+    for i, (cells, (before, after)) in enumerate(zip(rows, numbers, strict=True)):
         assert cells[1] == dh5.names[i]
         assert cells[2] == f"{before:.2f}"
         assert cells[3] == ("brake" if i in {1, 3, 4} else f"{after:.2f}")

@@ -81,11 +81,11 @@ def open_server(
     listening = _listening(host, port)
     address, found, *_ = listening.getsockname()
     here = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(address, address)
-    with (
-        guarding(names_of(host), title, listening) as guard,
-        contextlib.redirect_stdout(io.StringIO()),
-    ):
-        server = viser.ViserServer(host=address, port=found, verbose=False)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as undone:
+        undone.callback(listening.close)
+        with guarding(names_of(host), title, listening) as guard:
+            server = viser.ViserServer(host=address, port=found, verbose=False)
+        undone.pop_all()  # the server closes it
     place = f"[{here}]:{found}" if ":" in here else f"{here}:{found}"
     opened = Opened(server, f"http://{place}/", found, exposure(host), guard)
     try:
