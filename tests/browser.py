@@ -136,6 +136,29 @@ def number_of_colours(pixels):
     return len(np.unique(pixels.reshape(-1, 3), axis=0))
 
 
+def red_box(server):
+    """Put a red box into a scene; it fills the middle of the picture."""
+    from trimesh.creation import box
+
+    solid = box((1.0, 1.0, 1.0))
+    server.scene.add_mesh_simple(
+        "/box",
+        solid.vertices,
+        solid.faces,
+        color=(200, 30, 30),
+        cast_shadow=False,
+        receive_shadow=False,
+    )
+    server.initial_camera.position = (3.0, 1.0, 1.0)
+    server.initial_camera.look_at = (0.0, 0.0, 0.0)
+    server.initial_camera.fov = 0.7
+
+
+def reds(pixels):
+    """Return which pixels are red."""
+    return (pixels[..., 0] > 100) & (pixels[..., 1] < 90) & (pixels[..., 2] < 90)
+
+
 def recorded(page):
     """Return the messages that a page for a file holds, each with its time, and its length, s."""
     import msgspec

@@ -75,10 +75,8 @@ def test_the_page_has_the_numbers_of_analyze(panda, case):
 def test_the_page_has_the_numbers_of_census(panda, size, mode):
     state = initial_state(panda, force=[10, 20, -60], limits="urdf", locked=[2])
     state = state.showing(census=size, census_mode=FaultMode(mode))
-    printed = document(
-        "census", "panda", f"--faults={size}", f"--mode={mode}", "--force=10,20,-60",
-        "--limits=urdf",
-    )  # fmt: skip
+    load = ("--force=10,20,-60", "--limits=urdf")
+    printed = document("census", "panda", f"--faults={size}", f"--mode={mode}", *load)
     assert plain(answer(panda, state).census) == printed
     assert printed["sets"][0]["verdict"] == "not tolerated" or size == 1
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from typer.testing import CliRunner
 
 import ftforce
@@ -19,9 +20,8 @@ from ftforce.errors import InputError
 from ftforce.faults import FaultSet
 from ftforce.sentences import verdict_sentence
 from ftforce.view.answer import answer
-from ftforce.view.elements import Markup
 from ftforce.view.meshes import Geometry, Part
-from ftforce.view.modes import View
+from ftforce.view.modes import Mode, View
 from ftforce.view.picture import picture, rotation, scene_size
 from ftforce.view.session import Session
 from ftforce.view.state import Origin, command_line, initial_state
@@ -34,10 +34,23 @@ def dh5():
     return ftforce.load_robot("dh5")
 
 
-@pytest.fixture
-def session(dh5):
-    with Session(dh5, initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])) as opened:
+@pytest.fixture(scope="module")
+def start(dh5):
+    return initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])
+
+
+@pytest.fixture(scope="module")
+def opened(dh5, start):
+    with Session(dh5, start) as opened:
         yield opened
+
+
+@pytest.fixture
+def session(opened, start):
+    """Go back to the question of the start."""
+    opened.change(lambda _state: start)
+    opened.settle()
+    return opened
 
 
 def put(session, **values):
@@ -45,11 +58,6 @@ def put(session, **values):
     for name, value in values.items():
         session.panel.handle(name).value = value
     session.settle()
-
-
-def contents(session):
-    panel = session.panel
-    return [part.content for part in (panel._banner, panel._answer, panel._census, panel._command)]
 
 
 # ---- without a browser -----------------------------------------------------------------------
@@ -68,11 +76,7 @@ def test_a_session_opens_with_its_question_answered(session, dh5):
 def test_every_known_robot_opens(name):
     robot = ftforce.load_robot(name)
     with Session(robot, initial_state(robot, origin=Origin(name), limits="urdf")) as session:
-        session.load_geometry()
-        session.settle()
         assert session.problem == ""
-        moved = {part.joint for part in session.stage._parts}
-        assert moved & set(range(1, robot.model.njoints))
         put(session, mode1="locked")
         assert session.answer.analysis.locked == (robot.names[1],)
 
@@ -92,12 +96,7 @@ def test_every_control_changes_what_it_says(session):
     put(session, solid="ellipsoid", weakest=True, see_through=True, census_mode="free")
     put(session, census="single and double faults", load="every direction")
     shown = session.state.shown
-    assert (shown.solid, shown.weakest, shown.see_through, shown.census) == (
-        "ellipsoid",
-        True,
-        True,
-        2,
-    )
+    assert shown == (2, "free", "ellipsoid", True, True)
     assert session.answer.census.largest == 2
     assert session.answer.census.mode == "free"
     assert session.state.force is None
@@ -124,20 +123,16 @@ def test_controls_follow_the_question(session, dh5):
     assert handle("q0").value == 10.0
 
 
-def test_a_moved_slider_leaves_the_others_digits(session):
-    q = np.array([0.1, 1 / 3, 0.3, 0.4, 0.5])
-    session.change(lambda state: state.at(q))
-    session.settle()
-    put(session, q0=45.0)
-    assert session.state.q.tolist() == [math.pi / 4, *q[1:]]
-
-
-def test_postures_can_be_chosen(session):
+def test_a_posture_is_named_until_a_slider_moves_it(session):
+    handle = session.panel.handle
     put(session, posture="zero")
     assert session.state.q.tolist() == [0.0] * 5
-    assert session.panel.handle("posture").value == "zero"
-    put(session, q1=3.0)
-    assert session.panel.handle("posture").value == "choose …"
+    assert handle("posture").value == "zero"
+    q = np.array([0.1, 1 / 3, 0.3, 0.4, 0.5])
+    session.change(lambda state: state.at(q))
+    put(session, q0=45.0)
+    assert session.state.q.tolist() == [math.pi / 4, *q[1:]]  # the others keep their digits
+    assert handle("posture").value == "choose …"
 
 
 def test_a_set_of_the_census_can_be_shown(session):
@@ -199,11 +194,6 @@ def test_another_tab_may_change_the_task_while_the_force_is_pulled(session):
     assert session.state.force[0] > 1.0
 
 
-def test_fractions_can_be_typed(session):
-    for name in ("force", "moment", "length", "payload"):
-        assert session.panel.handle(name).precision >= 3
-
-
 def test_an_old_failure_is_no_answer_to_a_newer_question(session, monkeypatch):
     begun, asked = threading.Event(), threading.Event()
 
@@ -234,12 +224,17 @@ def test_what_was_not_saved_is_told_to_the_tab_that_asked(session, monkeypatch):
     assert session.problem == ""
 
 
-def test_a_page_that_is_taken_along_has_no_handle_to_drag(session):
-    name = session.stage.handle_name
-    put(session, mode1="locked")
-    names = [message.get("name") for _, message in recorded(session.page())[0]]
-    assert name not in names
-    assert any(one and one.startswith("/force/") for one in names)
+def test_the_page_can_be_taken_along_without_the_handle_to_drag(session):
+    put(session, mode1="locked", mode2="locked")
+    page = session.page()
+    assert "<title>ftforce dh5</title>" in page
+    assert 'data-testid="static"' in page
+    assert verdict_sentence(session.answer.analysis) in page
+    assert "--locked=2,3" in page
+    visible = {m["name"]: m["visible"] for _, m in recorded(page)[0] if "visible" in m}
+    assert not visible["/force/handle"]
+    assert visible["/force/lost_0"]
+    assert session.stage._handle.visible
 
 
 def test_what_cannot_be_asked_is_said_and_the_page_lives_on(session):
@@ -268,24 +263,15 @@ def test_a_mistake_of_ours_is_no_end_of_the_page(session, monkeypatch):
     assert session.answer.analysis.locked == ("joint2", "joint3")
 
 
-def test_an_arm_that_cannot_stand_still_is_an_answer(session):
-    put(session, mode0="free", mode1="free", mode2="free", mode3="free", mode4="free")
-    put(session, force=(0.0, 0.0, 0.0))
-    assert session.problem == ""
-    assert session.answer.analysis.verdict.value == "not tolerated"
-
-
 def test_only_the_newest_question_is_answered(session, monkeypatch):
-    from ftforce.view import session as module
-
-    asked, original = [], module.answer
+    asked = []
 
     def slow(robot, state, earlier):
         asked.append(state)
         time.sleep(0.05)
-        return original(robot, state, earlier)
+        return answer(robot, state, earlier)
 
-    monkeypatch.setattr(module, "answer", slow)
+    monkeypatch.setattr("ftforce.view.session.answer", slow)
     for degrees in range(100):
         session.panel.handle("q1").value = float(degrees)
     session.settle()
@@ -313,6 +299,15 @@ def test_ten_hands_at_once_leave_one_question(session):
     assert [session.panel.handle(f"mode{i}").value for i in range(5)] == list(session.state.modes)
 
 
+def changes(session, **values):
+    """Return what of the scene is sent when hands do something: kinds and names."""
+    recording = session.server.get_scene_serializer()
+    recording.insert_sleep(1.0)
+    put(session, **values)
+    page = recording.as_html()
+    return {(m["type"], m["name"]) for t, m in recorded(page)[0] if t and "/arm/" in m["name"]}
+
+
 def test_the_scene_is_sent_only_where_it_changed(session):
     part = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], dtype=np.float32)
     face = np.array([[0, 1, 2]], dtype=np.uint32)
@@ -323,23 +318,15 @@ def test_the_scene_is_sent_only_where_it_changed(session):
     nodes = [one.node for one in session.stage._parts]
     for node, pose in zip(nodes, session.picture.joints, strict=True):
         assert_close(node.position, pose.position, tol=1e-6)
-    sent = []
-    queue = session.server.scene._websock_interface.queue_message
-    session.server.scene._websock_interface.queue_message = lambda message: (
-        sent.append((type(message).__name__, getattr(message, "name", ""))), queue(message)
-    )  # fmt: skip
-    put(session, q3=20.0)
-    poses = {name for kind, name in sent if kind.startswith("Set") and "/arm/" in name}
+    poses = {name for kind, name in changes(session, q3=20.0) if kind.startswith("Set")}
     assert poses == {"/arm/4", "/arm/5"}  # behind joint 4; the colours of others may change
-    sent.clear()
-    put(session, mode4="locked")
-    assert {name for _, name in sent if "/arm/" in name} == {"/arm/5"}
+    assert {name for _, name in changes(session, mode4="locked")} == {"/arm/5"}
 
 
-class Still:
+class Still(Mode):
     """A mode that shows one posture, whatever is asked."""
 
-    takes_over = True
+    tab, takes_over = "Still", True
 
     def __init__(self):
         self.calls = []
@@ -350,10 +337,7 @@ class Still:
 
     def view(self, state):
         robot = self.session.robot
-        return View(picture(answer(robot, state.at(np.full(5, 0.5)))), "top", "parts", "below")
-
-    def set_geometry(self, geometry):
-        self.calls.append("set_geometry")
+        return View(picture(answer(robot, state.at(np.full(5, 0.5)))), Markup("top"), Markup("<p>"))
 
     def page(self):
         return "own page"
@@ -369,7 +353,8 @@ def test_a_mode_takes_over(dh5):
     mode = Still()
     with Session(dh5, initial_state(dh5), mode=mode) as session:
         panel = session.panel
-        assert panel._banner.content == "top"
+        assert [part.content for part in (panel._banner, panel._answer)] == ["top", "<p>"]
+        assert panel.first_tab is not None
         assert panel.handle("q0").disabled
         assert panel.handle("mode0").disabled
         with pytest.raises(KeyError):
@@ -382,23 +367,16 @@ def test_a_mode_takes_over(dh5):
         assert session.picture is not None
         assert session.page() == "own page"
         mode.page = lambda: None
-        assert "own part" in session.page()
+        assert "own parttop<p></aside>" in session.page()
     assert mode.calls == ["start", "stop"]
 
 
-def test_the_page_can_be_taken_along(session):
-    put(session, mode1="locked", mode2="locked")
-    page = session.page()
-    assert "<title>ftforce dh5</title>" in page
-    assert 'data-testid="static"' in page
-    assert verdict_sentence(session.answer.analysis) in page
-    assert "--locked=2,3" in page
-
-
 def test_a_closed_session_leaves_no_thread_of_its_own(dh5):
+    before = set(threading.enumerate())
     with Session(dh5, initial_state(dh5)) as session:
-        assert any(thread.name == "ftforce view" for thread in threading.enumerate())
-    assert not any(thread.name == "ftforce view" for thread in threading.enumerate())
+        own = set(threading.enumerate()) - before
+        assert "ftforce view" in {thread.name for thread in own}
+    assert not any(thread.name == "ftforce view" and thread.is_alive() for thread in own)
     session.close()  # again
 
 
@@ -434,6 +412,9 @@ class Seen:
 
     def close(self):
         self.context.close()
+        self.assert_clean()
+
+    def assert_clean(self):
         for tab in self.tabs:
             assert tab.errors == []
             assert tab.hosts() == {"127.0.0.1"}
@@ -472,14 +453,25 @@ class Seen:
         pytest.fail("no arm appears")
 
 
-@pytest.fixture
-def seen(browser, dh5):
-    state = initial_state(dh5, origin=Origin("dh5"), force=[80, 50, 10])
-    with Session(dh5, state) as session:
+@pytest.fixture(scope="module")
+def shown(browser, dh5, start):
+    with Session(dh5, start) as session:
         session.load_geometry()
         page = Seen(browser, session)
+        page.wait_for_arm()
         yield page
         page.close()
+
+
+@pytest.fixture
+def seen(shown, start):
+    """Go back to the question of the start, and to the first tab."""
+    shown.session.change(lambda _state: start)
+    shown.session.settle()
+    shown.wait("every joint healthy")
+    shown.page.get_by_role("tab", name="Arm", exact=True).click()
+    yield shown
+    shown.assert_clean()
 
 
 @pytest.mark.browser
@@ -492,10 +484,9 @@ def test_locked_changes_verdict_and_table_to_the_numbers_of_analyze(seen, dh5):
     seen.wait("43.66 N")
     found = ftforce.analyze(dh5, locked=[2, 4, 5], force=[80, 50, 10])
     assert seen.verdict() == verdict_sentence(found)
-    for cells, before, after, i in zip(
-        seen.cells("torques"), found.torque.total_before, found.torque.total_after, range(5),
-        strict=True,
-    ):  # fmt: skip
+    rows, torque = seen.cells("torques"), found.torque
+    numbers = zip(torque.total_before, torque.total_after, strict=True)
+    for i, (cells, (before, after)) in enumerate(zip(rows, numbers, strict=True)):
         assert cells[1] == dh5.names[i]
         assert cells[2] == f"{before:.2f}"
         assert cells[3] == ("brake" if i in {1, 3, 4} else f"{after:.2f}")
@@ -509,7 +500,6 @@ def test_locked_changes_verdict_and_table_to_the_numbers_of_analyze(seen, dh5):
 
 @pytest.mark.browser
 def test_a_slider_moves_the_arm(seen):
-    seen.wait_for_arm()
     before = seen.scene().astype(int)
     row = seen.page.get_by_text("2 joint2").locator("xpath=ancestor::*[.//input][1]")
     box = row.locator("input").last
@@ -547,7 +537,7 @@ def test_a_click_in_the_census_shows_that_fault(seen):
 
 
 @pytest.mark.browser
-def test_the_command_is_copied_and_gives_the_same_answer(seen):
+def test_command_page_and_picture_are_taken_along_by_a_click(seen):
     page = seen.page
     seen.session.panel.handle("mode1").value = "locked"
     seen.wait("joint2 locked")
@@ -558,26 +548,17 @@ def test_the_command_is_copied_and_gives_the_same_answer(seen):
     assert copied == command_line(seen.session.robot, seen.session.state)
     result = CliRunner().invoke(cli.app, shlex.split(copied)[1:], env={"COLUMNS": "400"})
     assert seen.verdict() in result.stdout
-
-
-@pytest.mark.browser
-def test_page_and_picture_are_saved_by_a_click(seen):
-    page = seen.page
-    page.get_by_role("tab", name="Take along").click()
-    with page.expect_download() as given:
-        page.get_by_role("button", name="Save page").click()
-    assert given.value.suggested_filename == "ftforce_dh5.html"
-    assert verdict_sentence(seen.session.answer.analysis) in given.value.path().read_text()
-    with page.expect_download() as given:
-        page.get_by_role("button", name="Save picture").click()
-    assert given.value.suggested_filename == "ftforce_dh5.png"
-    assert given.value.path().read_bytes().startswith(b"\x89PNG")
+    for ending, start in (("html", b"<!doctype html>"), ("png", b"\x89PNG")):
+        name = "Save page" if ending == "html" else "Save picture"
+        with page.expect_download() as given:
+            page.get_by_role("button", name=name).click()
+        assert given.value.suggested_filename == f"ftforce_dh5.{ending}"
+        assert given.value.path().read_bytes().startswith(start)
     assert seen.session.problem == ""
 
 
 @pytest.mark.browser
 def test_the_force_follows_the_hand(seen, dh5):
-    seen.wait_for_arm()
     before, scene = seen.session.state.force, seen.session.picture
     (arrow,) = (arrow for arrow in scene.arrows if arrow.kind == "requested")
     along = rotation(scene.tip.wxyz)[:, 0]  # tool x, in the root's axes
@@ -606,22 +587,11 @@ def test_the_force_follows_the_hand(seen, dh5):
 
 
 @pytest.mark.browser
-def test_ten_tabs_and_some_that_vanish_disturb_nothing(seen):
-    others = [seen.open() for _ in range(9)]
-    for page in others[:5]:
-        page.close()
-    seen.session.panel.handle("mode3").value = "locked"
-    for page in (seen.page, *others[5:]):
-        seen.wait("joint4 locked", page)
-    assert seen.session.problem == ""
-
-
-@pytest.mark.browser
-def test_two_tabs_share_one_page_and_one_may_vanish(seen):
+def test_tabs_share_one_page_and_one_may_vanish(seen):
     second = seen.open()
     seen.session.panel.handle("mode2").value = "locked"
-    seen.wait("joint3 locked")
-    seen.wait("joint3 locked", second)
+    for page in (seen.page, second):
+        seen.wait("joint3 locked", page)
     second.close()
     seen.page.get_by_label("Fault 3", exact=True).click()
     seen.page.get_by_role("option", name="healthy", exact=True).click()

@@ -65,6 +65,9 @@ def test_an_arrow_that_lies_on_another_has_no_mark(panda):
     assert scene.arrows[2].length == 0.0
     _, nothing = shown(panda, force=[0, 0, 0])
     assert all(arrow.length == 0.0 and not arrow.mark for arrow in nothing.arrows)
+    unasked = picture(answer(panda, initial_state(panda, locked=[2]).loaded("every direction")))
+    assert unasked.arrows == ()
+    assert not any("0.1 m is" in note for note in unasked.notes)
 
 
 def test_moments_are_arrows_in_a_scale_of_their_own(panda):
@@ -101,10 +104,9 @@ def test_a_force_that_is_kept_hides_no_moment_that_is_lost():
     requested, lost = np.array([0, 0, 5.0, 1, 0, 0]), np.array([0, 0, 0, 0.6, 0, 0.0])
     vectors = {"requested": requested, "kept": requested - lost, "lost": lost}
     arrows = arrows_of(task, vectors, TipAxes(np.zeros(3), np.eye(3)), Scales(0.1, 0.2))
-    assert [arrow.mark for arrow in arrows] == [
-        "", "force all kept 5.0 N", "",
-        "moment requested 1.0 N·m", "moment kept 0.4 N·m", "moment lost 0.6 N·m",
-    ]  # fmt: skip
+    assert [arrow.mark for arrow in arrows[:3]] == ["", "force all kept 5.0 N", ""]
+    moments = ["moment requested 1.0 N·m", "moment kept 0.4 N·m", "moment lost 0.6 N·m"]
+    assert [arrow.mark for arrow in arrows[3:]] == moments
     assert_close(arrows[5].end, [0.12, 0, 0])
 
 
@@ -138,13 +140,6 @@ def test_an_arm_that_cannot_stand_still_keeps_nothing(panda):
     assert [arrow.length > 0.0 for arrow in scene.arrows] == [True, False, False]
     assert scene.arrows[1].label == "kept: nothing holds the arm"
     assert scene.arrows[2].label == "lost: nothing holds the arm"
-
-
-def test_where_no_force_is_asked_for_there_is_no_arrow(panda):
-    found = answer(panda, initial_state(panda, locked=[2]).loaded("every direction"))
-    scene = picture(found)
-    assert scene.arrows == ()
-    assert not any("0.1 m is" in note for note in scene.notes)
 
 
 def test_torques_are_pulled_as_the_force_they_mean(panda):
@@ -320,11 +315,10 @@ def test_polygons_become_triangles():
 def test_the_surface_of_an_ellipsoid_is_closed():
     vertices, faces = ellipsoid(np.diag([1.0, 2.0, 3.0]))
     assert_close(np.linalg.norm(vertices / [1.0, 2.0, 3.0], axis=1), np.ones(len(vertices)))
-    places = {tuple(np.round(v, 9)): i for i, v in enumerate(vertices)}
-    joined = [[places[tuple(np.round(vertices[i], 9))] for i in face] for face in faces]
-    edges = [tuple(sorted(p)) for a, b, c in joined if len({a, b, c}) == 3
-             for p in ((a, b), (b, c), (c, a))]  # fmt: skip
-    assert all(edges.count(edge) == 2 for edge in set(edges))
+    assert faces.max() == len(vertices) - 1
+    edges = np.sort(np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    assert (counts == 2).all()
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

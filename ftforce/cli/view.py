@@ -38,15 +38,12 @@ from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from ftforce.robot import Robot
-    from ftforce.view.modes import Mode
     from ftforce.view.session import Session
-    from ftforce.view.state import Origin, State
+    from ftforce.view.state import Origin
 
 
-_OF_A_SWEEP = {
-    "force", "torque", "velocity", "acceleration", "gravity", "limits", "inverse", "task",
-    "length", "axes", "rtol", "wary",
-}  # fmt: skip
+_LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
+_OF_A_SWEEP = _LOAD | {"limits", "inverse", "task", "length", "axes", "rtol", "wary"}
 
 
 def view(
@@ -146,7 +143,15 @@ def view(
         rtol=rtol,
         wary=wary,
     )
-    mode = _mode(arm, start, history, at or 0.0, sweep)
+    mode: Any = None
+    if history is not None:
+        from ftforce.view.playback import playback
+
+        mode = playback(arm, start, history, at or 0.0)
+    if sweep is not None:
+        from ftforce.view.survey import survey
+
+        mode = survey(arm, start, sweep)
     with Session(arm, start, host=host, port=port, mode=mode) as session:
         if session.warning:
             typer.echo(f"warning: {session.warning}", err=True)
@@ -193,23 +198,6 @@ def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
         "with --q the command holds them as the default posture has them."
     )
     return origin._replace(note=note)
-
-
-def _mode(
-    arm: "Robot", start: "State", history: Path | None, at: float, sweep: Path | None
-) -> "Mode | None":
-    """Return what plays a history from a time on or shows a sweep; ``None`` for neither."""
-    made: Any = None
-    if history is not None:
-        from ftforce.view.playback import playback
-
-        made = playback(arm, start, history, at)
-    if sweep is not None:
-        from ftforce.view.survey import survey
-
-        made = survey(arm, start, sweep)
-    chosen: Mode | None = made
-    return chosen
 
 
 def _write(session: "Session", export: Path | None, screenshot: Path | None) -> None:

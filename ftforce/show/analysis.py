@@ -187,7 +187,7 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
     if torque is None:
         if not analysis.rnea.is_known or not locked or not analysis.can_stand_still:
             return []
-        return [("Brake load, no force", by_joint(robot, _bare_load(analysis), locked))]
+        return [("Brake load, no force", by_joint(robot, load_without_force(analysis), locked))]
     measures = []
     if torque.brake_load is not None:
         measures.append((f"Brake load{kind}", by_joint(robot, torque.brake_load, locked)))
@@ -202,11 +202,11 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
     return measures
 
 
-def _bare_load(analysis: Analysis) -> Vector:
-    """Return the torques without a force, but for what supports joints without torque."""
+def load_without_force(analysis: Analysis) -> Vector:
+    """Return what holds the arm if no force is asked for, N·m (N), shape (n,)."""
     bounded, load = analysis.bounded, analysis.rnea.after
     if bounded is not None and bounded.F_after is not None:
-        load = load + bounded.F_after.dot(analysis.reduced.J)
+        load = load + bounded.F_after.dot(analysis.reduced.J)  # it supports joints without torque
     return load
 
 

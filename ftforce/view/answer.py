@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.analysis import Analysis, analyze
-from ftforce.arrays import Vector, read_only
 from ftforce.errors import FtforceError
 from ftforce.fault_census import Census, census
 from ftforce.faults import Fault, FaultMode
 from ftforce.feasible import Reading
 from ftforce.force_capability import Amount, Capability, capability_of
+from ftforce.show.analysis import load_without_force
 from ftforce.words import NEGLIGIBLE
 
 if TYPE_CHECKING:
+    from ftforce.arrays import Vector
     from ftforce.robot import Robot
     from ftforce.view.state import State
 
@@ -120,17 +121,8 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
         locked=[i + 1 for i in faults.in_mode(FaultMode.LOCKED)],
         free=[i + 1 for i in faults.in_mode(FaultMode.FREE)],
         weak=[(f.joint + 1, f.factor) for f in faults.faults if f.mode is FaultMode.WEAK],
-        force=state.force,
-        torque=state.asked_torque,
-        velocity=state.velocity,
-        acceleration=state.acceleration,
-        gravity=state.gravity,
-        payload=state.payload,
         limits=state.asked_limits,
-        inverse=state.inverse,
-        task=state.task,
-        rtol=state.rtol,
-        wary=state.wary,
+        **state.options(),
     )
     all_sets, problem = _census(robot, state, analysis, earlier)
     needs_capability = state.shown.weakest or state.shown.solid == "polytope"
@@ -158,17 +150,8 @@ def _census(
             analysis.posture,
             faults=min(state.shown.census, robot.n),
             mode=state.shown.census_mode,
-            force=state.force,
-            torque=state.asked_torque,
-            velocity=state.velocity,
-            acceleration=state.acceleration,
-            gravity=state.gravity,
-            payload=state.payload,
             limits=analysis.limits,  # also where they count because a joint is weak
-            inverse=state.inverse,
-            task=state.task,
-            rtol=state.rtol,
-            wary=state.wary,
+            **state.options(),
         )
     except FtforceError as error:  # the fault set that is shown has its answer all the same
         return None, str(error)
@@ -188,7 +171,7 @@ def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
         if not rnea.is_known:
             before = unknown
         elif analysis.can_stand_still:
-            brake = _without_force(analysis)
+            brake = load_without_force(analysis)
             after = np.where(analysis.reduced.commanding, brake, 0.0)
     limits, faults = _limits(analysis), {f.joint: f for f in analysis.faults.faults}
     rows = []
@@ -218,14 +201,6 @@ def _share(load: float, limit: float) -> float:
     if limit == 0.0:
         return math.inf if abs(load) > NEGLIGIBLE else 0.0
     return abs(load) / limit
-
-
-def _without_force(analysis: Analysis) -> Vector:
-    """Return what holds the arm if nothing is asked for, N·m (N), shape (n,)."""
-    bounded, load = analysis.bounded, analysis.rnea.after
-    if bounded is not None and bounded.F_after is not None:
-        load = load + bounded.F_after.dot(analysis.reduced.J)  # it supports joints without torque
-    return read_only(load)
 
 
 def _limits(analysis: Analysis) -> Vector:

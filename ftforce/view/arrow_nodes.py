@@ -9,16 +9,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from ftforce.view.picture import wxyz_of
+import pinocchio as pin
 
 if TYPE_CHECKING:
     import viser
 
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.arrays import Vector
     from ftforce.view.arrows import Arrow
 
 _AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
+IN_FRONT: dict[str, Any] = {  # transform controls that are arrows, over everything else
+    "disable_rotations": True,
+    "disable_sliders": True,
+    "depth_test": False,
+    "visible": False,
+}
 _ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels that do not overlap
     "requested": "bottom-center",
     "kept": "top-center",
@@ -58,9 +63,8 @@ class ArrowNodes:
         ]
         anchor = (_MOMENT_ANCHOR if is_moment else _ANCHOR)[kind]
         self._label: Any = server.scene.add_label(
-            f"{prefix}/{kind}_label", kind, anchor=anchor, visible=False,
-            font_screen_scale=0.85,
-        )  # fmt: skip
+            f"{prefix}/{kind}_label", kind, anchor=anchor, visible=False, font_screen_scale=0.85
+        )
 
     def _handle(self, server: viser.ViserServer, name: str, width: float) -> Any:
         node: Any = server.scene.add_transform_controls(
@@ -68,10 +72,7 @@ class ArrowNodes:
             scale=1.0,
             line_width=width,
             active_axes=(self._axis == 0, self._axis == 1, self._axis == 2),
-            disable_rotations=True,
-            disable_sliders=True,
-            depth_test=False,
-            visible=False,
+            **IN_FRONT,
         )
         node.on_update(lambda event: self._put_back(node, event))
         return node
@@ -106,25 +107,23 @@ class ArrowNodes:
 
 def along(vector: Vector, axis: int) -> Vector:
     """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
-    direction = vector / np.linalg.norm(vector)
-    aside = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    second = np.cross(direction, aside)
-    second /= np.linalg.norm(second)
-    R: Matrix = np.zeros((3, 3))
-    R[:, axis] = direction
-    R[:, (axis + 1) % 3] = second
-    R[:, (axis + 2) % 3] = np.cross(direction, second)
-    return wxyz_of(R)
+    turn = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
+    return np.array([turn.w, turn.x, turn.y, turn.z])
 
 
 def assign(node: Any, name: str, value: Any) -> None:
     """Assign what differs: viser sends every assignment to every tab."""
-    present = getattr(node, name)
-    same = not moved(present, value) if isinstance(value, np.ndarray) else present == value
-    if not same:
+    if not is_same(getattr(node, name), value):
         setattr(node, name, value)
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """Return whether two values are equal; of arrays, but for rounding."""
+    if isinstance(other, np.ndarray):
+        return np.shape(one) == other.shape and not moved(one, other)
+    return bool(one == other)
 
 
 def moved(one: Vector, other: Vector) -> bool:
     """Return whether two places, or turns, differ by more than rounding."""
-    return bool(np.abs(one - other).max() > _SAME)
+    return bool(np.abs(one - other).max(initial=0.0) > _SAME)

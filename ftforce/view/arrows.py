@@ -124,12 +124,13 @@ def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
     """
     whole = np.vstack([np.zeros(task.m), *(F.reshape(-1, task.m) for F in vectors)])
     whole = whole[np.isfinite(whole).all(axis=1)]
-    largest = [float(np.linalg.norm(part(task, whole), axis=1).max())
-               for part in (forces_of, moments_of)]  # fmt: skip
+    force, moment = (
+        float(np.linalg.norm(part(task, whole), axis=1).max()) for part in (forces_of, moments_of)
+    )
     longest = _LONGEST_MOMENT if has_both(task) else LONGEST
     return Scales(
-        nice_scale(largest[0], extent) if task.force_rows else math.nan,
-        nice_scale(largest[1], extent, longest) if task.moment_rows else math.nan,
+        nice_scale(force, extent) if task.force_rows else math.nan,
+        nice_scale(moment, extent, longest) if task.moment_rows else math.nan,
     )
 
 
@@ -170,40 +171,34 @@ def arrows_of(
         Of the arrows.
     """
     found: list[Arrow] = []
-    if not vectors:
-        return ()
-    both = has_both(task)
-    if task.force_rows:
-        forces = {kind: F if F is None else forces_of(task, F) for kind, F in vectors.items()}
-        found += _three(forces, axes, scales.force, "N", "force " if both else "")
-    if task.moment_rows:
-        moments = {kind: F if F is None else moments_of(task, F) for kind, F in vectors.items()}
-        found += _three(moments, axes, scales.moment, "N·m", "moment " if both else "")
+    for rows, part, scale, unit, noun in (
+        (task.force_rows, forces_of, scales.force, "N", "force "),
+        (task.moment_rows, moments_of, scales.moment, "N·m", "moment "),
+    ):
+        if vectors and rows:
+            own = {kind: None if F is None else part(task, F) for kind, F in vectors.items()}
+            found += _three(own, axes, scale, unit, noun if has_both(task) else "")
     return tuple(found)
 
 
 def _three(
     vectors: dict[str, Vector | None], axes: TipAxes, scale: float, unit: str, noun: str
 ) -> list[Arrow]:
-    arrows = []
+    arrows, is_moment = [], unit == "N·m"
     requested, kept = vectors["requested"], vectors["kept"]
     everything_kept = (
         requested is not None and kept is not None and norm(requested - kept) <= NEGLIGIBLE
     )
     for kind, F in vectors.items():
-        if F is None:
-            label = f"{noun}{kind}: nothing holds the arm"
-            arrows.append(Arrow(kind, unit == "N·m", axes.place, axes.place, label, ""))
-            continue
-        amount = norm(F)
-        is_there = amount > NEGLIGIBLE
-        amount_text = f"{size(amount, 1)} {unit}"
-        label = f"{noun}{kind} {amount_text}"
-        mark = label if is_there else ""
-        if everything_kept:  # one arrow lies on the other
-            mark = f"{noun}all kept {amount_text}" if kind == "kept" and is_there else ""
-        end = axes.point(F, scale) if is_there else axes.place
-        arrows.append(Arrow(kind, unit == "N·m", axes.place, end, label, mark))
+        end, label, mark = axes.place, f"{noun}{kind}: nothing holds the arm", ""
+        if F is not None:
+            amount = f"{size(norm(F), 1)} {unit}"
+            label = f"{noun}{kind} {amount}"
+            if norm(F) > NEGLIGIBLE:
+                end, mark = axes.point(F, scale), label
+        if mark and everything_kept:  # one arrow lies on the other
+            mark = f"{noun}all kept {amount}" if kind == "kept" else ""
+        arrows.append(Arrow(kind, is_moment, axes.place, end, label, mark))
     return arrows
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from ftforce.faults import FaultMode
 from ftforce.metrics import Verdict
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ftforce.arrays import Vector
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -52,8 +57,13 @@ def colour_of(mode: FaultMode | None, used: float) -> Colour:
         return FAULT_COLOURS[mode]
     if math.isnan(used):
         return NEUTRAL
-    place = min(max(used, 0.0), 1.0) * (len(RAMP) - 1)
-    i = min(int(place), len(RAMP) - 2)
-    low, high = np.array(RAMP[i], dtype=float), np.array(RAMP[i + 1], dtype=float)
-    red, green, blue = np.rint(low + (place - i) * (high - low)).astype(int).tolist()
+    red, green, blue = along_ramp(RAMP, np.array([used]))[0].tolist()
     return red, green, blue
+
+
+def along_ramp(ramp: tuple[Colour, ...], shares: Vector) -> NDArray[np.uint8]:
+    """Return the colours of a ramp at shares of it, 0 to 1, shape (k, 3)."""
+    steps = np.linspace(0.0, 1.0, len(ramp))
+    channels = [np.interp(shares, steps, channel) for channel in np.array(ramp, dtype=float).T]
+    found: NDArray[np.uint8] = np.rint(np.column_stack(channels)).astype(np.uint8)
+    return found

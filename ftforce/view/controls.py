@@ -17,8 +17,8 @@ _SLIDE = 5.0  # m: how far a joint that slides without limits goes on the page
 class Control:
     """A control of the page, and what the question last said it shows."""
 
-    def __init__(self, handle: Any, value: Any) -> None:
-        self.handle, self.value = handle, value
+    def __init__(self, handle: Any) -> None:
+        self.handle, self.value = handle, handle.value
 
     def tell(self, value: Any) -> None:
         """Let it show what the question says, unless a hand has just moved it.
@@ -32,13 +32,13 @@ class Control:
 
 def slider_range(joint: Joint) -> tuple[float, float]:
     """Return the ends of a joint's slider, degrees or m; a continuous joint turns once."""
-    if joint.unit == "m":
-        low, high = (x if math.isfinite(x) else math.copysign(_SLIDE, x)
-                     for x in (joint.lower, joint.upper))  # fmt: skip
-        return math.floor(low * 1e4) / 1e4, math.ceil(high * 1e4) / 1e4
-    low, high = (math.degrees(x) if math.isfinite(x) else math.copysign(180.0, x)
-                 for x in (joint.lower, joint.upper))  # fmt: skip
-    return math.floor(low * 100.0) / 100.0, math.ceil(high * 100.0) / 100.0
+    widest, digits = (_SLIDE, 4) if joint.unit == "m" else (180.0, 2)
+    low, high = (
+        shown_position(joint.unit, x) if math.isfinite(x) else math.copysign(widest, x)
+        for x in (joint.lower, joint.upper)
+    )
+    steps = 10.0**digits
+    return math.floor(low * steps) / steps, math.ceil(high * steps) / steps
 
 
 def slider_step(joint: Joint) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,8 +11,9 @@ from ftforce.view.elements import element, style
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from markupsafe import Markup
+
     from ftforce.arrays import Vector
-    from ftforce.view.elements import Markup
 
 
 class Curve(NamedTuple):
@@ -47,20 +47,25 @@ def chart(
     height = max(high - low, 1e-9)
     first, length = float(t[0]), max(float(t[-1] - t[0]), 1e-9)
     x = 100.0 * (t - first) / length
-    parts = [_stroke([(100.0 * (mark - first) / length, y) for y in (0.0, 100.0)], "#555", "3 2")
-             for mark in marks]  # fmt: skip
+    at = (100.0 * (mark - first) / length for mark in marks)
+    parts = [_stroke([(place, 0.0), (place, 100.0)], "#555", "3 2") for place in at]
     for curve in curves:
         y = 100.0 * (high - curve.values) / height
         parts += [_stroke(run, curve.colour, curve.dashes) for run in _unbroken(x, y)]
     svg = element("svg", *parts, viewBox="0 -2 100 104", preserveAspectRatio="none")
-    names = (element("span", element("i", style=f"background:{c.colour}"), c.name, class_="entry")
-             for c in curves)  # fmt: skip
     ends = (element("span", f"{x:g} s") for x in (first, first + length))
     return element(
-        "div", element("h3", f"{title}: {low:.3g} to {high:.3g} {unit}"),
-        element("div", svg, element("b"), class_="plot"), element("div", *ends, class_="ends"),
-        element("div", *names, class_="names"),
-    )  # fmt: skip
+        "div",
+        element("h3", f"{title}: {low:.3g} to {high:.3g} {unit}"),
+        element("div", svg, element("b"), class_="plot"),
+        element("div", *ends, class_="ends"),
+        element("div", *map(_name, curves), class_="names"),
+    )
+
+
+def _name(curve: Curve) -> Markup:
+    sample = element("i", style=f"background:{curve.colour}")
+    return element("span", sample, curve.name, class_="entry")
 
 
 def cursor(share: float) -> Markup:
@@ -77,19 +82,13 @@ def no_cursor() -> Markup:
 
 
 def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = "") -> Markup:
+    look = {"fill": "none", "stroke_width": "1.6", "vector_effect": "non-scaling-stroke"}
     places = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
-    return element(
-        "polyline", points=places, fill="none", stroke=colour, stroke_width="1.6",
-        stroke_dasharray=dashes, vector_effect="non-scaling-stroke",
-    )  # fmt: skip
+    return element("polyline", points=places, stroke=colour, stroke_dasharray=dashes, **look)
 
 
 def _unbroken(x: Vector, y: Vector) -> list[list[tuple[float, float]]]:
     """Return runs of points between gaps."""
-    runs: list[list[tuple[float, float]]] = [[]]
-    for point in zip(x.tolist(), y.tolist(), strict=True):
-        if math.isnan(point[1]):
-            runs.append([])
-        else:
-            runs[-1].append(point)
-    return [run for run in runs if len(run) > 1]
+    known = np.flatnonzero(~np.isnan(y))
+    runs = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
+    return [list(zip(x[k].tolist(), y[k].tolist(), strict=True)) for k in runs if len(k) > 1]

@@ -1,13 +1,20 @@
 """HTML: the only file that writes markup, so that no name can be any.
 
-Every text goes through `text`. What `element` returns is a `Markup`, and only that is taken into
-another element as it is; a plain string, whatever stands in it, is shown as text.
+What `element` returns is markupsafe's `Markup`, and only that is taken into another element as it
+is; a plain string, whatever stands in it, is escaped.
 """
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING
+
+from ftforce.errors import FtforceError
+from ftforce.view import NEEDS_EXTRA
+
+try:
+    from markupsafe import Markup, escape
+except ImportError:
+    raise FtforceError(NEEDS_EXTRA) from None
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -45,17 +52,6 @@ STYLE = """
 """
 
 
-class Markup(str):
-    """HTML that is safe: made by `element`, of texts that were escaped."""
-
-    __slots__ = ()
-
-
-def text(words_: str) -> Markup:
-    """Return a text as HTML that shows it, whatever stands in it."""
-    return words_ if isinstance(words_, Markup) else Markup(html.escape(words_, quote=True))
-
-
 def element(name: str, *children: str, **attributes: str) -> Markup:
     """Return an element; plain strings in it, and all its attributes, are escaped.
 
@@ -69,15 +65,15 @@ def element(name: str, *children: str, **attributes: str) -> Markup:
         ``class_`` is class, ``data_testid`` is data-testid; empty ones are left out.
     """
     given = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{html.escape(value, quote=True)}"'
+        f' {key.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
         for key, value in attributes.items()
         if value
     )
-    return Markup(f"<{name}{given}>{''.join(map(text, children))}</{name}>")
+    return Markup(f"<{name}{given}>{''.join(map(escape, children))}</{name}>")
 
 
 def style(rules: str = STYLE) -> Markup:
-    """Return rules of CSS; if none are given, what the other parts look like."""
+    """Return rules of CSS, not of others' making; if none are given, what the parts look like."""
     return Markup(f"<style>{rules}</style>")
 
 
@@ -96,11 +92,7 @@ def text_on(colour: Colour) -> str:
     return "#000" if sum(colour) > 400 else "#fff"
 
 
-def table(
-    columns: Sequence[tuple[str, str, str]],
-    rows: Iterable[Markup],
-    testid: str,
-) -> Markup:
+def table(columns: Sequence[tuple[str, str, str]], rows: Iterable[Markup], testid: str) -> Markup:
     """Return a table.
 
     Parameters
@@ -112,11 +104,12 @@ def table(
     testid :
         For tests.
     """
-    head = element(
-        "tr", *(element("th", title, class_=kind, style=width and f"width:{width}")
-                for title, kind, width in columns),
-    )  # fmt: skip
-    return element("table", element("thead", head), element("tbody", *rows), data_testid=testid)
+    heads = (
+        element("th", title, class_=kind, style=width and f"width:{width}")
+        for title, kind, width in columns
+    )
+    head = element("thead", row(heads))
+    return element("table", head, element("tbody", *rows), data_testid=testid)
 
 
 def row(cells: Iterable[Markup], kind: str = "") -> Markup:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ftforce.errors import FtforceError
+from markupsafe import Markup
+
+from ftforce.view import viser_private
+from ftforce.view.elements import style
 from ftforce.view.guard import content_policy
 
 if TYPE_CHECKING:
@@ -15,30 +17,24 @@ if TYPE_CHECKING:
 
 PANEL_WIDTH = 340  # px, of the answer beside the scene
 
-_CHANGED = (
-    "viser's page is not as expected; install the one that ftforce was tested with: "
-    "pip install 'ftforce[view]'"
-)
 _Frame = TypeVar("_Frame")
 
 # viser's notices (of a browser without a GPU, mostly) would cover the scene.
 _STYLE = f"""
-#root {{ position: fixed !important; left: {PANEL_WIDTH}px; right: 0; top: 0; bottom: 0;
-  width: auto !important; height: auto !important; overflow: hidden; transform: translateZ(0); }}
-#ftforce-answer {{ position: fixed; left: 0; top: 0; bottom: 0; width: {PANEL_WIDTH}px;
-  box-sizing: border-box; overflow: auto; background: #fff; color: #222;
-  font-family: sans-serif; font-size: 13px; }}
-.mantine-Notifications-root {{ display: none !important; }}
+{viser_private.ROOT} {{
+  position: fixed !important; left: {PANEL_WIDTH}px; right: 0; top: 0; bottom: 0;
+  width: auto !important; height: auto !important; overflow: hidden; transform: translateZ(0);
+}}
+#ftforce-answer {{
+  position: fixed; left: 0; top: 0; bottom: 0; width: {PANEL_WIDTH}px; box-sizing: border-box;
+  overflow: auto; background: #fff; color: #222; font-family: sans-serif; font-size: 13px;
+}}
+{viser_private.NOTICES} {{ display: none !important; }}
 """
 
 
 def scene_html(
-    server: viser.ViserServer,
-    *,
-    title: str,
-    answer_html: str,
-    recording: Any = None,
-    without: Iterable[str] = (),
+    server: viser.ViserServer, *, title: str, answer: Markup, recording: Any = None
 ) -> str:
     """Return the scene, with the answer beside it, as HTML; `write_whole` writes it.
 
@@ -48,46 +44,29 @@ def scene_html(
         Whose scene it is. No browser needs to be connected.
     title :
         Of the page, as text.
-    answer_html :
-        What stands beside the scene, as HTML that is safe.
+    answer :
+        What stands beside the scene.
     recording :
         What `record` returned, to be played; ``None`` for the scene as it is now.
-    without :
-        Names of nodes that are left out: handles that nobody would answer.
 
     Raises
     ------
     FtforceError
         viser's page has changed.
     """
-    serializer = server.get_scene_serializer() if recording is None else recording
-    _leave_out(serializer, set(without))
-    page: str = serializer.as_html()
-    policy = html.escape(content_policy(""), quote=True)
-    head = f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-    page = _replaced(page, '<meta charset="utf-8" />', f'<meta charset="utf-8" />{head}')
-    page = _replaced(
-        page, "<title>Viser</title>", f"<title>{html.escape(title)}</title><style>{_STYLE}</style>"
-    )
-    end = page.rindex("</body>")  # the last one: scripts come before it
-    return f'{page[:end]}<aside id="ftforce-answer">{answer_html}</aside>{page[end:]}'
-
-
-def _leave_out(serializer: Any, names: set[str]) -> None:
-    """Take what is told of some nodes out of what a page will show."""
-    if not names:
-        return
-    messages = getattr(serializer, "_messages", None)
-    if messages is None:
-        raise FtforceError(_CHANGED)
-    serializer._messages = [told for told in messages if told[1].get("name") not in names]
+    scene = server.get_scene_serializer() if recording is None else recording
+    page: str = scene.as_html()
+    policy = Markup('<meta http-equiv="Content-Security-Policy" content="{}">')
+    head = policy.format(content_policy("")) + style(_STYLE)
+    body, end, rest = viser_private.titled(page, title, head).rpartition("</body>")
+    if head not in body:
+        raise viser_private.changed("has another page than expected")
+    aside = Markup('<aside id="ftforce-answer">{}</aside>').format(answer)
+    return f"{body}{aside}{end}{rest}"
 
 
 def record(
-    server: viser.ViserServer,
-    frames: Iterable[_Frame],
-    dt: float,
-    show: Callable[[_Frame], None],
+    server: viser.ViserServer, frames: Iterable[_Frame], dt: float, show: Callable[[_Frame], None]
 ) -> Any:
     """Record what the scene shows, frame by frame, for `scene_html`.
 
@@ -108,10 +87,3 @@ def record(
             show(frame)
         serializer.insert_sleep(dt)
     return serializer
-
-
-def _replaced(page: str, part: str, other: str) -> str:
-    head, found, rest = page.partition(part)
-    if not found:
-        raise FtforceError(_CHANGED)
-    return f"{head}{other}{rest}"

@@ -3,46 +3,41 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from ftforce.errors import printable
 from ftforce.kinematics import tip_pose
 
 if TYPE_CHECKING:
     from ftforce.arrays import Vector
+    from ftforce.batch.result import SweepSetting
+    from ftforce.history import Setting
     from ftforce.robot import Robot
 
 _SAME = 1e-5  # m: stored in single precision, an arm of some metres is known to this
 
 
-class Stored(NamedTuple):
-    """The arm of a history or of a sweep.
+def difference(
+    robot: Robot, setting: Setting | SweepSetting, joints: tuple[str, ...], units: tuple[str, ...]
+) -> str:
+    """Say how the arm that was stored differs from the one at hand; empty if it does not.
 
-    Attributes
+    Parameters
     ----------
-    robot, base, tip :
-        Names.
+    robot :
+        The arm at hand.
+    setting :
+        Names the arm that was stored.
     joints, units :
-        Of the chain, ``rad`` or ``m``.
+        Of its chain, ``rad`` or ``m``.
     """
-
-    robot: str
-    base: str
-    tip: str
-    joints: tuple[str, ...]
-    units: tuple[str, ...]
-
-
-def difference(robot: Robot, stored: Stored) -> str:
-    """Say how the arm that was stored differs from the one at hand; empty if it does not."""
-    units = tuple(joint.unit for joint in robot.joints)
-    if (stored.joints, stored.units) != (robot.names, units):
-        names, own = (", ".join(map(printable, x)) for x in (stored.joints, robot.names))
+    if (joints, units) != (robot.names, tuple(joint.unit for joint in robot.joints)):
+        names, own = (", ".join(map(printable, x)) for x in (joints, robot.names))
         return f"is of another arm: its joints are {names}; here: {own}"
-    if stored.robot != robot.name:
-        return f"is of another arm, {printable(stored.robot)}; here: {printable(robot.name)}"
-    if (stored.base, stored.tip) != (robot.base, robot.tip):
-        there = f"--base {printable(stored.base)} --tip {printable(stored.tip)}"
+    if setting.robot != robot.name:
+        return f"is of another arm, {printable(setting.robot)}; here: {printable(robot.name)}"
+    if (setting.base, setting.tip) != (robot.base, robot.tip):
+        there = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
         here = f"{printable(robot.base)} to {printable(robot.tip)}"
         return f"is of another chain: {there}; here: {here}"
     return ""

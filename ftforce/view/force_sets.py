@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Faces: TypeAlias = NDArray[np.uint32]
 
 _CIRCLE = 24
+_LOOKS = {"before": BEFORE_SOLID, "after": AFTER_SOLID}
 
 
 class Solid(NamedTuple):
@@ -68,17 +70,8 @@ def solids_of(
     extent :
         Size of the scene, m.
     """
-    looks = zip((BEFORE_SOLID, AFTER_SOLID), ("before", "after"), strict=True)
     if polytopes:
-        task = answer.analysis.task
-        solids = [_polytope(one, task, (axes, scale), colour, f"forces {when} the fault")
-                  for one, (colour, when) in zip(polytopes, looks, strict=True)]  # fmt: skip
-        empty = [f"no force holds the arm {when}" for one, when
-                 in zip(polytopes, ("before the fault", "after the fault"), strict=True)
-                 if one.is_empty]  # fmt: skip
-        flat = [_flat(solid.label) for one, solid in zip(polytopes, solids, strict=True)
-                if not one.is_empty and not len(solid.faces)]  # fmt: skip
-        return tuple(solid for solid in solids if len(solid.faces)), (*empty, *flat)
+        return _polytopes(polytopes, answer.analysis.task, axes, scale)
     if answer.state.shown.solid != "ellipsoid":
         return (), ()
     if has_both(answer.analysis.task):
@@ -86,12 +79,21 @@ def solids_of(
     return _ellipsoids(answer, axes, extent)
 
 
-def _polytope(
-    polytope: Polytope, task: Task, drawn: tuple[TipAxes, float], colour: Colour, label: str
-) -> Solid:
-    axes, scale = drawn
-    corners = axes.point(spatial(task, polytope.vertices), scale)
-    return Solid(corners, triangles(polytope.faces), colour, label)
+def _polytopes(
+    polytopes: tuple[Polytope, ...], task: Task, axes: TipAxes, scale: float
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    solids, empty, flat = [], [], []
+    for polytope, (when, colour) in zip(polytopes, _LOOKS.items(), strict=True):
+        label = f"forces {when} the fault"
+        faces = triangles(polytope.faces)
+        if polytope.is_empty:
+            empty.append(f"no force holds the arm {when} the fault")
+        elif not len(faces):
+            flat.append(_flat(label))
+        else:
+            corners = axes.point(spatial(task, polytope.vertices), scale)
+            solids.append(Solid(corners, faces, colour, label))
+    return tuple(solids), (*empty, *flat)
 
 
 def triangles(faces: tuple[tuple[int, ...], ...]) -> Faces:
@@ -113,7 +115,7 @@ def _ellipsoids(
         return (), ("no force can be commanded: no ellipsoid",)
     scale = LONGEST * extent / longest
     solids, flat = [], []
-    for axes, colour, when in ((before, BEFORE_SOLID, "before"), (after, AFTER_SOLID, "after")):
+    for axes, (when, colour) in zip((before, after), _LOOKS.items(), strict=True):
         label = f"ellipsoid {when} the fault"
         if len(axes) > 1:
             vertices, faces = ellipsoid(spatial(task, axes))
@@ -142,18 +144,19 @@ def ellipsoid(axes: Matrix) -> tuple[Matrix, Faces]:
     axes :
         Its two or three semi-axes, rows, shape (2 or 3, 3).
     """
+    if len(axes) == 3:
+        vertices, faces = _sphere()
+        return vertices @ axes, faces
     turn = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
+    disk = np.vstack([np.column_stack([np.cos(turn), np.sin(turn)]), np.zeros((1, 2))])
     i = np.arange(_CIRCLE)
-    j = (i + 1) % _CIRCLE
-    ring = np.column_stack([np.cos(turn), np.sin(turn)])
-    if len(axes) == 2:
-        centre = np.full(_CIRCLE, _CIRCLE)
-        disk = np.vstack([ring, np.zeros((1, 2))]) @ axes
-        return disk, np.column_stack([i, j, centre]).astype(np.uint32)
-    rise = np.linspace(0.0, math.pi, _CIRCLE // 2 + 1)
-    sphere = np.vstack([np.column_stack([math.sin(a) * ring, np.full(_CIRCLE, math.cos(a))])
-                        for a in rise])  # fmt: skip
-    quads = [np.vstack([np.column_stack([a + i, a + _CIRCLE + i, a + j]),
-                        np.column_stack([a + j, a + _CIRCLE + i, a + _CIRCLE + j])])
-             for a in range(0, _CIRCLE * (len(rise) - 1), _CIRCLE)]  # fmt: skip
-    return sphere @ axes[:3], np.vstack(quads).astype(np.uint32)
+    fan = np.column_stack([i, (i + 1) % _CIRCLE, np.full(_CIRCLE, _CIRCLE)])
+    return disk @ axes, fan.astype(np.uint32)
+
+
+@cache
+def _sphere() -> tuple[Matrix, Faces]:
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    return np.array(sphere.vertices), sphere.faces.astype(np.uint32)

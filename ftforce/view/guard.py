@@ -3,12 +3,13 @@
 viser answers everybody. A web page from anywhere could then connect to the server on the user's
 own machine and read along, since a browser's rule of the same origin does not hold for
 websockets. viser has no hook for a check, so its way of starting its server is wrapped while it
-starts; `ftforce.view.server` makes sure that this worked before anything is shown.
+starts (`ftforce.view.viser_private`); `ftforce.view.server` makes sure that this worked before
+anything is shown.
 """
 
 from __future__ import annotations
 
-import html
+import asyncio
 import ipaddress
 import logging
 import re
@@ -17,19 +18,20 @@ import threading
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
+
+from ftforce.view import viser_private
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+    from websockets.datastructures import Headers
 
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
-# viser's page connects to any server that is named there, and shows its HTML as its own.
-_FOREIGN_SERVER = frozenset({"websocket", "playbackPath"})
 _PATIENCE = 1.0  # s: how long the end waits for a connection that does not close
-_TITLE = b"<title>Viser</title>"
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; "
@@ -37,14 +39,7 @@ _POLICY = (
     "style-src 'unsafe-inline'; font-src data:; form-action 'none'; base-uri 'none'"
 )
 
-_lock = threading.Lock()  # the function that is replaced belongs to the whole process
-
-
-class Headers(Protocol):
-    """Headers of a request or response, as websockets has them."""
-
-    def get_all(self, key: str) -> list[str]:
-        """Return all values of a header, none if it is not there."""
+_lock = threading.Lock()  # what `serving` replaces belongs to the whole process
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +112,7 @@ def refusal(path: str, headers: Headers, names: Names, protocol: str) -> str:
         return _connection_refusal(headers, own, protocol)
     if origins not in ([], [own]):
         return "another page may not read this one"
-    if _FOREIGN_SERVER & set(parse_qs(urlsplit(path).query, keep_blank_values=True)):
+    if viser_private.ELSEWHERE & set(parse_qs(urlsplit(path).query, keep_blank_values=True)):
         return "this page connects to no other server"
     return ""
 
@@ -140,16 +135,35 @@ class Guard:
         What the server may be called.
     title :
         Of the page.
+    listening :
+        Where it listens.
     """
 
-    def __init__(self, names: Names, title: str) -> None:
-        import viser
-
-        self.names = names
-        self.protocol = f"viser-v{viser.__version__}"
-        self.title = f"<title>{html.escape(title)}</title>".encode()
+    def __init__(self, names: Names, title: str, listening: socket.socket) -> None:
+        self.names, self.title = names, title
+        self._listening = listening
+        self.protocol = viser_private.protocol()
         self.is_used = False
-        self._connections: WeakSet[Any] = WeakSet()
+        self._transports: WeakKeyDictionary[Any, Callable[[], object]] = WeakKeyDictionary()
+
+    def serve(
+        self,
+        serve: Callable[..., Any],
+        handler: Any,
+        *_where: Any,
+        process_request: Any,
+        **options: Any,
+    ) -> Any:
+        """Start a server of websockets' as viser would, guarded, at no other place than ours."""
+        self.is_used = True
+        options |= {
+            "sock": self._listening,
+            "process_request": self.wrap(process_request),
+            "create_connection": self._tracked(),
+            "close_timeout": _PATIENCE,
+            "logger": _silent(),
+        }
+        return serve(handler, **options)
 
     def wrap(self, answer: Any) -> Any:
         """Return viser's function that answers requests, guarded."""
@@ -161,8 +175,8 @@ class Guard:
                 reason = "the request is malformed"
             if reason:
                 return self._harden(connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n"))
-            if "Accept-Encoding" in request.headers:
-                del request.headers["Accept-Encoding"]  # the title is to be found in the page
+            # The title is to be found in the page.
+            _set_header(request, "Accept-Encoding", "identity")
             response = answer(connection, request)
             if response is not None:
                 self._name(response)
@@ -171,16 +185,17 @@ class Guard:
 
         return checked
 
-    def tracked(self) -> Any:
+    def _tracked(self) -> Any:
         """Return the class of connections that this guard can hang up."""
         from websockets.asyncio.server import ServerConnection
 
-        connections = self._connections
+        transports = self._transports
 
         class Tracked(ServerConnection):
             def connection_made(self, transport: Any) -> None:
                 super().connection_made(transport)
-                connections.add(self)
+                loop = asyncio.get_running_loop()
+                transports[self] = lambda: loop.call_soon_threadsafe(transport.abort)
 
         return Tracked
 
@@ -191,16 +206,16 @@ class Guard:
         """
         from websockets.protocol import State
 
-        for connection in list(self._connections):
+        for connection, abort in list(self._transports.items()):
             if connection.state is not State.OPEN:
                 with suppress(RuntimeError):  # the server has ended
-                    connection.loop.call_soon_threadsafe(connection.transport.abort)
+                    abort()
 
     def _name(self, response: Any) -> None:
-        if _TITLE in response.body[:10_000]:
-            response.body = response.body.replace(_TITLE, self.title, 1)
-            del response.headers["Content-Length"]
-            response.headers["Content-Length"] = str(len(response.body))
+        if response.headers.get("Content-Type", "").startswith("text/html"):
+            page = viser_private.titled(response.body.decode(), self.title)
+            response.body = page.encode()
+            _set_header(response, "Content-Length", str(len(response.body)))
 
     @staticmethod
     def _harden(response: Any, connect: str = "'none'") -> Any:
@@ -213,37 +228,29 @@ class Guard:
             "Cache-Control": "no-store",
             "Connection": "close",
         }.items():
-            if name in response.headers:
-                del response.headers[name]
-            response.headers[name] = value
+            _set_header(response, name, value)
         return response
 
 
 @contextmanager
-def guarding(names: Names, title: str) -> Iterator[Guard]:
+def guarding(names: Names, title: str, listening: socket.socket) -> Iterator[Guard]:
     """Guard the server that viser starts meanwhile.
 
     Parameters
     ----------
-    names, title :
+    names, title, listening :
         As in `Guard`.
     """
-    import websockets.asyncio.server as websockets
+    guard = Guard(names, title, listening)
+    with _lock, viser_private.serving(guard.serve):
+        yield guard
 
-    guard, serve = Guard(names, title), websockets.serve
 
-    def guarded(handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
-        guard.is_used = True
-        options |= {"logger": _silent(), "close_timeout": _PATIENCE}
-        options["create_connection"] = guard.tracked()
-        return serve(handler, *where, process_request=guard.wrap(process_request), **options)
-
-    with _lock:
-        websockets.serve = guarded  # type: ignore[assignment, misc]
-        try:
-            yield guard
-        finally:
-            websockets.serve = serve  # type: ignore[misc]
+def _set_header(message: Any, name: str, value: str) -> None:
+    """Set a header to one value: websockets adds a second one to the first."""
+    if name in message.headers:
+        del message.headers[name]
+    message.headers[name] = value
 
 
 def _silent() -> logging.Logger:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,15 +14,16 @@ from ftforce.view import elements
 from ftforce.view.arrows import forces_of, moments_of
 from ftforce.view.colours import ARROW_COLOURS
 from ftforce.view.curves import Curve, chart
-from ftforce.view.tables import load_table, vector_table
+from ftforce.view.tables import brake_loads, load_table, vector_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from markupsafe import Markup
+
     from ftforce.arrays import Vector
     from ftforce.history import History, Run
     from ftforce.task import Task
-    from ftforce.view.elements import Markup
     from ftforce.view.snapshots import Snapshot
 
 _POINTS = 240  # of a curve
@@ -53,17 +55,14 @@ def chosen(history: History, run: Run) -> Vector:
 def tables(history: History, now: Snapshot) -> Markup:
     """Return what joints, force, path and margin are at a time."""
     i = now.sample
-    vectors = [("asked", now.requested), ("kept", now.kept), ("lost", now.lost)]
+    vectors = {"asked": now.requested, "kept": now.kept, "lost": now.lost}
     holds = now.kept is not None
     off = math.hypot(*now.run.path_error[i].tolist()) if holds else math.nan
     pairs = [("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm")]
     if holds:
         margin = words.ratio(float(now.run.margin[i]))
         pairs.append(("Margin", f"{margin} = σ_min(K)/σ_max(J)"))
-    brakes = [load for load in now.loads if not math.isnan(load.brake)]
-    if brakes:
-        loads = (f"{x.name} {words.number(x.brake)} {x.unit}" for x in brakes)
-        pairs.append(("Brake load", ", ".join(loads)))
+    pairs += brake_loads(now.loads)
     return elements.block(
         load_table(now.loads, history.setting.has_masses, ("healthy", "now")),
         vector_table(history.setting.task, vectors),
@@ -89,17 +88,15 @@ def _vector_chart(
 
 def torque_chart(history: History, run: Run) -> Markup:
     """Return each motor's share of its limit over time, or where no limit is known its torque."""
-    at, setting = chosen(history, run), history.setting
+    at = chosen(history, run)
     is_known = bool(np.isfinite(run.used).any())
     values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
     values = _until_fall(run, at, values)
+    looks = cycle(product(_DASHES, LINE_COLOURS))  # first all colours, then with other dashes
     curves = [
-        Curve(
-            f"{j + 1}", values[:, j], LINE_COLOURS[j % len(LINE_COLOURS)],
-            _DASHES[j // len(LINE_COLOURS) % len(_DASHES)],
-        )
-        for j in range(len(setting.joints))
-    ]  # fmt: skip
+        Curve(f"{j + 1}", torques, colour, dashes)
+        for j, (torques, (dashes, colour)) in enumerate(zip(values.T, looks, strict=False))
+    ]
     unit = "% of its limit" if is_known else "N·m (N)"
     title = "Motor load by joint" if is_known else "Motor torque by joint"
     return chart(title, unit, history.t[at], curves, marks(history))

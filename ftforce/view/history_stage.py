@@ -18,17 +18,15 @@ from ftforce.view.history_markup import charts, chosen, tables
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.server import open_server
 from ftforce.view.snapshots import first_with, ghost, history_scales, scene, sentence, snapshot
-from ftforce.view.stage import Stage, linear
+from ftforce.view.stage import Stage, add_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import viser
+    from markupsafe import Markup
 
     from ftforce.arrays import Vector
     from ftforce.history import History
     from ftforce.robot import Robot
-    from ftforce.view.elements import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.snapshots import Snapshot
@@ -39,16 +37,6 @@ _BESIDE = 0.8  # of the size of the arm, along the root's y
 _LOW = 0.85  # of the way from the middle of what the camera sees to its lower edge
 FRAME = 0.05  # s
 _MOST_FRAMES = 1000  # of a page that plays: then it is a few MB, and opens in a second
-
-
-class _NoHands:
-    """Of an arm that is there to be looked at: touching it does nothing."""
-
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Do nothing."""
-
-    def touch(self, joint: int) -> None:
-        """Do nothing."""
 
 
 class HealthyArm:
@@ -64,7 +52,7 @@ class HealthyArm:
 
     def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
         self._robot = robot
-        self._stage = Stage(server, robot, _NoHands(), "/healthy", floor=False)
+        self._stage = Stage(server, robot, prefix="/healthy", floor=False)
         self._beside = np.array([0.0, _BESIDE * scene_size(robot), 0.0])
 
     def set_geometry(self, geometry: Geometry) -> None:
@@ -84,10 +72,8 @@ def draw_path(server: viser.ViserServer, history: History) -> None:
     """Draw the path that the tip should follow."""
     places = history.path[chosen(history, history.healthy)]
     if len(places) > 1:
-        ends = np.array(list(pairwise(places)), dtype=np.float32)
-        colours = np.broadcast_to(linear(np.array(_PATH_COLOUR)), ends.shape)
-        server.scene.add_line_segments(
-            "/history/path", ends, colours, thickness=2.0, thickness_units="screen"
+        add_lines(
+            server.scene, "/history/path", np.array(list(pairwise(places))), _PATH_COLOUR, 2.0
         )
 
 
@@ -142,7 +128,7 @@ def animated_page(
     title = f"ftforce {robot.name}"
     with closing(open_server(port=0, title=title)) as opened:
         server = opened.server
-        stage, healthy = Stage(server, robot, _NoHands()), HealthyArm(server, robot)
+        stage, healthy = Stage(server, robot), HealthyArm(server, robot)
         if geometry is not None:
             stage.set_geometry(geometry)
             healthy.set_geometry(geometry)
@@ -169,7 +155,7 @@ def animated_page(
         recording = record(server, times.tolist(), float(times[-1]) / (len(times) - 1), show)
         notes = () if geometry is None else geometry.notes
         told = _story(history, name, legend(picture, name, place, notes))
-        return scene_html(server, title=title, answer_html=told, recording=recording)
+        return scene_html(server, title=title, answer=told, recording=recording)
 
 
 def frame_times(end: float) -> Vector:
@@ -207,8 +193,11 @@ def _story(history: History, name: str, below: Markup) -> Markup:
         doubts = ()
     at = next((t for t in times if t > 0.0), end)
     now = snapshot(history, name, at)
-    return elements.element(
-        "div", *told, curves.no_cursor(), charts(history, history.runs[name]),
-        elements.block(elements.element("h3", f"At {now.time:.2f} s")), tables(history, now), below,
-        data_testid="static",
-    )  # fmt: skip
+    told += [
+        curves.no_cursor(),
+        charts(history, history.runs[name]),
+        elements.block(elements.element("h3", f"At {now.time:.2f} s")),
+        tables(history, now),
+        below,
+    ]
+    return elements.element("div", *told, data_testid="static")

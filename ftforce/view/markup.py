@@ -15,7 +15,6 @@ from ftforce.view.colours import (
     VERDICT_COLOURS,
 )
 from ftforce.view.elements import (
-    Markup,
     block,
     cell,
     css,
@@ -25,11 +24,13 @@ from ftforce.view.elements import (
     style,
     table,
 )
-from ftforce.view.tables import force_table, torque_table
-from ftforce.words import number, ratio, size
+from ftforce.view.tables import brake_loads, force_table, load_table
+from ftforce.words import ratio, size
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from markupsafe import Markup
 
     from ftforce.fault_census import Census
     from ftforce.metrics import Verdict
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from ftforce.view.picture import Picture
 
 MOST_SETS = 40
+_FALLS = "cannot stand still"
 _ROUNDING = 1e-6  # a share of a force that is smaller is none
 
 # The text is in the element's data, never in the script.
@@ -58,31 +60,29 @@ _COPY = (
 def banner(answer: Answer) -> Markup:
     """Return the verdict in words, and the warnings."""
     analysis = answer.analysis
-    verdict = _banner(
-        VERDICT_COLOURS[analysis.verdict], sentences.verdict_sentence(analysis), "verdict"
-    )
-    doubts = [f"Warning: {doubt}." for doubt in analysis.warnings]
-    if answer.census_problem:
-        doubts.append(f"No census: {answer.census_problem}.")
-    warnings = [element("div", doubt, class_="warning") for doubt in doubts]
-    return block(style(), verdict, element("div", *warnings, data_testid="warnings"))
+    no_census = [f"No census: {answer.census_problem}."] if answer.census_problem else []
+    told = sentences.verdict_sentence(analysis)
+    return verdict_banner(analysis.verdict, told, analysis.warnings, no_census)
 
 
-def verdict_banner(verdict: Verdict, words_: str, doubts: Iterable[str]) -> Markup:
-    """Return a verdict in other words than the answer's, and what makes it doubtful."""
-    warnings = [element("div", f"Warning: {doubt}.", class_="warning") for doubt in doubts]
-    told = _banner(VERDICT_COLOURS[verdict], words_, "verdict")
+def verdict_banner(
+    verdict: Verdict, words_: str, doubts: Iterable[str], notes: Iterable[str] = ()
+) -> Markup:
+    """Return a verdict in words, what makes it doubtful, and what else is to be warned of."""
+    warned = [*(f"Warning: {doubt}." for doubt in doubts), *notes]
+    warnings = (element("div", text, class_="warning") for text in warned)
+    told = _banner(VERDICT_COLOURS[verdict], words_)
     return block(style(), told, element("div", *warnings, data_testid="warnings"))
 
 
 def problem_banner(problem: str) -> Markup:
     """Return why there is no answer."""
-    return block(style(), _banner((90, 90, 90), problem, "verdict"))
+    return block(style(), _banner((90, 90, 90), problem))
 
 
-def _banner(colour: Colour, words_: str, testid: str) -> Markup:
-    look = f"background:{css(colour)}"
-    return element("div", words_, class_="verdict", style=look, data_testid=testid, role="status")
+def _banner(colour: Colour, words_: str) -> Markup:
+    look, name = f"background:{css(colour)}", "verdict"
+    return element("div", words_, class_=name, style=look, data_testid=name, role="status")
 
 
 # ---- the answer -----------------------------------------------------------------------------
@@ -102,10 +102,7 @@ def measures(answer: Answer) -> Markup:
     if bounded is not None and analysis.limits is not None:
         names = ", ".join(analysis.robot.names[j] for j in bounded.binding)
         pairs.append(("At the limit", names or "none"))
-    brakes = [load for load in answer.loads if not math.isnan(load.brake)]
-    if brakes:
-        loads = ", ".join(f"{x.name} {number(x.brake)} {x.unit}" for x in brakes)
-        pairs.append(("Brake load", loads))
+    pairs += brake_loads(answer.loads)
     if (weakest := answer.weakest) is not None:
         before, after = (_weakest(amount.most) for amount in weakest)
         unit = words.unit_of_size(analysis.task)
@@ -121,14 +118,12 @@ def _weakest(most: float) -> str:
 
 def answer_part(answer: Answer) -> Markup:
     """Return tables of torques and forces, and the measures."""
-    question = element(
-        "details", element("summary", "The question"),
-        facts(situation(answer.analysis), "question"),
-    )  # fmt: skip
-    return block(
-        torque_table(answer), force_table(answer.analysis), measures(answer), question,
-        testid="answer",
-    )  # fmt: skip
+    analysis = answer.analysis
+    asked = facts(situation(analysis), "question")
+    question = element("details", element("summary", "The question"), asked)
+    torques = load_table(answer.loads, analysis.rnea.is_known)
+    tables = torques, force_table(analysis), measures(answer)
+    return block(*tables, question, testid="answer")
 
 
 # ---- the census ------------------------------------------------------------------------------
@@ -136,12 +131,15 @@ def answer_part(answer: Answer) -> Markup:
 
 def set_label(report: SetReport) -> str:
     """Return a fault set and what it does in a line, as plain text."""
-    joints = ", ".join(str(i + 1) for i in report.faults.joints)
-    if not report.can_stand_still:
-        return f"{{{joints}}} cannot stand still"
     share = report.relative_jump
+    if not report.can_stand_still:
+        return f"{_joints(report)} {_FALLS}"
     lost = f", {100.0 * share:.2g}% lost" if share > _ROUNDING else ""
-    return f"{{{joints}}} {report.verdict}{lost}"
+    return f"{_joints(report)} {report.verdict}{lost}"
+
+
+def _joints(report: SetReport) -> str:
+    return "{" + ", ".join(str(i + 1) for i in report.faults.joints) + "}"
 
 
 def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
@@ -157,28 +155,29 @@ def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
     if census is None:
         return block(element("span", "no census", class_="note"), testid="census")
     columns = [
-        (census.mode.value, "l", "70px"), ("verdict", "l", ""), ("jump", "", "84px"),
+        (census.mode.value, "l", "70px"),
+        ("verdict", "l", ""),
+        ("jump", "", "84px"),
         ("margin", "", "54px"),
-    ]  # fmt: skip
+    ]
     rows = [_set_row(report, chosen) for report in census.sets[:MOST_SETS]]
     more = len(census.sets) - MOST_SETS
     note = f"… and {more} more in the list above" if more > 0 else ""
     return block(
         element("div", sentences.critical_joint(census)),
         table(columns, rows, "census"),
-        element("div", note, class_="note"),
+        *_notes(note),
     )
 
 
 def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
-    joints = "{" + ", ".join(str(i + 1) for i in report.faults.joints) + "}"
-    verdict = report.verdict.value if report.can_stand_still else "cannot stand still"
+    verdict = report.verdict.value if report.can_stand_still else _FALLS
     look = f"color:{css(VERDICT_COLOURS[report.verdict])}"
     parts = ((report.jump_norm, "N"), (report.moment_jump_norm, "N·m"))
     jump = " ".join(f"{size(norm)} {unit}" for norm, unit in parts if norm is not None) or "–"
     return row(
         [
-            cell(joints, "l"),
+            cell(_joints(report), "l"),
             element("td", verdict, class_="l", style=look),
             cell(jump),
             cell(ratio(report.margin)),
@@ -193,7 +192,8 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
 def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
     """Return what colours, arrows and lines mean; with remarks, on missing meshes mostly."""
     told = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
-    told += [_key(colour, label, "line") for label, colour in _lines(picture).items()]
+    lines = {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
+    told += [_key(colour, label, "line") for label, colour in lines.items()]
     told += [_key(solid.colour, solid.label) for solid in picture.solids]
     told += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
     told.append(_key(NEUTRAL, "unknown"))
@@ -201,18 +201,18 @@ def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
     look = f"width:50px;background:linear-gradient(90deg,{steps})"
     ramp = element("span", class_="key", style=look)
     told.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
-    notes = (element("div", note, class_="note") for note in (*picture.notes, *remarks))
+    notes = _notes(*picture.notes, *remarks)
     return block(element("h3", "Legend"), *told, *notes, testid="legend")
-
-
-def _lines(picture: Picture) -> dict[str, Colour]:
-    return {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
 
 
 def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str) -> Markup:
     """Return what colours mean, and what else is to be said."""
-    told = (element("div", note, class_="note") for note in notes)
-    return block(style(), *(_key(colour, words_) for colour, words_ in pairs), *told, testid=testid)
+    told = (_key(colour, words_) for colour, words_ in pairs)
+    return block(style(), *told, *_notes(*notes), testid=testid)
+
+
+def _notes(*notes: str) -> list[Markup]:
+    return [element("div", note, class_="note") for note in notes]
 
 
 def _key(colour: Colour, words_: str, kind: str = "") -> Markup:
@@ -227,7 +227,7 @@ def command_part(command: str, note: str = "") -> Markup:
         "button", label, data_text=command, data_label=label, data_testid="copy", onclick=_COPY
     )
     shown = element("code", command, data_testid="command")
-    return block(button, shown, element("div", note, class_="note"))
+    return block(button, shown, *_notes(note))
 
 
 def static_page(

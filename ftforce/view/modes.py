@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
+
+from markupsafe import Markup
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ftforce.view.elements import Markup
     from ftforce.view.meshes import Geometry
     from ftforce.view.picture import Picture
     from ftforce.view.session import Session
@@ -28,40 +29,46 @@ class View(NamedTuple):
     """
 
     picture: Picture
-    top: str
-    parts: str
-    below: str = ""
+    top: Markup
+    parts: Markup
+    below: Markup = Markup()
     more: Callable[[], None] | None = None
 
 
-class Mode(Protocol):
+class Mode:
     """Something that takes posture and faults out of the user's hands: a history, a sweep.
 
-    It adds its own tab with ``session.panel.first_tab`` and its own nodes to
+    It fills its own tab, ``session.panel.first_tab``, and adds its own nodes to
     ``session.server.scene``; when its time, or its point, changes, it calls `Session.refresh`, or
     `Session.change` with another question.
     """
 
-    takes_over: bool
+    tab = ""
+    """What its tab is called, the first of the page."""
+
+    takes_over = False
     """Whether posture, faults and load are its own: then the page asks nothing else."""
 
     def start(self, session: Session) -> None:
         """Begin; the session's page is up, and nothing was answered yet."""
 
-    def view(self, state: State) -> View | None:
+    def view(self, state: State) -> View | None:  # noqa: ARG002 # others need it
         """Return what is shown now; ``None`` for the answer to the question.
 
         It is called by the session's worker, which shows the error if one is raised.
         """
+        return None
 
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the arm's links in scenes of its own; the session's lock is held."""
 
     def page(self) -> str | None:
         """Return what it shows as a page for a file; ``None`` for the scene as it is."""
+        return None
 
     def part(self) -> Markup:
         """Return what stands beside the scene as it is, in a file, above the answer's tables."""
+        return Markup()
 
     def stop(self) -> None:
         """End, and every thread of its own with it."""

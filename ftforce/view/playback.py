@@ -14,9 +14,9 @@ import numpy as np
 from ftforce.errors import InputError, TrajectoryError
 from ftforce.history_files import load_history
 from ftforce.show.canvas import STROKES
-from ftforce.view import curves, elements, markup
+from ftforce.view import curves, markup
 from ftforce.view.controls import Control
-from ftforce.view.fitting import Stored, difference, displacement
+from ftforce.view.fitting import difference, displacement
 from ftforce.view.history_markup import charts, marks, tables
 from ftforce.view.history_stage import (
     FRAME,
@@ -27,7 +27,7 @@ from ftforce.view.history_stage import (
     draw_path,
     legend,
 )
-from ftforce.view.modes import View
+from ftforce.view.modes import Mode, View
 from ftforce.view.picture import scene_size
 from ftforce.view.snapshots import (
     ROUNDING,
@@ -94,11 +94,10 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
         It is of another one; the message says what differs.
     """
     setting, run = history.setting, history.healthy
-    joints = tuple(joint.name for joint in setting.joints)
+    names = tuple(joint.name for joint in setting.joints)
     units = tuple(joint.unit for joint in setting.joints)
-    stored = Stored(setting.robot, setting.base, setting.tip, joints, units)
-    problem = difference(robot, stored) or displacement(robot, run.q[0], run.position[0])
-    if problem:
+    problem = difference(robot, setting, names, units)
+    if problem := problem or displacement(robot, run.q[0], run.position[0]):
         raise TrajectoryError(path, problem)
 
 
@@ -111,7 +110,7 @@ def _mark(history: History, time: float) -> str:
 # ---- the mode --------------------------------------------------------------------------------
 
 
-class Playback:
+class Playback(Mode):
     """Plays a history on the page: a `ftforce.view.modes.Mode`.
 
     Parameters
@@ -124,6 +123,7 @@ class Playback:
         Time to begin with, s.
     """
 
+    tab = "Time"
     takes_over = True
 
     def __init__(self, robot: Robot, history: History, at: float = 0.0) -> None:
@@ -137,7 +137,6 @@ class Playback:
         self._scales = history_scales(history, scene_size(robot))
         self._geometry: Geometry | None = None
         self._lock = threading.RLock()
-        self._own = threading.local()
         self._playing, self._ends = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -168,11 +167,8 @@ class Playback:
 
     def _tell(self) -> None:
         """Show the time that it is now, whoever set it."""
-        self._own.writes = True  # viser calls callbacks of what it is told, too
-        try:
+        with self._session.panel.writing():
             self._clock.tell(min(round(self.time, 3), self._slider.max))
-        finally:
-            self._own.writes = False
         self._ask()
 
     def play(self) -> None:
@@ -215,7 +211,7 @@ class Playback:
         """Begin, paused."""
         self._session = session
         self._healthy = HealthyArm(session.server, self.robot)
-        with session.panel.first_tab("Time"):
+        with session.panel.first_tab:
             self._build(session.server.gui)
         draw_path(session.server, self.history)
         self._draw_charts()
@@ -261,10 +257,6 @@ class Playback:
             self.robot, self.history, name, geometry, place=place, see_through=see_through
         )
 
-    def part(self) -> elements.Markup:
-        """Return nothing: its page is one of its own."""
-        return elements.Markup()
-
     def stop(self) -> None:
         """End the thread that plays."""
         self._ends.set()
@@ -302,10 +294,9 @@ class Playback:
         self._button.on_click(lambda _event: self.pause() if self.is_playing else self.play())
         faults = tuple((time, _mark(history, time)) for time in sorted({*marks(history)}))
         self._slider = gui.add_slider(
-            "Time (s)", 0.0, end, step, now, marks=faults or None,
-            hint="Faults are marked",
-        )  # fmt: skip
-        self._clock = Control(self._slider, self._slider.value)
+            "Time (s)", 0.0, end, step, now, marks=faults or None, hint="Faults are marked"
+        )
+        self._clock = Control(self._slider)
         self._slider.on_update(lambda _event: self._slid())
         names = tuple(self._names)
         run = gui.add_dropdown("Run", names, initial_value=names[0])
@@ -317,11 +308,10 @@ class Playback:
         place.on_update(lambda _event: self._put(place.value))
         self._charts = gui.add_html("")
         self._cursor = gui.add_html("")
-        self.controls = {"play": self._button, "time": self._slider, "run": run, "speed": speed,
-                         "place": place}  # fmt: skip
+        self.controls = {"time": self._slider, "run": run, "speed": speed, "place": place}
 
     def _slid(self) -> None:
-        if getattr(self._own, "writes", False):
+        if self._session.panel.is_writing:
             return
         self.pause()
         time = self._clock.value = float(self._slider.value)

@@ -9,19 +9,20 @@ from __future__ import annotations
 import math
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from ftforce.errors import FtforceError
 from ftforce.view.answer import answer
 from ftforce.view.markup import static_page
+from ftforce.view.modes import Mode
 from ftforce.view.panel import Panel
 from ftforce.view.picture import HAND, picture, pulled
 from ftforce.view.stage import Stage
 from ftforce.view.state import HEALTHY, command_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     import viser
 
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.answer import Answer
     from ftforce.view.meshes import Geometry
-    from ftforce.view.modes import Mode
     from ftforce.view.picture import Picture
     from ftforce.view.state import State
 
@@ -49,7 +49,21 @@ class Session:
         Where it listens; without a port the first one that is free.
     mode :
         Takes over posture and faults; ``None`` if the user has them.
+
+    Attributes
+    ----------
+    address :
+        Where a browser finds the page.
+    warning :
+        What a user should know of the address; empty if only this machine reaches it.
+    state :
+        The newest question.
+    answer, picture :
+        The last that were shown; ``None`` before the first.
     """
+
+    answer: Answer | None = None
+    picture: Picture | None = None
 
     def __init__(
         self,
@@ -62,10 +76,9 @@ class Session:
     ) -> None:
         from ftforce.view.server import open_server
 
-        self.robot, self.mode = robot, mode
-        self._state = state
-        self._answer: Answer | None = None
-        self._picture: Picture | None = None
+        self.robot = robot
+        self.mode = mode or Mode()
+        self.state = state
         self._refusal = ""  # of the last change
         self._failure = ""  # of the last question that was answered
         self._is_pulled = False
@@ -76,13 +89,19 @@ class Session:
         self.seconds = 0.0
         self._open = open_server(host, port, title=f"ftforce {robot.name}")
         self.server: viser.ViserServer = self._open.server
+        self.address, self.warning = self._open.address, self._open.warning
         try:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
-                is_played = mode is not None and mode.takes_over
-                self.panel = Panel(self.server, robot, state, self, is_played=is_played)
-            if mode is not None:
-                mode.start(self)  # before anything is asked of it
+                self.panel = Panel(
+                    self.server,
+                    robot,
+                    state,
+                    self,
+                    first_tab=self.mode.tab,
+                    is_played=self.mode.takes_over,
+                )
+            self.mode.start(self)  # before anything is asked of it
             self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
             self._worker.start()
             self.settle()
@@ -91,34 +110,6 @@ class Session:
         except BaseException:
             self.close()
             raise
-
-    @property
-    def address(self) -> str:
-        """Where a browser finds the page."""
-        return self._open.address
-
-    @property
-    def warning(self) -> str:
-        """What a user should know of the address; empty if only this machine reaches it."""
-        return self._open.warning
-
-    @property
-    def state(self) -> State:
-        """The newest question."""
-        with self._lock:
-            return self._state
-
-    @property
-    def answer(self) -> Answer | None:
-        """The last answer that was shown; ``None`` before the first."""
-        with self._lock:
-            return self._answer
-
-    @property
-    def picture(self) -> Picture | None:
-        """The last scene that was shown; ``None`` before the first."""
-        with self._lock:
-            return self._picture
 
     @property
     def problem(self) -> str:
@@ -139,7 +130,7 @@ class Session:
         """
         with self._lock:
             try:
-                self._state = change(self._state)
+                self.state = change(self.state)
                 self._refusal = ""
             except FtforceError as error:
                 self._refusal = str(error)
@@ -174,7 +165,7 @@ class Session:
         """
         with self._lock:
             self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
-            shown, scene = self._answer, self._picture
+            shown, scene = self.answer, self.picture
             if shown is None or scene is None or not scene.can_pull:
                 return
             place = end()
@@ -186,7 +177,7 @@ class Session:
 
     def touch(self, joint: int) -> None:
         """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
-        if self.mode is not None and self.mode.takes_over:
+        if self.mode.takes_over:
             return
 
         def toggle(state: State) -> State:
@@ -203,10 +194,10 @@ class Session:
                 self._news.wait_for(lambda: self._asked > self._answered or self._ends.is_set())
                 if self._ends.is_set():
                     return
-                asked, state, earlier = self._asked, self._state, self._answer
+                asked, state, earlier = self._asked, self.state, self.answer
                 like = None
                 if self._is_pulled and earlier is not None and earlier.state.task == state.task:
-                    like = self._picture
+                    like = self.picture
             self._answer_now(state, earlier, like)
             with self._news:
                 self._answered = asked
@@ -216,12 +207,12 @@ class Session:
         """Answer a question, first all of it, then send it: a tab never shows half of two."""
         started = time.perf_counter()
         try:
-            view = None if self.mode is None else self.mode.view(state)
+            view = self.mode.view(state)
             if view is None:
                 found = answer(self.robot, state, earlier)
                 scene = picture(found, like)
                 with self._lock, self.server.atomic():
-                    self._answer = found
+                    self.answer = found
                     self.panel.show(found, scene)
                     self._show(scene)
             else:
@@ -237,9 +228,9 @@ class Session:
         self.seconds = time.perf_counter() - started
 
     def _show(self, scene: Picture) -> None:
-        self._picture, self._failure = scene, ""
+        self.picture, self._failure = scene, ""
         self.stage.update(scene)
-        self.panel.sync(self._state)
+        self.panel.sync(self.state)
         if self._refusal:
             self.panel.show_problem(self._refusal)
 
@@ -247,7 +238,7 @@ class Session:
         with self._lock, self.server.atomic():
             self._failure = problem
             self.panel.show_problem(self.problem)
-            self.panel.sync(self._state)
+            self.panel.sync(self.state)
 
     # ---- beginning and end -------------------------------------------------------------------
 
@@ -262,10 +253,9 @@ class Session:
         with self._lock, self.server.atomic():
             self.stage.set_geometry(geometry)
             self.panel.notes = geometry.notes
-            if self._picture is not None:
-                self.stage.look(self._picture)
-            if self.mode is not None:
-                self.mode.set_geometry(geometry)
+            if self.picture is not None:
+                self.stage.look(self.picture)
+            self.mode.set_geometry(geometry)
         self.refresh()  # the legend says what is missing
 
     def run(self) -> None:
@@ -287,8 +277,7 @@ class Session:
             self._news.notify_all()
         if not was_open:
             return
-        if self.mode is not None:
-            self.mode.stop()
+        self.mode.stop()
         worker = getattr(self, "_worker", None)
         if worker is not None:
             worker.join(10.0)
@@ -308,18 +297,16 @@ class Session:
         """Return the page as HTML that needs no server, and asks none for anything."""
         from ftforce.view.export import scene_html
 
-        if self.mode is not None and (page := self.mode.page()) is not None:
+        if (page := self.mode.page()) is not None:
             return page
         with self._lock:
             part = self.panel.static_parts()
-            if self._answer is not None and self._picture is not None:
-                command = command_line(self.robot, self._answer.state)
-                part = static_page(self._answer, self._picture, command, self.panel.notes)
-            if self.mode is not None:
-                part = self.mode.part() + part
-            title = f"ftforce {self.robot.name}"
-            handle = (self.stage.handle_name,)
-            return scene_html(self.server, title=title, answer_html=part, without=handle)
+            if self.answer is not None and self.picture is not None:
+                command = command_line(self.robot, self.answer.state)
+                part = static_page(self.answer, self.picture, command, self.panel.notes)
+            title, part = f"ftforce {self.robot.name}", self.mode.part() + part
+            with self.server.atomic(), self.stage.without_handle():  # no tab sees that it is gone
+                return scene_html(self.server, title=title, answer=part)
 
     def png(self) -> bytes:
         """Return the scene as a PNG, drawn by a browser without a window.
@@ -334,31 +321,25 @@ class Session:
         return screenshot(self.server, self.address)
 
     def save_page(self, client: Any) -> None:
-        """Give a tab the page as a file."""
-        with self._told(client):
-            self._give(client, "html", self.page().encode())
+        """Give a tab the page as a file that needs no server."""
+        self._give(client, "html", lambda: self.page().encode())
 
     def save_picture(self, client: Any) -> None:
         """Give a tab the scene as it sees it, as a PNG."""
         from ftforce.view.screenshot import render_png
 
-        with self._told(client):
-            self._give(client, "png", render_png(client))
+        self._give(client, "png", lambda: render_png(client))
 
-    def _give(self, client: Any, ending: str, content: bytes) -> None:
+    def _give(self, client: Any, ending: str, content: Callable[[], bytes]) -> None:
+        """Give a tab a file, or tell it of the error: this happens in a thread of viser's."""
         name = f"{_file_name(self.robot)}.{ending}"
-        client.send_file_download(name, content, save_immediately=True)
-
-    @contextmanager
-    def _told(self, client: Any) -> Iterator[None]:
-        """Tell a tab of an error: it happens in a thread of viser's."""
         try:
-            yield
-        except FtforceError as error:
-            client.add_notification("Nothing was saved", str(error), color="red")
+            given = content()
+            client.send_file_download(name, given, save_immediately=True)
         except Exception as error:  # a tab that is gone, for one
+            problem = str(error) if isinstance(error, FtforceError) else repr(error)
             with suppress(Exception):
-                client.add_notification("Nothing was saved", repr(error), color="red")
+                client.add_notification("Nothing was saved", problem, color="red")
 
 
 def _file_name(robot: Robot) -> str:

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, read_only
-from ftforce.view.arrow_nodes import ArrowNodes, assign, moved
-from ftforce.view.colours import FIXED
+from ftforce.view.arrow_nodes import IN_FRONT, ArrowNodes, assign, is_same
+from ftforce.view.colours import FIXED, NEUTRAL
 from ftforce.view.picture import chain_joints, rotation, scene_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
     import viser
     from numpy.typing import NDArray
 
     from ftforce.robot import Robot
     from ftforce.view.arrows import Arrow
+    from ftforce.view.colours import Colour
     from ftforce.view.force_sets import Solid
     from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Picture
+    from ftforce.view.picture import Line, Picture
+    from ftforce.view.session import Session
 
+_BOTH_SIDES: dict[str, Any] = {"side": "double", "cast_shadow": False, "receive_shadow": False}
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
@@ -32,19 +37,6 @@ _RIGHT = np.array([-_VIEW[1], _VIEW[0], 0.0]) / math.hypot(*_VIEW[:2])
 _LABEL = 0.2  # length of a line's label, of the size of the scene
 _ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
 _SAMPLE = 500  # points of a link that are enough to aim the camera
-
-
-class Hands(Protocol):
-    """What touching the scene does."""
-
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,).
-
-        It is asked for when its turn comes: viser's threads call in any order.
-        """
-
-    def touch(self, joint: int) -> None:
-        """Click on a joint of the chain, index from 0."""
 
 
 class _Part(NamedTuple):
@@ -65,7 +57,7 @@ class Stage:
     robot :
         The arm.
     hands :
-        Called when somebody drags the force or clicks on a joint.
+        Told when somebody drags the force or clicks on a joint; without it nobody can.
     prefix :
         Of the names of its nodes; another arm on the same server needs another one.
     floor :
@@ -76,7 +68,7 @@ class Stage:
         self,
         server: viser.ViserServer,
         robot: Robot,
-        hands: Hands,
+        hands: Session | None = None,
         prefix: str = "",
         *,
         floor: bool = True,
@@ -96,19 +88,24 @@ class Stage:
         self._floor = _floor(server, prefix, self._extent)
         self._floor.visible = floor
         self._arrows: dict[tuple[str, bool], ArrowNodes] = {}
-        self.handle_name = f"{prefix}/force/handle"
         self._handle: Any = server.scene.add_transform_controls(
-            self.handle_name, scale=0.1 * self._extent, line_width=2.5,
-            disable_rotations=True, disable_sliders=True, depth_test=False, opacity=0.8,
-            visible=False,
-        )  # fmt: skip
-        self._handle.on_update(self._dragged)
+            f"{prefix}/force/handle",
+            scale=0.1 * self._extent,
+            line_width=2.5,
+            opacity=0.8,
+            **IN_FRONT,
+        )
+        if hands is not None:
+            self._handle.on_update(lambda event: self._dragged(event, hands))
 
     # ---- the arm -----------------------------------------------------------------------------
 
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the arm's links; they take their places with the picture that was shown last."""
         scene = self.server.scene
+        for earlier in self._parts:
+            earlier.node.remove()
+        self._parts = []
         for i, part in enumerate(geometry.parts):
             moves = self._moves[part.joint]
             node = scene.add_mesh_simple(
@@ -118,13 +115,11 @@ class Stage:
                 color=FIXED,
                 opacity=self._opacity,
                 flat_shading=part.flat,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
                 visible=self._last is not None,
+                **_BOTH_SIDES,
             )
-            if moves is not None:
-                node.on_click(_clicker(self._hands, moves))
+            if self._hands is not None and moves is not None:
+                node.on_click(partial(_touch, self._hands, moves))
             few = part.vertices[:: 1 + len(part.vertices) // _SAMPLE]
             self._parts.append(_Part(part.joint, node, few.astype(float)))
         if self._last is not None:
@@ -163,6 +158,16 @@ class Stage:
         self._draw_lines(picture, last)
         self._draw_solids(picture)
 
+    @contextmanager
+    def without_handle(self) -> Iterator[None]:
+        """Hide the handle of the force meanwhile: in a file nobody would answer it."""
+        is_shown = self._handle.visible
+        self._handle.visible = False
+        try:
+            yield
+        finally:
+            self._handle.visible = is_shown
+
     def hide(self) -> None:
         """Hide the arm until the next update; its forces stay."""
         for part in self._parts:
@@ -172,12 +177,11 @@ class Stage:
         for part in self._parts:
             pose = picture.joints[part.joint]
             before = None if last is None else last.joints[part.joint]
-            if before is None or moved(pose.position, before.position):
+            if before is None or not is_same(pose.position, before.position):
                 part.node.position = pose.position
-            if before is None or moved(pose.wxyz, before.wxyz):
+            if before is None or not is_same(pose.wxyz, before.wxyz):
                 part.node.wxyz = pose.wxyz
-            if not part.node.visible:
-                part.node.visible = True
+            assign(part.node, "visible", True)
 
     def _paint(self, picture: Picture, last: Picture | None) -> None:
         self._opacity = _SEE_THROUGH if picture.see_through else None
@@ -211,26 +215,25 @@ class Stage:
             assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
-    def _dragged(self, event: Any) -> None:
+    def _dragged(self, event: Any, hands: Session) -> None:
         if event.phase == "start":  # nothing has moved
             self._drags.add(event.client_id)
             return
         if event.phase == "end":
             self._drags.discard(event.client_id)
-        self._hands.pull(self._end, not self._drags)
+        hands.pull(self._end, not self._drags)
 
     def _end(self) -> Vector:
         return read_only(np.array(self._handle.position, dtype=float))
 
     def _draw_lines(self, picture: Picture, last: Picture | None) -> None:
-        if last is not None and _same_lines(picture, last):
+        if last is not None and _are_same(picture.lines, last.lines):
             return
         scene, lines = self.server.scene, picture.lines
         if self._lines is None and lines:
-            self._lines = scene.add_line_segments(
-                f"{self.prefix}/force/lines", np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8),
-                thickness=3.0, thickness_units="screen",
-            )  # fmt: skip
+            self._lines = add_lines(
+                scene, f"{self.prefix}/force/lines", np.zeros((1, 2, 3)), NEUTRAL, 3.0
+            )
         if self._lines is not None:
             assign(self._lines, "visible", bool(lines))
         if lines:
@@ -247,7 +250,7 @@ class Stage:
                 assign(mark, "position", lines[i].ends[1])
 
     def _draw_solids(self, picture: Picture) -> None:
-        if _same_solids(picture.solids, self._shown_solids):
+        if _are_same(picture.solids, self._shown_solids):
             return
         for node in self._solids:
             node.remove()
@@ -260,9 +263,7 @@ class Stage:
                 color=solid.colour,
                 opacity=_SOLID_OPACITY,
                 flat_shading=True,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
+                **_BOTH_SIDES,
             )
             for i, solid in enumerate(picture.solids)
         ]
@@ -298,30 +299,37 @@ def linear(colours: NDArray[Any]) -> Any:
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 
-def _clicker(hands: Hands, joint: int) -> Any:
-    return lambda _event: hands.touch(joint)
+def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: float) -> Any:
+    """Add line segments of one colour; ends in the root's axes, m, shape (k, 2, 3), and px."""
+    colours = np.broadcast_to(linear(np.array(colour)), ends.shape)
+    places = ends.astype(np.float32)
+    return scene.add_line_segments(
+        name, places, colours, thickness=thickness, thickness_units="screen"
+    )
+
+
+def _touch(hands: Session, joint: int, _event: Any) -> None:
+    hands.touch(joint)
 
 
 def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
     width = 0.2 * math.ceil(10.0 * extent)
     return server.scene.add_grid(
-        f"{prefix}/grid", width=width, height=width, plane="xy", cell_size=0.1, section_size=0.5,
-        cell_color=(232, 232, 232), section_color=(208, 208, 208), shadow_opacity=0.0,
-    )  # fmt: skip
-
-
-def _same_lines(one: Picture, other: Picture) -> bool:
-    return len(one.lines) == len(other.lines) and all(
-        a.label == b.label and not moved(a.ends, b.ends)
-        for a, b in zip(one.lines, other.lines, strict=True)
+        f"{prefix}/grid",
+        width=width,
+        height=width,
+        plane="xy",
+        cell_size=0.1,
+        section_size=0.5,
+        cell_color=(232, 232, 232),
+        section_color=(208, 208, 208),
+        shadow_opacity=0.0,
     )
 
 
-def _same_solids(one: tuple[Solid, ...], other: tuple[Solid, ...]) -> bool:
-    return len(one) == len(other) and all(
-        a.vertices.shape == b.vertices.shape
-        and a.faces.shape == b.faces.shape
-        and a.colour == b.colour
-        and not moved(a.vertices, b.vertices)
+def _are_same(ones: tuple[Line | Solid, ...], others: tuple[Line | Solid, ...]) -> bool:
+    return len(ones) == len(others) and all(
+        is_same(a, b)
+        for one, other in zip(ones, others, strict=True)
         for a, b in zip(one, other, strict=True)
     )

@@ -305,16 +305,36 @@ class State:
         """Return the same question with something else on the page: fields of `Shown`."""
         return replace(self, shown=self.shown._replace(**changes))
 
-    # ---- what stays the same -----------------------------------------------------------------
+    # ---- what is asked -----------------------------------------------------------------------
+
+    def options(self) -> dict[str, Any]:
+        """Return what `ftforce.analyze` and `ftforce.census` take alike, limits apart."""
+        return {
+            "force": self.force,
+            "torque": self.asked_torque,
+            "velocity": self.velocity,
+            "acceleration": self.acceleration,
+            "gravity": self.gravity,
+            "payload": self.payload,
+            "inverse": self.inverse,
+            "task": self.task,
+            "rtol": self.rtol,
+            "wary": self.wary,
+        }
+
+    def question(self) -> tuple[object, ...]:
+        """Return what a verdict depends on besides posture, faults, payload and given limits."""
+        options = self.options() | {
+            "load": self.load,
+            "limits": self.counts_limits,
+            "payload": None,
+        }
+        return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in options.values())
 
     def census_question(self) -> tuple[object, ...]:
         """Return what the census depends on: two states that agree in it have the same one."""
-        return (
-            self.q.tobytes(), self.load, _bytes(self.force), _bytes(self.asked_torque),
-            _bytes(self.velocity), _bytes(self.acceleration), _bytes(self.gravity),
-            self.task, id(self.limits), self.counts_limits, self.payload, self.inverse,
-            self.rtol, self.wary, self.shown.census, self.shown.census_mode,
-        )  # fmt: skip
+        own = (self.q.tobytes(), id(self.limits), self.payload)
+        return (*self.question(), *own, self.shown.census, self.shown.census_mode)
 
 
 def initial_state(
@@ -402,37 +422,42 @@ def command_line(robot: Robot, state: State) -> str:
 
     Numbers have all their digits, so that its answer has the page's numbers.
     """
-    task, faults = state.task, state.faults
-    words = ["ftforce", "analyze", _argument(state.origin.robot)]
-    for mode in (FaultMode.LOCKED, FaultMode.FREE):
-        _add(words, mode.value, ",".join(_joint(robot, i) for i in faults.in_mode(mode)))
+    task, faults, origin = state.task, state.faults, state.origin
+    locked, free = (
+        ",".join(_joint(robot, i) for i in faults.in_mode(mode))
+        for mode in (FaultMode.LOCKED, FaultMode.FREE)
+    )
     weak = (f for f in faults.faults if f.mode is FaultMode.WEAK)
-    _add(words, "weak", ",".join(f"{_joint(robot, f.joint)}:{f.factor!r}" for f in weak))
-    if state.is_start:
-        _add(words, "posture", state.origin.posture or "")
-    else:
-        _add(words, "q", _numbers(state.q))
-    _add(words, "force", _numbers(state.force))
-    _add(words, "torque", _numbers(state.asked_torque))
-    _add(words, "velocity", _numbers(state.velocity))
-    _add(words, "acceleration", _numbers(state.acceleration))
-    _add(words, "gravity", _numbers(state.gravity))
-    _add(words, "payload", _payload(state.payload))
-    _add(words, "limits", _limits(state))
-    _add(words, "inverse", "" if state.inverse == INVERSES[0] else state.inverse)
-    _add(words, "task", "" if str(task) == "force" else str(task))
-    _add(words, "length", "" if task.length == DEFAULT_LENGTH else repr(task.length))
-    _add(words, "axes", "" if task.axes == "tool" else task.axes)
-    _add(words, "base", state.origin.base or "")
-    _add(words, "tip", state.origin.tip or "")
-    _add(words, "rtol", "" if state.rtol == RTOL else repr(state.rtol))
-    _add(words, "wary", "" if state.wary == WARY else repr(state.wary))
-    return shlex.join(words)
+    options = {
+        "locked": locked,
+        "free": free,
+        "weak": ",".join(f"{_joint(robot, f.joint)}:{f.factor!r}" for f in weak),
+        "posture": origin.posture if state.is_start else None,
+        "q": None if state.is_start else _numbers(state.q),
+        "force": _numbers(state.force),
+        "torque": _numbers(state.asked_torque),
+        "velocity": _numbers(state.velocity),
+        "acceleration": _numbers(state.acceleration),
+        "gravity": _numbers(state.gravity),
+        "payload": _payload(state.payload),
+        "limits": _limits(state),
+        "inverse": _unless(INVERSES[0], state.inverse),
+        "task": _unless("force", str(task)),
+        "length": _unless(DEFAULT_LENGTH, task.length),
+        "axes": _unless("tool", task.axes),
+        "base": origin.base,
+        "tip": origin.tip,
+        "rtol": _unless(RTOL, state.rtol),
+        "wary": _unless(WARY, state.wary),
+    }
+    # Each in one word: a value may begin with a minus.
+    given = (f"--{option}={value}" for option, value in options.items() if value)
+    return shlex.join(["ftforce", "analyze", _argument(origin.robot), *given])
 
 
-def _add(words: list[str], option: str, value: str) -> None:
-    if value:
-        words.append(f"--{option}={value}")  # in one word: a value may begin with a minus
+def _unless(default: object, value: object) -> str:
+    """Return a value with all its digits; nothing if it is the default."""
+    return "" if value == default else str(value)
 
 
 def _argument(robot: str) -> str:
@@ -476,10 +501,6 @@ def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
     names = ", ".join(task.components)
     given = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
     return read_only(in_components(task.components, given))
-
-
-def _bytes(vector: Vector | None) -> bytes | None:
-    return None if vector is None else vector.tobytes()
 
 
 def in_components(components: Sequence[str], vectors: Vector) -> Vector:

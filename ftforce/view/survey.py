@@ -13,8 +13,10 @@ from ftforce.batch.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import SweepError
 from ftforce.history import VERDICTS
-from ftforce.view import elements, markup
-from ftforce.view.fitting import Stored, difference, displacement
+from ftforce.view import markup
+from ftforce.view.colours import along_ramp
+from ftforce.view.fitting import difference, displacement
+from ftforce.view.modes import Mode
 from ftforce.view.picture import Line, scene_size
 from ftforce.view.stage import linear
 from ftforce.view.state import in_components
@@ -23,6 +25,7 @@ from ftforce.words import percent
 if TYPE_CHECKING:
     import os
 
+    from markupsafe import Markup
     from numpy.typing import NDArray
 
     from ftforce.arrays import Matrix, Vector
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
     from ftforce.robot import Robot
     from ftforce.view.colours import Colour
     from ftforce.view.meshes import Geometry
-    from ftforce.view.modes import View
     from ftforce.view.session import Session
     from ftforce.view.state import State
 
@@ -39,11 +41,15 @@ EVERY = "every set"
 # Matplotlib's cividis from 0 to 1, as `ftforce map` has it: bright is good, dark is bad, for all
 # kinds of colour vision and in grey.
 RAMP: tuple[Colour, ...] = (
-    (0, 34, 78), (67, 78, 108), (125, 124, 120), (188, 174, 108), (254, 232, 56)
-)  # fmt: skip
+    (0, 34, 78),
+    (67, 78, 108),
+    (125, 124, 120),
+    (188, 174, 108),
+    (254, 232, 56),
+)
 VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
 _SEED = 0  # the same points every time
-_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of which the ramp has the colours
 _RADIUS = 0.007  # of a point, as a share of the arm's size
 _CUBE = 0.35  # edge of a cell's cube, as a share of the cell's
 _AIMED = 400  # points that are enough to aim the camera
@@ -123,8 +129,7 @@ def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None
         It is of another one; the message says what differs.
     """
     setting = sweep.setting
-    stored = Stored(setting.robot, setting.base, setting.tip, setting.joints, setting.joint_units)
-    if problem := difference(robot, stored):
+    if problem := difference(robot, setting, setting.joints, setting.joint_units):
         raise SweepError(path, problem)
 
 
@@ -191,13 +196,10 @@ def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
 
 def share_colours(shares: Vector) -> NDArray[np.uint8]:
     """Return colours of shares from 0 to 1, shape (k, 3)."""
-    steps = np.linspace(0.0, 1.0, len(RAMP))
-    parts = [np.interp(shares, steps, channel) for channel in np.array(RAMP, dtype=float).T]
-    found: NDArray[np.uint8] = np.rint(np.column_stack(parts)).astype(np.uint8)
-    return found
+    return along_ramp(RAMP, shares)
 
 
-class Survey:
+class Survey(Mode):
     """Shows a sweep on the page: a `ftforce.view.modes.Mode`.
 
     Parameters
@@ -210,7 +212,7 @@ class Survey:
         Of this arm.
     """
 
-    takes_over = False
+    tab = "Sweep"
 
     def __init__(self, robot: Robot, state: State, sweep: Sweep) -> None:
         self.robot, self.sweep = robot, sweep
@@ -225,7 +227,7 @@ class Survey:
     def start(self, session: Session) -> None:
         """Show the points, and ask what the sweep asked."""
         self._session = session
-        with session.panel.first_tab("Sweep"):
+        with session.panel.first_tab:
             self._build(session.server.gui)
         if self.points is None:
             self._nodes = self._add_cells(EVERY)
@@ -237,14 +239,13 @@ class Survey:
         session.panel.begin_with(self._asks)
         self._tell()
 
-    def view(self, state: State) -> View | None:
+    def view(self, state: State) -> None:
         """Return nothing: the ordinary answer is shown. The legend says if it is another's."""
         with self._lock:
-            asks_the_same = _question(state) == _question(self._asks)
+            asks_the_same = state.question() == self._asks.question()
             if asks_the_same != self._asks_the_same:
                 self._asks_the_same = asks_the_same
                 self._tell()
-        return None
 
     def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # a `Mode` has it
         """Aim at all points: there is one arm."""
@@ -254,12 +255,6 @@ class Survey:
             few = places[:: 1 + len(places) // _AIMED]
             lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
             self._session.stage.look(replace(picture, lines=lines))
-
-    def page(self) -> None:
-        """Return nothing: the scene is taken as it is."""
-
-    def stop(self) -> None:
-        """End; there is no thread."""
 
     # ---- what it is told ---------------------------------------------------------------------
 
@@ -307,9 +302,11 @@ class Survey:
         setting = self.sweep.setting
         asked = replace(
             state.asking(setting.task, setting.axes, setting.length),
-            rtol=setting.rtol, wary=setting.wary, is_limited=False,
+            rtol=setting.rtol,
+            wary=setting.wary,
+            is_limited=False,
             own_gravity=self._gravity(),
-        )  # fmt: skip
+        )
         if setting.force is None:
             return asked.loaded("every direction")
         return asked.pushing(in_components(setting.components, np.array(setting.force)))
@@ -349,36 +346,36 @@ class Survey:
 
     def _add_points(self, points: Points) -> Any:
         radius = _RADIUS * scene_size(self.robot)
-        return self._add("/sweep/points", radius * _CORNERS, _FACES, points.tip,
-                         verdict_colours(self.verdicts))  # fmt: skip
+        return self._add("/sweep/points", radius, points.tip, verdict_colours(self.verdicts))
 
     def _add_cells(self, label: str) -> Any:
         located = workspace_map(self.sweep, self._choices[label]).located
-        radius = _CUBE * located.edge
-        return self._add("/sweep/cells", radius * _CORNERS, _FACES, located.place,
-                         share_colours(located.cells.share))  # fmt: skip
+        colours = share_colours(located.cells.share)
+        return self._add("/sweep/cells", _CUBE * located.edge, located.place, colours)
 
-    def _add(
-        self, name: str, vertices: Any, faces: Any, places: Matrix, colours: NDArray[np.uint8]
-    ) -> Any:
-        turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
+    def _add(self, name: str, radius: float, places: Matrix, colours: NDArray[np.uint8]) -> Any:
         return self._session.server.scene.add_batched_meshes_simple(
-            name, vertices, faces, turns, places, batched_colors=linear(colours),
-            batched_scales=np.ones(len(places), dtype=np.float32), lod="off",
-            flat_shading=True, cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
+            name,
+            radius * _CORNERS,
+            _FACES,
+            np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1)),
+            places,
+            batched_colors=linear(colours),
+            batched_scales=np.ones(len(places), dtype=np.float32),
+            lod="off",
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
 
-    def part(self) -> elements.Markup:
+    def part(self) -> Markup:
         """Return what the points' colours mean."""
-        return self._told()
-
-    def _tell(self) -> None:
-        self._legend.content = str(self._told())
-
-    def _told(self) -> elements.Markup:
         return self._cells_legend() if self.points is None else self._points_legend(self.points)
 
-    def _points_legend(self, points: Points) -> elements.Markup:
+    def _tell(self) -> None:
+        self._legend.content = str(self.part())
+
+    def _points_legend(self, points: Points) -> Markup:
         verdicts, shown = self.verdicts, len(points.q)
         counts = np.bincount(verdicts, minlength=len(VERDICTS)).tolist()
         pairs = [
@@ -395,8 +392,9 @@ class Survey:
             notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
         return markup.keys(pairs, [*notes, *self._notes()], "sweep")
 
-    def _cells_legend(self) -> elements.Markup:
-        pairs = [(_colour(share), f"{share:.0%} of the postures tolerate it") for share in _SHARES]
+    def _cells_legend(self) -> Markup:
+        told = (f"{share:.0%} of the postures tolerate it" for share in _SHARES)
+        pairs = list(zip(reversed(RAMP), told, strict=True))
         note = (
             "Middles of the cells by the share of their postures. The sweep kept its summary "
             "alone: a click cannot take the arm to a posture (sweep with --keep all or worst)."
@@ -424,18 +422,3 @@ class Survey:
             *([carried] if setting.payload else []),
             *(f"Warning: {doubt}." for doubt in self.sweep.warnings),
         ]
-
-
-def _question(state: State) -> tuple[object, ...]:
-    """Return what a verdict depends on besides posture, faults and payload."""
-    force = None if state.force is None else state.force.tobytes()
-    gravity = None if state.gravity is None else state.gravity.tobytes()
-    return (
-        state.load, force, state.task, state.counts_limits, gravity, state.inverse, state.rtol,
-        state.wary,
-    )  # fmt: skip
-
-
-def _colour(share: float) -> Colour:
-    red, green, blue = share_colours(np.array([share]))[0].tolist()
-    return red, green, blue

@@ -9,24 +9,21 @@ import numpy as np
 
 from ftforce import words
 from ftforce.faults import FaultMode
+from ftforce.view.arrows import norm
 from ftforce.view.colours import colour_of
 from ftforce.view.elements import cell, css, element, row, table, text_on
 from ftforce.words import number, size
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from markupsafe import Markup
 
     from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
     from ftforce.task import Task
-    from ftforce.view.answer import Answer, JointLoad
+    from ftforce.view.answer import JointLoad
     from ftforce.view.colours import Colour
-    from ftforce.view.elements import Markup
-
-
-def torque_table(answer: Answer) -> Markup:
-    """Return what each motor gives before and after, with a bar against its limit."""
-    return load_table(answer.loads, answer.analysis.rnea.is_known)
 
 
 def load_table(
@@ -47,9 +44,13 @@ def load_table(
     unit = units.pop() if len(units) == 1 else "N·m, N"
     title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
     columns = [
-        ("#", "l", "31px"), ("joint", "l", ""), (names[0], "", "56px"), (names[1], "", "51px"),
-        ("of limit", "l", "50px"), ("", "", "40px"),
-    ]  # fmt: skip
+        ("#", "l", "31px"),
+        ("joint", "l", ""),
+        (names[0], "", "56px"),
+        (names[1], "", "51px"),
+        ("of limit", "l", "50px"),
+        ("", "", "40px"),
+    ]
     rows = (_load_row(load) for load in loads)
     return element("div", element("h3", title), table(columns, rows, "torques"))
 
@@ -78,6 +79,12 @@ def _load_row(load: JointLoad) -> Markup:
     )
 
 
+def brake_loads(loads: Sequence[JointLoad]) -> list[tuple[str, str]]:
+    """Return what the locks carry, with its name, as `facts` takes it; nothing if there is none."""
+    told = [f"{x.name} {number(x.brake)} {x.unit}" for x in loads if not math.isnan(x.brake)]
+    return [("Brake load", ", ".join(told))] if told else []
+
+
 def torque_text(torque: float) -> str:
     """Return a torque, or what stands for one that is not known."""
     return "–" if math.isnan(torque) else number(torque)
@@ -87,7 +94,7 @@ def share_text(share: float) -> str:
     """Return a share of a limit in per cent."""
     if math.isinf(share):
         return "∞"
-    return "?" if math.isnan(share) else f"{100.0 * share:.0f}%"
+    return "?" if math.isnan(share) else f"{share:.0%}"
 
 
 def bar(share: float, colour: Colour) -> Markup:
@@ -103,11 +110,10 @@ def force_table(analysis: Analysis) -> Markup:
     task, change = analysis.task, analysis.force
     if change is None:
         return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
-    vectors: list[tuple[str, Vector | None]] = [
-        ("before", change.before), ("after", change.after), ("jump", change.jump)
-    ]  # fmt: skip
+    vectors: dict[str, Vector | None] = {}
     if change.requested is not None and words.is_noticeable(change.unsupported):
-        vectors.insert(0, ("asked", change.requested))
+        vectors["asked"] = change.requested
+    vectors |= {"before": change.before, "after": change.after, "jump": change.jump}
     return vector_table(task, vectors)
 
 
@@ -115,39 +121,36 @@ def _force_title(task: Task) -> str:
     return f"Force at the tip, in the axes of {words.axes_in_words(task)}"
 
 
-def vector_table(task: Task, vectors: Sequence[tuple[str, Vector | None]]) -> Markup:
+def vector_table(task: Task, vectors: Mapping[str, Vector | None]) -> Markup:
     """Return named forces at the tip per axis, N and N·m, and their norms."""
-    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name, _ in vectors)]
-    values = [vector for _, vector in vectors]
-    parts = zip(task.components, task.units, strict=True)
+    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name in vectors)]
+    values = [np.full(task.m, np.nan) if F is None else F for F in vectors.values()]
     rows = [
-        row([cell(name, "l"), cell(unit, "l"), *(cell(_component(x, i)) for x in values)])
-        for i, (name, unit) in enumerate(parts)
+        _force_row([name, unit], [F[i] for F in values])
+        for i, (name, unit) in enumerate(zip(task.components, task.units, strict=True))
     ]
-    sizes = ("|force|", "N", task.force_rows), ("|moment|", "N·m", task.moment_rows)
-    for name, unit, own in sizes:
+    for name, unit, own in (
+        ("|force|", "N", list(task.force_rows)),
+        ("|moment|", "N·m", list(task.moment_rows)),
+    ):
         if own:
-            norms = (cell(_norm(x, own)) for x in values)
-            rows.append(row([cell(name, "l"), cell(unit, "l"), *norms], "b"))
+            rows.append(_force_row([name, unit], [norm(F[own]) for F in values], "b"))
     return element("div", element("h3", _force_title(task)), table(columns, rows, "forces"))
 
 
-def _component(vector: Vector | None, i: int) -> str:
-    return "–" if vector is None else size(float(vector[i]))
-
-
-def _norm(vector: Vector | None, rows: tuple[int, ...]) -> str:
-    return "–" if vector is None else size(float(np.linalg.norm(vector[list(rows)])))
+def _force_row(names: Iterable[str], values: Iterable[float], kind: str = "") -> Markup:
+    texts = ("–" if math.isnan(x) else size(float(x)) for x in values)
+    return row([*(cell(name, "l") for name in names), *map(cell, texts)], kind)
 
 
 def _unit_forces(analysis: Analysis) -> Markup:
     """Return what is kept and lost of 1 N (1 N·m) along each axis."""
     task = analysis.task
     columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
-    rows = []
-    for name, unit, (force, _) in zip(
-        task.components, task.units, analysis.unit_forces, strict=True
-    ):
-        values = (cell(_component(force.after, i)) for i in range(task.m))
-        rows.append(row([cell(f"{name} 1 {unit}", "l"), *values]))
+    asked = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))
+    kept = (force.after for force, _ in analysis.unit_forces)
+    rows = [
+        _force_row([name], np.full(task.m, np.nan) if after is None else after)
+        for name, after in zip(asked, kept, strict=True)
+    ]
     return table(columns, rows, "forces")
