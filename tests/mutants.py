@@ -1,6 +1,6 @@
 """Does the suite see mistakes? Make one of ``mutants.toml`` at a time, and run the tests.
 
-``python tests/mutants.py`` takes them all, ``python tests/mutants.py ID …`` some of them. A mutant is
+``python tests/mutants.py`` tries them all, ``python tests/mutants.py ID …`` some. A mutant is
 
 killed
     if a test fails: pytest ends with 1;
@@ -11,8 +11,8 @@ error
     package cannot be imported with it, pytest ends otherwise, or takes longer than ``--timeout``
     (which counts as killed where the mutant may loop for ever).
 
-The file is restored whatever happens, with its time, so that no cache of bytecode or kernels becomes
-invalid. The status is 0 if there was no error, whatever survived.
+The file is restored whatever happens, with its time, so that no cache of bytecode or kernels
+becomes invalid. The status is 0 if there was no error, whatever survived.
 """
 
 from __future__ import annotations
@@ -35,7 +35,13 @@ if TYPE_CHECKING:
 
 LIST = Path(__file__).with_suffix(".toml")
 PASSED, FAILED, NOTHING_SELECTED = 0, 1, 5  # pytest's exit status
-TIMED_OUT = -1
+TIMED_OUT = -1000
+SETTINGS = {
+    "PYTHONDONTWRITEBYTECODE": "1",  # no bytecode of a mutant stays
+    "PYTHONSAFEPATH": "1",
+    "OMP_NUM_THREADS": "1",
+    "NO_COLOR": "1",
+}
 _FIRST = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
@@ -101,13 +107,14 @@ class Checkout(NamedTuple):
     def check(self, mutants: list[Mutant]) -> None:
         """Refuse another checkout's package, and files that differ from git's."""
         where = "import ftforce; print(ftforce.__file__)"
-        found = self._run([self.python, "-c", where], self._environment(None)).stdout.strip()
+        found = self._run([self.python, "-c", where], SETTINGS).stdout.strip()
         if Path(found).parent != self.root / "ftforce":
-            raise MutantError(f"{self.python} imports {found or 'nothing'}, not that of {self.root}")
+            raise MutantError(f"{self.python} imports {found or 'nothing'}, not {self.root}")
         files = sorted({mutant.file for mutant in mutants if (self.root / mutant.file).exists()})
-        changed = self._run(["git", "diff", "--name-only", "HEAD", "--", *files], None).stdout
-        if changed:
-            raise MutantError(f"differ from git, perhaps a mutant was left: {changed.split()}")
+        done = self._run(["git", "diff", "--name-only", "HEAD", "--", *files], {})
+        if done.returncode or done.stdout:
+            changed = " ".join(done.stdout.split()) or done.stderr.strip()
+            raise MutantError(f"not as git has it, perhaps a mutant was left: {changed}")
 
     def place_of(self, mutant: Mutant) -> Path:
         """Return the file that holds the snippet, once."""
@@ -155,31 +162,24 @@ class Checkout(NamedTuple):
         marks = "plain and not browser" if mutant.plain else "not browser"
         command = [self.python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", marks]
         command += [*(["-k", k] if k else []), *tests]
+        settings = {**SETTINGS, **({"NUMBA_DISABLE_JIT": "1"} if mutant.plain else {})}
         with tempfile.TemporaryDirectory(prefix="mutant-") as scratch:
-            environment = self._environment(mutant, scratch)
+            if mutant.compiles:  # its kernels must not take the place of others
+                settings["NUMBA_CACHE_DIR"] = scratch
             try:
-                done = self._run(command, environment, self.timeout)
+                done = self._run(command, settings, self.timeout)
             except subprocess.TimeoutExpired:
                 return TIMED_OUT, ""
         return done.returncode, done.stdout + done.stderr
 
-    def _environment(self, mutant: Mutant | None, scratch: str = "") -> dict[str, str]:
-        # Bytecode and kernels of a mutant must neither stay nor take the place of others.
-        settings = {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONSAFEPATH": "1", "NO_COLOR": "1",
-                    "OMP_NUM_THREADS": "1", "COLUMNS": "300"}  # fmt: skip
-        if mutant is not None and mutant.plain:
-            settings["NUMBA_DISABLE_JIT"] = "1"
-        if mutant is not None and mutant.compiles:
-            settings["NUMBA_CACHE_DIR"] = scratch
-        return {**os.environ, **settings}
-
     def _run(
-        self, command: list[str], environment: dict[str, str] | None, timeout: float = 60.0
+        self, command: list[str], settings: dict[str, str], timeout: float = 60.0
     ) -> subprocess.CompletedProcess[str]:
         """Run a program in the checkout; with it end all processes that it has started."""
         process = subprocess.Popen(
-            command, cwd=self.root, env=environment, text=True, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+            command, cwd=self.root, env={**os.environ, **settings}, text=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            start_new_session=True,
         )  # fmt: skip
         try:
             output = process.communicate(timeout=timeout)
