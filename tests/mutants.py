@@ -26,7 +26,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -110,8 +110,11 @@ class Checkout(NamedTuple):
         found = self._run([self.python, "-c", where], SETTINGS).stdout.strip()
         if Path(found).parent != self.root / "ftforce":
             raise MutantError(f"{self.python} imports {found or 'nothing'}, not {self.root}")
-        files = sorted({mutant.file for mutant in mutants if (self.root / mutant.file).exists()})
-        done = self._run(["git", "diff", "--name-only", "HEAD", "--", *files], {})
+        files = {mutant.file for mutant in mutants if (self.root / mutant.file).exists()}
+        for moved in (mutant for mutant in mutants if mutant.file not in files):
+            with suppress(MutantError):  # it is told when its turn comes
+                files.add(str(self.place_of(moved).relative_to(self.root)))
+        done = self._run(["git", "diff", "--name-only", "HEAD", "--", *sorted(files)], {})
         if done.returncode or done.stdout:
             changed = " ".join(done.stdout.split()) or done.stderr.strip()
             raise MutantError(f"not as git has it, perhaps a mutant was left: {changed}")
