@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ftforce import csv_table
 from ftforce.batch import posture_csv
 from ftforce.batch.posture_files import postures_from_file
 from ftforce.errors import FtforceError, InputError, TrajectoryError
@@ -436,8 +437,10 @@ def test_a_block_reads_its_own_part(arm, tmp_path, monkeypatch, small_pieces):
     q = np.random.default_rng(0).normal(size=(3000, 2))
     postures = postures_from_file(arm, written(tmp_path, "csv", q))
     parsed = []
-    real = posture_csv._numbers
-    monkeypatch.setattr(posture_csv, "_numbers", lambda *a: (parsed.append(len(a[0])), real(*a))[1])
+    real = csv_table.NumberReader.read
+    monkeypatch.setattr(
+        csv_table.NumberReader, "read", lambda *a: (parsed.append(len(a[1])), real(*a))[1]
+    )
     np.testing.assert_array_equal(postures.block(2000, 2003), q[2000:2003])
     assert sum(parsed) < 500
 
