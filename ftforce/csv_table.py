@@ -39,13 +39,13 @@ class Column(NamedTuple):
 
     Attributes
     ----------
-    index :
+    number :
         Its number, from 0.
     unit :
         Its unit; empty if the header has none.
     """
 
-    index: int
+    number: int
     unit: str
 
 
@@ -209,12 +209,12 @@ class NumberReader:
     def _read_at_once(self, text: str) -> Matrix:
         if not text or text.isspace():
             return np.empty((0, len(self.columns)))
-        # A cell in quotes may go on in the next line; beyond ASCII other blanks would be skipped.
-        if '"' in text or not text.isascii():
-            raise ValueError("needs care")
+        if '"' in text:
+            raise ValueError("a cell could go on in the next line")
         # Other columns are read, too, as one letter each: so the cells of every row are counted.
         kinds = [(str(i), "f8" if i in self.columns else "U1") for i in range(len(self.header))]
-        stream = io.StringIO(text, newline="")
+        # NumPy would skip blanks of other scripts around a number.
+        stream = io.StringIO(text.encode("ascii", "replace").decode(), newline="")
         rows = np.loadtxt(stream, kinds, comments=None, delimiter=",", ndmin=1)
         values = np.stack([rows[str(i)] for i in self.columns], axis=1)
         if not (np.abs(values) <= self.largest).all():

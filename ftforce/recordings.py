@@ -226,7 +226,7 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
     units = _units(robot)
     try:
         columns = _columns(robot, sheet.header.cells, units)
-        t = read_only(sheet.values[:, columns["t"].index].copy())
+        t = read_only(sheet.values[:, columns["t"].number].copy())
         if len(t) < 4:
             raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
@@ -235,7 +235,7 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
 
     def matrix(names: list[str]) -> Matrix:
         scales = [units[name].get(columns[name].unit, 1.0) for name in names]
-        return read_only(sheet.values[:, [columns[name].index for name in names]] * scales)
+        return read_only(sheet.values[:, [columns[name].number for name in names]] * scales)
 
     velocities = [f"v_{name}" for name in robot.names]
     v = matrix(velocities) if columns.keys() >= set(velocities) else None

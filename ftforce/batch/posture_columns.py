@@ -53,7 +53,7 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     scales = [
         units[joint.name][columns[joint.name].unit or usual[joint.unit]] for joint in robot.joints
     ]
-    return tuple(columns[name].index for name in robot.names), read_only(np.array(scales))
+    return tuple(columns[name].number for name in robot.names), read_only(np.array(scales))
 
 
 def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:

@@ -36,7 +36,7 @@ class Format(StrEnum):
 _ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet")
 _MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
-_DATA = ("json", "csv", *_HISTORY_ENDINGS)
+_DATA_ENDINGS = ("json", "csv", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 RobotArgument = Annotated[
@@ -228,17 +228,17 @@ def check_outputs(
     """
     if output is not None:
         endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
-        ending = output.suffix.lower().removeprefix(".")
+        ending = _ending(output)
         if ending in _HISTORY_ENDINGS and command != "simulate":
             raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
         if ending == "zarr" and command != "sweep":
             raise InputError(".zarr is for `ftforce sweep`; use .json or .csv")
         if ending and ending not in endings and form is None:
             raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
-        if form not in {None, ending} and ending in _DATA:
+        if form not in {None, ending} and ending in _DATA_ENDINGS:
             raise InputError(f"{printable(output)}: the ending is none of --format {form}")
     if plot is not None:
-        if plot.suffix.lower().removeprefix(".") not in _PLOT_ENDINGS:
+        if _ending(plot) not in _PLOT_ENDINGS:
             raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")
         from ftforce.show.canvas import needs_matplotlib
 
@@ -248,6 +248,10 @@ def check_outputs(
             above = next(folder for folder in path.parents if folder.exists())
             reason = os.strerror(errno.ENOENT if above.is_dir() else errno.ENOTDIR)
             raise OutputError(path, f"cannot be written ({reason})")
+
+
+def _ending(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")
 
 
 def _listed(endings: tuple[str, ...]) -> str:
@@ -366,12 +370,8 @@ def _emit(
 
 
 def _form_of(output: Path | None) -> str:
-    ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    if ending in {Format.JSON, Format.CSV}:
-        return ending
-    if ending in {"npz", "parquet"}:
-        return ending
-    return Format.TABLE
+    ending = "" if output is None else _ending(output)
+    return ending if ending in _DATA_ENDINGS else Format.TABLE
 
 
 def _plot(result: Any, path: Path) -> bytes:
