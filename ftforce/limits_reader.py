@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ftforce.arrays import read_only
-from ftforce.csv_table import read_header
+from ftforce.csv_table import Table
 from ftforce.errors import DimensionError, InputError, LimitsError, printable
 from ftforce.limits import Limits
 from ftforce.source import read_numbers, read_text
@@ -159,13 +159,12 @@ def _toml_entries(text: str) -> list[_Entry]:
 
 
 def _csv_entries(text: str) -> list[_Entry]:
-    header = read_header(text)
-    names = [cell.lower() for cell in header.cells] if header else []
-    if header is None or "joint" not in names or len(names) > len(set(names) & set(COLUMNS)):
-        hint = "; commas separate cells" if len(names) == 1 else ""
+    table = Table.of(text)
+    header = [cell.lower() for cell in table.header] if table else []
+    if not table or "joint" not in header or len(set(header) & set(COLUMNS)) < len(header):
+        hint = "; commas separate cells" if len(header) == 1 else ""
         raise InputError(
-            f"needs the header {','.join(COLUMNS)} (brake may be missing), got {','.join(names)}"
+            f"needs the header {','.join(COLUMNS)} (brake may be missing), got {','.join(header)}"
             f"{hint}"
         )
-    rows = header.rows_below(text)
-    return [(f"line {line}", dict(zip(names, cells, strict=True))) for line, cells in rows]
+    return [(f"line {line}", dict(zip(header, cells, strict=True))) for line, cells in table.rows()]

@@ -9,20 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
-from ftforce.csv_table import (
-    POSITION_UNITS,
-    Column,
-    Header,
-    NumberReader,
-    find_columns,
-    read_header,
-    split_unit,
-)
+from ftforce.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 from ftforce.errors import DimensionError, InputError, TrajectoryError, printable
 from ftforce.source import read_text, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -150,18 +142,15 @@ class Sheet(NamedTuple):
     ----------
     path :
         The file.
-    header :
-        Its header.
+    table :
+        Its text.
     values :
-        Shape (rows, columns).
-    text :
-        What it holds.
+        Its numbers, shape (rows, columns).
     """
 
     path: str
-    header: Header
+    table: Table
     values: Matrix
-    text: str
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Sheet:
@@ -174,24 +163,22 @@ class Sheet(NamedTuple):
         """
         text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
         try:
-            header = _header(text)
-            every = tuple(range(len(header.cells)))
-            numbers = NumberReader(header.cells, every, "sample", _LARGEST)
-            values = numbers.read(text[header.end :], header.line)
+            table = _table(text)
+            values = table.numbers(range(len(table.header)), _LARGEST)
             if not len(values):
                 raise InputError(_NO_NUMBERS)
-            return cls(printable(path), header, values, text)
+            return cls(printable(path), table, values)
         except InputError as problem:
             raise TrajectoryError(path, printable(problem)) from None
 
     @property
     def holds_points(self) -> bool:
         """Whether it is a list of waypoints rather than a motion of joints."""
-        return sorted(split_unit(cell)[0].lower() for cell in self.header.cells) == list("xyz")
+        return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
 
     def place(self, row: int) -> str:
         """Return where a row stands, e.g. ``line 2``."""
-        line, _ = next(islice(self.header.rows_below(self.text), row, None))
+        line, _ = next(islice(self.table.rows(), row, None))
         return f"line {line}"
 
     def points(self) -> Matrix:
@@ -203,7 +190,7 @@ class Sheet(NamedTuple):
             A unit other than m.
         """
         names = []
-        for cell in self.header.cells:
+        for cell in self.table.header:
             name, unit = split_unit(cell)
             if unit not in {"", "m"}:
                 raise TrajectoryError(self.path, f"column {cell!r}: points are in m")
@@ -211,35 +198,34 @@ class Sheet(NamedTuple):
         return self.values[:, [names.index(axis) for axis in "xyz"]]
 
 
-def _header(text: str) -> Header:
-    header = read_header(text)
-    if header is None:
+def _table(text: str) -> Table:
+    table = Table.of(text)
+    if table is None:
         raise InputError(_NO_NUMBERS)
-    if len(header.cells) < 2:
-        got = shortened(header.cells[0])
+    if len(table.header) < 2:
+        got = shortened(table.header[0])
         raise InputError(f"needs the header t,JOINT,… or x,y,z, got {got}; commas separate cells")
-    return header
+    return table
 
 
 def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
     """Return the recorded motion that a file holds, see `Recording.read`."""
-    units = _units(robot)
     try:
-        columns = _columns(robot, sheet.header.cells, units)
-        t = read_only(sheet.values[:, columns["t"].number].copy())
+        columns = _columns(robot, sheet.table.header)
+        t = read_only(sheet.values[:, columns["t"][0]].copy())
         if len(t) < 4:
             raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
     except InputError as problem:
         raise TrajectoryError(sheet.path, str(problem)) from None
 
-    def matrix(names: list[str]) -> Matrix:
-        scales = [units[name].get(columns[name].unit, 1.0) for name in names]
-        return read_only(sheet.values[:, [columns[name].number for name in names]] * scales)
+    def matrix(names: Sequence[str]) -> Matrix:
+        numbers, scales = zip(*(columns[name] for name in names), strict=True)
+        return read_only(sheet.values[:, numbers] * scales)
 
     velocities = [f"v_{name}" for name in robot.names]
     v = matrix(velocities) if columns.keys() >= set(velocities) else None
-    return Recording(t, matrix(list(robot.names)), v, sheet.path)
+    return Recording(t, matrix(robot.names), v, sheet.path)
 
 
 def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
@@ -251,19 +237,14 @@ def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
     return read_only(values)
 
 
-def _units(robot: Robot) -> dict[str, Mapping[str, float]]:
-    """Return the units that ``t``, each joint and, behind ``v_``, each velocity may have."""
+def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, float]]:
+    """Find the columns ``t``, of each joint and, behind ``v_``, of each velocity."""
     positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     velocities = {
-        f"v_{name}": {f"{unit}/s": scale for unit, scale in units.items()}
+        f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
         for name, units in positions.items()
     }
-    return {**velocities, **positions, "t": {"s": 1.0}}
-
-
-def _columns(
-    robot: Robot, header: tuple[str, ...], units: Mapping[str, Mapping[str, float]]
-) -> dict[str, Column]:
+    units = {**velocities, **positions, "t": {"": 1.0, "s": 1.0}}
     needed = ("t", *robot.names)
     columns = find_columns(header, units, needed)
     if missing := [name for name in needed if name not in columns]:

@@ -400,7 +400,7 @@ def test_every_digit_counts(arm, tmp_path_factory, numbers):
         ("j1,j2 [mm]\n1,2\n", "column 'j2 [mm]': its unit can be m"),
         ("j1,j2\n1,2\n3\n", "line 3: needs 2 cells, got 1"),
         ("j1,j2\n1,2\n\n3,4,5\n", "line 4: needs 2 cells, got 3"),
-        ("j1,j2\n1,2\n3, \n", "line 3, 'j2': the cell is empty; every posture needs every joint"),
+        ("j1,j2\n1,2\n3, \n", "line 3, 'j2': the cell is empty; every row needs every joint"),
         ("j1,j2\n1,1_0\n", "line 2, 'j2': '1_0' is not a number"),
         ("j1,j2\n1,１\n", "line 2, 'j2': '１' is not a number"),
         ("j1,j2\n1,nan\n", "line 2, 'j2': 'nan' is not finite"),
@@ -437,10 +437,13 @@ def test_a_block_reads_its_own_part(arm, tmp_path, monkeypatch, small_pieces):
     q = np.random.default_rng(0).normal(size=(3000, 2))
     postures = postures_from_file(arm, written(tmp_path, "csv", q))
     parsed = []
-    real = csv_table.NumberReader.read
-    monkeypatch.setattr(
-        csv_table.NumberReader, "read", lambda *a: (parsed.append(len(a[1])), real(*a))[1]
-    )
+    real = csv_table.Table.numbers
+
+    def numbers(table, *options):
+        parsed.append(len(table.text))
+        return real(table, *options)
+
+    monkeypatch.setattr(csv_table.Table, "numbers", numbers)
     np.testing.assert_array_equal(postures.block(2000, 2003), q[2000:2003])
     assert sum(parsed) < 500
 

@@ -269,7 +269,7 @@ BAD_FILES = {
     "half a bracket": (csv_of("t,j1 deg],j2", T, Q), "no column 'j1 deg]' is expected"),
     "empty cell": (
         PLAIN.replace("0.1,0.1,0.12", "0.1,,0.12"),
-        "line 3, 'j1': the cell is empty; every sample needs every joint",
+        "line 3, 'j1': the cell is empty; every row needs every joint",
     ),
     "NaN": (PLAIN.replace("0.12", "nan"), "line 3, 'j2': 'nan' is not finite"),
     "infinity": (PLAIN.replace("0.12", "-inf"), "line 3, 'j2': '-inf' is not finite"),

@@ -43,17 +43,16 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
         A joint is missing or there twice, or has a unit that it cannot have.
     """
     units = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
+    if degrees:
+        units = {name: {**known, "": known.get("deg", 1.0)} for name, known in units.items()}
     columns = find_columns(header, units)
     if missing := [name for name in robot.names if name not in columns]:
         raise InputError(
             f"lacks the column{'s' if len(missing) > 1 else ''} {listed(missing)}; postures need "
             f"every joint by its name; the columns are: {listed(header)}"
         )
-    usual = {"rad": "deg" if degrees else "rad", "m": "m"}
-    scales = [
-        units[joint.name][columns[joint.name].unit or usual[joint.unit]] for joint in robot.joints
-    ]
-    return tuple(columns[name].number for name in robot.names), read_only(np.array(scales))
+    numbers, scales = zip(*(columns[name] for name in robot.names), strict=True)
+    return numbers, read_only(np.array(scales))
 
 
 def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:

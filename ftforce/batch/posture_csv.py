@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from ftforce.arrays import read_only
-from ftforce.csv_table import NumberReader, read_header
+from ftforce.csv_table import Table
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,15 +33,18 @@ class CsvReader:
 
     Attributes
     ----------
-    numbers :
-        Reads rows.
+    table :
+        Its header.
+    columns :
+        Those that are read, in this order.
     starts :
         First row of each piece, and the number of rows.
     offsets :
         Where each piece begins, bytes, and where the last one ends.
     """
 
-    numbers: NumberReader
+    table: Table
+    columns: tuple[int, ...]
     starts: NDArray[np.int64]
     offsets: NDArray[np.int64]
 
@@ -53,15 +56,15 @@ class CsvReader:
     def read(self, path: str, start: int, stop: int) -> Matrix:
         """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n)."""
         if start == stop:
-            return np.empty((0, len(self.numbers.columns)))
+            return np.empty((0, len(self.columns)))
         first = int(np.searchsorted(self.starts, start, "right")) - 1
         last = int(np.searchsorted(self.starts, stop, "left"))
         blocks = []
         with Path(path).open("rb") as stream:
             stream.seek(int(self.offsets[first]))
             for size in np.diff(self.offsets[first : last + 1]).tolist():
-                text = _decoded(stream.read(size))
-                blocks.append(self.numbers.read(text, 1))
+                piece = self.table._replace(text=_decoded(stream.read(size)))
+                blocks.append(piece.numbers(self.columns))
         skipped = start - int(self.starts[first])
         return np.concatenate(blocks)[skipped : skipped + stop - start].copy()
 
@@ -84,29 +87,29 @@ def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) ->
         It cannot be read.
     """
     with Path(path).open("rb") as stream:
-        header, offset, line = _header(stream.read(PIECE))
-        numbers = NumberReader(header, choose(header), "posture", one_line=True)
+        table, offset = _header(stream.read(PIECE))
+        columns, line = choose(table.header), table.line
         stream.seek(offset)
         starts, offsets = [0], [offset]
         for piece in _pieces(stream):
             text = _decoded(piece, f"after line {line - 1}")
-            starts.append(starts[-1] + len(numbers.read(text, line)))
+            rows = table._replace(text=text, line=line).numbers(columns)
+            starts.append(starts[-1] + len(rows))
             offsets.append(offsets[-1] + len(piece))
             line += text.count("\n") + text.count("\r") - text.count("\r\n")
     if not starts[-1]:
         raise InputError("holds no postures below its header")
-    return CsvReader(numbers, read_only(np.array(starts)), read_only(np.array(offsets)))
+    return CsvReader(table, columns, read_only(np.array(starts)), read_only(np.array(offsets)))
 
 
-def _header(data: bytes) -> tuple[tuple[str, ...], int, int]:
-    """Return the header's cells, where the next line begins, and its number."""
+def _header(data: bytes) -> tuple[Table, int]:
+    """Return the table without its lines, and where they begin."""
     offset = len(_MARK) if data.startswith(_MARK) else 0
     complete = data if len(data) < PIECE else data[: _end_of_lines(data)]
-    text = _decoded(complete[offset:])
-    header = read_header(text, one_line=True)
-    if header is None:
+    table = Table.of(_decoded(complete[offset:]), one_line=True)
+    if table is None:
         raise InputError("holds no header with the joints' names")
-    return header.cells, offset + len(text[: header.end].encode()), header.line
+    return table._replace(text=""), len(complete) - len(table.text.encode())
 
 
 def _pieces(stream: BinaryIO) -> Iterator[bytes]:
