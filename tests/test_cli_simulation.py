@@ -79,7 +79,7 @@ def test_csv_on_standard_output():
 
 
 def test_paper():
-    shown = run("simulate", "--paper", "--rate", "2").stdout
+    shown = run("simulate", "--paper", "--rate", "2", "--debug").stdout
     for expected in ("1.15, -0.134, 0.034", "3 joint3 locked at 50 s", "Assumed", "Tolerated",
                      "80.00 N", "0.015 m/s"):  # fmt: skip
         assert expected in shown
@@ -130,8 +130,8 @@ MALFORMED = {
     "rate": (["dh5", *LINE[:-1], "0", *PUSH], "rate must be positive"),
     "paper and robot": (["dh5", "--paper"], "leave out ROBOT"),
     "paper and more": (
-        ["--paper", "--limits", "urdf", "--deg", "--rtol", "1e-5", "--to", "1,2,3"],
-        "leave out --to, --deg, --limits, --rtol",
+        ["--paper", "--limits", "urdf", "--deg", "--task", "force", "--to", "1,2,3"],
+        "leave out --to, --deg, --limits, --task",
     ),
 }  # fmt: skip
 
