@@ -64,18 +64,33 @@ def test_analyze_prints_the_papers_case():
     assert all(len(line) <= 80 for line in output.splitlines())
 
 
-@pytest.mark.parametrize("given", [["--locked", "2,4"], ["--locked", "joint4,joint2"],
-                                   ["--locked", "2", "--locked", "joint4"]])  # fmt: skip
+@pytest.mark.parametrize(
+    "given",
+    [["--locked", "2,4"], ["--locked", "joint4,joint2"], ["--locked", "2", "--locked", "joint4"]],
+)
 def test_joints_are_numbers_or_names(given):
     assert document("analyze", DH5, *given)["locked"] == ["joint2", "joint4"]
 
 
-WHOLE = ["--velocity", ".1,.2,.3,.4,.5", "--acceleration", "1,2,3,4,5", "--gravity", "1,0,-9",
-         "--payload", "1.5@0,0,0.1", "--limits", "urdf"]  # fmt: skip
+WHOLE = [
+    "--velocity",
+    ".1,.2,.3,.4,.5",
+    "--acceleration",
+    "1,2,3,4,5",
+    "--gravity",
+    "1,0,-9",
+    "--payload",
+    "1.5@0,0,0.1",
+    "--limits",
+    "urdf",
+]
 SAME = {
-    "velocity": [0.1, 0.2, 0.3, 0.4, 0.5], "acceleration": [1, 2, 3, 4, 5], "gravity": [1, 0, -9],
-    "payload": (1.5, (0, 0, 0.1)), "limits": "urdf",
-}  # fmt: skip
+    "velocity": [0.1, 0.2, 0.3, 0.4, 0.5],
+    "acceleration": [1, 2, 3, 4, 5],
+    "gravity": [1, 0, -9],
+    "payload": (1.5, (0, 0, 0.1)),
+    "limits": "urdf",
+}
 
 
 def test_options_of_analyze_are_those_of_the_function():
@@ -245,8 +260,9 @@ def test_errors_are_one_line_and_debug_shows_more():
     assert result.stderr.startswith("error: joint number 9 is out of range")
     assert result.stdout == ""
     with pytest.raises(ftforce.FtforceError):
-        CliRunner().invoke(cli.app, ["analyze", DH5, "--locked", "9", "--debug"],
-                           catch_exceptions=False)  # fmt: skip
+        CliRunner().invoke(
+            cli.app, ["analyze", DH5, "--locked", "9", "--debug"], catch_exceptions=False
+        )
 
 
 def test_a_mistake_of_ours_is_no_traceback(monkeypatch):

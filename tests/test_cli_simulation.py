@@ -18,6 +18,7 @@ from test_cli import document, run
 
 LINE = ["--from", "0.9,0.3,0.2", "--to", "0.85,0.35,0.25", "--speed", "0.05", "--rate", "10"]
 PUSH = ["--force", "80,50,10"]
+PANDA = ["panda", "--to", "0.4,0.3,0.4", "--speed", "0.2"]
 
 
 @pytest.fixture(autouse=True)
@@ -53,11 +54,18 @@ def test_without_remap():
 
 
 def test_tables_fit_80_columns():
-    shown = run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "20",
+    shown = run("simulate", *PANDA, "--rate", "20",
                 "--force", "0,0,30", "--fault", "4@1", "--fault", "free:2@2").stdout  # fmt: skip
     assert max(map(len, shown.splitlines())) <= 80
-    for expected in ("4 panda_joint4 locked at 1 s", "At the faults", "as if healthy",
-                     "Motor torques", "N·m", "tool frame", "Not tolerated"):  # fmt: skip
+    for expected in (
+        "4 panda_joint4 locked at 1 s",
+        "At the faults",
+        "as if healthy",
+        "Motor torques",
+        "N·m",
+        "tool frame",
+        "Not tolerated",
+    ):
         assert expected in shown
 
 
@@ -80,8 +88,14 @@ def test_csv_on_standard_output():
 
 def test_paper():
     shown = run("simulate", "--paper", "--rate", "2", "--debug").stdout
-    for expected in ("1.15, -0.134, 0.034", "3 joint3 locked at 50 s", "Assumed", "Tolerated",
-                     "80.00 N", "0.015 m/s"):  # fmt: skip
+    for expected in (
+        "1.15, -0.134, 0.034",
+        "3 joint3 locked at 50 s",
+        "Assumed",
+        "Tolerated",
+        "80.00 N",
+        "0.015 m/s",
+    ):
         assert expected in shown
 
 
@@ -107,8 +121,7 @@ def test_a_recorded_motion_and_waypoints():
 
 def test_without_from_the_tip_starts_where_the_posture_has_it():
     arm = ftforce.load_robot("panda")
-    run("simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "20",
-        "--force", "0,0,30", "-o", "run.npz")  # fmt: skip
+    run("simulate", *PANDA, "--rate", "20", "--force", "0,0,30", "-o", "run.npz")
     found = ftforce.load_history("run.npz")
     np.testing.assert_allclose(found.healthy.q[0], arm.postures["default"], atol=1e-9)
 
@@ -121,8 +134,10 @@ MALFORMED = {
     "two trajectories": (["dh5", "x.csv", *LINE, *PUSH], "not both"),
     "no file": (["dh5", "x.csv", *PUSH], "no such file"),
     "point": (["dh5", *PUSH, "--to", "0.9,0.3", "--speed", "1"], "--to needs x,y,z in m"),
-    "unreachable": (["dh5", *PUSH, "--from", "9,9,9", "--to", "1,1,1", "--speed", "1"],
-                    "cannot reach"),
+    "unreachable": (
+        ["dh5", *PUSH, "--from", "9,9,9", "--to", "1,1,1", "--speed", "1"],
+        "cannot reach",
+    ),
     "fault": (["dh5", *LINE, *PUSH, "--fault", "3"], "needs joints and a time"),
     "fault after the end": (["dh5", *LINE, *PUSH, "--fault", "3@90"], "after the end"),
     "joint": (["dh5", *LINE, *PUSH, "--fault", "9@1"], "joint number 9 is out of range"),
@@ -133,7 +148,7 @@ MALFORMED = {
         ["--paper", "--limits", "urdf", "--deg", "--task", "force", "--to", "1,2,3"],
         "leave out --to, --deg, --limits, --task",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("words", "message"), MALFORMED.values(), ids=MALFORMED)
@@ -150,8 +165,19 @@ def test_forms_of_histories_are_for_histories():
 
 
 def test_nothing_is_written_on_an_error(tmp_path):
-    run("simulate", "dh5", *LINE, *PUSH, "--fault", "9@1", "-o", "run.npz", "--plot", "run.png",
-        status=1)  # fmt: skip
+    run(
+        "simulate",
+        "dh5",
+        *LINE,
+        *PUSH,
+        "--fault",
+        "9@1",
+        "-o",
+        "run.npz",
+        "--plot",
+        "run.png",
+        status=1,
+    )
     run("simulate", "dh5", *LINE, *PUSH, "-o", "run.npz", "--plot", "run.bmp", status=1)
     assert not list(tmp_path.iterdir())
 
@@ -201,8 +227,9 @@ main()
 
 def test_long_simulation_shows_progress(monkeypatch):
     monkeypatch.setattr(sys.modules["ftforce.cli.progress"], "PATIENCE", -1.0)
-    result = run("simulate", "dh5", *LINE, *PUSH, "--fault", "3@1",
-                 env={"FORCE_COLOR": "1", "NO_COLOR": ""})  # fmt: skip
+    result = run(
+        "simulate", "dh5", *LINE, *PUSH, "--fault", "3@1", env={"FORCE_COLOR": "1", "NO_COLOR": ""}
+    )
     assert "instants" in result.stderr
 
 
@@ -221,7 +248,7 @@ def test_timeline_as_in_python():
 
 
 def test_timeline_tables_and_csv():
-    shown = run("timeline", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "5",
+    shown = run("timeline", *PANDA, "--rate", "5",
                 "--mode", "free", "--force", "0,0,30", "--top", "3").stdout  # fmt: skip
     assert max(map(len, shown.splitlines())) <= 80
     for expected in ("(free)", "more sets are not shown", "jump [N]", "margin", "Not tolerated"):
@@ -272,7 +299,7 @@ def test_a_delay_beyond_the_end():
 
 
 def test_tables_of_a_wrench_fit_80_columns():
-    words = ["simulate", "panda", "--to", "0.4,0.3,0.4", "--speed", "0.2", "--rate", "10"]
+    words = ["simulate", *PANDA, "--rate", "10"]
     wrench = ["--force", "0,0,30,1,0,0", "--task", "wrench", "--length", "0.2"]
     lines = run(*words, *wrench, "--fault", "weak:4:0.05@1").stdout.splitlines()
     (heading,) = (one for one in lines if one.startswith("time") and "margin" in one)
@@ -297,10 +324,3 @@ def test_tables_of_faults_and_of_instants_say_the_same():
     wanted = ftforce.simulate(ur5, line, faults=events, **options)
     jump = wanted.jump_norm(wanted.remapped)
     assert found["events"][1]["force_jump"] == jump[wanted.index(1.5)]
-
-
-def test_html_is_a_page(tmp_path):
-    run("simulate", "dh5", *LINE, *PUSH, "-o", "run.html")
-    page = (tmp_path / "run.html").read_text("utf-8")
-    assert page.startswith("<!doctype html>")
-    assert '<meta charset="utf-8">' in page

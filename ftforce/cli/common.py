@@ -36,7 +36,7 @@ class Format(StrEnum):
 _ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet")
 _MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
-_DATA_ENDINGS = ("json", "csv", *_HISTORY_ENDINGS)
+_DATA = ("json", "csv", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 RobotArgument = Annotated[
@@ -235,7 +235,7 @@ def check_outputs(
             raise InputError(".zarr is for `ftforce sweep`; use .json or .csv")
         if ending and ending not in endings and form is None:
             raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
-        if form not in {None, ending} and ending in _DATA_ENDINGS:
+        if form not in {None, ending} and ending in _DATA:
             raise InputError(f"{printable(output)}: the ending is none of --format {form}")
     if plot is not None:
         if _ending(plot) not in _PLOT_ENDINGS:
@@ -371,7 +371,7 @@ def _emit(
 
 def _form_of(output: Path | None) -> str:
     ending = "" if output is None else _ending(output)
-    return ending if ending in _DATA_ENDINGS else Format.TABLE
+    return ending if ending in _DATA else Format.TABLE
 
 
 def _plot(result: Any, path: Path) -> bytes:
