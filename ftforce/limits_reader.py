@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ftforce.arrays import read_only
+from ftforce.csv_table import Table
 from ftforce.errors import DimensionError, InputError, LimitsError, printable
 from ftforce.limits import Limits
 from ftforce.source import read_numbers, read_text
@@ -159,21 +159,12 @@ def _toml_entries(text: str) -> list[_Entry]:
 
 
 def _csv_entries(text: str) -> list[_Entry]:
-    import csv
-
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True)
-    try:
-        rows = [(f"line {reader.line_num}", row) for row in reader if any(map(str.strip, row))]
-    except csv.Error as problem:
-        raise InputError(f"line {reader.line_num}: is not CSV: {problem}") from None
-    header = [cell.strip().lower() for cell in rows[0][1]] if rows else []
-    if "joint" not in header or len(set(header)) < len(header) or not set(header) <= set(COLUMNS):
+    table = Table.of(text)
+    header = [cell.lower() for cell in table.header] if table else []
+    if not table or "joint" not in header or len(set(header) & set(COLUMNS)) < len(header):
         hint = "; commas separate cells" if len(header) == 1 else ""
-        raise InputError(f"needs the header {','.join(COLUMNS)} (brake may be missing), "
-                         f"got {','.join(header)}{hint}")  # fmt: skip
-    entries: list[_Entry] = []
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise InputError(f"{line}: needs {len(header)} cells, got {len(row)}")
-        entries.append((line, dict(zip(header, row, strict=True))))
-    return entries
+        raise InputError(
+            f"needs the header {','.join(COLUMNS)} (brake may be missing), got {','.join(header)}"
+            f"{hint}"
+        )
+    return [(f"line {line}", dict(zip(header, cells, strict=True))) for line, cells in table.rows()]

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ftforce.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
-from ftforce.errors import DimensionError, InputError, TrajectoryError, UnknownNameError, printable
-from ftforce.source import read_numbers, read_text, shortened
+from ftforce.csv_table import POSITION_UNITS, Table, find_columns, split_unit
+from ftforce.errors import DimensionError, InputError, TrajectoryError, printable
+from ftforce.source import read_text, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -24,12 +23,12 @@ if TYPE_CHECKING:
 
 LARGEST_FILE = 2_000_000_000  # bytes
 GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
+_NO_NUMBERS = "needs a header and numbers below it"
 _KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
 _SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
 _LARGEST = 1e12  # of a number in a file; times may count from 1970
 _MISFIT = 0.1  # of the way of a joint: the integral of its velocities may be that far off,
 _STILL = 1e-3  # rad or m: and this much, for encoders of joints that rest
-_SCALES = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +87,7 @@ class Recording:
         if times.ndim != 1 or len(times) < 4:
             raise InputError(f"a trajectory needs 4 or more times, got the shape {times.shape}")
         check_finite(times, "t")
-        _check_times(times, max_gap, [f"sample {i + 1}" for i in range(len(times))])
+        _check_times(times, max_gap, lambda i: f"sample {i + 1}")
         positions = _samples(robot, q, "q", len(times))
         velocities = None if v is None else _samples(robot, v, "v", len(times))
         return cls(read_only(times), positions, velocities, source)
@@ -143,18 +142,15 @@ class Sheet(NamedTuple):
     ----------
     path :
         The file.
-    header :
-        Its cells, stripped.
+    table :
+        Its text.
     values :
-        Shape (rows, columns).
-    lines :
-        Where each row stands, e.g. ``line 2``.
+        Its numbers, shape (rows, columns).
     """
 
     path: str
-    header: tuple[str, ...]
+    table: Table
     values: Matrix
-    lines: tuple[str, ...]
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Sheet:
@@ -167,14 +163,23 @@ class Sheet(NamedTuple):
         """
         text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
         try:
-            return cls(printable(path), *_table(text))
+            table = _table(text)
+            values = table.numbers(range(len(table.header)), _LARGEST)
+            if not len(values):
+                raise InputError(_NO_NUMBERS)
+            return cls(printable(path), table, values)
         except InputError as problem:
             raise TrajectoryError(path, printable(problem)) from None
 
     @property
     def holds_points(self) -> bool:
         """Whether it is a list of waypoints rather than a motion of joints."""
-        return sorted(_split(cell)[0].lower() for cell in self.header) == ["x", "y", "z"]
+        return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
+
+    def place(self, row: int) -> str:
+        """Return where a row stands, e.g. ``line 2``."""
+        line, _ = next(islice(self.table.rows(), row, None))
+        return f"line {line}"
 
     def points(self) -> Matrix:
         """Return the waypoints x, y, z, m, shape (k, 3).
@@ -185,64 +190,42 @@ class Sheet(NamedTuple):
             A unit other than m.
         """
         names = []
-        for cell in self.header:
-            name, unit = _split(cell)
+        for cell in self.table.header:
+            name, unit = split_unit(cell)
             if unit not in {"", "m"}:
                 raise TrajectoryError(self.path, f"column {cell!r}: points are in m")
             names.append(name.lower())
         return self.values[:, [names.index(axis) for axis in "xyz"]]
 
 
-def _table(text: str) -> tuple[tuple[str, ...], Matrix, tuple[str, ...]]:
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True, skipinitialspace=True)
-    try:
-        rows = [(f"line {reader.line_num}", row) for row in reader if any(map(str.strip, row))]
-    except csv.Error as problem:
-        raise InputError(f"line {reader.line_num}: is not CSV: {problem}") from None
-    if len(rows) < 2:
-        raise InputError("needs a header and numbers below it")
-    header = tuple(cell.strip() for cell in rows[0][1])
-    if len(header) < 2:
-        got = shortened(header[0])
+def _table(text: str) -> Table:
+    table = Table.of(text)
+    if table is None:
+        raise InputError(_NO_NUMBERS)
+    if len(table.header) < 2:
+        got = shortened(table.header[0])
         raise InputError(f"needs the header t,JOINT,… or x,y,z, got {got}; commas separate cells")
-    values = np.empty((len(rows) - 1, len(header)))
-    for i, (line, row) in enumerate(rows[1:]):
-        if len(row) != len(header):
-            raise InputError(f"{line}: needs {len(header)} cells, got {len(row)}")
-        try:
-            values[i] = [read_numbers(cell, 1, _LARGEST)[0] for cell in row]
-        except ValueError:
-            cells = zip(row, header, strict=True)
-            values[i] = [_number(cell, f"{line}, {name}") for cell, name in cells]
-    return header, values, tuple(line for line, _ in rows[1:])
-
-
-def _number(cell: str, where: str) -> float:
-    if not cell.strip():
-        raise InputError(f"{where}: the cell is empty; every sample needs every joint")
-    try:
-        return read_numbers(cell, 1, _LARGEST)[0]
-    except ValueError as problem:
-        raise InputError(f"{where}: {problem}") from None
+    return table
 
 
 def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
     """Return the recorded motion that a file holds, see `Recording.read`."""
     try:
-        columns = _columns(robot, sheet.header)
-        t = read_only(sheet.values[:, columns["t"]].copy())
+        columns = _columns(robot, sheet.table.header)
+        t = read_only(sheet.values[:, columns["t"][0]].copy())
         if len(t) < 4:
             raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
-        _check_times(t, max_gap, sheet.lines)
+        _check_times(t, max_gap, sheet.place)
     except InputError as problem:
         raise TrajectoryError(sheet.path, str(problem)) from None
-    scales = [_scale(robot, cell) for cell in sheet.header]
-    values = sheet.values * scales
-    q = values[:, [columns[name] for name in robot.names]]
-    v = None
-    if all(f"v_{name}" in columns for name in robot.names):
-        v = values[:, [columns[f"v_{name}"] for name in robot.names]]
-    return Recording(t, read_only(q), None if v is None else read_only(v), sheet.path)
+
+    def matrix(names: Sequence[str]) -> Matrix:
+        numbers, scales = zip(*(columns[name] for name in names), strict=True)
+        return read_only(sheet.values[:, numbers] * scales)
+
+    velocities = [f"v_{name}" for name in robot.names]
+    v = matrix(velocities) if columns.keys() >= set(velocities) else None
+    return Recording(t, matrix(robot.names), v, sheet.path)
 
 
 def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
@@ -254,55 +237,27 @@ def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
     return read_only(values)
 
 
-def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, int]:
-    """Return the column of ``t``, of each joint and, behind ``v_``, of each velocity."""
-    known = ("t", *robot.names, *(f"v_{name}" for name in robot.names))
-    columns: dict[str, int] = {}
-    for i, cell in enumerate(header):
-        name, unit = (cell, "") if cell in known else _split(cell)
-        if name not in known:
-            raise UnknownNameError("column", name, known[: robot.n + 1], "is expected")
-        if name in columns:
-            raise InputError(f"column {name!r} is there twice")
-        wanted = _units(robot, name)
-        if unit and unit not in wanted:
-            raise InputError(f"column {cell!r}: its unit can be {' or '.join(wanted)}")
-        columns[name] = i
-    if missing := [name for name in known[: robot.n + 1] if name not in columns]:
+def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, float]]:
+    """Find the columns ``t``, of each joint and, behind ``v_``, of each velocity."""
+    positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
+    velocities = {
+        f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
+        for name, units in positions.items()
+    }
+    units = {**velocities, **positions, "t": {"": 1.0, "s": 1.0}}
+    needed = ("t", *robot.names)
+    columns = find_columns(header, units, needed)
+    if missing := [name for name in needed if name not in columns]:
         raise InputError(
             f"lacks the columns {', '.join(missing)}; a trajectory needs t and every joint: "
             f"{robot.numbered()}"
         )
-    velocities = [name for name in known[robot.n + 1 :] if name in columns]
-    if velocities and len(velocities) < robot.n:
+    if len(needed) < len(columns) < len(units):
         raise InputError("holds velocities of some joints only; give those of all, or of none")
     return columns
 
 
-def _split(cell: str) -> tuple[str, str]:
-    """Return name and unit of ``name [unit]``."""
-    name, bracket, unit = cell.removesuffix("]").rpartition("[")
-    if not bracket or not cell.endswith("]"):
-        return cell, ""
-    return name.strip(), unit.strip()
-
-
-def _units(robot: Robot, name: str) -> tuple[str, ...]:
-    if name == "t":
-        return ("s",)
-    velocity = name not in robot.names
-    joint = robot.joints[robot.names.index(name.removeprefix("v_") if velocity else name)]
-    units = ("m",) if joint.type == "prismatic" else ("rad", "deg")
-    return tuple(f"{unit}/s" for unit in units) if velocity else units
-
-
-def _scale(robot: Robot, cell: str) -> float:
-    if cell in robot.names or cell.removeprefix("v_") in robot.names:
-        return 1.0
-    return _SCALES.get(_split(cell)[1].removesuffix("/s"), 1.0)
-
-
-def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str, ...]) -> None:
+def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) -> None:
     """Check that times rise without a gap.
 
     Raises
@@ -315,7 +270,7 @@ def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str
         i = int((steps < _SHORTEST).argmax())
         what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:.12g} s"
         least = "times must rise" if steps[i] <= 0.0 else f"steps need {_SHORTEST:g} s or more"
-        raise InputError(f"{places[i + 1]}: the time {t[i + 1]:.12g} s {what}; {least}")
+        raise InputError(f"{place(i + 1)}: the time {t[i + 1]:.12g} s {what}; {least}")
     usual = float(np.median(steps))
     if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
         raise InputError(f"the longest gap must be positive and finite, s, got {max_gap!r}")
@@ -323,6 +278,6 @@ def _check_times(t: Vector, max_gap: float | None, places: list[str] | tuple[str
     if steps.max() > longest * (1.0 + 1e-9):
         i = int(steps.argmax())
         raise InputError(
-            f"{places[i + 1]}: a gap of {steps[i]:g} s after {t[i]:.12g} s, where the usual step "
+            f"{place(i + 1)}: a gap of {steps[i]:g} s after {t[i]:.12g} s, where the usual step "
             f"is {usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
         )

@@ -18,7 +18,7 @@ from ftforce.batch.drawn import Drawn
 from ftforce.batch.postures import Grid, Listed
 from ftforce.batch.sobol import sobol_columns, sobol_integers
 from ftforce.errors import InputError, UnknownNameError
-from helpers import load_text, serial_urdf
+from helpers import campaign, load_text, serial_urdf
 
 LOWER, UPPER = np.array([-1.0, -math.pi, 0.25]), np.array([2.0, math.pi, 0.75])
 
@@ -146,8 +146,8 @@ def stream_of(n, seed, count):
     return engine_of(n, seed).random_base2(math.ceil(math.log2(count)))[:count]
 
 
-@pytest.mark.parametrize("n", [1, 2, 7, 30, 100])
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 1000, 4096, 4097, 20000])
+@pytest.mark.parametrize("n", [1, 7, 100])
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 4097, 20000])
 def test_sobol_is_scipys(n, count):
     wanted = stream_of(n, n + count, count)
     columns = sobol_columns(n, count, n + count)
@@ -156,7 +156,7 @@ def test_sobol_is_scipys(n, count):
         np.testing.assert_array_equal(got, wanted[start:])
 
 
-@settings(max_examples=50)
+@settings(max_examples=campaign(100, 20))
 @given(st.integers(0, 2**100), st.integers(1, 9), st.data())
 def test_sobol_of_any_seed(seed, n, data):
     count = data.draw(st.integers(1, 3000))
@@ -310,7 +310,7 @@ def test_words(arm):
 # ---- grids -----------------------------------------------------------------------------------
 
 
-@settings(max_examples=40)
+@settings(max_examples=campaign(100, 20))
 @given(st.lists(st.integers(1, 7), min_size=3, max_size=3))
 def test_grids_are_products(arm, counts):
     a, b, c = counts

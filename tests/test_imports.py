@@ -11,17 +11,18 @@ import pytest
 
 import ftforce
 
-HEAVY = ("yourdfpy", "trimesh", "matplotlib", "numba", "dask", "viser", "scipy", "pydantic")
+HEAVY = {"yourdfpy", "trimesh", "matplotlib", "numba", "dask", "viser", "scipy", "pydantic"}
 DH5 = Path(__file__).parents[1] / "robots" / "dh5.urdf"
 
 
-def loaded_by(program: str) -> set[str]:
-    """Return the modules that a fresh interpreter holds after the program."""
-    code = f"import sys\n{program}\nprint('\\n'.join(sys.modules), file=sys.stderr)"
+def loaded_by(*steps: str) -> list[set[str]]:
+    """Return the modules that a fresh interpreter holds after each step of a program."""
+    note = "\nprint(*sys.modules, file=sys.stderr)\n"
+    code = "import sys\n" + note.join([*steps, ""])
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
-    return set(done.stderr.split())
+    return [set(line.split()) for line in done.stderr.splitlines()]
 
 
 def command(*arguments: str) -> str:
@@ -31,27 +32,22 @@ def command(*arguments: str) -> str:
     )
 
 
-def test_import_ftforce_loads_no_library():
-    modules = loaded_by("import ftforce")
-    assert not modules & {"numpy", "pinocchio", "rich", "typer", *HEAVY}
+def test_libraries_are_loaded_when_they_are_needed():
+    core = "from ftforce.closed_forms import remap; ftforce.remap"
+    first, then = loaded_by("import ftforce", core)
+    assert not first & {"numpy", "pinocchio", "rich", "typer", *HEAVY}
+    assert "numpy" in then
+    assert not then & {"pinocchio", "rich", "typer", "ftforce.robot", *HEAVY}
 
 
-def test_help_loads_no_mathematics():
-    modules = loaded_by(command("--help"))
-    assert not modules & {"numpy", "pinocchio", *HEAVY}
-
-
-@pytest.mark.parametrize("name", ["analyze", "census", "inspect"])
-def test_commands_load_nothing_heavy(name):
-    modules = loaded_by(command(name, str(DH5)))
-    assert "pinocchio" in modules
-    assert not modules & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.files"}
-
-
-def test_the_array_core_needs_no_pinocchio():
-    modules = loaded_by("from ftforce.closed_forms import remap; import ftforce; ftforce.remap")
-    assert "numpy" in modules
-    assert not modules & {"pinocchio", "rich", "typer", "ftforce.robot", *HEAVY}
+def test_commands_load_nothing_heavy():
+    names = ("analyze", "census", "inspect")
+    steps = (command("--help"), *(command(name, str(DH5)) for name in names))
+    shown, *modules = loaded_by(*steps)
+    assert not shown & {"numpy", "pinocchio", *HEAVY}
+    for loaded in modules:
+        assert "pinocchio" in loaded
+        assert not loaded & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.files"}
 
 
 def test_the_public_names_are_there():

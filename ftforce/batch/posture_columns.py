@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ftforce.arrays import read_only
+from ftforce.csv_table import POSITION_UNITS, find_columns
 from ftforce.errors import InputError, listed
 from ftforce.source import LARGEST_NUMBER
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ftforce.arrays import Matrix, Vector
-    from ftforce.robot import Joint, Robot
+    from ftforce.robot import Robot
 
 ROWS = 1 << 16  # that are checked at a time
 
@@ -42,38 +42,17 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     InputError
         A joint is missing or there twice, or has a unit that it cannot have.
     """
-    columns: dict[str, int] = {}
-    scales = {}
-    for i, cell in enumerate(header):
-        name, unit = (cell, "") if cell in robot.names else split_unit(cell)
-        if name not in robot.names:
-            continue
-        if name in columns:
-            raise InputError(f"column {name!r} is there twice")
-        columns[name] = i
-        scales[name] = _scale(robot.joints[robot.names.index(name)], cell, unit, degrees)
+    units = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
+    if degrees:
+        units = {name: {**known, "": known.get("deg", 1.0)} for name, known in units.items()}
+    columns = find_columns(header, units)
     if missing := [name for name in robot.names if name not in columns]:
         raise InputError(
             f"lacks the column{'s' if len(missing) > 1 else ''} {listed(missing)}; postures need "
             f"every joint by its name; the columns are: {listed(header)}"
         )
-    factors = np.array([scales[name] for name in robot.names])
-    return tuple(columns[name] for name in robot.names), read_only(factors)
-
-
-def split_unit(cell: str) -> tuple[str, str]:
-    """Return name and unit of ``name [unit]``."""
-    name, bracket, unit = cell.removesuffix("]").rpartition("[")
-    if not bracket or not cell.endswith("]"):
-        return cell, ""
-    return name.strip(), unit.strip()
-
-
-def _scale(joint: Joint, cell: str, unit: str, degrees: bool) -> float:
-    known = {"m": 1.0} if joint.unit == "m" else {"rad": 1.0, "deg": math.radians(1.0)}
-    if unit and unit not in known:
-        raise InputError(f"column {cell!r}: its unit can be {' or '.join(known)}")
-    return known[unit] if unit else known["deg" if degrees and "deg" in known else joint.unit]
+    numbers, scales = zip(*(columns[name] for name in robot.names), strict=True)
+    return numbers, read_only(np.array(scales))
 
 
 def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:

@@ -228,7 +228,7 @@ def check_outputs(
     """
     if output is not None:
         endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
-        ending = output.suffix.lower().removeprefix(".")
+        ending = _ending(output)
         if ending in _HISTORY_ENDINGS and command != "simulate":
             raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
         if ending == "zarr" and command != "sweep":
@@ -238,7 +238,7 @@ def check_outputs(
         if form not in {None, ending} and ending in _DATA:
             raise InputError(f"{printable(output)}: the ending is none of --format {form}")
     if plot is not None:
-        if plot.suffix.lower().removeprefix(".") not in _PLOT_ENDINGS:
+        if _ending(plot) not in _PLOT_ENDINGS:
             raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")
         from ftforce.show.canvas import needs_matplotlib
 
@@ -248,6 +248,10 @@ def check_outputs(
             above = next(folder for folder in path.parents if folder.exists())
             reason = os.strerror(errno.ENOENT if above.is_dir() else errno.ENOTDIR)
             raise OutputError(path, f"cannot be written ({reason})")
+
+
+def _ending(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")
 
 
 def _listed(endings: tuple[str, ...]) -> str:
@@ -366,12 +370,8 @@ def _emit(
 
 
 def _form_of(output: Path | None) -> str:
-    ending = "" if output is None else output.suffix.lower().removeprefix(".")
-    if ending in {Format.JSON, Format.CSV}:
-        return ending
-    if ending in {"npz", "parquet"}:
-        return ending
-    return Format.TABLE
+    ending = "" if output is None else _ending(output)
+    return ending if ending in _DATA else Format.TABLE
 
 
 def _plot(result: Any, path: Path) -> bytes:

@@ -3,56 +3,39 @@
 import sys
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from contextlib import AbstractContextManager
 
     from ftforce.fault_census import Progress
 
 PATIENCE = 1.0  # s without a progress bar
 
 
-@contextmanager
-def progress_bar(what: str) -> "Iterator[Progress]":
-    """Yield a callback that shows a bar on stderr once the work has taken a second."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+def progress_bar(what: str) -> "AbstractContextManager[Progress]":
+    """Return a callback's context: a bar on stderr counts once the work has taken a second."""
+    from rich.progress import MofNCompleteColumn
 
-    console = Console(file=sys.stderr)
-    bar = Progress(
-        what, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=console, transient=True,
-    )  # fmt: skip
-    work = bar.add_task(what)
-    start, shown = time.monotonic(), False
+    return _bar(what, MofNCompleteColumn())
 
-    def update(done: int, total: int, /) -> None:
-        nonlocal shown
-        if console.is_terminal and not shown and time.monotonic() - start > PATIENCE:
-            bar.start()
-            shown = True
-        if shown:
-            bar.update(work, completed=done, total=total)
 
-    try:
-        yield update
-    finally:
-        if shown:
-            bar.stop()
+def rate_bar(what: str) -> "AbstractContextManager[Progress]":
+    """Return the same for a bar with per cent and rate."""
+    from rich.progress import TextColumn
+
+    return _bar(what, TextColumn("{task.percentage:.0f} %"), TextColumn("{task.fields[rate]}"))
 
 
 @contextmanager
-def rate_bar(what: str) -> "Iterator[Progress]":
-    """Yield a callback that shows a bar with rate and time left, once the work takes a second."""
+def _bar(what: str, *columns: Any) -> "Iterator[Progress]":
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
     console = Console(file=sys.stderr)
-    bar = Progress(
-        what, BarColumn(), TextColumn("{task.percentage:.0f} %"), TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(), console=console, transient=True,
-    )  # fmt: skip
+    columns = (what, BarColumn(), *columns, TimeRemainingColumn())
+    bar = Progress(*columns, console=console, transient=True)
     work = bar.add_task(what, rate="")
     start, shown = time.monotonic(), False
     begun: int | None = None  # the first to come; what an earlier run did is not in the rate
@@ -65,8 +48,8 @@ def rate_bar(what: str) -> "Iterator[Progress]":
             bar.start()
             shown = True
         if shown:
-            rate = (done - begun) / passed
-            bar.update(work, completed=done, total=total, rate=f"{rate:,.0f} {what}/s")
+            rate = f"{(done - begun) / passed:,.0f} {what}/s"
+            bar.update(work, completed=done, total=total, rate=rate)
 
     try:
         yield update

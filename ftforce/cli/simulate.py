@@ -44,7 +44,7 @@ from ftforce.errors import InputError
 if TYPE_CHECKING:
     from ftforce.history import History
 
-_BESIDE_PAPER = {"paper", "rate", "delay", "no_remap", "plot", "form", "output"}
+_BESIDE_PAPER = {"paper", "debug", "rate", "delay", "no_remap", "plot", "form", "output"}
 
 Robot = Annotated[
     str | None,
@@ -71,6 +71,7 @@ FaultOption = Annotated[
 
 
 def simulate(
+    context: typer.Context,
     robot: Robot = None,
     trajectory: TrajectoryArgument = None,
     start: From = None,
@@ -112,9 +113,8 @@ def simulate(
     Three histories come out: as if healthy, without the remap, and with it. -o FILE with .csv,
     .npz or .parquet keeps every instant of them.
     """
-    given = dict(locals())
     if paper:
-        _refuse_beside_paper(given)
+        _refuse_beside_paper(context)
         history = _paper(rate, delay, remap=not no_remap)
     elif robot is None:
         raise InputError("which robot? Give a URDF file or a known name (see `ftforce robots`)")
@@ -127,13 +127,13 @@ def simulate(
 
         arm = load(robot, tip, base, posture)
         place = place_of(arm, trajectory, q, posture, degrees=deg)
+        course = trajectory_of(
+            arm, trajectory, start, to, speed=speed, keep_orientation=keep_orientation, place=place
+        )
         with progress_bar("instants") as progress:
             history = simulation.simulate(
                 arm,
-                trajectory_of(
-                    arm, trajectory, start, to,
-                    speed=speed, keep_orientation=keep_orientation, place=place,
-                ),
+                course,
                 place,
                 force=numbers(force, "--force") or [],
                 faults=fault or (),
@@ -152,11 +152,11 @@ def simulate(
                 rtol=rtol,
                 wary=wary,
                 progress=progress,
-            )  # fmt: skip
+            )
     _show(history, plot, form, output)
 
 
-def _refuse_beside_paper(given: dict[str, object]) -> None:
+def _refuse_beside_paper(context: typer.Context) -> None:
     """Refuse every option that Section V leaves no choice of.
 
     Raises
@@ -164,8 +164,7 @@ def _refuse_beside_paper(given: dict[str, object]) -> None:
     InputError
         There is one.
     """
-    named = given_options(simulate, given, given.keys() - _BESIDE_PAPER)
-    if named:
+    if named := given_options(context, context.params.keys() - _BESIDE_PAPER):
         raise InputError(f"--paper says all of that itself; leave out {', '.join(named)}")
 
 

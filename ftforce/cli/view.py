@@ -47,6 +47,7 @@ _OF_A_SWEEP = _LOAD | {"limits", "inverse", "task", "length", "axes", "rtol", "w
 
 
 def view(
+    context: typer.Context,
     robot: RobotArgument,
     locked: Locked = None,
     free: Free = None,
@@ -107,12 +108,11 @@ def view(
 
     Without --force or --torque: 20 N along each axis to begin with.
     """
-    given = dict(locals())
     refuse_force_and_torque(force, torque)
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
     if history is not None or sweep is not None:
-        _refuse_question(given)
+        _refuse_question(context)
     if at is not None and history is None:
         raise typer.BadParameter("--at is a time of a --history; give one")
     _check_outputs(export, screenshot)
@@ -166,13 +166,12 @@ def view(
         session.run()
 
 
-def _refuse_question(given: dict[str, object]) -> None:
+def _refuse_question(context: typer.Context) -> None:
     """Refuse options that a history or a sweep answers itself: they would count for nothing."""
     of, own = "sweep", _OF_A_SWEEP
-    if given["history"] is not None:
+    if context.params["history"] is not None:
         of, own = "history", _OF_A_SWEEP | {"q", "payload"}
-    named = given_options(view, given, own)
-    if named:
+    if named := given_options(context, own):
         raise InputError(f"a {of} has a question of its own; leave out {', '.join(named)}")
 
 

@@ -1,0 +1,114 @@
+"""Tables in CSV files: every way to write the same one, and the place of every mistake."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ftforce.csv_table import POSITION_UNITS, Table, find_columns, split_unit
+from ftforce.errors import InputError, UnknownNameError
+
+PLAIN = "t,j1,j2\n0.1,1,-2.5\n0.2,3,4e1\n"
+SAME = {
+    "plain": PLAIN,
+    "byte order": PLAIN.replace("0.1,1,", "+.1,01.0,"),
+    "CRLF": PLAIN.replace("\n", "\r\n"),
+    "CR": PLAIN.replace("\n", "\r"),
+    "quotes": PLAIN.replace("j1", '"j1"').replace("3", '"3"'),
+    "blank lines": "\n\n" + PLAIN.replace("\n", "\n\n ,, \n  \n"),
+    "blanks": PLAIN.replace(",", " ,\t"),
+    "no line break at the end": PLAIN.rstrip("\n"),
+}
+
+
+@pytest.mark.parametrize("one_line", [True, False])
+@pytest.mark.parametrize("content", SAME.values(), ids=SAME)
+def test_forms_of_the_same_table(content, one_line):
+    table = Table.of(content, one_line=one_line)
+    assert table.header == ("t", "j1", "j2")
+    np.testing.assert_array_equal(table.numbers([0, 1, 2]), [[0.1, 1, -2.5], [0.2, 3, 40]])
+    np.testing.assert_array_equal(table.numbers([2, 0]), [[-2.5, 0.1], [40, 0.2]])
+    assert [[cell.strip() for cell in cells] for _, cells in table.rows()][1][1] == "3"
+
+
+def test_rows_know_their_lines():
+    table = Table.of('\n\na,b\n1,2\n\n"3\n\n",4\n5,6\n')
+    assert table.line == 4
+    assert list(table.rows()) == [(4, ["1", "2"]), (8, ["3\n\n", "4"]), (9, ["5", "6"])]
+
+
+@pytest.mark.parametrize("text", ["", "\n \n", ",,\n"])
+def test_no_header(text):
+    assert Table.of(text) is None
+
+
+@pytest.mark.parametrize("below", ["", "\n", " \n,,\n"])
+def test_no_rows(below):
+    assert Table.of("a,b,c\n" + below).numbers([0, 2]).shape == (0, 2)
+
+
+@pytest.mark.parametrize("text", ["x,é,1", 'x,"é, y",1', "_,#,1", ",nan,1"])
+def test_other_columns_may_hold_anything(text):
+    assert Table.of(f"a,b,c\n{text}\n").numbers([2]).tolist() == [[1.0]]
+
+
+@pytest.mark.parametrize(
+    ("below", "message"),
+    [
+        ("1,2\n3\n", "line 3: needs 2 cells, got 1"),
+        ("1,2\n\n3,4,5\n", "line 4: needs 2 cells, got 3"),
+        ("1,2\n3, \n", "line 3, 'b': the cell is empty; every row needs every joint"),
+        ("1,1_0\n", "line 2, 'b': '1_0' is not a number"),
+        ("1,１\n", "line 2, 'b': '１' is not a number"),
+        ("1,2\u00a0\n", r"line 2, 'b': '2\xa0' is not a number"),
+        ("1,nan\n", "line 2, 'b': 'nan' is not finite"),
+        ("1,1e400\n", "line 2, 'b': '1e400' is not finite"),
+        ("1,1 2\n", "line 2, 'b': '1 2': 1 number needed, got 2"),
+        ("1,2\n101,2\n", "line 3, 'a': '101' is too large; numbers up to 100 are read"),
+        ('1,2\n"open,2\n3,4\n', "line 3: is not CSV: unexpected end of data"),
+        ('"1"1,2\n', "line 2: is not CSV: ',' expected after '\"'"),
+        ("1," + "1" * 200_000, "line 2: is not CSV: field larger than field limit (131072)"),
+    ],
+)
+def test_mistakes_have_a_place(below, message):
+    for text in (f"a,b\n{below}", f"a,b\r\n{below}"):
+        with pytest.raises(InputError) as caught:
+            Table.of(text).numbers([0, 1], 100.0)
+        assert str(caught.value) == message
+
+
+def test_cells_with_line_breaks_may_be_refused():
+    text = 'a,b\n1,2\n3,"x\ny"\n'
+    assert Table.of(text).numbers([0]).tolist() == [[1.0], [3.0]]
+    with pytest.raises(InputError, match=r"^line 3: a cell goes on in the next line$"):
+        Table.of(text, one_line=True).numbers([0])
+    with pytest.raises(InputError, match=r"^line 1: a cell goes on"):
+        Table.of('"a\n",b\n', one_line=True)
+
+
+@pytest.mark.parametrize(
+    ("cell", "wanted"),
+    [
+        ("elbow [deg]", ("elbow", "deg")),
+        ("elbow[ deg ]", ("elbow", "deg")),
+        ("elbow []", ("elbow", "")),
+        ("elbow", ("elbow", "")),
+        ("x [m] y", ("x [m] y", "")),
+        ("a]", ("a]", "")),
+        ("a [rad] [deg]", ("a [rad]", "deg")),
+    ],
+)
+def test_units_stand_in_brackets(cell, wanted):
+    assert split_unit(cell) == wanted
+
+
+def test_columns_are_found_by_name():
+    units = {"j1": POSITION_UNITS["rad"], "x [m]": POSITION_UNITS["m"]}
+    degree = math.pi / 180.0
+    assert find_columns(("t", "x [m]", "j1 [deg]"), units) == {"x [m]": (1, 1.0), "j1": (2, degree)}
+    with pytest.raises(UnknownNameError, match="no column 't' is expected; there is: j1, j2"):
+        find_columns(("t", "j1"), units, ("j1", "j2"))
+    with pytest.raises(InputError, match="column 'j1' is there twice"):
+        find_columns(("j1", "j1 [deg]"), units)
+    with pytest.raises(InputError, match=r"column 'j1 \[m\]': its unit can be rad or deg"):
+        find_columns(("j1 [m]",), units)
