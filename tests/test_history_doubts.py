@@ -48,14 +48,16 @@ def test_a_path_out_of_reach(dh5):
     assert missing[worst] > 10.0
 
 
-def test_positions_beyond_the_limits_and_too_fast(dh5):
+@pytest.mark.parametrize("sign", [1, -1])
+def test_positions_beyond_the_limits_and_too_fast(dh5, sign):
     t = np.linspace(0.0, 1.0, 11)
     q = np.zeros((11, 5))
-    q[:, 1] = 4.0 * t  # limits are π and 1.57 rad/s
+    q[:, 1] = sign * 4.0 * t  # limits are π and 1.57 rad/s
     q[:, 0] = 0.1
     found = warnings(dh5, Recording.of(dh5, t, q), rate=None)
+    span = "0 to 4" if sign > 0 else "-4 to 0"
     assert any(
-        re.match(r"joint 2 joint2 goes from 0 to 4 rad, outside its limits -3\.14", w)
+        re.match(rf"joint 2 joint2 goes from {span} rad, outside its limits -3\.14", w)
         for w in found
     )
     assert any(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import zipfile
 from dataclasses import fields, replace
 
@@ -233,13 +234,23 @@ def test_a_file_that_does_not_fit_itself_is_refused(tmp_path, history, change):
         ftforce.load_history(path)
 
 
+class Hostile:
+    """What makes a folder when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
 def test_pickles_are_never_loaded(tmp_path, history):
-    path = tmp_path / "run.npz"
-    path.write_bytes(
-        rewritten(history_bytes(history, "npz"), lambda a: a.update(t=np.array([{}], dtype=object)))
-    )
+    path, ran = tmp_path / "run.npz", tmp_path / "ran"
+    hostile = np.array([Hostile(ran)], dtype=object)
+    path.write_bytes(rewritten(history_bytes(history, "npz"), lambda a: a.update(t=hostile)))
     with pytest.raises(TrajectoryError):
         ftforce.load_history(path)
+    assert not ran.exists()
 
 
 @pytest.mark.parametrize("edit", ["column", "row", "cell", "order"])
