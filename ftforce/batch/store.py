@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from os import PathLike
 
+    from filelock import FileLock
     from numpy.typing import NDArray
 
     from ftforce.batch.job import Job
@@ -100,7 +101,7 @@ class Opened(NamedTuple):
     arrays: dict[str, Any]
     summary: Summary
     done: NDArray[np.bool_]
-    lock: folder.Lock | None
+    lock: FileLock | None
 
     @property
     def is_complete(self) -> bool:
