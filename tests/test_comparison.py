@@ -338,20 +338,29 @@ DIFFERENT = {
 }
 
 
+@pytest.fixture(scope="module")
+def two():
+    return [ftforce.load_robot(name) for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def plain(two):
+    return sweep(two[0], n=64)
+
+
 @pytest.mark.parametrize("key", DIFFERENT)
-def test_different_questions_are_refused(key):
+def test_different_questions_are_refused(two, plain, key):
     value, reason = DIFFERENT[key]
-    one, other = (ftforce.load_robot(name) for name in NAMES)
     with pytest.raises(InputError) as problem:
-        compare([sweep(one, n=64), sweep(other, n=64, **{key: value})])
+        compare([plain, sweep(two[1], n=64, **{key: value})])
     said = str(problem.value)
     assert said.startswith("dh5 and kinova were not asked the same: ")
     assert reason in said
     assert "\n" not in said
 
 
-def test_the_length_is_of_the_question_if_there_are_moments():
-    one, other = (ftforce.load_robot(name) for name in NAMES)
+def test_the_length_is_of_the_question_if_there_are_moments(two):
+    one, other = two
     compare([sweep(one, n=64, length=0.5), sweep(other, n=64)])
     wrenches = [sweep(one, n=64, task="wrench", length=0.5), sweep(other, n=64, task="wrench")]
     with pytest.raises(InputError, match=r"length 0\.5 and 1"):
