@@ -326,8 +326,10 @@ def _naming(name: str) -> Iterator[None]:
 
 
 # What makes a question: two arms that were not asked the same cannot stand side by side.
-_QUESTION = ("components", "axes", "length", "mode", "largest", "force", "limits", "direction",
-             "gravity", "payload", "rtol", "wary")  # fmt: skip
+_QUESTION = (
+    *("components", "axes", "length", "mode", "largest", "force", "limits", "direction"),
+    *("gravity", "payload", "rtol", "wary"),
+)
 _CALLED = {"components": "task", "largest": "size of sets"}
 
 
@@ -411,8 +413,9 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
         )
     unknown = [
         f"{arm.name} ({listed(arm.setting.unknown_limits, 3)})"
-        for arm in reports if arm.setting.unknown_limits
-    ]  # fmt: skip
+        for arm in reports
+        if arm.setting.unknown_limits
+    ]
     if unknown:
         found.append(f"unknown effort limits count as none: {listed(unknown)}")
     return (*found, *_doubts_of_postures(reports))

@@ -149,14 +149,14 @@ def sweep(
     postures = _postures(robot, q, n, method, seed)
     sets = tuple(fault_sets(robot.n, faults, how))
     weighs = ray is not None or how is FaultMode.FREE
-    asked = {"force": F, "direction": ray, "rtol": rtol, "wary": wary}
+    asked: dict[str, Any] = {"force": F, "direction": ray, "rtol": rtol, "wary": wary}
     plan = plan_of(robot, sets, wanted, conditions, weighs=weighs, limits=counted, **asked)
     kept = _checked_keep(keep, output)
     size = _chunk_of(chunk, len(sets), postures.count)
     bins = Bins(_size_of(wanted, F), ray is not None)
     job = Job(plan, postures, bins, _workspace(robot, postures, cell), kept, size)
-    about = {"mode": how.value, "largest": faults, "keep": kept, "chunk": size}
-    setting = _setting(robot, wanted, conditions, counted, postures, **asked, **about)
+    asked |= {"mode": how.value, "largest": faults, "keep": kept, "chunk": size}
+    setting = _setting(robot, wanted, conditions, counted, postures, **asked)
     runner = _runner(threads, workers, scheduler, output)
     path = None if output is None else Path(output)
     return _run(job, setting, sets, path=path, runner=runner, progress=progress)
@@ -365,7 +365,8 @@ def _run(
     from ftforce.batch import store
     from ftforce.batch.runner import run
 
-    with closing(store.create(path, job, setting, sets, _identity(job, setting))) as opened:
+    asked = store.Asked(job, setting, sets, _identity(job, setting))
+    with closing(store.create(path, asked)) as opened:
         if not opened.is_complete:
             run(job, opened, runner, progress)
             store.finish(opened)
