@@ -165,13 +165,3 @@ def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):
     assert shown[-1] == "stop"
     assert shown[-2]["completed"] == 3000
     assert shown[-2]["rate"] == "1,000 postures/s"
-
-
-@pytest.mark.thorough
-def test_chunks_are_smaller_for_many_sets(tmp_path):
-    arm = ftforce.load_robot("panda")
-    for faults, chunk in ((1, 65_536), (3, 16_384)):
-        asked = {"n": 70_000, "faults": faults, "output": tmp_path / f"{faults}.zarr"}
-        sweep = ftforce.sweep(arm, keep="summary", **asked)
-        assert sweep.setting.chunk == chunk
-    assert ftforce.sweep(arm, n=5000, keep="summary").setting.chunk == 5000
