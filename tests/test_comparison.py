@@ -38,9 +38,13 @@ DECADE = 10.0**0.01  # one bin of the capability
 
 
 @pytest.fixture(scope="module")
-def sweeps():
-    loaded = [ftforce.load_robot(name) for name in NAMES]
-    return [sweep(arm, n=3000, faults=2, force=FORCE, keep="all") for arm in loaded]
+def two():
+    return [ftforce.load_robot(name) for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def sweeps(two):
+    return [sweep(arm, n=3000, faults=2, force=FORCE, keep="all") for arm in two]
 
 
 @pytest.fixture(scope="module")
@@ -201,10 +205,9 @@ def test_the_healthy_arm_pushes_as_capability_says():
         assert arm.capability_kept == after / values[1] > 0.0
 
 
-def test_a_robot_is_swept_like_a_sweep_of_it():
-    swept = compare(NAMES, n=2000, seed=5, faults=2, force=FORCE, cell=0.2)
-    loaded = [ftforce.load_robot(name) for name in NAMES]
-    given = compare([sweep(arm, n=2000, seed=5, faults=2, force=FORCE, cell=0.2) for arm in loaded])
+def test_a_robot_is_swept_like_a_sweep_of_it(two):
+    asked = {"n": 2000, "seed": 5, "faults": 2, "force": FORCE, "cell": 0.2}
+    swept, given = compare(NAMES, **asked), compare([sweep(arm, **asked) for arm in two])
     for one, other in zip(swept.arms, given.arms, strict=True):
         assert one.healthy_capability is not None
         assert replace(one, healthy_capability=None) == other
@@ -336,11 +339,6 @@ DIFFERENT = {
     "rtol": (1e-5, "rtol 1e-06 and 1e-05"),
     "wary": (0.1, "wary 0.01 and 0.1"),
 }
-
-
-@pytest.fixture(scope="module")
-def two():
-    return [ftforce.load_robot(name) for name in NAMES]
 
 
 @pytest.fixture(scope="module")
