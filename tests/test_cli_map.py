@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shlex
 
 import numpy as np
 import pytest
@@ -68,14 +67,19 @@ def test_joints_are_numbers_or_names_and_slices_have_a_plane(stored):
     assert "slice y = 0" in run(stored, "--at", "0").stdout
 
 
-@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
-@pytest.mark.parametrize("options", ["", "--plane xy --at 0.1", "--solid"])
-def test_plots(stored, tmp_path, ending, options):
+@pytest.mark.parametrize(
+    ("ending", "start", "options"),
+    [
+        ("png", b"\x89PNG", ""),
+        ("pdf", b"%PDF", "--plane xy --at 0.1"),
+        ("svg", b"<?xml", "--solid"),
+    ],
+)
+def test_plots(stored, tmp_path, ending, start, options):
     file = tmp_path / f"map.{ending}"
-    result = run(stored, "--plot", file, *shlex.split(options))
+    result = run(stored, "--plot", file, *options.split())
     assert f"wrote {file}" in result.stderr
-    starts = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}
-    assert file.read_bytes().startswith(starts[ending])
+    assert file.read_bytes().startswith(start)
 
 
 def test_files_hold_the_cells(stored, tmp_path):
@@ -96,13 +100,12 @@ def test_files_hold_the_cells(stored, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--joints 2,3", "no fault set {2, 3}; it has: {1}, {2}, {3}, {4}, {5}"),
+        ("--joints 2,3", "no fault set {2, 3}"),
         ("--joints 6", "no joint '6'; there is: 1 joint1"),
         ("--joints ,", "--joints needs numbers or names separated by commas"),
-        ("--plane zx", "no plane 'zx'; there is: xy, xz, yz"),
-        ("--at 9", "no posture has its tip at y = 9 m; they lie from y = "),
-        ("--plane xy --solid", "three dimensions has no plane"),
-        ("--quantity speed", "no quantity 'speed'; there is: rho, margin, jump, capability"),
+        ("--plane zx", "no plane 'zx'"),
+        ("--at 9", "no posture has its tip at y = 9 m"),
+        ("--quantity speed", "no quantity 'speed'"),
     ],
 )
 def test_what_is_not_there_is_said_in_a_line(stored, options, words):

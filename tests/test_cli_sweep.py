@@ -26,14 +26,16 @@ def test_the_tables_name_the_critical_joint():
 
 @pytest.mark.thorough
 def test_the_command_says_what_python_says():
-    arm = ftforce.load_robot("dh5")
-    options = ("--force", "80,50,10", "--mode", "free", "--payload", "1", "--axes", "world")
-    document = json.loads(run(*SMALL, *options, "--format", "json").stdout)
-    sweep = ftforce.sweep(
-        arm, n=1000, force=[80, 50, 10], mode="free", payload=1.0, axes="world", limits="urdf"
-    )
-    expected = ftforce.to_dict(sweep)
-    assert document == json.loads(json.dumps(expected))
+    options = {"force": [80, 50, 10], "direction": [0, 1, 0], "mode": "free", "payload": 1.0}
+    options |= {"axes": "world", "seed": 3, "method": "uniform", "faults": 2, "cell": 0.3}
+    options |= {"rtol": 1e-5, "wary": 0.05, "gravity": [0, 0, -3], "limits": "urdf", "threads": 1}
+    typed = []
+    for name, value in options.items():
+        text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+        typed += [f"--{name}", text]
+    document = json.loads(run(*SMALL, *typed, "--format", "json").stdout)
+    sweep = ftforce.sweep(ftforce.load_robot("dh5"), n=1000, **options)
+    assert document == json.loads(json.dumps(ftforce.to_dict(sweep)))
 
 
 @pytest.mark.thorough
@@ -60,7 +62,7 @@ def test_another_question_is_refused_by_an_existing_folder(tmp_path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("form", ["json", "csv", "txt", "svg", "html"])
+@pytest.mark.parametrize("form", ["json", "csv", "svg"])
 def test_tables_become_files(form, tmp_path):
     file = tmp_path / f"s.{form}"
     assert run(*SMALL, "-o", str(file)).exit_code == 0
@@ -100,27 +102,9 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--grid", "2"), 2, "give one of"),
         (("--samples", "10", "--deg"), 2, "--deg is about --postures"),
         (("--grid", "2.5"), 2, "--grid needs whole numbers"),
-        (("--grid", "2,2"), 1, "a grid needs 5 numbers of positions, got 2"),
-        (("--samples", "0"), 1, "the number of postures is a whole number from 1"),
-        (("--samples", "1.5"), 1, "a whole number from 1"),
-        (("--samples", "10", "--method", "halton"), 1, "no method 'halton'"),
-        (("--samples", "10", "--faults", "6"), 1, "a number from 1 to 5, got 6"),
-        (("--samples", "10", "--mode", "weak"), 1, "weak"),
-        (("--samples", "10", "--force", "0,0,0"), 1, "a component that is not zero"),
-        (
-            ("--samples", "10", "--keep", "all", "-o", "x.csv"),
-            2,
-            "--keep all needs an --output that ends in .zarr",
-        ),
-        (
-            ("--samples", "10", "--keep", "some", "-o", "x.zarr"),
-            1,
-            "no value of keep 'some'; there is: all, worst",
-        ),
-        (("--samples", "10", "--cell", "-1"), 1, "the edge of a cell must be positive"),
-        (("--samples", "10", "--threads", "0"), 1, "threads must be a whole number from 1"),
-        (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number from 1"),
-        (("--samples", "10", "--threads", "1", "--workers", "1"), 1, "either threads or workers"),
+        (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
+        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "no value of keep 'some'"),
+        (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number"),
         (("--samples", "10", "--chunk", "10"), 1, "chunk is a whole number from 4096"),
         (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),
         (("--samples", "10", "-o", "nowhere/x.zarr"), 1, "cannot be written"),
@@ -181,13 +165,3 @@ def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):
     assert shown[-1] == "stop"
     assert shown[-2]["completed"] == 3000
     assert shown[-2]["rate"] == "1,000 postures/s"
-
-
-@pytest.mark.thorough
-def test_chunks_are_smaller_for_many_sets(tmp_path):
-    arm = ftforce.load_robot("panda")
-    for faults, chunk in ((1, 65_536), (3, 16_384)):
-        asked = {"n": 70_000, "faults": faults, "output": tmp_path / f"{faults}.zarr"}
-        sweep = ftforce.sweep(arm, keep="summary", **asked)
-        assert sweep.setting.chunk == chunk
-    assert ftforce.sweep(arm, n=5000, keep="summary").setting.chunk == 5000

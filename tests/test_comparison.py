@@ -38,9 +38,13 @@ DECADE = 10.0**0.01  # one bin of the capability
 
 
 @pytest.fixture(scope="module")
-def sweeps():
-    loaded = [ftforce.load_robot(name) for name in NAMES]
-    return [sweep(arm, n=3000, faults=2, force=FORCE, keep="all") for arm in loaded]
+def two():
+    return [ftforce.load_robot(name) for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def sweeps(two):
+    return [sweep(arm, n=3000, faults=2, force=FORCE, keep="all") for arm in two]
 
 
 @pytest.fixture(scope="module")
@@ -201,10 +205,9 @@ def test_the_healthy_arm_pushes_as_capability_says():
         assert arm.capability_kept == after / values[1] > 0.0
 
 
-def test_a_robot_is_swept_like_a_sweep_of_it():
-    swept = compare(NAMES, n=2000, seed=5, faults=2, force=FORCE, cell=0.2)
-    loaded = [ftforce.load_robot(name) for name in NAMES]
-    given = compare([sweep(arm, n=2000, seed=5, faults=2, force=FORCE, cell=0.2) for arm in loaded])
+def test_a_robot_is_swept_like_a_sweep_of_it(two):
+    asked = {"n": 2000, "seed": 5, "faults": 2, "force": FORCE, "cell": 0.2}
+    swept, given = compare(NAMES, **asked), compare([sweep(arm, **asked) for arm in two])
     for one, other in zip(swept.arms, given.arms, strict=True):
         assert one.healthy_capability is not None
         assert replace(one, healthy_capability=None) == other
@@ -338,20 +341,24 @@ DIFFERENT = {
 }
 
 
+@pytest.fixture(scope="module")
+def plain(two):
+    return sweep(two[0], n=64)
+
+
 @pytest.mark.parametrize("key", DIFFERENT)
-def test_different_questions_are_refused(key):
+def test_different_questions_are_refused(two, plain, key):
     value, reason = DIFFERENT[key]
-    one, other = (ftforce.load_robot(name) for name in NAMES)
     with pytest.raises(InputError) as problem:
-        compare([sweep(one, n=64), sweep(other, n=64, **{key: value})])
+        compare([plain, sweep(two[1], n=64, **{key: value})])
     said = str(problem.value)
     assert said.startswith("dh5 and kinova were not asked the same: ")
     assert reason in said
     assert "\n" not in said
 
 
-def test_the_length_is_of_the_question_if_there_are_moments():
-    one, other = (ftforce.load_robot(name) for name in NAMES)
+def test_the_length_is_of_the_question_if_there_are_moments(two):
+    one, other = two
     compare([sweep(one, n=64, length=0.5), sweep(other, n=64)])
     wrenches = [sweep(one, n=64, task="wrench", length=0.5), sweep(other, n=64, task="wrench")]
     with pytest.raises(InputError, match=r"length 0\.5 and 1"):

@@ -6,7 +6,7 @@ import pytest
 import ftforce
 from ftforce.batch import job as jobs
 from ftforce.batch.runner import Turns, threads_of
-from ftforce.batch.sweep import sweep
+from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.errors import InputError, UnknownNameError
 from helpers import joint, urdf_of
 
@@ -101,9 +101,11 @@ def test_threads_are_those_of_the_process():
     assert threads_of(3) == 3
 
 
-def test_a_chunk_that_no_codec_takes_is_refused(arm):
+def test_chunks_are_smaller_for_many_sets_and_fit_a_codec():
+    assert [_chunk_of(None, sets, 70_000) for sets in (7, 63)] == [65_536, 16_384]
+    assert _chunk_of(None, 7, 5000) == _chunk_of(8192, 7, 5000) == 5000
     with pytest.raises(InputError, match=r"a chunk for 5 fault sets has .* postures at most"):
-        sweep(arm, n=1e9, chunk=100_000_000)
+        _chunk_of(100_000_000, 5, 10**9)
 
 
 def test_a_wrist_whose_tip_never_moves(tmp_path):

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.arrays import read_only
-from ftforce.batch.criticality import Estimate
+from ftforce.batch.criticality import Estimate, capability_counts
 from ftforce.batch.results import BORDERLINE, TOLERATED
 from ftforce.batch.statistics import quantile, quantile_interval, wilson
+from ftforce.metrics import worst_manipulability_bound
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95  # of all intervals: what wilson and quantile_interval take if not told
 FULL = 0.99  # share of postures at which a healthy arm should command the whole task
-UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,18 +232,14 @@ def _of_size(sweep: Sweep, size: int) -> SizeReport:
     summary, setting = sweep.summary, sweep.setting
     among = [s for s, one in enumerate(sweep.sets) if len(one) == size]
     postures, edges = int(summary.postures), summary.bins.share
-    margin, rho = (
-        (_quantile(pooled, edges, 0.05, len(among)), _quantile(pooled, edges, 0.5, len(among)))
-        for pooled in (summary.margin[among].sum(axis=0), summary.rho[among].sum(axis=0))
-    )
     tolerated = int(summary.verdicts[among, TOLERATED].sum())
     return SizeReport(
         size=size,
         sets=len(among),
         tolerated=_estimate(tolerated / len(among), postures),
         borderline=_share(summary, among, BORDERLINE),
-        margin=margin,
-        rho=rho,
+        margin=_low_and_middle(summary.margin[among], edges),
+        rho=_low_and_middle(summary.rho[among], edges),
         rho_bound=rho_bound(setting, size),
         jump=_jump(summary, among, tolerated),
         capability=_capability(summary, among),
@@ -255,7 +251,7 @@ def rho_bound(setting: SweepSetting, size: int) -> float:
     n, m = setting.n, len(setting.components)
     if setting.mode != "locked" or m > n:
         return math.nan
-    return math.sqrt(math.comb(n - m, size) / math.comb(n, size))
+    return worst_manipulability_bound(n, m, size)
 
 
 def _share(summary: Summary, sets: list[int], verdict: int) -> float:
@@ -263,9 +259,13 @@ def _share(summary: Summary, sets: list[int], verdict: int) -> float:
     return found / (len(sets) * int(summary.postures))
 
 
+def _low_and_middle(counts: Counts, edges: Vector) -> tuple[Estimate, Estimate]:
+    """Return the quantiles 5 % and 50 % over postures x sets, whose counts are rows."""
+    pooled, repeats = counts.sum(axis=0), len(counts)
+    return _quantile(pooled, edges, 0.05, repeats), _quantile(pooled, edges, 0.5, repeats)
+
+
 def _quantile(histogram: Counts, edges: Vector, p: float, repeats: int) -> Estimate:
-    if not histogram.any():
-        return UNKNOWN
     low, high = quantile_interval(histogram, edges, p, repeats=repeats)
     return Estimate(float(quantile(histogram, edges, p)), low, high)
 
@@ -285,16 +285,8 @@ def _jump(summary: Summary, among: list[int], tolerated: int) -> tuple[Estimate,
 
 
 def _capability(summary: Summary, among: list[int]) -> tuple[Estimate, Estimate] | None:
-    """Return the quantiles; no limit lies above all edges, and no rest below them, as 0."""
-    counts, edges = summary.capability, summary.bins.capability
-    unknown, unlimited = summary.capability_unknown, summary.capability_unlimited
-    if counts is None or unlimited is None or unknown is None or edges is None:
-        return None
-    pooled = counts[among].sum(axis=0)
-    pooled[0] += unknown[among].sum()
-    pooled[-1] += unlimited[among].sum()
-    low, middle = (_quantile(pooled, edges, p, len(among)) for p in (0.05, 0.5))
-    return low, middle
+    counts, edges = capability_counts(summary), summary.bins.capability
+    return None if counts is None or edges is None else _low_and_middle(counts[among], edges)
 
 
 def capability_of(summary: Summary) -> tuple[Estimate, Estimate] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -51,10 +51,8 @@ class Cells(NamedTuple):
 
     def only(self, chosen: Mask) -> Cells:
         """Return the chosen cells, in a row."""
-        return Cells(
-            self.postures[chosen], self.tolerated[chosen], self.share[chosen], self.low[chosen],
-            self.high[chosen],
-        )  # fmt: skip
+        rest: list[Any] = [values[chosen] for values in self]
+        return Cells(*rest)
 
 
 class Flat(NamedTuple):

@@ -7,25 +7,24 @@ straight into the output, so workers must see the output's folder; only summarie
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from ftforce.batch.folder import lock_of
 from ftforce.batch.postures import Listed
-from ftforce.batch.summary import Summary
 from ftforce.errors import FtforceError, InputError, listed
 from ftforce.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
-    from numpy.typing import NDArray
-
     from ftforce.arrays import Matrix
-    from ftforce.batch.job import Job
-    from ftforce.batch.runner import Done, Runner, Turns
+    from ftforce.batch.job import Job, Samples
+    from ftforce.batch.runner import Runner, Turn, Turns
     from ftforce.batch.store import Opened
 
 AHEAD = 2
@@ -75,7 +74,7 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
             "clusters need distributed: install the extra with pip install 'ftforce[cluster]'"
         ) from None
 
-    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
+    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
         if job.keep != "summary" and output is None:
             raise InputError("samples from a cluster need an output that all workers see")
         with _quiet(), _client(workers, scheduler) as client:
@@ -143,13 +142,10 @@ def _ask(scheduler: str) -> None:
     async def ask() -> None:
         security = Security().get_connection_args("client")
         async with rpc(scheduler, connection_args=security) as one:
-            await one.identity()
-
-    async def ask_patiently() -> None:
-        await asyncio.wait_for(ask(), PATIENCE)
+            await asyncio.wait_for(one.identity(), PATIENCE)
 
     with ThreadPoolExecutor(1) as pool:  # the caller's thread may have a loop of its own
-        pool.submit(lambda: asyncio.run(ask_patiently())).result()
+        pool.submit(lambda: asyncio.run(ask())).result()
 
 
 @contextmanager
@@ -185,27 +181,21 @@ def _check_workers(client: Any, scheduler: str) -> None:
     FtforceError
         There is no worker, or one that lacks ftforce or has another version.
     """
-    from importlib.metadata import version
-
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
         raise FtforceError(
             f"the scheduler at {scheduler} has no workers; start some, e.g. dask worker {scheduler}"
         ) from None
-    # A function of Python's own: one of ftforce's would need the ftforce that is looked for.
-    found = client.run(version, "ftforce", on_error="return")
-    own = version("ftforce")
-    wrong = [
-        f"{worker} has {'none' if isinstance(one, Exception) else one}"
-        for worker, one in sorted(found.items())
-        if one != own
-    ]
+    versions = client.get_versions(packages=["ftforce"])  # its check=True warns, and of any package
+    own = versions["client"]["packages"]["ftforce"]
+    found = {name: one["packages"]["ftforce"] for name, one in versions["workers"].items()}
+    wrong = [f"{name} has {one or 'none'}" for name, one in sorted(found.items()) if one != own]
     if wrong:
         raise FtforceError(f"all workers need ftforce {own}; {listed(wrong, 4)}")
 
 
-def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
+def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
     """Give turns to the workers, a few ahead, and take their summaries as they come.
 
     Raises
@@ -215,28 +205,23 @@ def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Done
     """
     from distributed import as_completed
 
-    token = "" if opened.lock is None else opened.lock.token
     path = None if opened.path is None else str(opened.path.resolve())
-    running, given = as_completed([], loop=client.loop), 0
-    looked, threads = 0.0, 1
+    token = "" if opened.path is None else str(lock_of(opened.path).get("token"))
+    running = as_completed(loop=client.loop)
+    looked, threads = -math.inf, 1
     while True:
         if time.monotonic() - looked > LOOK:
             looked, threads = time.monotonic(), _threads(client)
-        while given < AHEAD * threads:
-            chunks = turns.take(AHEAD * threads, max(TURN, threads / RATE))
-            if not chunks:
-                break
+        while running.count() < AHEAD * threads and (
+            chunks := turns.take(AHEAD * threads, max(TURN, threads / RATE))
+        ):
             task = (_excerpt(job, chunks), path, token, __version__, chunks)
             # Not pure: Dask shall not compare tasks. The job goes with every turn, for what is
             # left on one worker is lost with it.
             running.add(client.submit(do_turn, *task, pure=False))
-            given += 1
-        if not given:
+        if running.is_empty():
             return
-        turn = _result(next(running))
-        given -= 1
-        turns.took(len(turn.chunks), turn.seconds)
-        yield turn.chunks, Summary.from_arrays(turn.arrays, job.bins, job.workspace)
+        yield _result(next(running))
 
 
 def _threads(client: Any) -> int:
@@ -261,7 +246,9 @@ def _result(future: Any) -> Turn:
     from distributed.comm.core import CommClosedError
 
     try:
-        found = future.result()
+        found: Turn = future.result()
+    except FtforceError:
+        raise
     except KilledWorker as problem:
         raise FtforceError(
             f"{problem.allowed_failures + 1} workers were lost at the same chunks: do they have "
@@ -272,55 +259,10 @@ def _result(future: Any) -> Turn:
     except Exception as problem:
         text = f"{type(problem).__name__}: {problem}".partition("\n")[0]
         raise FtforceError(f"a worker failed ({text}); {_KEPT}") from problem
-    finally:
-        future.release()
-    if isinstance(found, Refusal):
-        raise found.as_error()
-    turn: Turn = found
-    return turn
+    return found
 
 
-class Turn(NamedTuple):
-    """What a worker did.
-
-    Attributes
-    ----------
-    chunks :
-        Numbers.
-    arrays :
-        Of their summary.
-    seconds :
-        How long they took, s.
-    """
-
-    chunks: list[int]
-    arrays: dict[str, NDArray[Any]]
-    seconds: float
-
-
-class Refusal(NamedTuple):
-    """An error of ftforce's on a worker: sent as a value, so that Dask neither logs nor retries.
-
-    Attributes
-    ----------
-    kind, message, state :
-        What it takes to make the same error again.
-    """
-
-    kind: type[FtforceError]
-    message: str
-    state: dict[str, Any]
-
-    def as_error(self) -> FtforceError:
-        """Return the error."""
-        problem = self.kind.__new__(self.kind, self.message)
-        problem.__dict__.update(self.state)
-        return problem
-
-
-def do_turn(
-    job: Job, path: str | None, token: str, version: str, chunks: list[int]
-) -> Turn | Refusal:
+def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[int]) -> Turn:
     """Do some chunks on a worker.
 
     Parameters
@@ -333,21 +275,23 @@ def do_turn(
         Of the ftforce that asks.
     chunks :
         Numbers.
+
+    Raises
+    ------
+    FtforceError
+        This worker has another ftforce, or something cannot be read or written.
     """
+    from ftforce.batch.runner import do_chunks
     from ftforce.batch.store import write_chunk
 
-    start = time.monotonic()
-    try:
-        if version != __version__:
-            raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")
-        summary = job.empty_summary()
-        for index in chunks:
-            samples = job.add(index, summary)
-            if samples and path is not None:
-                write_chunk(Path(path), token, job, index, samples)
-    except FtforceError as problem:
-        return Refusal(type(problem), str(problem), vars(problem))
-    return Turn(chunks, summary.arrays(), time.monotonic() - start)
+    if version != __version__:  # a worker that came later
+        raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")
+
+    def write(index: int, samples: Samples) -> None:
+        if path is not None:
+            write_chunk(Path(path), token, job, index, samples)
+
+    return do_chunks(job, chunks, write)
 
 
 def _excerpt(job: Job, chunks: list[int]) -> Job:

@@ -6,6 +6,7 @@ import math
 import os
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -14,11 +15,11 @@ from ftforce.arrays import is_number
 from ftforce.batch.arm_report import ArmReport, arm_report
 from ftforce.batch.result import Sweep, SweepSetting
 from ftforce.display import Displayed
-from ftforce.errors import FileError, InputError, listed, printable
+from ftforce.errors import InputError, listed, printable
 from ftforce.robot import Robot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -305,37 +306,30 @@ class _Reports:
 
         reach = reach_bound(robot)[1]
         asked = {k: v for k, v in self.asked.items() if k not in {"n", "method", "seed"}}
+        asked.setdefault("cell", 2.0 * reach / CELLS if 0.0 < reach < math.inf else None)
+        loads = {"limits": asked.get("limits"), "payload": asked.get("payload")}
         with _naming(one.name):
-            result = sweep(
-                robot, postures,
-                **{"cell": 2.0 * reach / CELLS if 0.0 < reach < math.inf else None, **asked},
-                threads=self.threads, progress=progress,
-            )  # fmt: skip
+            result = sweep(robot, postures, **asked, threads=self.threads, progress=progress)
             healthy = healthy_capability(
-                robot, result.setting, postures, limits=asked.get("limits"),
-                payload=asked.get("payload"), threads=self.threads,
-            )  # fmt: skip
+                robot, result.setting, postures, **loads, threads=self.threads
+            )
         return one._replace(arm=result), healthy
 
 
-class _naming:  # noqa: N801 - used as a function
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
     """Put the arm's name before what is wrong with it; files name themselves."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    def __enter__(self) -> None:
-        """Do nothing."""
-
-    def __exit__(self, _kind: object, problem: BaseException | None, _trace: object) -> None:
-        """Name the arm."""
-        if isinstance(problem, InputError) and not isinstance(problem, FileError):
-            raise InputError(f"{self.name}: {problem}") from None
+    try:
+        yield
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from None
 
 
 # What makes a question: two arms that were not asked the same cannot stand side by side.
-_QUESTION = ("components", "axes", "length", "mode", "largest", "force", "limits", "direction",
-             "gravity", "payload", "rtol", "wary")  # fmt: skip
+_QUESTION = (
+    *("components", "axes", "length", "mode", "largest", "force", "limits", "direction"),
+    *("gravity", "payload", "rtol", "wary"),
+)
 _CALLED = {"components": "task", "largest": "size of sets"}
 
 
@@ -419,8 +413,9 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
         )
     unknown = [
         f"{arm.name} ({listed(arm.setting.unknown_limits, 3)})"
-        for arm in reports if arm.setting.unknown_limits
-    ]  # fmt: skip
+        for arm in reports
+        if arm.setting.unknown_limits
+    ]
     if unknown:
         found.append(f"unknown effort limits count as none: {listed(unknown)}")
     return (*found, *_doubts_of_postures(reports))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 import os
 import shutil
@@ -18,12 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
     from pathlib import Path
 
+    from filelock import FileLock
+
 LOCK = ".ftforce.lock"
 """File that says that the folder is ftforce's, who writes it, and that it is not complete."""
 PARTIAL = ".partial"
 """How names end of files that are being written; Zarr's too."""
 _NOT_ALLOWED = {errno.EACCES, errno.EPERM, errno.EROFS}
-_TAKEN = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES}
+_NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
 
 @contextmanager
@@ -45,62 +46,42 @@ def disk_errors(path: Path | None) -> Iterator[None]:
         raise OutputError(path or "memory", f"cannot be written ({reason}){kept}") from None
 
 
-class Lock:
-    """A folder that no other process writes. Made by `lock`.
-
-    The kernel lets go of it when the process ends, however it ends. It lies on a file that stays
-    until the sweep is complete.
-
-    Attributes
-    ----------
-    token :
-        A word that is in the file too; who reads it there sees the same folder.
-    """
-
-    def __init__(self, descriptor: int, token: str) -> None:
-        self._descriptor, self.token = descriptor, token
-
-    def release(self) -> None:
-        """Let others in."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
-def lock(path: Path) -> Lock:
+def lock(path: Path) -> FileLock:
     """Make a folder if there is none, and lock it.
+
+    The kernel lets go of the lock when the process ends, however it ends. Its file stays until the
+    sweep is complete; what is in it, see `lock_of`, is read by workers of this sweep and by
+    processes that come too late.
 
     Raises
     ------
     OutputError
         Another process writes it, or it cannot be made.
     """
+    from filelock import FileLock, Timeout
+
+    held = FileLock(path / LOCK, blocking=False, thread_local=False, fallback_to_soft=False)
     with disk_errors(path):
         path.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
-            _take(descriptor, path)
-            token = uuid.uuid4().hex
-            who = {"process": os.getpid(), "host": socket.gethostname(), "token": token}
-            os.ftruncate(descriptor, 0)
-            os.pwrite(descriptor, json.dumps(who).encode(), 0)
+            held.acquire()
+        except Timeout:
+            who = lock_of(path)
+            by = f" (process {who['process']} on {who['host']})" if who else ""
+            raise OutputError(
+                path,
+                f"is being written by another sweep{by}; wait for it, or give another --output",
+            ) from None
+        except OSError as problem:
+            if problem.errno not in _NO_LOCKS:
+                raise  # else the file system has no locks: the user has to take care
+        who = {"process": os.getpid(), "host": socket.gethostname(), "token": uuid.uuid4().hex}
+        try:
+            (path / LOCK).write_text(json.dumps(who), "utf-8")
         except BaseException:
-            os.close(descriptor)
+            held.release()
             raise
-    return Lock(descriptor, token)
-
-
-def _take(descriptor: int, path: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as problem:
-        if problem.errno not in _TAKEN:  # a file system without locks: the user has to take care
-            return
-        who = lock_of(path)
-        by = f" (process {who['process']} on {who['host']})" if who else ""
-        raise OutputError(
-            path, f"is being written by another sweep{by}; wait for it, or give another --output"
-        ) from None
+    return held
 
 
 def lock_of(path: Path) -> dict[str, object]:

@@ -9,9 +9,8 @@ import numpy as np
 from ftforce.batch.arm_report import capability_of
 from ftforce.batch.bins import Bins, Workspace
 from ftforce.batch.job import PIECE, Job
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, faults_of, question_of
 from ftforce.batch.runner import threads_of
+from ftforce.batch.sweep import plan_of
 from ftforce.conditions import Conditions
 from ftforce.faults import FaultSet
 from ftforce.limits_reader import URDF, choose_limits
@@ -56,20 +55,18 @@ def healthy_capability(
     if setting.direction is None:
         return None
     axes: Any = setting.axes
-    conditions = Conditions.of(robot, gravity=setting.gravity, payload=payload)
-    own = None if conditions.is_model_gravity else conditions.gravity
-    plan = Plan(
-        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=True),
-        faults_of((FaultSet(),), robot.n),
-        question_of(
-            Task.parse(setting.components, axes, setting.length), robot.n,
-            force=None, direction=np.array(setting.direction),
-            limits=choose_limits(robot, URDF if limits is None else limits),
-            rtol=setting.rtol, wary=setting.wary, weighs=True,
-        ),
-        robot.n,
-        False,
-    )  # fmt: skip
+    plan = plan_of(
+        robot,
+        (FaultSet(),),
+        Task.parse(setting.components, axes, setting.length),
+        Conditions.of(robot, gravity=setting.gravity, payload=payload),
+        weighs=True,
+        force=None,
+        direction=np.array(setting.direction),
+        limits=choose_limits(robot, URDF if limits is None else limits),
+        rtol=setting.rtol,
+        wary=setting.wary,
+    )
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads_of(threads)) as pool:

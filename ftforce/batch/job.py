@@ -31,8 +31,10 @@ _ANSWERS = 2**17
 threads ask for Python's lock a few hundred times a second, not thousands."""
 _SMALLEST, _LARGEST = PIECE // 16, 4 * PIECE
 
-PER_SET = ("verdict", "rank_lost", "sigma_min", "margin", "rho", "jump", "moment_jump",
-           "relative_jump", "capability")  # fmt: skip
+PER_SET = (
+    *("verdict", "rank_lost", "sigma_min", "margin", "rho"),
+    *("jump", "moment_jump", "relative_jump", "capability"),
+)
 PER_POSTURE = ("q", "tip", "healthy_rank", "healthy_margin")
 
 

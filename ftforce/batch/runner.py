@@ -6,16 +6,18 @@ import os
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing, suppress
+from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from ftforce.batch import store
 from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Callable, Generator, Iterator
+    from concurrent.futures import Future
 
-    from ftforce.batch.job import Job
+    from ftforce.batch.job import Job, Samples
     from ftforce.batch.store import Opened
     from ftforce.batch.summary import Summary
     from ftforce.fault_census import Progress
@@ -23,14 +25,30 @@ if TYPE_CHECKING:
 SAVING = 5.0  # s between two writings of the progress file
 TURN = 1.0  # s that a thread counts into a summary of its own before it is added to the others
 
-Done = tuple[list[int], "Summary"]  # chunks whose samples are written, and their summary
+
+class Turn(NamedTuple):
+    """Chunks that are done: their samples are written.
+
+    Attributes
+    ----------
+    chunks :
+        Numbers.
+    summary :
+        Of all of them.
+    seconds :
+        How long they took, s.
+    """
+
+    chunks: list[int]
+    summary: Summary
+    seconds: float
 
 
 class Runner(Protocol):
     """Does chunks somewhere, in any order."""
 
-    def __call__(self, job: Job, opened: Opened, turns: Turns, /) -> Generator[Done, None, None]:
-        """Yield chunks and their summary once their samples are written."""
+    def __call__(self, job: Job, opened: Opened, turns: Turns, /) -> Generator[Turn, None, None]:
+        """Yield turns as they are done."""
 
 
 class Turns:
@@ -70,6 +88,16 @@ class Turns:
         self._cost = seconds / chunks
 
 
+def do_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]) -> Turn:
+    """Do some chunks here and now, and write what is kept of each."""
+    start, summary = time.monotonic(), job.empty_summary()
+    for index in chunks:
+        samples = job.add(index, summary)
+        if samples:
+            write(index, samples)
+    return Turn(chunks, summary, time.monotonic() - start)
+
+
 def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = None) -> None:
     """Do the chunks that are not done yet, and keep count.
 
@@ -92,18 +120,17 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
     done, total = opened.done, job.postures.count
     count = int((~done).sum())
     turns = Turns((index for index in range(job.chunks) if not done[index]), count)
-    finished = int(opened.summary.postures)
     saved, is_whole = time.monotonic(), True
     try:
         with closing(runner(job, opened, turns)) as parts:
-            for chunks, summary in parts if count else ():
+            for turn in parts if count else ():
+                turns.took(len(turn.chunks), turn.seconds)
                 is_whole = False
-                opened.summary.merge(summary)
-                done[chunks] = True
+                opened.summary.merge(turn.summary)
+                done[turn.chunks] = True
                 is_whole = True
-                finished += int(summary.postures)
                 if progress is not None:
-                    progress(finished, total)
+                    progress(int(opened.summary.postures), total)
                 if time.monotonic() - saved > SAVING:
                     store.save_progress(opened)
                     saved = time.monotonic()
@@ -136,30 +163,21 @@ def threads_of(threads: int | None) -> int:
 def in_threads(threads: int) -> Runner:
     """Return what does chunks in threads of this process."""
 
-    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Done, None, None]:
-        def work(chunks: list[int]) -> tuple[list[int], Summary, float]:
-            start, summary = time.monotonic(), job.empty_summary()
-            for index in chunks:
-                samples = job.add(index, summary)
-                if samples:
-                    store.write_samples(opened, index, samples)
-            return chunks, summary, time.monotonic() - start
-
+    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
+        write = partial(store.write_samples, opened)
         # Samples take longer than the summary, and what is written should count soon.
         seconds = TURN if job.keep == "summary" else 0.0
         with ThreadPoolExecutor(threads) as pool:
-            running: set[Any] = set()
+            running: set[Future[Turn]] = set()
             try:
                 while True:
                     while len(running) < 2 * threads and (chunks := turns.take(threads, seconds)):
-                        running.add(pool.submit(work, chunks))
+                        running.add(pool.submit(do_chunks, job, chunks, write))
                     if not running:
                         return
                     ready, running = wait(running, return_when=FIRST_COMPLETED)
                     for future in ready:
-                        chunks, summary, spent = future.result()
-                        turns.took(len(chunks), spent)
-                        yield chunks, summary
+                        yield future.result()
             finally:
                 for future in running:
                     future.cancel()

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from os import PathLike
 
+    from filelock import FileLock
     from numpy.typing import NDArray
 
     from ftforce.batch.job import Job
@@ -100,7 +101,7 @@ class Opened(NamedTuple):
     arrays: dict[str, Any]
     summary: Summary
     done: NDArray[np.bool_]
-    lock: folder.Lock | None
+    lock: FileLock | None
 
     @property
     def is_complete(self) -> bool:
@@ -113,27 +114,22 @@ class Opened(NamedTuple):
             self.lock.release()
 
 
-def create(
-    path: Path | None, job: Job, setting: SweepSetting, sets: tuple[FaultSet, ...],
-    identity: dict[str, Any],
-) -> Opened:  # fmt: skip
+def create(path: Path | None, asked: Asked) -> Opened:
     """Make an empty sweep, or go on with the one that is there. `Opened.close` ends it.
 
     Parameters
     ----------
     path :
         Of the Zarr group; ``None`` for memory.
-    job, setting, sets :
-        What is asked.
-    identity :
-        What makes it this sweep and no other, as JSON has it.
+    asked :
+        The sweep.
 
     Raises
     ------
     OutputError
         There is something else, another process writes it, or it cannot be written.
     """
-    asked = Asked(job, setting, sets, identity)
+    job, identity = asked.job, asked.identity
     none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
     if path is None:
         return _opened(asked, None, _tree(asked), none_done, None)
@@ -179,9 +175,7 @@ def _complete(asked: Asked, path: Path) -> Opened:
         summary = _stored_summary(path, job.bins, job.workspace)
     except Exception as problem:  # a damaged store may raise anything
         raise SweepError(path, f"is damaged ({problem}); remove it to begin anew") from None
-    return Opened(
-        asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None
-    )  # fmt: skip
+    return Opened(asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None)
 
 
 def _remove_traces(path: Path) -> None:
@@ -377,17 +371,16 @@ def write_chunk(
 
     if folder.lock_of(path).get("token") != token:
         raise OutputError(
-            path, "is not seen by all workers; --output needs a file system that they share, or "
-            "keep the summary alone"
-        )  # fmt: skip
+            path,
+            "is not seen by all workers; --output needs a file system that they share, or "
+            "keep the summary alone",
+        )
     with disk_errors(path):
         group = zarr.open_group(str(path), mode="r+", zarr_format=2)
         _write({name: group[name] for name in samples}, job, path, index, samples)
 
 
-def _write(
-    arrays: dict[str, Any], job: Job, path: Path | None, index: int, samples: Any
-) -> None:  # fmt: skip
+def _write(arrays: dict[str, Any], job: Job, path: Path | None, index: int, samples: Any) -> None:
     start, stop = job.range(index)
     for name, values in samples.items():
         arrays[name][start:stop] = values

@@ -31,7 +31,7 @@ from ftforce.task import Axes, Task
 from ftforce.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -149,28 +149,14 @@ def sweep(
     postures = _postures(robot, q, n, method, seed)
     sets = tuple(fault_sets(robot.n, faults, how))
     weighs = ray is not None or how is FaultMode.FREE
-    own = None if conditions.is_model_gravity else conditions.gravity
-    plan = Plan(
-        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
-        faults_of(sets, robot.n),
-        question_of(
-            wanted, robot.n, force=F, direction=ray, limits=counted, rtol=rtol, wary=wary,
-            weighs=weighs,
-        ),
-        robot.n,
-        bool(wanted.force_rows and wanted.moment_rows),
-    )  # fmt: skip
+    asked: dict[str, Any] = {"force": F, "direction": ray, "rtol": rtol, "wary": wary}
+    plan = plan_of(robot, sets, wanted, conditions, weighs=weighs, limits=counted, **asked)
     kept = _checked_keep(keep, output)
     size = _chunk_of(chunk, len(sets), postures.count)
-    job = Job(
-        plan, postures, Bins(_size_of(wanted, F), ray is not None),
-        _workspace(robot, postures, cell), kept, size,
-    )  # fmt: skip
-    setting = _setting(
-        robot, wanted, conditions, counted, postures,
-        mode=how.value, largest=faults, force=F, direction=ray, rtol=rtol, wary=wary,
-        keep=kept, chunk=size,
-    )  # fmt: skip
+    bins = Bins(_size_of(wanted, F), ray is not None)
+    job = Job(plan, postures, bins, _workspace(robot, postures, cell), kept, size)
+    asked |= {"mode": how.value, "largest": faults, "keep": kept, "chunk": size}
+    setting = _setting(robot, wanted, conditions, counted, postures, **asked)
     runner = _runner(threads, workers, scheduler, output)
     path = None if output is None else Path(output)
     return _run(job, setting, sets, path=path, runner=runner, progress=progress)
@@ -185,6 +171,7 @@ def needs_numba() -> None:
         It is not.
     """
     try:
+        import filelock  # noqa: F401
         import numba  # noqa: F401
         import xarray  # noqa: F401
         import zarr  # noqa: F401
@@ -192,6 +179,26 @@ def needs_numba() -> None:
         raise FtforceError(
             f"sweeps need {problem.name}: install the extra with pip install 'ftforce[sweep]'"
         ) from None
+
+
+def plan_of(
+    robot: Robot,
+    sets: Sequence[FaultSet],
+    task: Task,
+    conditions: Conditions,
+    *,
+    weighs: bool,
+    **question: Any,
+) -> Plan:
+    """Return what is asked of every posture; ``question`` as `question_of` takes it."""
+    own = None if conditions.is_model_gravity else conditions.gravity
+    return Plan(
+        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
+        faults_of(sets, robot.n),
+        question_of(task, robot.n, weighs=weighs, **question),
+        robot.n,
+        bool(task.force_rows and task.moment_rows),
+    )
 
 
 def _force(task: Task, force: ArrayLike | None) -> Vector | None:
@@ -358,7 +365,8 @@ def _run(
     from ftforce.batch import store
     from ftforce.batch.runner import run
 
-    with closing(store.create(path, job, setting, sets, _identity(job, setting))) as opened:
+    asked = store.Asked(job, setting, sets, _identity(job, setting))
+    with closing(store.create(path, asked)) as opened:
         if not opened.is_complete:
             run(job, opened, runner, progress)
             store.finish(opened)

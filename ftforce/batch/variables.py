@@ -51,7 +51,7 @@ _WORDS: dict[str, tuple[str, str]] = {
         "1",
         "fault set, from 0, with the worst verdict, then relative jump, then margin",
     ),
-}  # fmt: skip
+}
 
 # Dimensions and words of the summary's arrays.
 _COUNTS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -78,7 +78,7 @@ _COUNTS: dict[str, tuple[tuple[str, ...], str]] = {
     "cell_worst_margin": ((*_CELLS, "cell_bin"), "postures of the cell by their worst margin"),
     "cell_worst_rho": ((*_CELLS, "cell_bin"), "postures of the cell by their worst rho"),
     "cell_min_margin": ((*_CELLS, *_SET), "smallest margin in the cell; infinite if it is empty"),
-}  # fmt: skip
+}
 _BINS = ("share_bin", "cell_bin", "jump_bin", "capability_bin")
 _EXTREMES = {"min": "smallest", "max": "largest"}
 
@@ -142,8 +142,10 @@ def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
         return {"units": unit.replace("turn", "rad")}
     if kinds == {"m"}:
         return {"units": {"turn": "m", "m/turn": "1"}[unit]}
-    both = {"turn": "rad or m, see joint_unit", "m/turn": "columns of joints that turn are in "
-            "m/rad, of joints that slide in m/m"}  # fmt: skip
+    both = {
+        "turn": "rad or m, see joint_unit",
+        "m/turn": "columns of joints that turn are in m/rad, of joints that slide in m/m",
+    }
     return {"comment": both[unit]}
 
 
@@ -162,14 +164,17 @@ def coordinates(
             fails.reshape(len(sets), n),
             Variable(
                 ("fault_set", "joint"),
-                {"long_name": "whether the joint fails in the set", "flag_values": [0, 1],
-                 "flag_meanings": "works fails"},
+                {
+                    "long_name": "whether the joint fails in the set",
+                    "flag_values": [0, 1],
+                    "flag_meanings": "works fails",
+                },
             ),
         ),
         "verdict_code": _codes("verdict_code", 3, "verdict", _VERDICT),
         "rank": _codes("rank", RANKS, "rank", {}),
         "tolerated_set_count": _codes("tolerated_set_count", len(sets) + 1, "number of sets", {}),
-    }  # fmt: skip
+    }
     for axis, (name, start) in enumerate(zip(_CELLS, workspace.origin, strict=True)):
         centres = start + (np.arange(workspace.shape[axis]) + 0.5) * workspace.edge
         words = {"units": "m", "long_name": f"centre of the cell along {name[-1]} of the root"}
@@ -213,9 +218,15 @@ def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Va
 
 
 def attributes(
-    setting: SweepSetting, sets: tuple[FaultSet, ...], bins: Bins, workspace: Workspace,
-    *, version: int, identity: dict[str, Any], complete: bool,
-) -> dict[str, Any]:  # fmt: skip
+    setting: SweepSetting,
+    sets: tuple[FaultSet, ...],
+    bins: Bins,
+    workspace: Workspace,
+    *,
+    version: int,
+    identity: dict[str, Any],
+    complete: bool,
+) -> dict[str, Any]:
     """Return the attributes of the group: for readers, and for ftforce itself.
 
     Nothing in them hangs on when, where or by whom the sweep was done.
@@ -264,6 +275,6 @@ def unshaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[A
 
 def all_coordinates() -> list[str]:
     """Return the names of all coordinates that a sweep may have, and of the edges of bins."""
-    plain = ("joint", "joint_unit", "axis", "fault_set", "joint_fails", "verdict_code", "rank",
-             "tolerated_set_count", *_CELLS)  # fmt: skip
-    return [*plain, *(f"{name}{end}" for name in _BINS for end in ("", "_bounds"))]
+    plain = "joint joint_unit axis fault_set joint_fails verdict_code rank tolerated_set_count"
+    bins = (f"{name}{end}" for name in _BINS for end in ("", "_bounds"))
+    return [*plain.split(), *_CELLS, *bins]
