@@ -15,6 +15,7 @@ from helpers import (
     KNOWN,
     arms,
     assert_close,
+    campaign,
     eager_threads,
     joint,
     load_text,
@@ -179,12 +180,8 @@ def potential(arm, q, gravity, payload):
     return -height - payload.mass * (p + R @ payload.offset) @ gravity
 
 
-def momentum(arm, q, v, payload):
-    return mass_matrix(arm, q, payload) @ v
-
-
 @given(arms(least=2), seeds)
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_random_arms_against_their_energies(case, seed):
     arm, q = case
     v, a = np.random.default_rng(seed).normal(size=(2, arm.n))
@@ -196,7 +193,7 @@ def test_random_arms_against_their_energies(case, seed):
     assert_close(weight_torque(arm, q, MOON, POINT), slopes, scale=10.0, tol=1e-8)
     # d/dt ∂T/∂v - ∂T/∂q, along a path with this velocity and acceleration:
     ahead, behind = (
-        momentum(arm, q + t * v + t * t * a / 2, v + t * a, POINT) for t in (step, -step)
+        mass_matrix(arm, q + t * v + t * t * a / 2, POINT) @ (v + t * a) for t in (step, -step)
     )
     gradient = [
         v @ (mass_matrix(arm, q + d, POINT) - mass_matrix(arm, q - d, POINT)) @ v / (4 * step)
@@ -311,7 +308,7 @@ def test_links_beyond_the_last_joint_without_mass():
     assert mass_matrix(arm, np.array([0.1, 0.2, 0.3]), POINT).shape == (3, 3)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_point_mass_on_the_last_axis_has_only_rounding_for_an_inertia(seed):
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
@@ -327,15 +324,6 @@ def test_a_point_mass_on_the_last_axis_has_only_rounding_for_an_inertia(seed):
     for q in rng.normal(size=(10, 2)):
         with pytest.raises(InputError, match="not positive definite"):
             mass_matrix(arm, q)
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_arms_have_mass_matrices(name):
-    arm = ftforce.load_robot(name)
-    for q in np.random.default_rng(8).uniform(-2.0, 2.0, size=(20, arm.n)):
-        M = mass_matrix(arm, q)
-        assert not M.flags.writeable
-        assert np.linalg.eigvalsh(M)[0] > 0.0
 
 
 # ---- payloads --------------------------------------------------------------------------------
