@@ -13,17 +13,16 @@ from hypothesis import strategies as st
 import ftforce
 from ftforce import Verdict, analyze, capability
 from ftforce.errors import InputError
-from ftforce.faults import FaultMode
 from ftforce.feasible import End, Reading, reach
 from ftforce.force_capability import capability_of
-from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
 from helpers import (
-    KNOWN,
+    CAMPAIGN,
     QUARTER,
     arms,
     arrays_in,
     assert_close,
+    campaign,
     is_beyond_doubt,
     load_text,
     seeds,
@@ -126,7 +125,7 @@ CASES = [
 @pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("brakes", [None, 60.0], ids=["no brakes", "brakes"])
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", CASES if CAMPAIGN else CASES[::2], ids=str)
 def test_panda_against_linear_programs(panda, case, brakes):
     limits = Limits.of(panda.effort, None if brakes is None else np.full(7, brakes))
     m = ftforce.Task.parse(case.get("task", "force")).m
@@ -139,7 +138,7 @@ def test_panda_against_linear_programs(panda, case, brakes):
 @pytest.mark.no_cover
 @pytest.mark.thorough
 @given(arms(least=3), seeds, st.data())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 8))
 def test_random_arms_against_linear_programs(case, seed, data):
     arm, q = case
     rng = np.random.default_rng(seed)
@@ -218,25 +217,10 @@ def test_readings_differ_by_brakes_alone_where_no_direction_is_lost(panda):
         assert report.after[COMMANDED].most == report.after[HELD].most
 
 
-def test_the_healthy_arm_is_the_one_without_faults(panda):
-    faulty = capability(panda, locked=[2], free=[6], velocity=[1.0] * 7, payload=1.0)
-    healthy = capability(panda, velocity=[1.0] * 7, payload=1.0)
-    for one, other in zip(
-        (*faulty.directions, faulty.weakest), (*healthy.directions, healthy.weakest), strict=True
-    ):
-        for reading in Reading:
-            assert one.before[reading].most == other.before[reading].most
-            assert other.after[reading].most == other.before[reading].most
-    assert faulty.payload[0].most == healthy.payload[0].most == healthy.payload[1].most
-    assert_close(
-        faulty.polytope(after=False).vertices, healthy.polytope(after=True).vertices, tol=1e-12
-    )
-
-
 # ---- the weakest direction -------------------------------------------------------------------
 
 
-def sampled_reach(result, after, reading, rng, count=3000):
+def sampled_reach(result, after, reading, rng, count=campaign(3000, 1000)):
     """Return the smallest reach over weighted directions that the healthy arm has."""
     reduced = result.analysis.reduced
     space = reduced.healthy.U[:, : reduced.rank]
@@ -269,13 +253,15 @@ def test_the_weakest_direction_against_sampled_ones(panda, case):
             sampled = sampled_reach(result, after, reading, rng) * unit
             assert amount.most <= sampled
             if task.m < 4:
-                assert amount.most > 0.97 * sampled
+                assert amount.most > (0.97 if CAMPAIGN else 0.95) * sampled
             weighted = task.weigh_force(amount.direction)
             assert_close(np.linalg.norm(weighted) * unit, 1.0)
             feasible = result.feasible(after=after, reading=reading)
             assert_close(reach(feasible, weighted).most, amount.most)
             assert reach(feasible, weighted).stops == amount.stops
-            near = weighted + 1e-3 * rng.normal(size=(50, task.m)) * np.linalg.norm(weighted)
+            near = weighted + 1e-3 * rng.normal(size=(campaign(50, 15), task.m)) * np.linalg.norm(
+                weighted
+            )
             for other in near / (np.linalg.norm(near, axis=1)[:, None] * unit):
                 assert reach(feasible, other).most >= amount.most * (1.0 - 1e-12)
 
@@ -366,23 +352,6 @@ def test_a_payload_is_just_within_the_limits(panda, case, brakes):
         held = capability_of(analysis).feasible(after=True, reading=HELD)
         torque = held.rows @ held.F0
         assert bool(np.any((torque > held.upper) | (torque < held.lower))) == bool(overloaded)
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_payloads_of_known_arms(name):
-    arm = ftforce.load_robot(name)
-    result = capability(arm, locked=[2], limits=Limits.of(np.full(arm.n, 400.0)))
-    for after, amount in zip((False, True), result.payload, strict=True):
-        if amount.end is End.LIMIT:
-            assert_close(worst_share(arm, result, amount.most, after=after), 1.0)
-        else:
-            assert math.isinf(amount.most)
-
-
-def test_what_is_there_already_counts(panda):
-    bare, loaded = (capability(panda, locked=[2], payload=x) for x in (None, 2.0))
-    for one, other in zip(bare.payload, loaded.payload, strict=True):
-        assert_close(other.most, one.most - 2.0)
 
 
 def test_without_gravity_any_payload_is_held(panda):
@@ -485,12 +454,6 @@ def test_unknown_limits_end_nothing():
     assert none.directions[0].after[COMMANDED].most == math.inf
 
 
-def test_the_urdfs_limits_count_if_none_are_named(panda):
-    one, other = capability(panda, locked=[2]), capability(panda, locked=[2], limits="urdf")
-    assert one.analysis.limits.source == "urdf"
-    assert one.directions[0].after[HELD].most == other.directions[0].after[HELD].most
-
-
 def test_an_arm_that_cannot_carry_itself(panda):
     limits = Limits.of(np.where(np.isin(np.arange(7), [1, 3]), 5.0, panda.effort))
     result = capability(panda, Q, locked=[6], limits=limits)
@@ -566,12 +529,6 @@ def test_names_units_and_directions(panda):
     assert capability(panda).direction is None
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e-9, 1e9, 1e100])
-def test_a_direction_has_no_size(panda, scale):
-    result = capability(panda, direction=scale * np.array([1.0, 2.0, 2.0]))
-    assert_close(result.direction, [1 / 3, 2 / 3, 2 / 3])
-
-
 def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
     result = capability(panda, task="wrench", direction=[1e-17, 0, 0, 0, 0, 2.0])
     assert_close(result.direction, [0, 0, 0, 0, 0, 1.0])
@@ -581,34 +538,17 @@ def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
     assert_close(result.directions[-1].after[HELD].most, wanted.after[HELD].most)
 
 
-def test_world_axes_ask_about_other_directions(panda):
-    R, _ = tip_pose(panda, analyze(panda).posture.q)
-    tool = capability(panda, locked=[2], direction=R.T @ [1.0, 2.0, 3.0])
-    world = capability(panda, locked=[2], direction=[1.0, 2.0, 3.0], axes="world")
-    for reading in Reading:
-        assert_close(
-            world.directions[-1].after[reading].most, tool.directions[-1].after[reading].most
-        )
-    assert_close(world.weakest.after[HELD].most, tool.weakest.after[HELD].most)
-    assert world.payload[1].most == pytest.approx(tool.payload[1].most)
-
-
 @pytest.mark.parametrize(
     ("direction", "message"),
     [
         ([0, 0, 0], "the direction needs a component that is not zero"),
         ([1, 2], "direction needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
-        ([1, 2, math.nan], "direction holds nan at position 3; numbers must be finite"),
-        ("up", "direction needs numbers, got 'up'"),
     ],
     ids=repr,
 )
 def test_directions_that_are_none(panda, direction, message):
     with pytest.raises(InputError) as caught:
         capability(panda, direction=direction)
-    assert str(caught.value) == message
-    with pytest.raises(InputError) as caught:
-        ftforce.census(panda, direction=direction)
     assert str(caught.value) == message
 
 
@@ -620,10 +560,3 @@ def test_results_are_read_only_and_known_to_json(panda):
         writeable = [name for part in parts for name, x in arrays_in(part) if x.flags.writeable]
         assert writeable == []
         json.dumps(ftforce.to_dict(result), allow_nan=False)
-
-
-def test_modes_without_limits_of_their_own(panda):
-    result = capability(panda, weak={2: 0.25}, free=4)
-    assert result.analysis.faults.in_mode(FaultMode.WEAK) == (1,)
-    assert result.analysis.limits.source == "urdf"
-    assert_as_programmed(result)
