@@ -81,7 +81,7 @@ def check(problem, result):
 def test_random_problems_beside_quadprog():
     rng = np.random.default_rng(2009)
     kinds = Counter()
-    count = campaign(10_000, 2000)
+    count = campaign(10_000)
     for _ in range(count):
         problem = draw_problem(rng)
         kinds[check(problem, problem.remap())] += 1
@@ -514,7 +514,7 @@ def test_a_hundred_joints():
     [
         (
             {"limits": [1.0, 0.0, 3.0]},
-            r"limits must be positive.*NaN where unknown.*got \[1.0, 0.0",
+            r"limits must be positive.*got \[1.0, 0.0",
         ),
         ({"limits": [1.0, 2.0]}, "limits needs 3 numbers, got 2.*column of J"),
         ({"limits": None}, "limits needs numbers"),

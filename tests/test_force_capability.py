@@ -220,12 +220,12 @@ def test_readings_differ_by_brakes_alone_where_no_direction_is_lost(panda):
 # ---- the weakest direction -------------------------------------------------------------------
 
 
-def sampled_reach(result, after, reading, rng, count=campaign(3000, 1000)):
+def sampled_reach(result, after, reading, rng):
     """Return the smallest reach over weighted directions that the healthy arm has."""
     reduced = result.analysis.reduced
     space = reduced.healthy.U[:, : reduced.rank]
     feasible = result.feasible(after=after, reading=reading)
-    directions = rng.normal(size=(count, space.shape[1])) @ space.T
+    directions = rng.normal(size=(campaign(3000, 1000), space.shape[1])) @ space.T
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     return min(reach(feasible, d).most for d in directions)
 

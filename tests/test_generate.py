@@ -3,9 +3,6 @@
 import math
 import os
 import re
-import subprocess
-import sys
-import warnings
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +22,7 @@ from ftforce.cli.dh import dh
 from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import DHTableError, OutputError, URDFError
 from ftforce.generate import to_srdf, to_urdf, write_robot
+from helpers import campaign
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 DH5 = DHTable.from_toml(ROBOTS / "dh5.toml")
@@ -62,22 +60,6 @@ def tip_in_pinocchio(urdf, q):
     return data.oMf[model.getFrameId("tool")].homogeneous
 
 
-def tip_in_toolbox(table, q):
-    """Tip pose by roboticstoolbox, which knows nothing of this package."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import roboticstoolbox as rtb
-
-        links = []
-        for r in table.rows:
-            kind = {"revolute": "Revolute", "prismatic": "Prismatic"}[r.type]
-            make = getattr(rtb, kind + {"standard": "DH", "modified": "MDH"}[table.convention])
-            constant = {"d": r.d} if r.type == "revolute" else {"theta": r.theta}
-            offset = r.theta if r.type == "revolute" else r.d
-            links.append(make(a=r.a, alpha=r.alpha, offset=offset, **constant))
-        return rtb.DHRobot(links).fkine(q).A
-
-
 # ---- kinematics ------------------------------------------------------------------------------
 
 lengths = st.floats(0.01, 1.0) | st.floats(-1.0, -0.01) | st.just(0.0)
@@ -86,15 +68,14 @@ rows = st.builds(row, lengths, angles, lengths, angles, st.sampled_from(["revolu
 
 
 @given(st.data())
-@settings(deadline=None, max_examples=60)
-def test_tip_in_pinocchio_equals_closed_form_and_roboticstoolbox(data):
+@settings(deadline=None, max_examples=campaign(60, 20))
+def test_tip_in_pinocchio_equals_closed_form(data):
     convention = data.draw(st.sampled_from(["standard", "modified"]))
     table = table_of(*data.draw(st.lists(rows, min_size=1, max_size=6)), convention=convention)
     n = len(table.rows)
     q = data.draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n))
     tip = tip_in_pinocchio(to_urdf(table), q)
     np.testing.assert_allclose(tip, table.transforms(q)[-1], atol=1e-12)
-    np.testing.assert_allclose(tip, tip_in_toolbox(table, q), atol=1e-12)
 
 
 def test_steps_close_to_nothing_are_kept():
@@ -103,19 +84,6 @@ def test_steps_close_to_nothing_are_kept():
     tip = tip_in_pinocchio(to_urdf(table), [0.1, 0.2])
     np.testing.assert_allclose(tip, table.transforms([0.1, 0.2])[-1], atol=1e-15)
     assert origin_of(to_urdf(table), "tool_joint") == ("0 0 0", "0 0 5e-09")
-
-
-def test_jacobian_in_tool_axes_is_equation_34_of_the_paper():
-    model = pin.buildModelFromXML((ROBOTS / "dh5.urdf").read_text())
-    q, tool = DH5.postures["paper"], model.getFrameId("tool")
-    J = pin.computeFrameJacobian(model, model.createData(), q, tool, pin.LOCAL)[:3]
-    printed = [
-        [0.00, 0.00, 0.16, 0.00, 0.00],
-        [-0.57, -0.15, 0.28, 0.20, 0.08],
-        [-0.64, -0.48, 0.00, 0.00, 0.00],
-    ]
-    np.testing.assert_array_equal(np.abs(np.round(J, 2)), np.abs(printed))
-    np.testing.assert_allclose(J, printed, atol=0.005)
 
 
 def test_pinocchio_finds_the_joints_and_limits_of_the_table():
@@ -232,7 +200,7 @@ def test_link_without_length_is_a_ball():
 
 
 @given(st.data())
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=campaign(30, 10))
 def test_inertias_are_physical(data):
     table = table_of(
         *data.draw(st.lists(rows, min_size=1, max_size=5)),
@@ -293,10 +261,6 @@ def test_angles_are_written_in_full(degrees):
     assert origin_of(twisted, "tool_joint") == ("0.5 0 0.1", f"{number} 0 0")
     turned = to_urdf(table_of(row(d=0.1, theta=angle)))
     assert origin_of(turned, "tool_joint") == ("0 0 0.1", f"0 0 {number}")
-
-
-def test_a_right_angle_is_the_double_next_to_it():
-    assert origin_of(to_urdf(DH5), "joint3") == ("0.32 0 0.05", "1.5707963267948966 0 0")
 
 
 @pytest.mark.parametrize("quarters", range(-3, 4))
@@ -395,11 +359,6 @@ def test_a_text_with_another_tip_is_not_returned(monkeypatch):
     monkeypatch.setattr(generate.Body, "end", generate.Origin((0.1, 0.2, 0.3)))
     with pytest.raises(URDFError, match="its tip is not where the DH table has it"):
         to_urdf(table_of(row(0.1)))
-
-
-def test_the_module_costs_no_slow_import():
-    code = "import sys, ftforce.generate, ftforce.dh; sys.exit('yourdfpy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 # ---- the SRDF --------------------------------------------------------------------------------

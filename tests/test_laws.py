@@ -26,6 +26,7 @@ from helpers import (
     KNOWN,
     arms,
     assert_close,
+    campaign,
     cases,
     is_beyond_doubt,
     is_clear,
@@ -41,8 +42,8 @@ from problems import Problem, draw_problem, margin_by_highs
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
-law = settings(deadline=None, max_examples=100)
-law_of_arms = settings(deadline=None, max_examples=40)
+law = settings(deadline=None, max_examples=campaign(100, 50))
+law_of_arms = settings(deadline=None, max_examples=campaign(40, 12))
 
 
 def norm(x):
@@ -67,15 +68,10 @@ def test_the_jump_is_square_to_what_is_left(case):
     assert_close(result.jump @ result.F_after, 0.0, scale=size**2 or 1.0)
     assert_close(result.F_after + result.jump, result.F, scale=size or 1.0)
     assert_close(result.jump_norm, norm(result.jump), scale=size or 1.0)
-
-
-@given(cases())
-@law
-def test_no_healthy_joint_feels_the_jump(case):
-    reduced = reduce(case.J, case.locked)
-    _, jump = jump_of(case.J, case.locked, case.F)
-    felt = norm(reduced.K.T @ jump)
-    assert felt <= (RTOL + 1e-12) * reduced.sigma_max * norm(jump) + 1e-300
+    reduced = result.reduced
+    felt = norm(reduced.K.T @ result.jump)  # by healthy joints
+    assert felt <= (RTOL + 1e-12) * reduced.sigma_max * norm(result.jump) + 1e-300
+    assert result.is_proved(), dict(result.residuals())
 
 
 @given(cases(), st.data())
@@ -132,28 +128,6 @@ def test_torques_split_into_force_and_self_motion(case):
     assert_close(case.J.T @ result.F + result.self_motion, case.tau, scale=norm(case.tau))
 
 
-@given(cases(), seeds)
-@law
-def test_no_torque_comes_closer(case, seed):
-    assume(is_clear(case.J, case.locked))
-    F, jump = jump_of(case.J, case.locked, case.F)
-    K = np.where(case.locked, 0.0, case.J)
-    exert = np.linalg.pinv(K.T, rcond=RTOL * np.linalg.norm(case.J, 2) / (norm(K) or 1.0))
-    U, rng = K.T @ F, np.random.default_rng(seed)
-    least = norm(F - exert @ U)
-    assert_close(least, norm(jump), scale=norm(F) or 1.0, tol=1e-7)
-    for size in (1e-3, 1e-1, 1.0, 10.0):
-        other = U + size * (norm(U) or 1.0) * rng.normal(size=U.shape) * ~case.locked
-        assert norm(F - exert @ other) >= least - 1e-7 * norm(F)
-
-
-@given(cases())
-@law
-def test_a_result_proves_itself(case):
-    result = ftforce.remap(case.J, case.tau, case.locked)
-    assert result.is_proved(), dict(result.residuals())
-
-
 @given(cases())
 @law
 def test_measures_agree_with_each_other(case):
@@ -191,7 +165,7 @@ def rhos(J, f):
 
 
 @given(full_rank_jacobians(), st.data())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_relative_manipulabilities_of_all_sets_of_a_size(J, data):
     m, n = J.shape
     f = data.draw(st.integers(1, min(n, 3)))
@@ -203,14 +177,6 @@ def test_relative_manipulabilities_of_all_sets_of_a_size(J, data):
     N = np.eye(n) - np.linalg.pinv(J) @ J
     minors = [np.linalg.det(N[np.ix_(S, S)]) for S in sets]
     assert_close(rho**2, minors, scale=1.0, tol=1e-8)
-
-
-@given(full_rank_jacobians())
-@law
-def test_single_faults_come_from_the_diagonal_of_the_null_space(J):
-    _, rho = rhos(J, 1)
-    N = np.eye(J.shape[1]) - np.linalg.pinv(J) @ J
-    assert_close(rho**2, np.diag(N), scale=1.0, tol=1e-8)
 
 
 # ---- velocity --------------------------------------------------------------------------------
@@ -230,36 +196,6 @@ def test_velocity_jump_has_the_projector_of_the_force_jump(case):
     assert_close(change.tip_after, case.J @ change.after, scale=scale)
     assert_close(change.tip_after - change.tip_before, change.jump, scale=scale)
     np.testing.assert_array_equal(change.after[case.locked], 0.0)
-
-
-@given(cases(most_rows=6, most_joints=5))
-@law
-def test_appendix_a_where_it_can_be_computed(case):
-    K = case.J[:, ~case.locked]
-    s = np.linalg.svd(K, compute_uv=False) if K.size else np.zeros(1)
-    assume(K.shape[1] <= K.shape[0] and s[-1] > 1e-3 * np.linalg.norm(case.J, 2))
-    x_S = case.J[:, case.locked] @ case.v[case.locked]
-    printed = K @ np.linalg.inv(K.T @ K) @ K.T @ x_S - x_S
-    change = velocity_remap(reduce(case.J, case.locked), case.v)
-    assert_close(change.jump, printed, scale=np.linalg.norm(case.J, 2) * norm(case.v))
-
-
-@given(cases(), seeds)
-@law
-def test_velocity_change_is_the_shortest_of_the_best(case, seed):
-    assume(is_beyond_doubt(case.J, case.locked))
-    K = np.where(case.locked, 0.0, case.J)
-    change = velocity_remap(reduce(case.J, case.locked), case.v)
-    step = change.after - np.where(case.locked, 0.0, case.v)
-    x_S = case.J[:, case.locked] @ case.v[case.locked]
-    rank = reduce(case.J, case.locked).rank_after
-    null = np.linalg.svd(K)[2][rank:]  # moving so leaves the tip where it is
-    assert_close(null @ step, 0.0, scale=norm(step) or 1.0, tol=1e-7)
-    rng = np.random.default_rng(seed)
-    for size in (1e-3, 0.1, 10.0):
-        other = step + size * (norm(step) or 1.0) * rng.normal(size=step.shape) * ~case.locked
-        scale = np.linalg.norm(case.J, 2) * (norm(other) + norm(case.v))
-        assert norm(K @ other - x_S) >= norm(K @ step - x_S) - 1e-7 * scale
 
 
 # ---- limits, weight and joints without torque ------------------------------------------------
@@ -384,17 +320,6 @@ def test_torques_stay_within_limits_and_free_joints_give_none(case):
     assert np.all(np.abs(torque[problem.free]) <= RTOL * norm(problem.rnea) + given_away + rounding)
 
 
-@given(limited())
-@law
-def test_the_same_question_again_changes_nothing_more(case):
-    problem, F = case
-    once = asked(problem, F)
-    if once.F_after is None:
-        return
-    twice = nearest_force(once.feasible, once.F_after)
-    assert_close(twice.F_after, once.F_after, scale=size_of(once), tol=1e-8)
-
-
 @given(limited(), seeds)
 @law
 def test_no_force_that_can_be_held_is_closer(case, seed):
@@ -468,25 +393,6 @@ def test_tool_and_world_axes_tell_the_same_with_limits_and_modes(case, seed, dat
 
 def some_faults(data, arm):
     return data.draw(st.sets(st.integers(1, arm.n), max_size=arm.n))
-
-
-@given(arms(), seeds, st.data())
-@law_of_arms
-def test_tool_and_world_axes_tell_the_same(case, seed, data):
-    arm, q = case
-    locked = some_faults(data, arm)
-    F = np.random.default_rng(seed).normal(size=3) * 50.0
-    R, _ = tip_pose(arm, q)
-    tool = ftforce.analyze(arm, q, locked=locked, force=F)
-    world = ftforce.analyze(arm, q, locked=locked, force=R @ F, axes="world")
-    assume(is_clear(tool.J, tool.faults.mask(arm.n)))
-    scale = norm(F)
-    for name in ("before", "after", "jump", "unsupported"):
-        one, other = getattr(tool.force, name), getattr(world.force, name)
-        assert_close(other, R @ one, scale=scale, tol=1e-7)
-    assert_close(world.force.jump_norm, tool.force.jump_norm, scale=scale, tol=1e-7)
-    assert_close(world.torque.after, tool.torque.after, scale=scale, tol=1e-7)
-    assert_close(world.margin, tool.margin, scale=1.0)
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -15,16 +15,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ftforce
-from ftforce.closed_forms import exerted_force, force_jump, supported_force, velocity_remap
-from ftforce.dh import DHTable
+from ftforce.closed_forms import force_jump, supported_force, velocity_remap
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.metrics import margin
 from ftforce.reduced import RTOL, reduce
-from ftforce.registry import robots_folder
 from helpers import (
+    CAMPAIGN,
     KNOWN,
     arms,
     assert_close,
+    campaign,
     cases,
     dh_tables,
     is_clear,
@@ -53,7 +53,7 @@ def known(request):
 
 
 @given(cases())
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=campaign(100, 50))
 def test_torque_remap_against_numpy_pinv(case):
     assume(is_clear(case.J, case.locked))
     J, K, largest = case.J, np.where(case.locked, 0.0, case.J), np.linalg.norm(case.J, 2)
@@ -69,7 +69,7 @@ def test_torque_remap_against_numpy_pinv(case):
 
 
 @given(cases())
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=campaign(100, 50))
 def test_force_jump_against_scipy_null_space_and_range(case):
     assume(is_clear(case.J, case.locked))
     J, K = case.J, np.where(case.locked, 0.0, case.J)
@@ -88,7 +88,7 @@ def test_force_jump_against_scipy_null_space_and_range(case):
 
 
 @given(cases())
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=campaign(100, 50))
 def test_velocity_remap_against_scipy_lstsq(case):
     assume(is_clear(case.J, case.locked))
     largest = np.linalg.norm(case.J, 2)
@@ -101,27 +101,6 @@ def test_velocity_remap_against_scipy_lstsq(case):
     stays = np.where(case.locked, 0.0, case.v)
     assert_close(change.after, stays + step, scale=np.linalg.norm([*step, *case.v]), tol=1e-7)
     assert_close(change.jump, reduced.K @ step - x_S, scale=largest * np.linalg.norm(case.v))
-
-
-@pytest.mark.parametrize("locked", [(3,), (2, 3), (2, 4, 5), (1, 2, 3, 4)], ids=str)
-def test_least_jump_against_scipy_optimize(locked):
-    arm = ftforce.load_robot("dh5")
-    result = ftforce.analyze(arm, locked=locked, force=FORCE)
-    K = np.delete(result.J, [k - 1 for k in locked], axis=1)
-    unreachable = scipy.linalg.null_space(K.T)
-    found = scipy.optimize.minimize(
-        lambda F: np.sum((FORCE - F) ** 2),
-        x0=np.zeros(3),
-        jac=lambda F: 2.0 * (F - FORCE),
-        constraints={"type": "eq", "fun": lambda F: unreachable.T @ F},
-        method="SLSQP",
-        options={"ftol": 1e-14},
-    )
-    assert found.success
-    assert_close(result.force.after, found.x, scale=np.linalg.norm(FORCE), tol=1e-6)
-    assert_close(result.force.jump_norm, math.sqrt(found.fun), tol=1e-6)
-    combined = scipy.optimize.lsq_linear(K, FORCE)
-    assert_close(result.force.after, K @ combined.x, scale=np.linalg.norm(FORCE), tol=1e-7)
 
 
 # ---- fifty digits ----------------------------------------------------------------------------
@@ -137,21 +116,6 @@ def precise_svd(A):
 def precise_margin(J, K):
     """Return σ_min(K)/σ_max(J) in 50 digits, rounded once."""
     return float(precise_svd(K)[1][-1] / precise_svd(J)[1][0])
-
-
-ILL = [1e-2, 1e-4, 1.0001e-6, 0.9999e-6, 1e-9, 1e-12]
-
-
-@pytest.mark.parametrize("ratio", ILL)
-def test_margin_and_rank_against_fifty_digits(ratio):
-    rng = np.random.default_rng(11)
-    K = with_singular_values(rng, 3, 6, np.array([0.8, 0.5, ratio]))
-    J = np.hstack([rng.normal(size=(3, 1)), K])
-    J /= np.linalg.norm(J, 2)
-    reduced = reduce(J, np.arange(7) == 0)
-    wanted = precise_margin(J, J[:, 1:])
-    assert_close(margin(reduced), wanted, scale=1.0, tol=2e-15)
-    assert reduced.rank_after == (3 if wanted > RTOL else 2)
 
 
 @pytest.mark.parametrize("little", [1e-3, 1e-5, 2e-6, 1e-7, 1e-9, 0.0])
@@ -171,7 +135,7 @@ def test_margin_of_a_nearly_stretched_arm_against_fifty_digits(little):
     assert result.reduced.rank_after == (3 if wanted > RTOL else 2)
 
 
-@pytest.mark.parametrize("ratio", [1e-2, 1e-4, 1.001e-6, 0.999e-6, 1e-12])
+@pytest.mark.parametrize("ratio", [1e-2, 1e-4, 1.0001e-6, 0.9999e-6, 1e-9, 1e-12])
 def test_forces_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
     rng = np.random.default_rng(12)
     K = with_singular_values(rng, 3, 6, np.array([0.8, 0.5, ratio]))
@@ -188,37 +152,13 @@ def test_forces_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
         after = sum(u * (u @ F) for u in kept)
     F, after, jump = (x.astype(float) for x in (F, after, F - after))
     assert len(kept) == result.reduced.rank_after
+    assert_close(margin(result.reduced), precise_margin(J, J[:, 1:]), scale=1.0, tol=2e-15)
     # The direction that is just kept or lost is known to about 1e-16 over its singular value.
     tol = 1e-9 if ratio < 1e-5 else 1e-12
     scale = np.linalg.norm(F)
     assert_close(result.F, F, scale=scale, tol=1e-13)
     assert_close(result.F_after, after, scale=scale, tol=tol)
     assert_close(result.jump, jump, scale=scale, tol=tol)
-
-
-def test_force_of_torques_along_a_weak_direction_against_fifty_digits():
-    J = with_singular_values(np.random.default_rng(13), 3, 6, np.array([1.0, 0.5, 2e-6]))
-    tau = np.random.default_rng(14).normal(size=6)
-    with mpmath.workdps(50):
-        A = mpmath.matrix(J.tolist())
-        wanted = np.array(list(mpmath.lu_solve(A * A.T, A * mpmath.matrix(tau.tolist()))), float)
-    assert_close(exerted_force(reduce(J, np.zeros(6, bool)), tau), wanted, tol=1e-9)
-
-
-@pytest.mark.parametrize("ratio", [1e-3, 1e-5])
-def test_velocities_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
-    rng = np.random.default_rng(15)
-    K = with_singular_values(rng, 3, 5, np.array([1.0, 0.5, ratio]))
-    J = np.hstack([K, rng.normal(size=(3, 1))])
-    J /= np.linalg.norm(J, 2)
-    v = rng.normal(size=6)
-    change = velocity_remap(reduce(J, np.arange(6) == 5), v)
-    with mpmath.workdps(50):
-        A = mpmath.matrix(J[:, :5].tolist())
-        x_S = mpmath.matrix(J[:, 5].tolist()) * mpmath.mpf(v[5])
-        step = np.array(list(A.T * mpmath.lu_solve(A * A.T, x_S)), float)
-    assert_close(change.after, [*(v[:5] + step), 0.0], tol=1e-9)
-    assert_close(change.jump, 0.0, scale=np.linalg.norm(v))
 
 
 @pytest.mark.parametrize("ratio", [1e-2, 1e-4, 2e-6])
@@ -256,21 +196,15 @@ def assert_jacobians(arm, q, wanted, tol):
     )
 
 
-def test_jacobians_of_known_robots_against_finite_differences(known):
-    arm, postures = known
-    for q in postures:
-        assert_jacobians(arm, q, differences(arm, q), 1e-8)
-
-
 @given(arms(least=2))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_jacobians_of_random_arms_against_finite_differences(case):
     arm, q = case
     assert_jacobians(arm, q, differences(arm, q), 1e-8)
 
 
 @given(dh_tables.filter(lambda table: len(table.rows) > 1), st.data())
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=campaign(30, 10))
 def test_random_dh_tables_against_roboticstoolbox(table, data):
     n = len(table.rows)
     q = np.array(data.draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n)))
@@ -279,17 +213,6 @@ def test_random_dh_tables_against_roboticstoolbox(table, data):
     assert_close(np.column_stack([R, p]), pose[:3], scale=1.0, tol=1e-12)
     assert_close(frame_jacobian(arm, q, "tool"), other.jacobe(q), scale=1.0, tol=1e-11)
     assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), scale=1.0, tol=1e-11)
-
-
-def test_the_papers_arm_against_roboticstoolbox():
-    table, arm = DHTable.from_toml(robots_folder() / "dh5.toml"), ftforce.load_robot("dh5")
-    other = toolbox_arm(table)
-    others = np.array([[0.3, -0.4, 1.0, 2.0, -1.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
-    for q in (table.postures["paper"], *others):
-        assert_close(frame_jacobian(arm, q), other.jacobe(q), tol=1e-13)
-        assert_close(frame_jacobian(arm, q, "world"), other.jacob0(q), tol=1e-13)
-        result = ftforce.analyze(arm, q, force=FORCE)
-        assert_close(other.jacobe(q)[:3].T @ result.force.before, result.torque.before, scale=50)
 
 
 @pytest.mark.parametrize("tip", ["panda_link8", "panda_hand_tcp"])
@@ -335,32 +258,12 @@ def reduced_model(arm, q, locked):
 def test_reduced_jacobian_against_pinocchios_reduced_model(known):
     arm, postures = known
     sets = [*([k] for k in range(arm.n)), [0, 2], [1, 2, 4], list(range(1, arm.n))]
-    for q in postures:
+    for q in postures if CAMPAIGN else postures[:1]:
         for locked in sets:
             result = ftforce.analyze(arm, q, locked=[k + 1 for k in locked], task="wrench")
             healthy = np.delete(result.reduced.K, locked, axis=1)
             assert_close(healthy, reduced_model(arm, q, locked)[2], tol=1e-12)
             np.testing.assert_array_equal(result.reduced.K[:, locked], 0.0)
-
-
-def test_an_arm_whose_joint_locks_pushes_with_the_force_after(known):
-    """Statics: pinned tip, locked joints, weight carried, U applied; the pin feels F_after."""
-    arm, postures = known
-    q = postures[0]
-    for locked in ([k] for k in range(arm.n)):
-        result = ftforce.analyze(arm, q, locked=[k + 1 for k in locked], force=FORCE)
-        model, configuration, J = reduced_model(arm, q, locked)
-        K, data = J[:3], model.createData()
-        M = pin.crba(model, data, configuration)
-        M = np.triu(M) + np.triu(M, 1).T
-        U = np.delete(result.torque.after, locked)
-        # M a = U - Kᵀ f and K a = 0: the force of the pin; what it alone supports is not ours.
-        f = np.linalg.pinv(K @ np.linalg.solve(M, K.T), rcond=1e-10) @ K @ np.linalg.solve(M, U)
-        scale = np.linalg.norm(FORCE)
-        keeps = result.reduced.damaged.project(f, result.reduced.rank_after)
-        assert_close(keeps, result.force.after, scale=scale, tol=1e-5)
-        a = np.linalg.solve(M, U - K.T @ result.force.after)
-        assert_close(M @ a, 0.0, scale=scale, tol=2e-6)  # and the arm stays at rest
 
 
 def carrying(arm, payload, gravity):
@@ -385,7 +288,7 @@ def test_weight_and_motion_after_a_lock_against_pinocchios_reduced_model(known, 
     load, gravity = (surroundings.get(key) for key in ("payload", "gravity"))
     model = carrying(arm, load or (0.0, (0, 0, 0)), gravity or [0.0, 0.0, -9.81])
     rng = np.random.default_rng(6)
-    for q in postures[1:]:
+    for q in postures[1:] if CAMPAIGN else postures[1:2]:
         v, a = rng.normal(size=(2, arm.n))
         motion = {"velocity": v, "acceleration": a}
         for locked in ([0], [arm.n - 1], [1, 2], [0, 2, arm.n - 1], list(range(1, arm.n))):
