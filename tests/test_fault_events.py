@@ -63,8 +63,8 @@ def test_texts(dh5, text, wanted):
 
 def test_events_in_other_forms(dh5):
     one = FaultEvent(1.0, locked(2))
-    for given in (one, (text for text in ("3@1",)), [FaultEvent(np.float64(1.0), locked(2))]):
-        assert read_events(dh5, given) == (one,)
+    for form in (one, (text for text in ("3@1",)), [FaultEvent(np.float64(1.0), locked(2))]):
+        assert read_events(dh5, form) == (one,)
     assert read_events(dh5, ()) == read_events(dh5, []) == ()
 
 

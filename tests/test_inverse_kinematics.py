@@ -120,8 +120,6 @@ def test_a_point_out_of_reach_is_told_with_the_nearest():
     robot = load_text(serial_urdf(*steps).replace("0.11 0.05 0.03", "0.3 0 0"), tip="tool")
     with pytest.raises(InputError) as caught:
         posture_at(robot, np.array([1.2, 0.0, 1.6]), np.array([0.3, 0.2, 0.1]))
-    with pytest.raises(InputError, match="the tip cannot reach"):
-        posture_at(robot, np.array([1e9, 0.0, -1e9]), np.zeros(3))
     here = ", ".join(f"{x:.4g}" for x in place(robot, [0.3, 0.2, 0.1]))
     assert str(caught.value) == (
         "the tip cannot reach (1.2, 0, 1.6) m in the root's axes within the joint limits: "
@@ -141,5 +139,7 @@ def test_a_point_beyond_the_limits_is_out_of_reach():
     a_little = np.array([np.cos(1.0005), np.sin(1.0005), 0.0])  # Newton's steps would go there
     with pytest.raises(InputError, match=r"the tip cannot reach \(0\.5399, 0\.8417, 0\) m"):
         posture_at(robot, a_little, np.zeros(1))
+    with pytest.raises(InputError, match="the tip cannot reach"):
+        posture_at(robot, np.array([1e9, 0.0, -1e9]), np.zeros(1))
     with pytest.raises(InputError, match=r"cannot reach \(1, 0, 0\.001\) m"):
         posture_at(robot, np.array([1.0, 0.0, 1e-3]), np.zeros(1))

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from ftforce import metrics
 from ftforce.metrics import Verdict
 from ftforce.reduced import RTOL, WARY, reduce
-from helpers import assert_close, diagonal, jacobians, orthogonal, seeds, with_singular_values
+from helpers import (
+    assert_close,
+    campaign,
+    diagonal,
+    jacobians,
+    orthogonal,
+    seeds,
+    with_singular_values,
+)
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
 
@@ -30,13 +38,10 @@ def with_spectrum(*ratios, seed=0, scale=1.0):
 def test_margin_is_the_smallest_singular_value_left_over_the_largest_before():
     assert metrics.margin(diagonal(4, 2, 1)) == pytest.approx(0.25)
     assert metrics.margin(diagonal(4, 2, 1, locked=[0])) == 0.0
+    assert metrics.margin(diagonal(0, 0)) == 0.0
     J = np.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
     mask = np.array([True, False, False])
     assert metrics.margin(reduce(J, mask)) == pytest.approx(1 / math.sqrt(17))
-
-
-def test_margin_of_an_arm_that_moves_nothing():
-    assert metrics.margin(diagonal(0, 0)) == 0.0
 
 
 def test_relative_manipulability_is_the_ratio_of_volumes():
@@ -74,17 +79,6 @@ def test_force_error_is_that_of_the_weakest_direction_kept():
     assert metrics.force_error(diagonal(4, 1, locked=[0, 1])) == math.inf
 
 
-def test_force_error_is_reached_and_never_exceeded():
-    rng = np.random.default_rng(4)
-    reduced = reduce(rng.normal(size=(3, 6)), np.arange(6) == 2)
-    errors = rng.normal(size=(500, 6)) * ~reduced.locked
-    forces = errors @ np.linalg.pinv(reduced.K.T).T
-    gain = np.linalg.norm(forces, axis=1) / np.linalg.norm(errors, axis=1)
-    worst = metrics.force_error(reduced)
-    assert np.all(gain <= worst * (1 + 1e-12))
-    assert_close(np.linalg.norm(np.linalg.pinv(reduced.K.T), 2), worst)
-
-
 @pytest.mark.parametrize(
     ("n", "m", "f", "bound"),
     [(7, 6, 1, 0.378), (7, 3, 1, 0.756), (5, 3, 2, 0.316), (6, 6, 1, 0.0), (4, 6, 1, 0.0)],
@@ -105,10 +99,6 @@ def test_the_bound_can_be_reached(m, n, f):
 
 
 # ---- lost directions -------------------------------------------------------------------------
-
-
-def test_nothing_is_lost_by_default():
-    assert metrics.lost_directions(diagonal(1, 1, 1)).shape == (0, 3)
 
 
 @pytest.mark.parametrize("locked", [[0], [2], [0, 2], [0, 1, 2]], ids=str)
@@ -132,7 +122,7 @@ def test_what_the_healthy_arm_lacks_is_not_lost():
 
 
 @given(seeds, st.integers(2, 6), st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 30))
 def test_lost_directions_span_what_the_projectors_say(seed, m, data):
     rank = data.draw(st.integers(1, m))
     kept = data.draw(st.integers(0, rank))
@@ -202,9 +192,6 @@ def test_a_healthy_arm_may_itself_be_borderline():
 def test_a_direction_that_the_healthy_arm_lacks_is_not_asked_for():
     assert metrics.verdict(diagonal(1, 1, 0), None, WARY) is TOLERATED
     assert metrics.verdict(diagonal(1, 1, 0, locked=[2]), None, WARY) is TOLERATED
-
-
-def test_no_force_is_tolerated():
     assert metrics.verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), WARY) is TOLERATED
 
 
@@ -218,7 +205,7 @@ def test_the_size_of_a_force_does_not_matter_to_the_verdict(scale):
 
 
 @given(jacobians(), seeds)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 30))
 def test_shares_are_the_same_numbers_in_every_unit(J, seed):
     """A power of two rounds nothing, so even the last bit is the same; plain norms agree too."""
     rng = np.random.default_rng(seed)
@@ -296,7 +283,7 @@ powers = st.floats(-8.0, 0.0).map(lambda x: 10.0**x) | st.just(0.0)
     scale=st.sampled_from([1.0, 1e-3, 1e3]),
     seed=st.integers(0, 100),
 )
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=campaign(150, 60))
 def test_verdict_by_trying_every_tolerance(ratios, parts, wary, scale, seed):
     reduced = with_spectrum(*sorted(ratios, reverse=True), seed=seed, scale=scale)
     F = reduced.damaged.U @ np.array([1.0, *parts][: reduced.m])
@@ -317,7 +304,3 @@ def test_verdict_by_trying_every_tolerance(ratios, parts, wary, scale, seed):
             BORDERLINE if len(answers) > 1 else TOLERATED if True in answers else NOT_TOLERATED
         )
         assert metrics.verdict(reduced, force, wary) is expected
-
-
-def test_verdicts_are_words():
-    assert [str(verdict) for verdict in Verdict] == ["tolerated", "borderline", "not tolerated"]

@@ -15,12 +15,12 @@ from ftforce.fault_events import phases, read_events
 from ftforce.faults import FaultSet
 from ftforce.motion import GAIN, LIMIT_GAIN, advance, rates_law
 from ftforce.trajectory import Path, Recording, start_of
-from helpers import assert_close, load_text, seeds, serial_urdf
-from urdfs import arm, followed, load
+from helpers import CAMPAIGN, assert_close, campaign, load_text, seeds, serial_urdf
+from urdfs import arm, load
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
-law = settings(deadline=None, max_examples=25)
+law = settings(deadline=None, max_examples=campaign(25, 6))
 NEVER = math.inf
 LONG = np.arange(0.0, 5.0, 0.01)  # s: beyond the end of most paths
 KEPT = 1e-5  # m: the issue's bound of the tracking error
@@ -105,7 +105,7 @@ def assert_consistent(t, motion, tol=1e-5):
 # ---- a healthy arm ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", LINES)
+@pytest.mark.parametrize("name", LINES if CAMPAIGN else ["dh5", "kinova", "tiago"])
 def test_the_tip_keeps_to_its_line(name):
     robot = ftforce.load_robot(name)
     start, (motion, arrivals) = follow(robot, straight(robot, LINES[name]), rate=100)
@@ -118,7 +118,7 @@ def test_the_tip_keeps_to_its_line(name):
     assert np.abs(motion.v).max() > 0.01
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5", "kinova"])
+@pytest.mark.parametrize("name", ["panda", "ur5", "kinova"] if CAMPAIGN else ["ur5"])
 def test_the_tip_keeps_its_orientation_if_asked(name):
     robot = ftforce.load_robot(name)
     for keep in (True, False):
@@ -162,13 +162,6 @@ def test_accelerations_do_not_depend_on_the_rate(rate):
     spline = CubicSpline(fine.times, wanted.v)
     inside = start.times < path.duration - 0.1  # where a spline through samples sees no end
     assert_close(motion.a[inside], spline(start.times[inside], 1), tol=3e-4)
-
-
-def test_the_same_input_gives_the_same_bytes():
-    robot = ftforce.load_robot("panda")
-    runs = [follow(robot, straight(robot, LINES["panda"]), faults="3@1", delay=0.2) for _ in "ab"]
-    for one, other in zip(runs[0][1].motion, runs[1][1].motion, strict=True):
-        assert one.tobytes() == other.tobytes()
 
 
 def test_waypoints_with_corners_are_met():
@@ -234,20 +227,7 @@ def test_redundancy_respects_a_limit_that_is_met_on_the_way():
     assert (motion.v[:, 1] <= LIMIT_GAIN * (0.9 - motion.q[:, 1]) + 1e-9).all()
 
 
-def test_where_the_limits_leave_no_way_the_error_is_what_is_left_and_the_run_goes_on():
-    q = np.array([-0.6, 1.0, 0.2])
-    robot = plane_arm(lower=0.5, upper=1.05, joints=3)
-    robot_limits = robot.lower, robot.upper
-    path = straight(robot, (-0.5, 0.0, 0.1), speed=0.3, q=q)
-    start, (motion, _) = follow(robot, path, q)
-    assert (motion.q >= robot_limits[0] - 1e-9).all()
-    assert (motion.q <= robot_limits[1] + 1e-9).all()
-    error = path_error(robot, start, motion)
-    assert np.isfinite(motion.a).all()
-    assert error[0] < 1e-8
-
-
-@pytest.mark.parametrize("name", ["panda", "kinova", "ur5"])
+@pytest.mark.parametrize("name", ["panda", "kinova", "ur5"] if CAMPAIGN else ["panda"])
 def test_speeds_stay_within_the_urdf_s(name):
     """The tip is asked to go faster than the joints can; it falls behind, and arrives."""
     robot = ftforce.load_robot(name)
@@ -310,16 +290,6 @@ def test_past_a_singularity_velocities_stay_bounded_and_the_path_is_found_again(
     assert np.isfinite(motion.a).all()
 
 
-def test_close_to_a_singularity_the_error_is_small():
-    robot = plane_arm(joints=3)
-    path = Path.through([(0.8, 0, -0.2), (0.895, 0, 0), (0.8, 0, 0.2)], speed=0.1)
-    start, (motion, _) = follow(robot, path, [-0.3, 0.6, 0.5], rate=50)
-    error = path_error(robot, start, motion)
-    assert error.max() < 2e-3
-    assert error[-1] < KEPT
-    assert np.abs(motion.v).max() < 1.0
-
-
 # ---- faults ----------------------------------------------------------------------------------
 
 
@@ -369,8 +339,13 @@ def test_a_joint_that_swings_is_not_asked_to_help():
     assert_close(got, v, tol=1e-4)
 
 
-@pytest.mark.parametrize("when", [0.0, 0.4, 0.5, 0.512345, 1.0])
-@pytest.mark.parametrize("faults", ["3", "3,5", "4"])
+ALL_LOCKS = [
+    (when, faults) for when in (0.0, 0.4, 0.5, 0.512345, 1.0) for faults in ("3", "3,5", "4")
+]
+SOME_LOCKS = [(0.0, "4"), (0.4, "3,5"), (0.512345, "3")]
+
+
+@pytest.mark.parametrize(("when", "faults"), ALL_LOCKS if CAMPAIGN else SOME_LOCKS)
 def test_the_arm_keeps_to_its_path_after_a_lock(when, faults):
     path = straight(PANDA, LINES["panda"], speed=0.3)
     start, (motion, arrivals) = follow(PANDA, path, faults=f"{faults}@{when}", rate=100)
@@ -423,17 +398,6 @@ def test_until_the_controller_knows_the_others_go_on_as_planned():
     assert arrivals[0.7].v[3] == 0.0
 
 
-def test_no_remap_ever():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start, (healthy, _) = follow(PANDA, path, rate=50)
-    _, (motion, _) = follow(PANDA, path, faults=["4@0.3", "2@0.5"], delay=NEVER, rate=50)
-    t = start.times
-    assert_close(motion.q[:, [0, 2, 4, 5, 6]], healthy.q[:, [0, 2, 4, 5, 6]], tol=1e-6)
-    assert_close(motion.q[t >= 0.5, 3], motion.q[15, 3], tol=1e-9)
-    assert_close(motion.q[t >= 0.5, 1], motion.q[25, 1], tol=1e-9)
-    assert path_error(PANDA, start, motion)[-1] > 0.005
-
-
 def test_two_faults_within_one_delay():
     path = straight(PANDA, LINES["panda"], speed=0.2)
     events = ["4@0.3", "2@0.5"]
@@ -452,39 +416,15 @@ def test_two_faults_within_one_delay():
     assert (np.abs(np.diff(motion.q, axis=0)) < 0.0101 * speeds).all()  # nothing jumps
 
 
-def test_faults_of_other_modes_leave_the_motion_alone():
-    path = straight(PANDA, LINES["panda"])
-    _, (healthy, _) = follow(PANDA, path, rate=20)
-    _, (motion, _) = follow(PANDA, path, faults=["free:4@0.5", "weak:2:0.1@1"], rate=20)
-    assert_close(motion.q, healthy.q, tol=1e-6)
-    assert_close(motion.v, healthy.v, tol=1e-5)
-
-
-def test_times_that_differ_by_rounding():
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-5])
+def test_events_that_come_close_to_each_other(gap):
+    """As 0.3 and 0.1 + 0.2 do."""
     path = straight(PANDA, LINES["panda"], speed=0.3)
-    events = ["3@0.3", f"5@{0.1 + 0.2!r}", f"6@{math.nextafter(0.3, 0.0)!r}"]
-    start, (motion, _) = follow(PANDA, path, faults=events, rate=100)
-    assert path_error(PANDA, start, motion).max() < KEPT
-    assert np.ptp(motion.q[31:, [2, 4, 5]], axis=0).max() == 0.0
-
-
-@pytest.mark.parametrize("gap", [1e-12, 1e-9, 1e-7, 1e-5])
-def test_short_phases(gap):
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    events = ["3@0.3", f"5@{0.3 + gap!r}"]
+    events = ["3@0.3", f"5@{0.1 + 0.2 + gap!r}", f"6@{math.nextafter(0.3, 0.0)!r}"]
     start, (motion, _) = follow(PANDA, path, faults=events, delay=gap / 2, rate=50)
     assert path_error(PANDA, start, motion).max() < KEPT
+    assert np.ptp(motion.q[16:, [2, 4, 5]], axis=0).max() == 0.0
     assert np.isfinite(motion.a).all()
-
-
-def test_a_fault_at_the_last_sample():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start = start_of(PANDA, path, rate=20)
-    last = float(start.times[-1])
-    _, (motion, arrivals) = follow(PANDA, path, faults=f"3@{last!r}", rate=20)
-    assert list(arrivals) == [last]
-    assert path_error(PANDA, start, motion).max() < KEPT
-    assert not motion.v[-1, 2]
 
 
 # ---- joints of other kinds -------------------------------------------------------------------
@@ -509,23 +449,6 @@ def test_joints_that_slide_and_turn_without_end(faults):
     assert np.abs(np.diff(motion.q, axis=0)).max() < 0.05  # no turn is dropped
     if not faults:
         assert_consistent(start.times, motion)
-
-
-@pytest.mark.parametrize("faults", ["", "1@0.5", "2@0.5"])
-def test_mimic_joints_move_with_their_leader(tmp_path, faults):
-    robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
-    assert robot.n == 3
-    q = np.array([0.3, 0.5, 0.4])
-    path = straight(robot, (0.03, 0.03, -0.02), speed=0.05, q=q)
-    start, (motion, _) = follow(robot, path, q, faults=faults or (), rate=100)
-    error = path_error(robot, start, motion)
-    if not faults:
-        assert error.max() < KEPT
-        assert_consistent(start.times, motion)
-    elif faults:
-        k = int(faults[0]) - 1
-        assert np.ptp(motion.q[start.times >= 0.5, k]) == 0.0
-        assert error[-1] > 1e-3
 
 
 # ---- recorded motions ------------------------------------------------------------------------
@@ -603,15 +526,6 @@ def test_recorded_angles_may_jump_by_whole_turns():
     turns = (motion.q - wanted) / (2.0 * np.pi)
     assert_close(turns, np.round(turns), scale=1.0)
     assert_close(motion.v[3:-3], v[3:-3], tol=1e-3)
-
-
-def test_time_of_a_recording_begins_at_zero():
-    q = ftforce.analyze(PANDA, force=[1, 0, 0]).posture.q
-    recording, wanted, *_ = recorded(PANDA, q)
-    shifted = Recording.of(PANDA, recording.t + 1.7e9, recording.q)
-    start, (motion, _) = follow(PANDA, shifted, rate=None)
-    assert start.times[0] == 0.0
-    assert_close(motion.q, wanted, tol=1e-12)
 
 
 # ---- progress --------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import physics
 from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.limits import Limits
-from helpers import KNOWN, assert_close, serial_urdf
+from helpers import CAMPAIGN, KNOWN, assert_close, campaign, serial_urdf
 from urdfs import joint, link, load
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
@@ -73,7 +73,7 @@ def arm(request, tmp_path_factory):
     return ftforce.load_robot(request.param)
 
 
-@pytest.fixture(params=[1, 2, 3])
+@pytest.fixture(params=[1, 2, 3] if CAMPAIGN else [2])
 def case(arm, request):
     """A posture far from singular ones, within the limits, and a force."""
     rng = np.random.default_rng(request.param)
@@ -102,7 +102,7 @@ def others(case, *indices):
 def some_sets(n, rng):
     """Return every single joint, and some sets of two and three."""
     larger = [list(combinations(range(n), size)) for size in (2, 3)]
-    drawn = [sets[i] for sets in larger for i in rng.permutation(len(sets))[:5]]
+    drawn = [sets[i] for sets in larger for i in rng.permutation(len(sets))[: campaign(5, 2)]]
     return [*((i,) for i in range(n)), *drawn]
 
 
@@ -370,7 +370,9 @@ def test_locked_joints(case):
 
 def test_so_many_locked_joints_that_a_direction_is_lost(case):
     pairs = list(combinations(range(case.arm.n), 2))
-    for pair in (pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[:5]):
+    for pair in (
+        pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[: campaign(5, 2)]
+    ):
         locked = others(case, *pair)
         result = told(case, locked=locked)
         assert result.force.jump_norm > 0.01 * STRENGTH
@@ -381,7 +383,7 @@ def test_so_many_locked_joints_that_a_direction_is_lost(case):
 def test_joints_that_swing_freely(case):
     sets = some_sets(case.arm.n, np.random.default_rng(17))
     sets = [free for free in sets if can_stand_still(case, (), free)]
-    assert {len(free) for free in sets} >= {1, 2}
+    assert {len(free) for free in sets} >= ({1, 2} if CAMPAIGN else {1})
     for free in sets:
         result = told(case, free=free)
         assert_told(case, result, predicted_free(case, free))
@@ -428,7 +430,7 @@ def test_a_weak_joint(case):
 def test_weak_joints_beside_locked_and_free_ones(case):
     """Whatever limits bind, the pin feels what is told."""
     rng, n, bound = np.random.default_rng(43), case.arm.n, 0
-    for _ in range(12):
+    for _ in range(campaign(12, 5)):
         i, k, *rest = rng.permutation(n).tolist()
         locked, free = ((i,), (k,)) if can_stand_still(case, (i,), (k,)) else ((i,), ())
         weak = {j + 1: 0.5 for j in rest}
@@ -444,14 +446,16 @@ def test_weak_joints_beside_locked_and_free_ones(case):
         assert over.max() < 1e-6
         bound += len(result.bounded.binding) > 0
         assert_holds(case, result)
-    assert bound > 3
+    assert bound > campaign(3, 1)
 
 
 def test_one_locked_and_one_free_joint(case):
     pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
     pairs = [(i, k) for i, k in pairs if can_stand_still(case, (i,), (k,))]
     assert len(pairs) > 3
-    for i, k in (pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[:8]):
+    for i, k in (
+        pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[: campaign(8, 3)]
+    ):
         result = told(case, locked=(i,), free=(k,))
         assert_told(case, result, predicted_mixed(case, (i,), (k,)))
         assert_holds(case, result)
@@ -463,7 +467,9 @@ def test_all_joints_locked_but_two_of_which_one_is_free(case):
     pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
     pairs = [(i, k) for i, k in pairs if can_stand_still(case, others(case, i, k), (k,))]
     assert len(pairs) > 3
-    for i, k in (pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[:8]):
+    for i, k in (
+        pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[: campaign(8, 3)]
+    ):
         locked = others(case, i, k)
         result = told(case, locked=locked, free=(k,))
         assert_told(case, result, predicted_mixed(case, locked, (k,)))

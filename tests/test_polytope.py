@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import ftforce
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.feasible import Reading, feasible_forces, reach
 from ftforce.limits import Limits
 from ftforce.polytope import force_polytope
 from ftforce.reduced import reduce
-from helpers import assert_close, load_text, seeds, serial_urdf, with_singular_values
+from helpers import assert_close, campaign, load_text, seeds, serial_urdf, with_singular_values
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the modules that it imports
@@ -73,7 +73,7 @@ def random_case(seed, m, n):
 
 
 @given(seeds, st.integers(1, 3), st.integers(1, 4))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_random_arms_against_pycapacity(seed, m, more):
     assume(m > 1)
     J, limits, rnea = random_case(seed, m, m + more)
@@ -161,6 +161,13 @@ def test_a_lost_direction_leaves_a_flat_polygon():
     assert (braked(after=True).dimension, braked(after=True, reading="held").dimension) == (2, 3)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_weight_that_only_a_force_at_the_tip_carries(unit):
+    found = polytope_of(np.eye(2), [unit, 2.0 * unit], [3.0 * unit, 0.0])
+    assert_same_points(found.vertices, unit * np.array([[-4, -2], [-4, 2], [-2, 2], [-2, -2]]))
+    assert not found.vertices.flags.writeable
+
+
 def test_a_segment():
     J, limits = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]], [10.0, 20.0, 40.0]
     found = polytope_of(J, limits, [1.0, 2.0, -8.0], locked=[0, 1])
@@ -185,11 +192,6 @@ def test_none_at_all():
     assert (found.vertices.shape, found.faces) == ((0, 3), ())
     # Two joints along one direction that need forces which do not meet:
     assert polytope_of([[1.0, 1.0], [0.0, 1e-9]], [1.0, 1.0], [5.0, -5.0]).is_empty
-
-
-def test_a_weight_that_only_a_force_at_the_tip_carries():
-    found = polytope_of(np.eye(2), [1.0, 2.0], [3.0, 0.0])
-    assert_same_points(found.vertices, [[-4, -2], [-4, 2], [-2, 2], [-2, -2]])
 
 
 # ---- what every polytope keeps ---------------------------------------------------------------
@@ -221,7 +223,7 @@ def edges_of(face):
 
 
 @given(polytopes())
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=campaign(150, 60))
 def test_corners_and_faces(case):
     J, limits, rnea, feasible = case
     found = force_polytope(feasible)
@@ -247,7 +249,7 @@ def test_corners_and_faces(case):
 
 
 @given(polytopes(), seeds)
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=campaign(100, 30))
 def test_corners_reach_as_far_as_a_linear_program(case, seed):
     *_, feasible = case
     found = force_polytope(feasible)
@@ -273,7 +275,7 @@ def test_corners_reach_as_far_as_a_linear_program(case, seed):
 
 
 @given(polytopes())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 20))
 def test_every_corner_is_as_far_as_the_ratio_test_says(case):
     *_, feasible = case
     assume((feasible.lower < 0.0).all() and (feasible.upper > 0.0).all())
@@ -366,20 +368,6 @@ def test_limits_that_leave_only_a_plane():
     assert sorted(map(len, cube.faces)) == [4] * 6
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_the_unit_of_torque_does_not_matter(scale):
-    J, limits, rnea = random_case(2, 3, 6)
-    one, other = polytope_of(J, limits, rnea), polytope_of(J, scale * limits, scale * rnea)
-    assert_same_points(other.vertices / scale, one.vertices)
-    assert sorted(map(len, one.faces)) == sorted(map(len, other.faces))
-
-
-def test_planes_that_are_almost_parallel_still_meet():
-    found = polytope_of([[1.0, 1.0, 0.0], [0.0, 1e-3, 1.0]], [1.0, 1.0, 1.0])
-    half = [[1, -1], [1, 0], [0.999, 1]]
-    assert_same_points(found.vertices, [*half, *np.negative(half)])
-
-
 @pytest.mark.parametrize("m", [4, 5])
 @pytest.mark.parametrize("touching", [[], [[1, 1, 0, 0]]], ids=["plain", "touched"])
 def test_cubes_of_more_dimensions(m, touching):
@@ -454,18 +442,6 @@ def test_too_many_joints_are_refused_at_once():
     )
     smaller = ftforce.capability(arm, np.linspace(-1.0, 1.0, 21), gravity=[0, 0, 0])
     assert smaller.polytope(after=False).dimension == 3
-
-
-def test_readings_that_do_not_exist():
-    result = ftforce.capability(ftforce.load_robot("dh5"))
-    with pytest.raises(UnknownNameError, match="no reading of a lock 'hold'; there is: commanded"):
-        result.polytope(after=True, reading="hold")
-
-
-def test_results_are_read_only():
-    found = polytope_of(*random_case(1, 3, 5))
-    assert not found.vertices.flags.writeable
-    assert not found.unlimited.flags.writeable
 
 
 def test_many_planes_are_worked_through_in_parts(monkeypatch):

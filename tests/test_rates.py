@@ -8,9 +8,9 @@ from scipy.optimize import linprog
 
 from ftforce.arrays import Svd
 from ftforce.rates import Bounds, damped_inverse, resolved_rates, without
-from helpers import assert_close, jacobians, seeds, with_singular_values
+from helpers import assert_close, campaign, jacobians, seeds, with_singular_values
 
-law = settings(deadline=None, max_examples=150)
+law = settings(deadline=None, max_examples=campaign(150, 50))
 J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
 
 
@@ -84,12 +84,6 @@ def test_more_rows_than_columns_leave_no_rounding():
     assert_close(damped_inverse(Svd(K), x, limit), np.linalg.pinv(K) @ x, tol=1e-12)
 
 
-def test_columns_are_taken_out():
-    K = without(J, np.array([False, True, False]))
-    assert_close(K.A, [[1, 0, 0], [0, 0, 1]])
-    assert J[0, 1] == 1.0
-
-
 # ---- without a bound that binds --------------------------------------------------------------
 
 
@@ -148,7 +142,9 @@ def test_a_preferred_velocity_beyond_its_bound_is_cut():
 
 
 def test_joints_that_cannot_be_commanded_keep_their_velocity():
-    K = np.where([False, True, False], 0.0, J)
+    K = without(J, np.array([False, True, False])).A
+    assert_close(K, [[1, 0, 0], [0, 0, 1]])
+    assert J[0, 1] == 1.0  # the caller's own stays
     got = rates(K, [5.0, 0.5], [0.0, 9.0, 0.0], bound=1.0)
     assert_close(got, [1.0, 9.0, 0.5])
 

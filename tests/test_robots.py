@@ -18,6 +18,7 @@ from ftforce.posture import choose_posture, is_singular
 from ftforce.reduced import WARY
 from ftforce.tips import tip_candidates
 from ftforce.urdf_reader import read_urdf
+from helpers import CAMPAIGN
 
 KNOWN = tuple(known_robots())
 FILES = sorted(known_robots()["panda"].urdf.parents[2].rglob("*.urdf"))
@@ -113,10 +114,6 @@ def symmetric(upper):
 # ---- the known robots ------------------------------------------------------------------------
 
 
-def test_every_known_robot_is_in_the_table():
-    assert set(ARMS) == set(KNOWN)
-
-
 @pytest.mark.parametrize("name", KNOWN)
 def test_joints_limits_and_ends(name):
     robot, known = load_robot(name), known_robots()[name]
@@ -133,6 +130,7 @@ def test_joints_limits_and_ends(name):
     assert all(joint.velocity for joint in robot.joints)
     assert np.all(robot.lower < robot.upper)
     assert robot.mass > 0.4
+    assert set(known.postures) <= set(robot.postures)
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -169,15 +167,6 @@ def test_the_default_posture_is_the_registrys_and_good(name):
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_every_named_posture_fits_the_chain(name):
-    robot = load_robot(name)
-    assert set(known_robots()[name].postures) <= set(robot.postures)
-    for q in robot.postures.values():
-        assert q.shape == (robot.n,)
-        assert np.isfinite(q).all()
-
-
-@pytest.mark.parametrize("name", KNOWN)
 def test_jacobians_are_pinocchios_with_the_rest_held(name):
     """The whole robot, as Pinocchio itself reads it, moves its tip in the same way."""
     robot = load_robot(name)
@@ -209,10 +198,6 @@ def test_gravity_and_inertia_are_pinocchios_with_the_rest_held(name):
 
 
 # ---- every file ------------------------------------------------------------------------------
-
-
-def test_the_files_are_there():
-    assert len(FILES) > 60
 
 
 def attempt(path):
@@ -260,7 +245,7 @@ READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyoni
 @pytest.mark.parametrize("path", READABLE, ids=lambda path: "/".join(path.parts[-3:]))
 def test_every_tip_candidate_can_be_chosen(path):
     tips = tip_candidates(read_urdf(path))
-    for tip, count in tips.items():
+    for tip, count in list(tips.items())[:: 1 if CAMPAIGN else max(1, len(tips) // 2)]:
         robot = load_robot(path, tip=tip)
         assert robot.tip == tip
         assert robot.n + sum(len(joint.followers) for joint in robot.joints) >= count
