@@ -99,6 +99,11 @@ def others(case, *indices):
     return [i for i in range(case.arm.n) if i not in indices]
 
 
+def some(items, seed, count):
+    """Return some of the items."""
+    return [items[i] for i in np.random.default_rng(seed).permutation(len(items))[:count]]
+
+
 def some_sets(n, rng):
     """Return every single joint, and some sets of two and three."""
     larger = [list(combinations(range(n), size)) for size in (2, 3)]
@@ -370,9 +375,7 @@ def test_locked_joints(case):
 
 def test_so_many_locked_joints_that_a_direction_is_lost(case):
     pairs = list(combinations(range(case.arm.n), 2))
-    for pair in (
-        pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[: campaign(5, 2)]
-    ):
+    for pair in some(pairs, 13, campaign(5, 2)):
         locked = others(case, *pair)
         result = told(case, locked=locked)
         assert result.force.jump_norm > 0.01 * STRENGTH
@@ -453,9 +456,7 @@ def test_one_locked_and_one_free_joint(case):
     pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
     pairs = [(i, k) for i, k in pairs if can_stand_still(case, (i,), (k,))]
     assert len(pairs) > 3
-    for i, k in (
-        pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[: campaign(8, 3)]
-    ):
+    for i, k in some(pairs, 19, campaign(8, 3)):
         result = told(case, locked=(i,), free=(k,))
         assert_told(case, result, predicted_mixed(case, (i,), (k,)))
         assert_holds(case, result)
@@ -467,9 +468,7 @@ def test_all_joints_locked_but_two_of_which_one_is_free(case):
     pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
     pairs = [(i, k) for i, k in pairs if can_stand_still(case, others(case, i, k), (k,))]
     assert len(pairs) > 3
-    for i, k in (
-        pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[: campaign(8, 3)]
-    ):
+    for i, k in some(pairs, 29, campaign(8, 3)):
         locked = others(case, i, k)
         result = told(case, locked=locked, free=(k,))
         assert_told(case, result, predicted_mixed(case, locked, (k,)))
