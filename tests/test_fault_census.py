@@ -1,6 +1,5 @@
 """census(): every fault set of a posture, as analyze() sees each, in the right order."""
 
-import json
 import math
 import pickle
 from dataclasses import FrozenInstanceError
@@ -16,11 +15,11 @@ from ftforce.feasible import End, Reading
 from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
 from helpers import (
+    CAMPAIGN,
     arrays_in,
     assert_close,
     load_text,
     serial_urdf,
-    stretched,
     without_masses,
 )
 
@@ -113,26 +112,26 @@ def assert_as_analyzed(report, alone):
     assert_close(report.relative_jump, relative, scale=1.0)
 
 
+CAPABILITIES = [
+    {},
+    {"direction": [1.0, 2.0, -2.0]},
+    {"force": [20.0, -10.0, 5.0]},
+    {"direction": [0.0, 0.0, 1.0], "force": [20.0, -10.0, 5.0], "limits": BRAKES, **LOAD},
+    {"limits": BRAKES, "axes": "world", **LOAD},
+    {"task": "wrench", "length": 0.3},
+    {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
+    {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
+    {"task": "wrench", "length": 0.3, "direction": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+    {"task": "wrench", "length": 0.3, "force": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+    {"limits": BRAKES, "direction": [0.0, 0.0, 1.0], "faults": 5},
+    {"limits": "none"},
+]
+
+
 @pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("mode", ["locked", "free"])
-@pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {"direction": [1.0, 2.0, -2.0]},
-        {"force": [20.0, -10.0, 5.0]},
-        {"direction": [0.0, 0.0, 1.0], "force": [20.0, -10.0, 5.0], "limits": BRAKES, **LOAD},
-        {"limits": BRAKES, "axes": "world", **LOAD},
-        {"task": "wrench", "length": 0.3},
-        {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
-        {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
-        {"task": "wrench", "length": 0.3, "direction": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
-        {"task": "wrench", "length": 0.3, "force": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
-        {"limits": BRAKES, "direction": [0.0, 0.0, 1.0], "faults": 5},
-        {"limits": "none"},
-    ],
-)
+@pytest.mark.parametrize("options", CAPABILITIES if CAMPAIGN else CAPABILITIES[1::2], ids=str)
 def test_every_capability_is_what_capability_says(panda, mode, options):
     options = {"faults": 2, **options}
     result = census(panda, POSTURE, mode=mode, rank_by="capability", **options)
@@ -260,35 +259,6 @@ def test_warnings(panda):
     assert "unknown" in warning
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"mode": "free"},
-        {"mode": "free", "force": FORCE, "limits": "urdf"},
-        {"mode": "free", "faults": 4, "rank_by": "capability"},
-        {"rank_by": "capability", "limits": "none"},
-        {"rank_by": "capability", "limits": BRAKES, "direction": [0, 0, 1], **LOAD},
-        {"rank_by": "capability", "limits": Limits.of([1.0] * 7)},
-        {"rank_by": "capability", "task": "wrench", "force": [1, 2, 3, 4, 5, 6]},
-    ],
-)
-def test_documents_hold_finite_numbers(panda, options):
-    result = census(panda, POSTURE, **{"faults": 2, **options})
-    document = ftforce.to_dict(result)
-    json.dumps(document, allow_nan=False)
-    assert document["mode"] == result.mode.value
-    assert document["rank_by"] == result.rank_by
-    for one, report in zip(document["sets"], result.sets, strict=True):
-        assert list(one["modes"]) == [panda.names[i] for i in report.faults.joints]
-        assert one["binding"] == [panda.names[i] for i in report.binding]
-        if report.capability is None:
-            assert one["capability"] is None
-            continue
-        for key in ("commanded", "held"):
-            number = getattr(report.capability, key)
-            assert one["capability"][key] == (number if math.isfinite(number) else None)
-
-
 @pytest.mark.parametrize("options", [{"force": FORCE}, {}, {"task": "wrench"}], ids=str)
 def test_sets_come_worst_first(dh5, options):
     reports = census(dh5, faults=3, **options).sets
@@ -325,15 +295,6 @@ def test_joints_come_most_critical_first(dh5):
         assert joint.not_tolerated == sum(r.verdict is Verdict.NOT_TOLERATED for r in own)
         assert joint.borderline == sum(r.verdict is Verdict.BORDERLINE for r in own)
         assert_close(joint.mean_relative_jump, np.mean([r.relative_jump for r in own]), scale=1)
-
-
-def test_borderline_sets_make_a_joint_critical_too():
-    arm, q = stretched(1e-3)
-    result = census(arm, q)
-    found = [(joint.not_tolerated, joint.borderline) for joint in result.joints]
-    assert found == sorted(found, reverse=True)
-    assert (0, 1) in found
-    assert (0, 0) in found
 
 
 def test_of_equally_critical_joints_the_smaller_margin_comes_first(panda):

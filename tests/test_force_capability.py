@@ -7,8 +7,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 import ftforce
 from ftforce import Verdict, analyze, capability
@@ -19,13 +17,10 @@ from ftforce.limits import Limits
 from helpers import (
     CAMPAIGN,
     QUARTER,
-    arms,
     arrays_in,
     assert_close,
     campaign,
-    is_beyond_doubt,
     load_text,
-    seeds,
     serial_urdf,
     without_masses,
 )
@@ -135,42 +130,6 @@ def test_panda_against_linear_programs(panda, case, brakes):
     assert assert_as_programmed(result)
 
 
-@pytest.mark.no_cover
-@pytest.mark.thorough
-@given(arms(least=3), seeds, st.data())
-@settings(deadline=None, max_examples=campaign(40, 8))
-def test_random_arms_against_linear_programs(case, seed, data):
-    arm, q = case
-    rng = np.random.default_rng(seed)
-    joints = rng.permutation(np.arange(1, arm.n + 1)).tolist()
-    locked, free = data.draw(st.sampled_from([(1, 0), (2, 0), (3, 0), (0, 1), (1, 1)]))
-    unknown = rng.random(arm.n) < 0.2
-    limits = Limits.of(
-        np.where(unknown, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
-        np.where(rng.random(arm.n) < 0.5, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
-    )
-    result = capability(
-        arm,
-        q,
-        limits=limits,
-        locked=joints[:locked],
-        free=joints[locked : locked + free],
-        axes=data.draw(st.sampled_from(["tool", "world"])),
-        direction=rng.normal(size=3),
-    )
-    reduced = result.analysis.reduced
-    assume(is_beyond_doubt(reduced.J, reduced.locked))
-    assume(not free or np.linalg.norm(reduced.J[:, joints[locked] - 1]) > 0.01)
-    for report in result.directions:  # no torque that is almost, or only by rounding, balanced
-        for amounts in (report.before, report.after):
-            assume(not any(0.0 < amount.most < 1e-3 for amount in amounts.values()))
-    levers = np.abs([r.before[HELD].direction @ result.analysis.J for r in result.directions])
-    assume(not np.any((levers > 1e-12) & (levers < 1e-4)))
-    entries = np.abs(result.analysis.J)  # next to tolerances of the other solver, it gives up
-    assume(not np.any((entries > 1e-12) & (entries < 1e-4)))
-    assert_as_programmed(result, tol=1e-5)
-
-
 # ---- the remap -------------------------------------------------------------------------------
 
 
@@ -199,22 +158,6 @@ def test_the_remap_keeps_what_can_be_commanded_and_no_more(panda, case):
         total = analyze(panda, force=force, limits="urdf", **case).torque.total_after
         factor = dict(case.get("weak", {})).get(joint + 1, 1.0)
         assert_close(abs(total[joint]), factor * panda.effort[joint])
-
-
-def test_readings_differ_by_brakes_alone_where_no_direction_is_lost(panda):
-    result = capability(panda, locked=[2])
-    assert result.analysis.reduced.rank_after == 3
-    for report in (*result.directions, result.weakest):
-        assert report.after[COMMANDED].most == report.after[HELD].most
-        assert report.before[COMMANDED].most == report.before[HELD].most
-        assert report.before[COMMANDED].most <= report.after[COMMANDED].most  # one limit less
-    brakes = np.where(np.arange(7) == 1, 15.0, np.nan)
-    braked = capability(panda, locked=[2], limits=Limits.of(panda.effort, brakes))
-    pairs = zip(result.directions, braked.directions, strict=True)
-    stopped = [one.after[COMMANDED].most > other.after[COMMANDED].most for one, other in pairs]
-    assert any(stopped)
-    for report in braked.directions:
-        assert report.after[COMMANDED].most == report.after[HELD].most
 
 
 # ---- the weakest direction -------------------------------------------------------------------
@@ -371,26 +314,6 @@ def test_a_payload_that_no_joint_feels_weighs_nothing():
     assert result.analysis.rnea.gravity.any()  # 1e-15 N·m
     assert [amount.most for amount in result.payload] == [math.inf, math.inf]
     assert [amount.end for amount in result.payload] == [End.UNLIMITED, End.UNLIMITED]
-
-
-# A link that is too heavy for its motor; the tip lies on the joint's axis.
-HEAVY = serial_urdf(
-    ("revolute", {"xyz": (0.3, 0, 0)}),
-    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0), "effort": 0.5}),
-).replace("0.11 0.05 0.03", "0 0 0")
-HEAVY = HEAVY.replace("<inertial>", '<inertial><origin xyz="0.1 0 0"/>')
-
-
-def test_an_arm_that_cannot_carry_itself_carries_nothing():
-    arm = load_text(HEAVY)
-    result = capability(arm, [0.0, 0.0])
-    assert_close(result.analysis.rnea.gravity, [0.0, -0.2 * 9.81])
-    for amount in result.payload:
-        assert math.isnan(amount.most)
-        assert (amount.end, amount.stops) == (End.WEIGHT, (1,))
-    free = capability(arm, [0.0, 0.0], free=2).payload[1]
-    assert math.isnan(free.most)
-    assert (free.end, free.stops) == (End.FAULT, (1,))
 
 
 SEESAW = serial_urdf(("revolute", {"axis": (0, 1, 0)})).replace("0.11 0.05 0.03", "1 0 0")

@@ -10,7 +10,7 @@ import pytest
 import scipy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial import ConvexHull
 
 import ftforce
 from ftforce.errors import InputError
@@ -117,20 +117,6 @@ def test_wrenches_against_pycapacity(length):
         assert len(face) >= 6
     ends = np.array([torque > arm.effort - 1e-6, torque < 1e-6 - arm.effort])
     assert len(found.faces) == np.sum(ends.sum(axis=1) >= 6)
-
-
-def test_brakes_against_pycapacity():
-    J, motors, rnea = random_case(5, 3, 6)
-    brakes = 0.9 * np.abs(rnea) + 8.0
-    limits = np.where(np.arange(6) == 2, brakes, motors)
-    commanded, held = (
-        polytope_of(J, limits, rnea, locked=[2], reading=reading) for reading in Reading
-    )
-    wanted = pycapacity_corners(J, limits, rnea)  # a brake bounds the torque as a motor does
-    assert_same_points(commanded.vertices, wanted, ROUNDED)
-    assert_same_points(held.vertices, wanted, ROUNDED)
-    without = polytope_of(J, np.where(np.arange(6) == 2, UNKNOWN, motors), rnea, locked=[2])
-    assert volume(without.vertices) > 1.01 * volume(commanded.vertices)
 
 
 # ---- flat ones -------------------------------------------------------------------------------
@@ -272,30 +258,6 @@ def test_corners_reach_as_far_as_a_linear_program(case, seed):
             assert found.is_empty
         elif best.status == 0:
             assert_close(np.max(found.vertices @ d), -best.fun, tol=1e-5)
-
-
-@given(polytopes())
-@settings(deadline=None, max_examples=campaign(60, 20))
-def test_every_corner_is_as_far_as_the_ratio_test_says(case):
-    *_, feasible = case
-    assume((feasible.lower < 0.0).all() and (feasible.upper > 0.0).all())
-    for corner in force_polytope(feasible).vertices:
-        levers = np.abs(feasible.rows @ corner) / (feasible.scale * np.linalg.norm(corner) or 1.0)
-        assume(not ((levers > 1e-12) & (levers < 1e-5)).any())  # no load, or just one
-        if corner.any():
-            assert_close(reach(feasible, corner).most, 1.0, tol=1e-6)
-
-
-@pytest.mark.parametrize("weak", [1e-3, 1e-5])
-def test_two_weak_directions_cost_no_corners(weak):
-    J = with_singular_values(np.random.default_rng(4), 3, 6, np.array([1.0, 2 * weak, weak]))
-    found = polytope_of(J, [20.0] * 6)
-    strong = np.diag([1.0, 0.5 / weak, 1.0 / weak]) @ np.linalg.svd(J)[0].T @ J  # of order one
-    wanted = HalfspaceIntersection(
-        np.c_[np.vstack([strong.T, -strong.T]), np.full(12, -20.0)], np.zeros(3)
-    ).intersections
-    assert_close(volume(found.vertices) * 2 * weak**2, volume(wanted), tol=1e-6)
-    assert len(found.vertices) == len(np.unique(wanted.round(6), axis=0))
 
 
 @pytest.mark.parametrize("lever", [1e-2, 1e-4, 3e-6])

@@ -264,17 +264,6 @@ def test_place_path_and_velocity_errors_by_differences(panda):
         assert_close(run.velocity_jump[late][3:-3], quotient[3:-3], tol=1e-3)
 
 
-def test_the_path_error_after_a_fault(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="4@0.5", rate=20)
-    assert history.healthy.path_error_norm.max() < 1e-5
-    assert history.remapped.path_error_norm.max() < 1e-5
-    assert history.unremapped.path_error_norm[-1] > 0.01
-    late = simulate(panda, line(panda), force=PUSH, faults="4@0.5", delay=0.3, rate=20)
-    error = late.remapped.path_error_norm
-    assert 1e-3 < error.max() < history.unremapped.path_error_norm.max()
-    assert error[-1] < 0.1 * error.max()
-
-
 # ---- energy ----------------------------------------------------------------------------------
 
 
@@ -299,45 +288,28 @@ def energies(robot, run, payload=None):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", WAYS if CAMPAIGN else ["ur5", "tiago"])
-def test_the_power_of_the_motors_is_what_the_energy_gains(name):
+POWERS = [  # robot, faults, payload, force in world axes
+    ("ur5", (), None, (0, 0, 0)),
+    ("panda", "4@0.5", (2.0, (0.02, 0.1, 0.05)), (0, 0, 0)),  # a brake does no work
+    ("panda", "4@0.5", None, PUSH),
+]
+
+
+@pytest.mark.parametrize(("name", "faults", "payload", "force"), POWERS, ids=str)
+def test_motors_give_what_the_arm_gains_and_what_the_tip_does(name, faults, payload, force):
     robot = ftforce.load_robot(name)
-    history = simulate(robot, line(robot), force=(0, 0, 0), rate=100)
-    run, t = history.healthy, history.t
-    energy = energies(robot, run)
-    power = (run.v * run.rnea).sum(axis=1)
-    assert_close(run.motor, run.rnea, tol=1e-12)  # a free motion
-    gained = CubicSpline(t, power).antiderivative()(t)
-    bound = name == "tiago"  # joints at their largest speed: accelerations jump
-    assert_close(energy - energy[0], gained, tol=1e-3 if bound else 1e-5)
-    if not bound:
-        assert_close(CubicSpline(t, energy)(t, 1)[5:-5], power[5:-5], tol=1e-4)
-    assert np.ptp(energy) > 1e-3
-
-
-@pytest.mark.parametrize("payload", [None, (2.0, (0.02, 0.1, 0.05))])
-def test_the_power_after_a_lock_with_a_payload(panda, payload):
-    """A brake does no work: it stands still."""
+    options = {"force": force, "axes": "world", "faults": faults, "payload": payload}
+    history = simulate(robot, line(robot), rate=100, **options)
     load = None if payload is None else (payload[0], np.array(payload[1]))
-    history = simulate(panda, line(panda), force=(0, 0, 0), faults="4@0.5", payload=payload,
-                       rate=100)  # fmt: skip
-    run, late = history.remapped, slice(50, None)
-    t, power = history.t[late], (run.v * run.motor).sum(axis=1)[late]
-    energy = energies(panda, run, load)[late]
-    gained = CubicSpline(t, power).antiderivative()(t)
-    assert_close(energy - energy[0], gained, scale=np.ptp(energy), tol=1e-4)
-
-
-def test_the_force_takes_its_power(panda):
-    """Motors give what the arm gains and what the tip does on its environment, in world axes."""
-    history = simulate(panda, line(panda), force=PUSH, axes="world", faults="4@0.5", rate=100)
-    run, t = history.remapped, history.t
-    for part in (slice(0, 50), slice(50, None)):
+    run, energy = history.remapped, energies(robot, history.remapped, load)
+    assert np.ptp(energy) > 1e-3
+    for part in (slice(0, 50), slice(50, None)):  # before and after the fault
+        t = history.t[part]
         spent = (run.v * run.motor).sum(axis=1)[part]
-        arm_ = CubicSpline(t[part], energies(panda, run)[part])(t[part], 1)
-        speed = CubicSpline(t[part], run.position[part])(t[part], 1)
+        gained = CubicSpline(t, energy[part])(t, 1)
+        speed = CubicSpline(t, run.position[part])(t, 1)
         outside = (speed * run.force[part]).sum(axis=1)
-        assert_close(spent[5:-5], (arm_ + outside)[5:-5], tol=1e-3)
+        assert_close(spent[5:-5], (gained + outside)[5:-5], tol=1e-3)
 
 
 # ---- without the remap: MuJoCo ---------------------------------------------------------------
@@ -358,51 +330,38 @@ def old_torques(robot, run, i, joint, *, payload=None):
 
 
 HANGING = physics.Payload(1.5, (0.05, -0.02, 0.1))
-FREED = [("dh5", 2, None), ("panda", 3, HANGING)]
+HELD = [  # robot, joints that lock and that go free, payload
+    ("dh5", [], [2], None),
+    ("panda", [], [3], HANGING),
+    ("panda", [3], [], None),
+    ("panda", [1], [3], None),
+]
 if CAMPAIGN:
-    FREED += [("dh5", 2, HANGING), ("panda", 3, None), ("panda", 1, None), ("panda", 1, HANGING)]
-    FREED += [("ur5", 2, None), ("ur5", 2, HANGING)]
+    HELD += [("dh5", [], [2], HANGING), ("panda", [], [1], HANGING), ("ur5", [], [2], HANGING)]
+    HELD += [("panda", [1], [], None), ("panda", [5], [], None), ("ur5", [], [2], None)]
 
 
-@pytest.mark.parametrize(("name", "joint", "payload"), FREED)
-def test_a_joint_goes_free_and_the_tip_is_held(name, joint, payload):
+@pytest.mark.parametrize(("name", "locked", "free", "payload"), HELD, ids=str)
+def test_old_torques_while_the_tip_is_held(name, locked, free, payload):
     robot = ftforce.load_robot(name)
+    faults = [*(f"{i + 1}@0.5" for i in locked), *(f"free:{i + 1}@0.5" for i in free)]
     load = None if payload is None else tuple(payload)
-    history = simulate(robot, line(robot), force=PUSH, faults=f"free:{joint + 1}@0.5",
-                       payload=load, rate=10)  # fmt: skip
+    history = simulate(robot, line(robot), force=PUSH, faults=faults, payload=load, rate=10)
     run, scale = history.unremapped, np.linalg.norm(PUSH)
     for i in (5, 8):
-        tau = old_torques(robot, run, i, joint, payload=payload)
-        seen = physics.pinned(robot, run.q[i], tau, payload=payload)
+        tau = old_torques(robot, run, i, (locked + free)[-1], payload=payload)
+        seen = physics.pinned(robot, run.q[i], tau, locked=locked, payload=payload)
         assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
-        M = physics.mass_matrix(robot, run.q[i], payload)
-        # What is left of the torques accelerates the arm.
-        assert_close(np.linalg.solve(M, run.unbalanced[i]), seen.acceleration, tol=AGREES)
-        assert_close(run.jump[i], run.force[i] * 0.0 + PUSH - run.force[i], scale=scale)
-        assert run.verdicts[i] is ftforce.Verdict.NOT_TOLERATED
-    assert np.linalg.norm(run.jump[8]) > 1.0
-
-
-@pytest.mark.parametrize("joint", [1, 3, 5] if CAMPAIGN else [3])
-def test_a_joint_locks_and_the_tip_is_held(panda, joint):
-    history = simulate(panda, line(panda), force=PUSH, faults=f"{joint + 1}@0.5", rate=10)
-    run, scale = history.unremapped, np.linalg.norm(PUSH)
-    for i in (5, 9):
-        tau = old_torques(panda, run, i, joint)
-        seen = physics.pinned(panda, run.q[i], tau, locked=[joint])
-        assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
-        weight = physics.inverse_dynamics(panda, run.q[i], 0.0, 0.0)
+        assert_close(run.jump[i], PUSH - run.force[i], scale=scale)
+        weight = physics.inverse_dynamics(robot, run.q[i], 0.0, 0.0, payload=payload)
         load = seen.load - weight + run.rnea[i]
-        assert run.brake[i][joint] == pytest.approx(load[joint], abs=AGREES * scale)
-
-
-def test_locked_and_free_at_once(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["2@0.4", "free:4@0.4"], rate=10)
-    run, scale = history.unremapped, np.linalg.norm(PUSH)
-    for i in (4, 9):
-        tau = old_torques(panda, run, i, 3)
-        seen = physics.pinned(panda, run.q[i], tau, locked=[1])
-        assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
+        if not free:  # nothing accelerates
+            assert_close(run.brake[i][locked], load[locked], scale=scale, tol=AGREES)
+        if not locked:  # what is left of the torques accelerates the arm
+            M = physics.mass_matrix(robot, run.q[i], payload)
+            assert_close(np.linalg.solve(M, run.unbalanced[i]), seen.acceleration, tol=AGREES)
+            assert run.verdicts[i] is ftforce.Verdict.NOT_TOLERATED
+            assert np.linalg.norm(run.jump[i]) > 1.0 or i == 5
 
 
 def test_known_and_unknown_faults_at_once(panda):
@@ -540,75 +499,37 @@ SLIDING = serial_urdf(
 )
 
 
-@pytest.mark.parametrize("events", ["4@0.5", ["5@0.4", "free:1@0.6"], "weak:1:0.5@0.5"])
-def test_joints_that_slide_and_turn_without_end(tmp_path, events):
-    robot = load(tmp_path, SLIDING, tip="tool")
-    q = np.array([0.1, 3.0, 0.4, 0.2, 4.0])
-    path = line(robot, (0.1, 0.15, -0.1), q=q)
-    history = simulate(robot, path, q, force=(3, 1, 2), faults=events, rate=10)
-    for i, t in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, events, t)
-        limits = history.setting.limits
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2), limits=limits)
-    assert [joint.unit for joint in history.setting.joints] == ["m", "rad", "rad", "m", "rad"]
+KINDS = {
+    "sliding": (SLIDING, [0.1, 3.0, 0.4, 0.2, 4.0], (0.1, 0.15, -0.1), ["4@0.5", "free:1@0.6"]),
+    "weak slide": (SLIDING, [0.1, 3.0, 0.4, 0.2, 4.0], (0.1, 0.15, -0.1), ["weak:1:0.5@0.5"]),
+    "mimic": (
+        arm(j4=followed(4, "j2", -0.5, 0.2)), [0.3, 0.5, 0.4], (0.03, 0.03, -0.02),
+        ["2@0.3", "free:3@0.5"],
+    ),
+    "recorded": (arm(), [0.2, 0.5, 0.4, 0.3], None, ["3@0.5"]),
+    "one joint": (
+        serial_urdf(("revolute", {"axis": (0, 1, 0)})), [0.0], None, ["free:1@0.3", "1@0.6"],
+    ),
+}  # fmt: skip
 
 
-def test_mimic_joints(tmp_path):
-    robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
-    q = np.array([0.3, 0.5, 0.4])
-    history = simulate(robot, line(robot, (0.03, 0.03, -0.02), q=q), q, force=(3, 1, 2),
-                       faults=["2@0.3", "free:3@0.5"], rate=10)  # fmt: skip
-    for i, t in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, ["2@0.3", "free:3@0.5"], t)
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2))
-
-
-def test_an_arm_of_one_joint(tmp_path):
-    robot = load(tmp_path, serial_urdf(("revolute", {"axis": (0, 1, 0)})), tip="tool")
-    t = np.linspace(0.0, 1.0, 11)
-    recording = Recording.of(robot, t, 0.5 * np.sin(t)[:, None])
-    history = simulate(robot, recording, force=(3, 1, 2), faults=["free:1@0.3", "1@0.6"])
+@pytest.mark.parametrize("case", KINDS.values(), ids=KINDS)
+def test_robots_and_trajectories_of_other_kinds(tmp_path, case):
+    urdf, q, change, events = case
+    robot, q, force = load(tmp_path, urdf, tip="tool"), np.array(q), (3, 1, 2)
+    if change is None:
+        t = np.linspace(0.0, 1.0, 11)
+        q = q + 0.5 * np.sin(t)[:, None]
+        history = simulate(robot, Recording.of(robot, t, q), force=force, faults=events)
+        assert_close(history.healthy.q, q)
+    else:
+        history = simulate(robot, line(robot, change, q=q), q, force=force, faults=events, rate=10)
+    options = {"force": force, "limits": history.setting.limits}
     for i, time in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, ["free:1@0.3", "1@0.6"], time)
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2))
-    assert np.ptp(history.remapped.q[6:]) == 0.0
-
-
-@pytest.mark.parametrize("velocities", [False, True])
-def test_a_recorded_motion(panda, velocities):
-    t = np.linspace(0.0, 1.0, 21)
-    q0, rate = ftforce.analyze(panda).posture.q, 1.0 + 0.2 * np.arange(7)
-    q, v = q0 + 0.1 * np.sin(np.outer(t, rate)), 0.1 * rate * np.cos(np.outer(t, rate))
-    recording = Recording.of(panda, t, q, v if velocities else None)
-    history = simulate(panda, recording, force=PUSH, faults="3@0.5")
-    assert_close(history.healthy.q, q)
-    assert_close(history.healthy.v[2:-2], v[2:-2], tol=1e-3)
-    assert history.remapped.path_error_norm.max() < 1e-5
-    for i, time in enumerate(t.tolist()):
-        faults, _ = set_at(panda, "3@0.5", time)
-        assert_as_analyzed(panda, history.remapped, i, faults, force=PUSH)
-
-
-def test_orientation_is_kept_after_a_lock(panda):
-    """Six rows of seven joints: one lock leaves none to spare, and the tip still follows."""
-    path = line(panda, keep_orientation=True)
-    history = simulate(panda, path, force=PUSH, faults="3@0.5", rate=20)
-    for run in (history.healthy, history.remapped):
-        R = [pin.Quaternion(*x[[3, 0, 1, 2]]).toRotationMatrix() for x in run.orientation]
-        turned = [np.linalg.norm(pin.log3(R[0].T @ now)) for now in R]
-        assert max(turned) < 1e-4
-        assert run.path_error_norm.max() < 1e-5
-
-
-def test_waypoints_with_a_fault_at_a_corner(panda):
-    path = line(panda)
-    corner = path.points[0] + [0.0, 0.0, -0.05]
-    corners = Path.through([path.points[0], corner, path.points[1]], speed=0.2)
-    when = float(corners.times[1])
-    history = simulate(panda, corners, force=PUSH, faults=f"4@{when!r}", rate=20)
-    assert history.remapped.path_error_norm.max() < 1e-5
-    (report,) = history.setting.events
-    assert_close(report.velocity_jump, np.zeros(3), scale=1.0, tol=1e-6)
+        faults, _ = set_at(robot, events, time)
+        assert_as_analyzed(robot, history.remapped, i, faults, **options)
+    units = ["m" if joint.type == "prismatic" else "rad" for joint in robot.joints]
+    assert [joint.unit for joint in history.setting.joints] == units
 
 
 def test_progress_goes_up_to_the_end(panda):
