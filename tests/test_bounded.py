@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 
 from ftforce import remap
-from ftforce.bounded import bounded_remap, overloaded, remap_inside, share_of
+from ftforce.bounded import bounded_remap
 from ftforce.errors import InputError, SolverError
-from ftforce.feasible import FeasibleForces
-from ftforce.reduced import RTOL, reduce
+from ftforce.reduced import RTOL
 from helpers import assert_close, campaign, seeds
 from problems import (
     Problem,
@@ -339,24 +338,6 @@ def test_wrong_multipliers_are_found(result, multipliers):
     assert residuals(result, multipliers=y)["optimality"] > 1e-5
 
 
-def test_multipliers_of_torques_that_no_force_changes_are_found():
-    # Joint 2 has no lever, so only complementarity sees its multiplier.
-    flat = np.array([[1.0, 0.0]])
-    result = bounded_remap(flat, [5.0, 0.0], only(n=2), limits=[2.0, 3.0])
-    assert max(result.residuals().values()) < 1e-14
-    y = result.nearest.multipliers
-    for wrong in ([0.0, 0.1], [0.0, -0.1]):
-        assert residuals(result, multipliers=y + wrong)["optimality"] > 1e-3
-
-
-def test_a_rounding_is_no_residual():
-    # Large forces that cancel: the sum's rounding is 1e-9 of this limit.
-    thin = np.array([[1e3, 1.0], [-1e3, 1.0]])
-    result = bounded_remap(thin, thin.T @ [9e4, 8e4], only(n=2), limits=[0.1, np.nan])
-    assert result.residuals()["limit"] == 0.0
-    assert residuals(result, F_after=result.F_after + np.array([1e-6, 0.0]))["limit"] > 1e-3
-
-
 def test_results_are_read_only_and_can_be_pickled(result):
     with pytest.raises(AttributeError):
         result.rnea = None
@@ -487,25 +468,6 @@ def test_a_motor_with_next_to_no_torque_is_like_a_free_joint(limit):
     assert weak.binding == (1,)
 
 
-@pytest.mark.parametrize("limits", [[1e-300] * 3, [1e-300, 1e300, 5.0], [1e300] * 3])
-@pytest.mark.parametrize("force", [1e-12, 1.0, 1e12])
-def test_limits_without_measure(limits, force):
-    result = bounded_remap(J, force * TAU, only(), limits=limits)
-    lowest = min(limits)
-    torque = np.abs(result.U)
-    assert np.all(torque <= np.array(limits) + 1e-14 * force * 100.0)
-    assert result.share == pytest.approx(min(1.0, lowest / (10.0 * force)), rel=1e-9)
-    weight = bounded_remap(0 * J, TAU, only(), limits=limits, rnea=[6.0, 6.0, 6.0])
-    assert (weight.F_after is None) == (lowest < 6.0)
-
-
-def test_a_hundred_joints():
-    rng = np.random.default_rng(4)
-    for _ in range(campaign(20, 5)):
-        problem = draw_problem(rng, n=100)._replace(free=np.zeros(100, bool))
-        check(problem, problem.remap())
-
-
 # ---- what comes from outside -----------------------------------------------------------------
 
 
@@ -532,14 +494,3 @@ def test_a_hundred_joints():
 def test_malformed_input(given, message):
     with pytest.raises(InputError, match=message):
         bounded_remap(**{"J": J, "tau": TAU, "locked": only(2), "limits": [6.0, 9.0, 9.0], **given})
-
-
-def test_inner_functions_agree_with_the_outer_one():
-    reduced = reduce(J, only(2))
-    largest = np.array([6.0, np.nan, 9.0])
-    result = remap_inside(reduced, F, np.zeros(3), largest)
-    assert_close(result.U, [6, 0, 5])
-    assert share_of(result.feasible, F) == result.share
-    assert overloaded(result.feasible) == result.overloaded
-    assert isinstance(result.feasible, FeasibleForces)
-    assert remap_inside(reduced, F, np.zeros(3), None).feasible.joints == []

@@ -188,33 +188,29 @@ def test_a_panda_in_a_carriage(panda, joints):
 @pytest.mark.parametrize("joints", HELD_FREE)
 def test_without_a_remap_the_force_is_wrong_when_a_joint_goes_free(carriage, joints):
     """The same controller with the torques of the healthy arm."""
-    case = carriage(at(joints))
-    seen = case.press(case.history.unremapped)
-    assert seen.error(seen.before) < AGREES
+    case, seen = with_old_torques(carriage(at(joints)))
     for told in (case.remapped_force(seen), seen.told, PUSH):
         assert seen.error(seen.after, told) > WRONG
-    assert seen.controller_share(seen.after) > WRONG
-    assert_first(case, seen)
 
 
 @pytest.mark.parametrize("joints", WALL_FREE)
 def test_without_a_remap_the_tip_leaves_its_line_when_a_joint_goes_free(wall, joints):
     """On a wall: there the weight of what hangs on the joint makes the force, whoever commands."""
-    case = wall(at(joints))
-    seen = case.press(case.history.unremapped)
-    assert seen.error(seen.before) < AGREES
+    case, seen = with_old_torques(wall(at(joints)))
     assert seen.error(seen.after, case.remapped_force(seen)) > ASKED_FOR
     assert seen.off_path(seen.before) < STAYS
     assert seen.off_path(seen.after) > 0.01
     assert seen.drift(seen.after) > 0.02
+
+
+def with_old_torques(case):
+    """The history says what they do to a tip that is held in place: no spring acts yet."""
+    seen = case.press(case.history.unremapped)
+    assert seen.error(seen.before) < AGREES
     assert seen.controller_share(seen.after) > WRONG
-    assert_first(case, seen)
-
-
-def assert_first(case, seen):
-    """The history says what old torques do to a tip that is held in place: no spring acts yet."""
     told = case.history.unremapped.force[case.history.index(FAULT)]
     assert_close(seen.force[seen.first], told, scale=seen.asked, tol=FIRST)
+    return case, seen
 
 
 # ---- the oracle sees what is wrong -----------------------------------------------------------

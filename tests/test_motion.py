@@ -371,24 +371,6 @@ def test_until_the_controller_knows_the_others_go_on_as_planned():
     assert arrivals[0.7].v[3] == 0.0
 
 
-def test_two_faults_within_one_delay():
-    path = straight(PANDA, LINES["panda"], speed=0.2)
-    events = ["4@0.3", "2@0.5"]
-    start, (healthy, _) = follow(PANDA, path, rate=100)
-    _, (motion, arrivals) = follow(PANDA, path, faults=events, delay=0.3, t=LONG)
-    t = LONG
-    assert list(arrivals) == pytest.approx([0.3, 0.5, 0.6, 0.8])
-    assert np.ptp(motion.q[t >= 0.3, 3]) == 0.0
-    assert np.ptp(motion.q[t >= 0.5, 1]) < 1e-12
-    assert motion.q[-1, 1] == pytest.approx(healthy.q[50, 1], abs=1e-6)
-    # From 0.6 s on joint 4's lock is known, and joint 2 would help if it could.
-    error = path_error(PANDA, start, motion, t)
-    assert error[-1] < KEPT
-    assert error.max() > 1e-3
-    speeds = np.array([joint.velocity for joint in PANDA.joints])
-    assert (np.abs(np.diff(motion.q, axis=0)) < 0.0101 * speeds).all()  # nothing jumps
-
-
 @pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-5])
 def test_events_that_come_close_to_each_other(gap):
     """As 0.3 and 0.1 + 0.2 do."""

@@ -44,33 +44,24 @@ OUTSIDE, STRAIGHT, BENT, OTHER = (
 )
 
 
-def default_of(urdf, **states):
-    return choose_posture(load_text(urdf, srdf_of(**states)))
-
-
 # ---- default ---------------------------------------------------------------------------------
 
-
-def test_the_first_named_posture_is_the_default():
-    posture = default_of(elbow(), bent=BENT, other=OTHER)
-    assert_close(posture.q, [0, 0.5, 1])
-    assert (posture.source, posture.warnings) == ("posture 'bent'", ())
-    assert default_of(elbow(), other=OTHER, bent=BENT).source == "posture 'other'"
-
-
-def test_postures_outside_the_limits_and_singular_ones_are_skipped_and_named():
-    posture = default_of(elbow(), far=OUTSIDE, straight=STRAIGHT, bent=BENT)
-    assert_close(posture.q, [0, 0.5, 1])
-    assert posture.source == (
-        "posture 'bent' ('far' is outside the limits, 'straight' is singular)"
-    )
+SKIPPED = "posture 'bent' ('far' is outside the limits, 'straight' is singular)"
+NARROW = {"lower": 0.2, "upper": 1.6}
+DEFAULTS = [  # limits, named postures: positions and source
+    ({}, {"bent": BENT, "other": OTHER}, [0, 0.5, 1], "posture 'bent'"),
+    ({}, {"other": OTHER, "bent": BENT}, [1, 1, 1], "posture 'other'"),
+    ({}, {"far": OUTSIDE, "straight": STRAIGHT, "bent": BENT}, [0, 0.5, 1], SKIPPED),
+    (NARROW, {"a": STRAIGHT}, [0.9] * 3, "mid-range ('a' is outside the limits)"),
+    (NARROW, {}, [0.9] * 3, "mid-range"),
+]
 
 
-def test_mid_range_where_no_named_posture_serves():
-    posture = default_of(elbow(lower=0.2, upper=1.6), straight=STRAIGHT)
-    assert_close(posture.q, [0.9, 0.9, 0.9])
-    assert posture.source == "mid-range ('straight' is outside the limits)"
-    assert choose_posture(load_text(elbow(lower=0.2, upper=1.6))).source == "mid-range"
+@pytest.mark.parametrize(("limits", "states", "q", "source"), DEFAULTS)
+def test_the_default_is_the_first_posture_that_serves(limits, states, q, source):
+    posture = choose_posture(load_text(elbow(**limits), srdf_of(**states)))
+    assert_close(posture.q, q)
+    assert (posture.source, posture.warnings) == (source, ())
 
 
 def test_the_best_sample_where_mid_range_is_singular():
@@ -99,23 +90,22 @@ def arm():
     return load_text(elbow(), srdf_of(bent=BENT, far=OUTSIDE))
 
 
+OUTSIDE_BY = "outside the joint limits: j3 = 3.1 (limits -3 to 3 rad)"
+
+
 @pytest.mark.parametrize(
-    ("name", "q", "source"),
+    ("name", "q", "source", "warnings"),
     [
-        ("bent", [0, 0.5, 1], "posture 'bent'"),
-        ("zero", [0, 0, 0], "zero"),
-        ("mid-range", [0, 0, 0], "mid-range"),
+        ("bent", [0, 0.5, 1], "posture 'bent'", ()),
+        ("zero", [0, 0, 0], "zero", ()),
+        ("mid-range", [0, 0, 0], "mid-range", ()),
+        ("far", [0, 0.5, 3.1], "posture 'far'", (OUTSIDE_BY,)),
     ],
 )
-def test_named_and_built_in_postures(arm, name, q, source):
+def test_named_and_built_in_postures(arm, name, q, source, warnings):
     posture = choose_posture(arm, name=name)
     assert_close(posture.q, q)
-    assert posture.source == source
-
-
-def test_a_named_posture_outside_the_limits_is_used_with_a_warning(arm):
-    (warning,) = choose_posture(arm, name="far").warnings
-    assert warning == "outside the joint limits: j3 = 3.1 (limits -3 to 3 rad)"
+    assert (posture.source, posture.warnings) == (source, warnings)
 
 
 def test_unknown_postures_are_answered_with_the_known_ones(arm):

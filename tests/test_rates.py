@@ -86,16 +86,21 @@ def test_more_rows_than_columns_leave_no_rounding():
 
 # ---- without a bound that binds --------------------------------------------------------------
 
+NONE, ALONG = np.zeros(3), np.array([1.0, -1.0, 1.0])  # the self-motion
+BY_HAND = [  # missing velocity of the tip, preferred velocities, bounds, velocities
+    ([3, 0], NONE, np.inf, [2, 1, -1]),
+    ([3, 3], NONE, np.inf, [1, 2, 1]),
+    ([3, 0], ALONG, np.inf, np.array([2, 1, -1]) + ALONG),  # the tip does not feel it
+    ([3, 0], NONE, [1.5, 9, 9], [1.5, 1.5, -1.5]),  # the others give the share of the first
+    ([-3, 0], NONE, [1.5, 9, 9], [-1.5, -1.5, 1.5]),
+    ([0, 0], 2 * ALONG, 1.0, ALONG),
+    ([5, -7], NONE, 0.0, [0, 0, 0]),
+]
 
-def test_smallest_velocities_by_hand():
-    assert_close(rates(J, [3.0, 0.0]), [2, 1, -1])
-    assert_close(rates(J, [3.0, 3.0]), [1, 2, 1])
 
-
-def test_a_preferred_velocity_is_kept_where_the_tip_does_not_feel_it():
-    along = np.array([1.0, -1.0, 1.0])  # the self-motion
-    missing = np.array([3.0, 0.0]) - J @ along
-    assert_close(rates(J, missing, along), np.array([2, 1, -1]) + along)
+@pytest.mark.parametrize(("missing", "v0", "bound", "wanted"), BY_HAND, ids=str)
+def test_by_hand(missing, v0, bound, wanted):
+    assert_close(rates(J, missing, v0, bound=bound), wanted, scale=3.0)
 
 
 @given(seeds)
@@ -119,26 +124,10 @@ def test_appendix_a_with_numpy(seed):
 # ---- bounds ----------------------------------------------------------------------------------
 
 
-def test_a_joint_that_is_too_fast_gives_its_share_to_the_others():
-    got = rates(J, [3.0, 0.0], bound=[1.5, 9.0, 9.0])
-    assert_close(got, [1.5, 1.5, -1.5])
-    got = rates(J, [-3.0, 0.0], bound=[1.5, 9.0, 9.0])
-    assert_close(got, [-1.5, -1.5, 1.5])
-
-
 def test_what_no_joint_can_give_is_lost():
     got = rates(J, [3.0, 0.0], bound=1.0)
     assert np.abs(got).max() <= 1.0 + 1e-12
     assert_close(got[[0, 1]], [1.0, 1.0])
-
-
-def test_all_joints_at_their_bounds():
-    assert_close(rates(np.eye(2), [5.0, -7.0], bound=1.0), [1.0, -1.0])
-    assert_close(rates(np.eye(2), [5.0, -7.0], bound=0.0), [0.0, 0.0], scale=1.0)
-
-
-def test_a_preferred_velocity_beyond_its_bound_is_cut():
-    assert_close(rates(J, np.zeros(2), [2.0, -2.0, 2.0], bound=1.0), [1.0, -1.0, 1.0])
 
 
 def test_joints_that_cannot_be_commanded_keep_their_velocity():
