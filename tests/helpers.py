@@ -19,6 +19,9 @@ from hypothesis.extra import numpy as hnp
 
 from ftforce import Robot, known_robots, load_robot, write_robot
 from ftforce.dh import DHRow, DHTable, MassModel
+from ftforce.kinematics import tip_pose
+from ftforce.paths import Path as TipPath
+from ftforce.posture import choose_posture
 from ftforce.reduced import RTOL, reduce
 
 TOL = 1e-9
@@ -196,6 +199,30 @@ def serial_urdf(*steps):
     ]
     joints.append(joint("end", "fixed", links[-2], "tool", xyz=(0.11, 0.05, 0.03)))
     return urdf_of(*links, joints=joints)
+
+
+# Joints that slide and turn without end.
+SLIDING = serial_urdf(
+    ("prismatic", {"lower": -0.5, "upper": 0.5}),
+    ("continuous", {"xyz": (0.1, 0, 0.1)}),
+    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
+    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
+    ("continuous", {"xyz": (0.2, 0, 0), "axis": (0, 1, 0)}),
+)
+LINES = {  # robot: where the tip goes, from where it is
+    "dh5": (-0.1, 0.08, 0.05),
+    "panda": (-0.1, 0.1, -0.1),
+    "ur5": (0.05, 0.1, -0.05),
+    "kinova": (0.1, -0.05, -0.1),
+    "tiago": (-0.05, 0.05, 0.05),
+}
+
+
+def straight(robot, change=None, *, speed=0.2, q=None, **options):
+    """Return a path of the tip from its place in a posture, or in the default one."""
+    x = tip_pose(robot, choose_posture(robot).q if q is None else np.asarray(q))[1]
+    way = LINES[robot.name] if change is None else change
+    return TipPath.through([x, x + way], speed=speed, **options)
 
 
 def without_masses(urdf):

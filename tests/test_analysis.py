@@ -26,16 +26,6 @@ from helpers import (
 FORCE = [80.0, 50.0, 10.0]
 
 
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 # ---- what is given ---------------------------------------------------------------------------
 
 

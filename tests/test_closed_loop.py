@@ -64,11 +64,6 @@ def at(joints, time=FAULT):
 
 
 @pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
 def wall(dh5, tmp_path_factory):
     """The arm as seen from a wall that slopes away below the line: x goes into it, y along it."""
     y = (TO - FROM) / np.linalg.norm(TO - FROM)

@@ -28,11 +28,6 @@ FORCE = [5.0, -3.0, 8.0]
 
 
 @pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
-@pytest.fixture(scope="module")
 def weightless():
     return load_text(without_masses(serial_urdf(*CHAIN)))
 

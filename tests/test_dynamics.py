@@ -44,11 +44,6 @@ def total(arm, q, v, a, **options):
 # ---- roboticstoolbox -------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 def inertials(arm):
     return arm.model.inertias.tolist()[1:]
 

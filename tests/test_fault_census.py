@@ -28,16 +28,6 @@ LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
 SEVERITY = [Verdict.NOT_TOLERATED, Verdict.BORDERLINE, Verdict.TOLERATED]
 
 
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 def numbers(report):
     return [k + 1 for k in report.faults.joints]
 

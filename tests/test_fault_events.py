@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import ftforce
 from ftforce.errors import InputError
 from ftforce.fault_events import FaultEvent, Phase, phases, read_events
 from ftforce.faults import Fault, FaultMode, FaultSet
@@ -17,11 +16,6 @@ from urdfs import arm, joint, load
 NAN, INF = math.nan, math.inf
 law = settings(deadline=None, max_examples=campaign(200, 60))
 NOTHING = FaultSet()
-
-
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
 
 
 def free(*joints):

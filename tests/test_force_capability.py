@@ -31,11 +31,6 @@ PROGRAM = 1e-6  # of a linear program's numbers; its solver takes torques to 1e-
 MOON = [0.1, -0.2, -1.6]
 
 
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 # ---- linear programs -------------------------------------------------------------------------
 
 

@@ -16,7 +16,17 @@ from ftforce.fault_events import phases, read_events
 from ftforce.faults import FaultSet
 from ftforce.motion import GAIN, LIMIT_GAIN, advance, rates_law
 from ftforce.trajectory import Path, Recording, start_of
-from helpers import CAMPAIGN, assert_close, campaign, load_text, seeds, serial_urdf
+from helpers import (
+    CAMPAIGN,
+    LINES,
+    SLIDING,
+    assert_close,
+    campaign,
+    load_text,
+    seeds,
+    serial_urdf,
+    straight,
+)
 from urdfs import arm, load
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
@@ -26,13 +36,6 @@ NEVER = math.inf
 LONG = np.arange(0.0, 5.0, 0.01)  # s: beyond the end of most paths
 KEPT = 1e-5  # m: the issue's bound of the tracking error
 Y = {"axis": (0, 1, 0)}
-LINES = {  # robot: where the tip goes, from where it is
-    "dh5": (-0.1, 0.08, 0.05),
-    "panda": (-0.1, 0.1, -0.1),
-    "ur5": (0.05, 0.1, -0.05),
-    "kinova": (0.1, -0.05, -0.1),
-    "tiago": (-0.05, 0.05, 0.05),
-}
 
 
 def silent(count):
@@ -64,14 +67,6 @@ def jacobian(robot, q):
         turned = pin.log3(R_ahead @ R.T) - pin.log3(R_back @ R.T)
         columns.append(np.concatenate([ahead - back, turned]) / (2.0 * h))
     return np.column_stack(columns)
-
-
-def straight(robot, change, speed=0.1, q=None, **options):
-    """Return a path from where the tip is."""
-    place = robot if q is None else q
-    posture = ftforce.analyze(robot, force=[1, 0, 0]).posture.q if place is robot else q
-    x = tip(robot, posture)[0]
-    return Path.through([x, x + change], speed=speed, **options)
 
 
 def follow(robot, trajectory, q=None, *, faults=(), delay=0.0, rate=50, t=None):
@@ -109,7 +104,7 @@ def assert_consistent(t, motion, tol=1e-5):
 @pytest.mark.parametrize("name", LINES if CAMPAIGN else ["dh5", "kinova", "tiago"])
 def test_the_tip_keeps_to_its_line(name):
     robot = ftforce.load_robot(name)
-    start, (motion, arrivals) = follow(robot, straight(robot, LINES[name]), rate=100)
+    start, (motion, arrivals) = follow(robot, straight(robot), rate=100)
     assert path_error(robot, start, motion).max() < KEPT / 10
     assert_consistent(start.times, motion)
     assert not arrivals
@@ -123,7 +118,7 @@ def test_the_tip_keeps_to_its_line(name):
 def test_the_motion_is_that_of_an_ode_written_out(keep):
     """SciPy integrates J†(ẋ + k e) with NumPy's pseudoinverse and a Jacobian by differences."""
     robot = ftforce.load_robot("panda")
-    path = straight(robot, LINES["panda"], speed=0.3, keep_orientation=keep)
+    path = straight(robot, speed=0.3, keep_orientation=keep)
     start, (motion, _) = follow(robot, path, rate=10)
     R0 = tip(robot, start.q)[1]
 
@@ -145,7 +140,7 @@ def test_the_motion_is_that_of_an_ode_written_out(keep):
 @pytest.mark.parametrize("rate", [2.0, 7.0, 200.0])
 def test_accelerations_do_not_depend_on_the_rate(rate):
     robot = ftforce.load_robot("dh5")
-    path = straight(robot, LINES["dh5"])
+    path = straight(robot)
     start, (motion, _) = follow(robot, path, rate=rate)
     fine, (wanted, _) = follow(robot, path, rate=100)
     spline = CubicSpline(fine.times, wanted.v)
@@ -168,7 +163,7 @@ def test_waypoints_with_corners_are_met():
 def test_an_arm_that_starts_beside_its_path_returns_to_it():
     """The distance falls with e^(-kt), and while it is long as fast as the path at most."""
     robot = ftforce.load_robot("panda")
-    path = straight(robot, LINES["panda"], speed=0.1)
+    path = straight(robot, speed=0.1)
     start = start_of(robot, path, rate=20)
     q = start.q + np.linalg.pinv(jacobian(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
     t = np.linspace(0.0, 1.0, 21)
@@ -185,7 +180,7 @@ def test_an_arm_that_starts_beside_its_path_returns_to_it():
 
 def test_an_orientation_that_is_off_is_corrected():
     """By a turn about one axis whose angle falls with e^(-kt)."""
-    path = straight(PANDA, LINES["panda"], keep_orientation=True)
+    path = straight(PANDA, keep_orientation=True)
     start = start_of(PANDA, path, rate=20)
     twist = np.array([0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3])
     q = start.q + np.linalg.pinv(jacobian(PANDA, start.q)) @ twist
@@ -314,7 +309,7 @@ PANDA = ftforce.load_robot("panda")
 
 def test_a_joint_that_swings_is_not_asked_to_help():
     """Once a joint locks, one without torque goes on as the healthy arm's does."""
-    path = straight(PANDA, LINES["panda"])
+    path = straight(PANDA)
     start = start_of(PANDA, path, rate=10)
     t = 0.5 * path.duration
     q = follow(PANDA, path, t=[0.0, t])[1].motion.q[1]
@@ -334,7 +329,7 @@ SOME_LOCKS = [(0.0, "4"), (0.4, "3,5"), (0.512345, "3")]
 
 @pytest.mark.parametrize(("when", "faults"), ALL_LOCKS if CAMPAIGN else SOME_LOCKS)
 def test_the_arm_keeps_to_its_path_after_a_lock(when, faults):
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     start, (motion, arrivals) = follow(PANDA, path, faults=f"{faults}@{when}", rate=100)
     late, joints = start.times >= when, [int(number) - 1 for number in faults.split(",")]
     assert path_error(PANDA, start, motion).max() < KEPT
@@ -353,7 +348,7 @@ def test_the_arm_keeps_to_its_path_after_a_lock(when, faults):
 
 
 def test_until_the_controller_knows_the_others_go_on_as_planned():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     start, (healthy, _) = follow(PANDA, path, rate=100)
     _, (motion, arrivals) = follow(PANDA, path, faults="4@0.3", delay=0.4, rate=100)
     t, others = start.times, [0, 1, 2, 4, 5, 6]
@@ -374,7 +369,7 @@ def test_until_the_controller_knows_the_others_go_on_as_planned():
 @pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-5])
 def test_events_that_come_close_to_each_other(gap):
     """As 0.3 and 0.1 + 0.2 do."""
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     events = ["3@0.3", f"5@{0.1 + 0.2 + gap!r}", f"6@{math.nextafter(0.3, 0.0)!r}"]
     start, (motion, _) = follow(PANDA, path, faults=events, delay=gap / 2, rate=50)
     assert path_error(PANDA, start, motion).max() < KEPT
@@ -383,14 +378,6 @@ def test_events_that_come_close_to_each_other(gap):
 
 
 # ---- joints of other kinds -------------------------------------------------------------------
-
-SLIDING = serial_urdf(
-    ("prismatic", {"lower": -0.5, "upper": 0.5}),
-    ("continuous", {"xyz": (0.1, 0, 0.1)}),
-    ("revolute", {"xyz": (0.3, 0, 0), **Y}),
-    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
-    ("continuous", {"xyz": (0.2, 0, 0), **Y}),
-)
 
 
 @pytest.mark.parametrize("faults", ["", "1@1", "3@0.5", "4@0.7", "1,5@0.7"])
@@ -487,7 +474,7 @@ def test_recorded_angles_may_jump_by_whole_turns():
 
 
 def test_every_sample_is_counted_once():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     start = start_of(PANDA, path, rate=50)
     done = []
     (phase,) = phases((), 0.0)

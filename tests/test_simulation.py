@@ -20,40 +20,13 @@ from ftforce.limits import Limits
 from ftforce.posture import choose_posture
 from ftforce.simulation import simulate
 from ftforce.trajectory import Path, Recording
-from helpers import CAMPAIGN, assert_close, campaign, serial_urdf
+from helpers import CAMPAIGN, SLIDING, assert_close, campaign, serial_urdf, straight
 from results import massless
 from urdfs import arm, followed, load
 
 law = settings(deadline=None, max_examples=campaign(12, 2))
 PUSH = (80.0, 50.0, 10.0)  # N
-WAYS = {  # robot: where the tip goes, from where it is
-    "dh5": (-0.1, 0.08, 0.05),
-    "panda": (-0.1, 0.1, -0.1),
-    "ur5": (0.05, 0.1, -0.05),
-    "kinova": (0.1, -0.05, -0.1),
-    "tiago": (-0.05, 0.05, 0.05),
-}
 AGREES = 5e-5  # of the force, as in test_physics
-
-
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
-def line(robot, change=None, *, speed=0.2, q=None, **options):
-    """Return a path from where the tip is."""
-    q = ftforce.analyze(robot, force=None).posture.q if q is None else q
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.to_model(q))
-    x = data.oMf[robot.tip_frame].translation.copy()
-    return Path.through([x, x + (WAYS[robot.name] if change is None else change)],
-                        speed=speed, **options)  # fmt: skip
 
 
 def named(faults):
@@ -142,7 +115,7 @@ QUICK = ("a lock that costs", "locks in turn", "from the start", "free, limits",
 def test_every_instant_with_the_remap_is_an_analysis(case):
     name, events, options = CASES[case]
     robot, options = ftforce.load_robot(name), {"force": PUSH, **options}
-    history = simulate(robot, line(robot), faults=events, rate=7, **options)
+    history = simulate(robot, straight(robot), faults=events, rate=7, **options)
     run = history.remapped
     options = {"limits": history.setting.limits, **options}  # of a weak joint from the start on
     stood = [
@@ -157,7 +130,7 @@ def test_every_instant_with_the_remap_is_an_analysis(case):
 def test_once_the_remap_acts_every_instant_is_an_analysis(panda):
     """And before, it is not."""
     events, delay = ["4@0.5", "free:2@0.9"], 0.3
-    history = simulate(panda, line(panda), force=PUSH, faults=events, delay=delay, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=events, delay=delay, rate=10)
     compared = 0
     for i, t in enumerate(history.t.tolist()):
         actual, known = set_at(panda, events, t, delay)
@@ -178,7 +151,7 @@ def test_random_faults_beside_analyze(data):
     force = data.draw(st.sampled_from([PUSH, (0.0, 0.0, -30.0), (1.0, 0.0, 0.0)]))
     limits = data.draw(st.sampled_from(["urdf", "none"]))
     options = {"force": force, "limits": limits}
-    history = simulate(robot, line(robot), faults=events, rate=4, **options)
+    history = simulate(robot, straight(robot), faults=events, rate=4, **options)
     for i, t in enumerate(history.t.tolist()):
         faults, _ = set_at(robot, events, t)
         assert_as_analyzed(robot, history.remapped, i, faults, **options)
@@ -188,7 +161,7 @@ def test_random_faults_beside_analyze(data):
 
 
 def test_before_a_fault_all_runs_are_the_same(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="3@0.8", delay=0.2, rate=20)
+    history = simulate(panda, straight(panda), force=PUSH, faults="3@0.8", delay=0.2, rate=20)
     before, n = history.t < 0.8, len(history.t)
     for name in QUANTITIES:
         healthy = getattr(history.healthy, name)
@@ -203,17 +176,19 @@ def test_before_a_fault_all_runs_are_the_same(panda):
 
 
 def test_without_the_remap(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="3@0.8", remap=False, rate=20)
+    history = simulate(panda, straight(panda), force=PUSH, faults="3@0.8", remap=False, rate=20)
     assert history.remapped is None
     assert list(history.runs) == ["healthy", "unremapped"]
     assert history.answer is history.unremapped
     assert math.isinf(history.setting.delay)
-    late = simulate(panda, line(panda), force=PUSH, faults="3@0.8", delay=np.float32(9.5), rate=5)
+    late = simulate(
+        panda, straight(panda), force=PUSH, faults="3@0.8", delay=np.float32(9.5), rate=5
+    )
     assert late.setting.delay == 9.5
 
 
 def test_a_delay_longer_than_the_rest_is_a_run_without_the_remap(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["3@0.8", "free:2@1"], delay=1e3,
+    history = simulate(panda, straight(panda), force=PUSH, faults=["3@0.8", "free:2@1"], delay=1e3,
                        rate=20)  # fmt: skip
     for name in QUANTITIES:
         one, other = (getattr(run, name) for run in (history.remapped, history.unremapped))
@@ -222,7 +197,7 @@ def test_a_delay_longer_than_the_rest_is_a_run_without_the_remap(panda):
 
 def test_the_same_input_gives_the_same_bytes(panda):
     options = {"force": PUSH, "faults": ["3@0.5", "free:4@0.7"], "delay": 0.1, "rate": 20}
-    one, other = (simulate(panda, line(panda), **options) for _ in range(2))
+    one, other = (simulate(panda, straight(panda), **options) for _ in range(2))
     for name, run in one.runs.items():
         for quantity in QUANTITIES:
             again = getattr(other.runs[name], quantity)
@@ -234,7 +209,7 @@ def test_the_same_input_gives_the_same_bytes(panda):
 
 @pytest.mark.parametrize("when", [0.8, 0.83])
 def test_an_event_at_a_sample_and_between(panda, when):
-    history = simulate(panda, line(panda), force=PUSH, faults=f"3@{when}", rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=f"3@{when}", rate=10)
     assert_close(history.t, np.arange(len(history.t)) / 10)
     stopped = np.flatnonzero(history.remapped.v[:, 2] == 0.0)
     assert stopped[1] == math.ceil(when * 10 - 1e-9)  # the first is the start, at rest
@@ -245,7 +220,7 @@ def test_an_event_at_a_sample_and_between(panda, when):
 
 def test_place_path_and_velocity_errors_by_differences(panda):
     """The path error is what is missing, and its derivative the velocity that is."""
-    path = line(panda)
+    path = straight(panda)
     history = simulate(panda, path, force=PUSH, faults="4@0.5", delay=0.5, rate=100)
     for run in history.runs.values():
         data = panda.model.createData()
@@ -299,7 +274,7 @@ POWERS = [  # robot, faults, payload, force in world axes
 def test_motors_give_what_the_arm_gains_and_what_the_tip_does(name, faults, payload, force):
     robot = ftforce.load_robot(name)
     options = {"force": force, "axes": "world", "faults": faults, "payload": payload}
-    history = simulate(robot, line(robot), rate=100, **options)
+    history = simulate(robot, straight(robot), rate=100, **options)
     load = None if payload is None else (payload[0], np.array(payload[1]))
     run, energy = history.remapped, energies(robot, history.remapped, load)
     assert np.ptp(energy) > 1e-3
@@ -346,7 +321,7 @@ def test_old_torques_while_the_tip_is_held(name, locked, free, payload):
     robot = ftforce.load_robot(name)
     faults = [*(f"{i + 1}@0.5" for i in locked), *(f"free:{i + 1}@0.5" for i in free)]
     load = None if payload is None else tuple(payload)
-    history = simulate(robot, line(robot), force=PUSH, faults=faults, payload=load, rate=10)
+    history = simulate(robot, straight(robot), force=PUSH, faults=faults, payload=load, rate=10)
     run, scale = history.unremapped, np.linalg.norm(PUSH)
     for i in (5, 8):
         tau = old_torques(robot, run, i, (locked + free)[-1], payload=payload)
@@ -367,7 +342,7 @@ def test_old_torques_while_the_tip_is_held(name, locked, free, payload):
 def test_known_and_unknown_faults_at_once(panda):
     """A lock is known, a joint that goes free later is not yet."""
     events = ["2@0.4", "free:4@0.9"]
-    history = simulate(panda, line(panda), force=PUSH, faults=events, delay=0.3, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=events, delay=0.3, rate=10)
     run, scale, i = history.remapped, np.linalg.norm(PUSH), 10
     told = ftforce.analyze(panda, run.q[i], locked=[2], force=PUSH, velocity=run.v[i],
                            acceleration=run.a[i])  # fmt: skip
@@ -380,7 +355,7 @@ def test_known_and_unknown_faults_at_once(panda):
 
 def test_motors_that_are_not_told_of_a_weak_one(panda):
     """The weak motor gives what it can: its share of the URDF's limit."""
-    history = simulate(panda, line(panda), force=PUSH, faults="weak:2:0.1@0.5", rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults="weak:2:0.1@0.5", rate=10)
     run, i = history.unremapped, 8
     asked = history.healthy.motor[i]
     assert abs(asked[1]) > 0.1 * panda.effort[1]
@@ -393,7 +368,7 @@ def test_motors_that_are_not_told_of_a_weak_one(panda):
 def test_without_masses_there_is_the_force_part_alone(tmp_path):
     robot = massless(tmp_path)
     q = np.array([0.2, 0.5, 0.4, 0.3])
-    path = line(robot, (-0.05, 0.02, 0.02), q=q)
+    path = straight(robot, (-0.05, 0.02, 0.02), q=q)
     history = simulate(robot, path, q, force=(5, 1, 2), faults=["free:3@0.3"], rate=10)
     assert not history.setting.has_masses
     run = history.unremapped
@@ -422,7 +397,7 @@ def world_jacobian(robot, q):
 def test_jumps_of_the_velocity(panda, locked):
     """At impact by momentum, with MuJoCo's mass matrix; after the remap (K K† - I) x_S."""
     event = f"{','.join(map(str, locked))}@0.5"
-    history = simulate(panda, line(panda), force=PUSH, faults=event, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=event, rate=10)
     (report,) = history.setting.events
     q, v = history.healthy.q[5], history.healthy.v[5]
     S = [joint - 1 for joint in locked]
@@ -441,7 +416,7 @@ def test_jumps_of_the_velocity(panda, locked):
 @pytest.mark.parametrize("events", ["4,2@0.4", ["weak:3:0.5@0.2", "free:4@0.4"]])
 def test_an_event_is_judged_as_its_instant_is(panda, events):
     """A moving arm: what a joint without torque carries takes part of the force."""
-    history = simulate(panda, line(panda, speed=0.5), force=(1, 2, 3), faults=events, rate=10)
+    history = simulate(panda, straight(panda, speed=0.5), force=(1, 2, 3), faults=events, rate=10)
     report, i = history.setting.events[-1], history.index(0.4)
     assert history.t[i] == 0.4
     jump = history.jump_norm(history.remapped)[i]
@@ -451,7 +426,7 @@ def test_an_event_is_judged_as_its_instant_is(panda, events):
 
 
 def test_words_of_events(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["weak:2:0.5@0.5", "3,4@0.2"],
+    history = simulate(panda, straight(panda), force=PUSH, faults=["weak:2:0.5@0.5", "3,4@0.2"],
                        rate=5)  # fmt: skip
     first, second = history.setting.events
     assert (first.time, second.time) == (0.2, 0.5)
@@ -463,7 +438,7 @@ def test_words_of_events(panda):
 
 
 def test_an_event_at_the_first_and_last_instant(panda):
-    path = line(panda)
+    path = straight(panda)
     last = float(simulate(panda, path, force=PUSH, rate=10).t[-1])
     history = simulate(panda, path, force=PUSH, faults=["3@0", f"free:4@{last!r}"], rate=10)
     first, second = history.setting.events
@@ -478,7 +453,7 @@ def test_an_event_at_the_first_and_last_instant(panda):
 
 def test_a_fault_that_nothing_can_hold(dh5):
     """All joints free: no force, and the run goes on."""
-    history = simulate(dh5, line(dh5), force=PUSH, faults="free:1,2,3,4,5@0.3", rate=10)
+    history = simulate(dh5, straight(dh5), force=PUSH, faults="free:1,2,3,4,5@0.3", rate=10)
     late = history.t >= 0.3
     assert np.isnan(history.remapped.force[late]).all()
     assert np.isfinite(history.remapped.force[~late]).all()
@@ -489,15 +464,6 @@ def test_a_fault_that_nothing_can_hold(dh5):
 
 
 # ---- robots and trajectories of other kinds --------------------------------------------------
-
-SLIDING = serial_urdf(
-    ("prismatic", {"lower": -0.5, "upper": 0.5}),
-    ("continuous", {"xyz": (0.1, 0, 0.1)}),
-    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
-    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
-    ("continuous", {"xyz": (0.2, 0, 0), "axis": (0, 1, 0)}),
-)
-
 
 KINDS = {
     "sliding": (SLIDING, [0.1, 3.0, 0.4, 0.2, 4.0], (0.1, 0.15, -0.1), ["4@0.5", "free:1@0.6"]),
@@ -523,7 +489,9 @@ def test_robots_and_trajectories_of_other_kinds(tmp_path, case):
         history = simulate(robot, Recording.of(robot, t, q), force=force, faults=events)
         assert_close(history.healthy.q, q)
     else:
-        history = simulate(robot, line(robot, change, q=q), q, force=force, faults=events, rate=10)
+        history = simulate(
+            robot, straight(robot, change, q=q), q, force=force, faults=events, rate=10
+        )
     options = {"force": force, "limits": history.setting.limits}
     for i, time in enumerate(history.t.tolist()):
         faults, _ = set_at(robot, events, time)
@@ -537,7 +505,7 @@ def test_progress_goes_up_to_the_end(panda):
         seen = []
         options = {"faults": "3@0.5", "rate": 20, "remap": remap}
         simulate(
-            panda, line(panda), force=PUSH, progress=lambda *x, to=seen: to.append(x), **options
+            panda, straight(panda), force=PUSH, progress=lambda *x, to=seen: to.append(x), **options
         )
         done, totals = zip(*seen, strict=True)
         assert list(done) == sorted(done)

@@ -18,11 +18,6 @@ LENGTH = math.dist(*POINTS)
 T = 1.875 * LENGTH / 0.05  # s
 
 
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
 @pytest.fixture
 def path():
     return Path.through(POINTS, speed=0.05)
