@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -336,6 +337,27 @@ def toolbox_arm(table):
         offset = row.theta if turns else row.d
         links.append(make(a=row.a, alpha=row.alpha, offset=offset, **constant))
     return rtb.DHRobot(links)
+
+
+def changed_model(arm, gravity=None, payload=None):
+    """Return a copy of the model with another gravity, and the payload as part of the last link."""
+    model = arm.model.copy()
+    if gravity is not None:
+        model.gravity.linear = np.asarray(gravity, dtype=float)
+    if payload is not None:
+        tip = model.frames[arm.tip_frame]
+        point = pin.Inertia(payload.mass, np.array(payload.offset), np.zeros((3, 3)))
+        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
+    return model
+
+
+def differences(arm, q, step=1e-6):
+    """Return the Jacobian in world axes at the tip by central differences of the tip's pose."""
+    columns = []
+    for unit in np.eye(arm.n):
+        (R1, p1), (R2, p2) = tip_pose(arm, q - step * unit), tip_pose(arm, q + step * unit)
+        columns.append(np.concatenate([p2 - p1, pin.log3(R2 @ R1.T)]) / (2.0 * step))
+    return np.column_stack(columns)
 
 
 def load_table(table):

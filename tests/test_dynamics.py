@@ -16,13 +16,12 @@ from helpers import (
     arms,
     assert_close,
     campaign,
+    changed_model,
     eager_threads,
-    joint,
     load_text,
     seeds,
     serial_urdf,
     toolbox,
-    urdf_of,
     without_masses,
 )
 
@@ -88,18 +87,6 @@ def test_weight_and_motion_against_the_toolbox(panda, toolbox_panda):
 # ---- Pinocchio with another model ------------------------------------------------------------
 
 
-def changed(arm, gravity=None, payload=None):
-    """Return a copy of the model with another gravity, and the payload as part of the last link."""
-    model = arm.model.copy()
-    if gravity is not None:
-        model.gravity.linear = np.asarray(gravity)
-    if payload is not None:
-        tip = model.frames[arm.tip_frame]
-        point = pin.Inertia(payload.mass, np.asarray(payload.offset), np.zeros((3, 3)))
-        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
-    return model
-
-
 SURROUNDINGS = [
     {},
     {"gravity": MOON},
@@ -116,7 +103,7 @@ def test_gravity_and_payload_against_another_model(name, surroundings):
     arm = ftforce.load_robot(name)
     if arm.mass == 0.0:
         pytest.skip("has no masses")
-    model, G = changed(arm, **surroundings), arm.coordinates.G
+    model, G = changed_model(arm, **surroundings), arm.coordinates.G
     data, rng = model.createData(), np.random.default_rng(4)
     q, v, a = rng.uniform(-1.0, 1.0, size=(3, arm.n))
     configuration, rest = arm.to_model(q), np.zeros(model.nv)
@@ -200,35 +187,6 @@ def test_random_arms_against_their_energies(case, seed):
 
 
 # ---- followers and continuous joints ---------------------------------------------------------
-
-LINKS = ("base", "a", "b", "c", "d", "tool")
-FOLLOWERS = {
-    "revolute": (("revolute", {}), ("revolute", B), ("revolute", C | {"mimic": ("j2", -0.7, 0.4)})),
-    "prismatic": (("revolute", {}), ("revolute", B), ("prismatic", C | {"mimic": ("j1", 0.2, 0)})),
-    "last": (("revolute", {}), ("prismatic", B), ("revolute", C)),
-}
-
-
-@pytest.mark.parametrize("chain", FOLLOWERS.values(), ids=FOLLOWERS)
-def test_followers_against_pinocchios_mimic_model(chain):
-    steps = [*chain, ("revolute", D | ({} if "mimic" in chain[2][1] else {"mimic": ("j3", 3, 0)}))]
-    joints = [joint(f"j{i + 1}", k, LINKS[i], LINKS[i + 1], **o) for i, (k, o) in enumerate(steps)]
-    joints.append(joint("end", "fixed", "d", "tool", xyz=(0.1, 0.05, 0.02)))
-    urdf = urdf_of(*LINKS, joints=joints)
-    arm, model = load_text(urdf, tip="tool"), pin.buildModelFromXML(urdf, mimic=True)
-    assert arm.n == model.nv == 3
-    data = model.createData()
-    order = [model.joints[model.getJointId(name)].idx_v for name in arm.names]
-    for q, v, a in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, 3, 3)):
-        x = np.zeros((3, 3))
-        x[:, order] = q, v, a
-        assert_close(total(arm, q, v, a), pin.rnea(model, data, *x)[order], tol=EXACT)
-        rest = np.zeros(3)
-        weight = pin.rnea(model, data, x[0], rest, rest)[order]
-        assert_close(weight_torque(arm, q), weight, tol=EXACT)
-        columns = [pin.rnea(model, data, x[0], rest, unit) for unit in np.eye(3)]
-        M = (np.column_stack(columns) - pin.rnea(model, data, x[0], rest, rest)[:, None])[order]
-        assert_close(mass_matrix(arm, q), M[:, order], tol=EXACT)
 
 
 def test_continuous_joints_are_revolute_ones():

@@ -19,7 +19,7 @@ from ftforce.feasible import (
 )
 from ftforce.reduced import RTOL, reduce
 from helpers import CAMPAIGN, assert_close, campaign, seeds
-from problems import Problem, beyond, draw_problem, margin_by_highs, ray_by_highs, space_of
+from problems import draw_problem, ray_by_highs, space_of
 
 law = settings(deadline=None, max_examples=campaign(100, 40))
 
@@ -361,15 +361,3 @@ def test_the_weakest_direction_is_found_exactly():
         brute = min(reach(feasible, d).most for d in circle(3600 if CAMPAIGN else 720))
         assert brute == pytest.approx(weakest, rel=1e-6 if CAMPAIGN else 2e-5)  # half a step
     assert compared > count / 10
-
-
-def test_problems_are_what_they_say():
-    # The oracles of these tests, by hand.
-    problem = Problem(J, J.T @ X, np.zeros(3, bool), np.zeros(3, bool), np.array([2.0, 9, 3]), NONE)
-    assert ray_by_highs(problem, X) == pytest.approx((0.0, 2.0))
-    assert ray_by_highs(problem._replace(limits=NONE + np.nan), X) == (0.0, math.inf)
-    assert margin_by_highs(problem) == pytest.approx(1.0)
-    heavy = problem._replace(rnea=np.array([3.0, 0.0, 0.0]))
-    assert ray_by_highs(heavy, X) is None
-    assert ray_by_highs(heavy, -X) == pytest.approx((1.0, 5.0))
-    assert beyond(heavy, X, space_of(heavy), size=1.0) == pytest.approx(1.0)

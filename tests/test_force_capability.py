@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-import scipy
 
 import ftforce
 from ftforce import Verdict, analyze, capability
+from ftforce.dynamics import Payload
 from ftforce.errors import InputError
 from ftforce.feasible import End, Reading, reach
 from ftforce.force_capability import capability_of
@@ -20,10 +20,12 @@ from helpers import (
     arrays_in,
     assert_close,
     campaign,
+    changed_model,
     load_text,
     serial_urdf,
     without_masses,
 )
+from problems import Problem, ray_by_highs
 
 COMMANDED, HELD = Reading
 Q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])  # of panda: nothing is special there
@@ -34,47 +36,15 @@ MOON = [0.1, -0.2, -1.6]
 # ---- linear programs -------------------------------------------------------------------------
 
 
-def program(analysis, direction, reading, after):
-    """Return the least and the largest s for which s·direction is held; NaN if there is none.
-
-    Variables are s and, where motors command, torques y with K y = s·direction.
-    """
-    J, n = analysis.J, analysis.robot.n
+def problem_of(analysis, after):
+    """Return the question that a linear program is asked."""
     faults = analysis.faults if after else ftforce.FaultSet()
-    rnea = analysis.rnea.after if after else analysis.rnea.before
-    largest = np.full(n, np.nan)
-    if analysis.limits is not None:
-        largest = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
-    lever = direction @ J
-    A, b, equal, right = [], [], [], []
-    for i in range(n):
-        row = [lever[i], *[0.0] * n]
-        mode = {fault.joint: fault for fault in faults.faults}.get(i)
-        if mode is not None and mode.has_no_torque:
-            equal.append(row)
-            right.append(-rnea[i])
-            continue
-        limit = largest[i] * (1.0 if mode is None else mode.factor)
-        if not math.isnan(limit):
-            A += [row, [-x for x in row]]
-            b += [limit - rnea[i], limit + rnea[i]]
-    if reading is COMMANDED:
-        K = np.where(faults.mask(n), 0.0, J)
-        equal += np.column_stack([-direction, K]).tolist()
-        right += [0.0] * len(direction)
-    ends = []
-    for sign in (1.0, -1.0):
-        found = scipy.optimize.linprog(
-            [sign, *[0.0] * n],
-            A or None,
-            b or None,
-            equal or None,
-            right or None,
-            bounds=[(0.0, None), *[(None, None)] * n],
-        )
-        assert found.status in {0, 2, 3}
-        ends.append({0: abs(found.fun or 0.0), 2: math.nan, 3: math.inf}[found.status])
-    return ends
+    n, rnea = analysis.robot.n, analysis.rnea
+    limits = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
+    limits = np.where(faults.mask(n), limits, faults.factors(n) * limits)
+    free = np.isin(np.arange(n), faults.swinging)
+    weight = rnea.after if after else rnea.before
+    return Problem(analysis.J, np.zeros(n), faults.mask(n), free, limits, weight)
 
 
 def assert_as_programmed(result, tol=PROGRAM):
@@ -83,7 +53,9 @@ def assert_as_programmed(result, tol=PROGRAM):
     for report in result.directions:
         for after, amounts in ((False, report.before), (True, report.after)):
             for reading, amount in amounts.items():
-                least, most = program(result.analysis, amount.direction, reading, after)
+                problem = problem_of(result.analysis, after)
+                ends = ray_by_highs(problem, amount.direction, held=reading is HELD)
+                least, most = ends or (math.nan, math.nan)
                 assert math.isnan(amount.most) == math.isnan(most)
                 assert math.isinf(amount.most) == math.isinf(most)
                 if math.isfinite(most):
@@ -228,12 +200,9 @@ def test_directions_that_even_the_healthy_arm_lacks_do_not_count():
 
 def torques_with(arm, result, mass, *, after):
     """Return Pinocchio's torques of the arm with a mass at the tip, as one rigid body."""
-    conditions, model = result.analysis.conditions, arm.model.copy()
-    model.gravity.linear = conditions.gravity
+    conditions = result.analysis.conditions
     offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
-    tip = model.frames[arm.tip_frame]
-    body = pin.Inertia(mass, np.array(offset), np.zeros((3, 3)))
-    model.appendBodyToJoint(tip.parentJoint, body, tip.placement)
+    model = changed_model(arm, conditions.gravity, Payload.of(mass, offset))
     locked = result.analysis.reduced.locked & after
     v, a = (
         np.zeros(arm.n) if x is None else np.where(locked, 0.0, x)

@@ -98,37 +98,14 @@ def test_pinocchio_finds_the_joints_and_limits_of_the_table():
 # ---- inertia ---------------------------------------------------------------------------------
 
 
-def rod_cloud(start, end, model):
-    """Points (k, 3) and volumes (k,) whose moments up to the second are those of the solid.
-
-    Gauss-Legendre along the axis and over the radius, equal angles around: exact for the
-    polynomials of degree two that mass, centre and inertia are integrals of.
-    """
-    start, end = np.asarray(start), np.asarray(end)
-    length = np.linalg.norm(end - start)
-    axis = (end - start) / length
-    side = np.cross(axis, [1, 0, 0] if abs(axis[0]) < 0.7 else [0, 1, 0])
-    side /= np.linalg.norm(side)
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    points, volumes = [], []
-    for s, ws in zip((nodes + 1) / 2, weights / 2, strict=True):
-        for rho, wr in zip((nodes + 1) / 2 * model.radius, weights / 2 * model.radius, strict=True):
-            for phi in np.arange(8) * math.pi / 4:
-                across = rho * (math.cos(phi) * side + math.sin(phi) * np.cross(axis, side))
-                points.append(start + s * (end - start) + across)
-                volumes.append(ws * length * wr * rho * math.pi / 4)
-    return np.array(points), np.array(volumes)
-
-
-def moments(points, weights):
-    """Mass, centre and inertia about the centre of weighted points."""
-    mass = weights.sum()
-    centre = weights @ points / mass
-    r = points - centre
-    inertia = np.einsum("k,kij->ij", weights, np.eye(3) * (r**2).sum(1)[:, None, None]) - np.einsum(
-        "k,ki,kj->ij", weights, r, r
-    )
-    return mass, centre, inertia
+def rod(start, end, mass, model):
+    """Return Pinocchio's cylinder; what its thickness adds across the axis, a thin rod lacks."""
+    along, length = end - start, np.linalg.norm(end - start)
+    body = pin.Inertia.FromCylinder(mass, model.radius, length)
+    lacking = np.diag([1.0, 1.0, 0.0]) * mass * model.radius**2 / 4
+    inertia = body.inertia - (lacking if model.model == "thin rod" else 0.0)
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).toRotationMatrix()
+    return pin.SE3(turn, (start + end) / 2).act(pin.Inertia(mass, np.zeros(3), inertia))
 
 
 def rods_of(table, i):
@@ -147,57 +124,6 @@ def rods_of(table, i):
     return [(p, q) for p, q in pieces if np.linalg.norm(q - p) > 1e-9]
 
 
-@pytest.mark.parametrize("table", EXAMPLES, ids=lambda t: f"{t.convention}, {t.mass.model}")
-def test_inertias_are_those_of_the_solids(table):
-    model = pin.buildModelFromXML(to_urdf(table))
-    data = model.createData()
-    pin.forwardKinematics(model, data, np.zeros(model.nq))
-    seen = 0
-    for i, dh_row in enumerate(table.rows, start=1):
-        rods = rods_of(table, i)
-        if not rods:
-            continue
-        seen += 1
-        clouds = [rod_cloud(*rod, table.mass) for rod in rods]
-        points = np.vstack([cloud[0] for cloud in clouds])
-        weights = 2700.0 * np.hstack([cloud[1] for cloud in clouds])
-        if dh_row.mass is not None:
-            weights *= dh_row.mass / weights.sum()
-        mass, centre, inertia = moments(points, weights)
-        if table.mass.model == "thin rod":
-            inertia -= thickness_across(rods, mass, table.mass.radius)
-        link = data.oMi[i].act(model.inertias[i])
-        assert link.mass == pytest.approx(mass, rel=1e-12)
-        np.testing.assert_allclose(link.lever, centre, atol=1e-12)
-        np.testing.assert_allclose(link.inertia, inertia, atol=1e-12 * mass)
-    assert seen >= 3
-
-
-def thickness_across(rods, mass, radius):
-    """What the thickness adds across the axes of solid rods (m r²/4) and a thin rod lacks."""
-    lengths = np.array([np.linalg.norm(q - p) for p, q in rods])
-    across = np.zeros((3, 3))
-    for (p, q), length in zip(rods, lengths, strict=True):
-        u = (q - p) / length
-        across += mass * length / lengths.sum() * radius**2 / 4 * (np.eye(3) - np.outer(u, u))
-    return across
-
-
-def test_link_without_length_is_a_ball():
-    bodies = pin.buildModelFromXML(to_urdf(table_of(row(), row(mass=3.0)))).inertias.tolist()[1:]
-    # The ball cut into slices across z: discs of squared radius r² - z².
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    z, dz = 0.03 * nodes, 0.03 * weights
-    disc = 0.03**2 - z**2
-    mass = 2700 * math.pi * (disc * dz).sum()
-    about_z = 2700 * math.pi * (disc**2 / 2 * dz).sum()
-    assert bodies[0].mass == pytest.approx(mass, rel=1e-12)
-    np.testing.assert_allclose(bodies[0].lever, 0)
-    np.testing.assert_allclose(bodies[0].inertia, about_z * np.eye(3), rtol=1e-12)
-    assert bodies[1].mass == 3.0
-    np.testing.assert_allclose(bodies[1].inertia, 3.0 / mass * about_z * np.eye(3), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("mass", "length"),
     [
@@ -212,6 +138,37 @@ def test_sizes_that_no_body_has(mass, length):
         DHTableError, match=r"arm: link 'link1': no body .* m, radius .*longer than"
     ):
         to_urdf(table_of(row(a=length), mass=mass))
+
+
+@pytest.mark.parametrize("table", EXAMPLES, ids=lambda t: f"{t.convention}, {t.mass.model}")
+def test_inertias_are_those_of_the_solids(table):
+    model = pin.buildModelFromXML(to_urdf(table))
+    data = model.createData()
+    pin.forwardKinematics(model, data, np.zeros(model.nq))
+    links = [(i, rods) for i in range(1, len(table.rows) + 1) if (rods := rods_of(table, i))]
+    assert len(links) >= 3
+    for i, rods in links:
+        lengths = np.array([np.linalg.norm(end - start) for start, end in rods])
+        masses = 2700.0 * math.pi * table.mass.radius**2 * lengths
+        if table.rows[i - 1].mass is not None:
+            masses *= table.rows[i - 1].mass / masses.sum()
+        wanted = pin.Inertia.Zero()
+        for ends, mass in zip(rods, masses, strict=True):
+            wanted += rod(*ends, mass, table.mass)
+        link = data.oMi[i].act(model.inertias[i])
+        np.testing.assert_allclose(
+            link.toDynamicParameters(),
+            wanted.toDynamicParameters(),
+            rtol=0,
+            atol=1e-12 * wanted.mass,
+        )
+
+
+def test_link_without_length_is_a_ball():
+    bodies = pin.buildModelFromXML(to_urdf(table_of(row(), row(mass=3.0)))).inertias.tolist()[1:]
+    for body, mass in zip(bodies, (2700 * 4 / 3 * math.pi * 0.03**3, 3.0), strict=True):
+        wanted = pin.Inertia.FromSphere(mass, 0.03).toDynamicParameters()
+        np.testing.assert_allclose(body.toDynamicParameters(), wanted, rtol=1e-12, atol=1e-18)
 
 
 # ---- the text of the URDF --------------------------------------------------------------------

@@ -22,6 +22,7 @@ from helpers import (
     SLIDING,
     assert_close,
     campaign,
+    differences,
     load_text,
     seeds,
     serial_urdf,
@@ -56,17 +57,6 @@ def tip(robot, q):
     pin.framesForwardKinematics(robot.model, data, robot.to_model(np.asarray(q)))
     place = data.oMf[robot.tip_frame]
     return place.translation.copy(), place.rotation.copy()
-
-
-def jacobian(robot, q):
-    """Return the tip's Jacobian in the root's axes, by differences: mimic joints are in it."""
-    h, (_, R) = 1e-6, tip(robot, q)
-    columns = []
-    for step in h * np.eye(robot.n):
-        (ahead, R_ahead), (back, R_back) = tip(robot, q + step), tip(robot, q - step)
-        turned = pin.log3(R_ahead @ R.T) - pin.log3(R_back @ R.T)
-        columns.append(np.concatenate([ahead - back, turned]) / (2.0 * h))
-    return np.column_stack(columns)
 
 
 def follow(robot, trajectory, q=None, *, faults=(), delay=0.0, rate=50, t=None):
@@ -104,7 +94,7 @@ def assert_consistent(t, motion, tol=1e-5):
 @pytest.mark.parametrize("name", LINES if CAMPAIGN else ["dh5", "kinova", "tiago"])
 def test_the_tip_keeps_to_its_line(name):
     robot = ftforce.load_robot(name)
-    start, (motion, arrivals) = follow(robot, straight(robot), rate=100)
+    start, (motion, arrivals) = follow(robot, straight(robot, speed=0.1), rate=100)
     assert path_error(robot, start, motion).max() < KEPT / 10
     assert_consistent(start.times, motion)
     assert not arrivals
@@ -127,7 +117,7 @@ def test_the_motion_is_that_of_an_ode_written_out(keep):
         wanted = [x_dot + GAIN * (x - place)]
         if keep:
             wanted.append(GAIN * pin.log3(R0 @ R.T))
-        J = jacobian(robot, q)[: 3 * len(wanted)]
+        J = differences(robot, q)[: 3 * len(wanted)]
         return np.linalg.pinv(J) @ np.concatenate(wanted)
 
     t = start.times
@@ -165,13 +155,13 @@ def test_an_arm_that_starts_beside_its_path_returns_to_it():
     robot = ftforce.load_robot("panda")
     path = straight(robot, speed=0.1)
     start = start_of(robot, path, rate=20)
-    q = start.q + np.linalg.pinv(jacobian(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
+    q = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
     t = np.linspace(0.0, 1.0, 21)
     (phase,) = phases((), 0.0)
     motion, _ = advance(robot, start.course, q, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error, error[0] * np.exp(-GAIN * t), tol=1e-3)
-    far = start.q + np.linalg.pinv(jacobian(robot, start.q)[:3]) @ [0.0, 0.0, 0.05]
+    far = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 0.05]
     motion, _ = advance(robot, start.course, far, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error[0] - error[1:9], 0.1 * t[1:9], tol=1e-3)
@@ -183,7 +173,7 @@ def test_an_orientation_that_is_off_is_corrected():
     path = straight(PANDA, keep_orientation=True)
     start = start_of(PANDA, path, rate=20)
     twist = np.array([0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3])
-    q = start.q + np.linalg.pinv(jacobian(PANDA, start.q)) @ twist
+    q = start.q + np.linalg.pinv(differences(PANDA, start.q)) @ twist
     t, (phase,) = np.linspace(0.0, 0.5, 21), phases((), 0.0)
     motion, _ = advance(PANDA, start.course, q, t, (phase,), tick=silent)
     R = tip(PANDA, start.q)[1]
@@ -288,7 +278,7 @@ def test_the_law_after_a_lock_is_appendix_a(seed):
     path = Path.through([x, x + rng.normal(scale=0.2, size=3)], speed=0.02)
     course, t = PathCourse(robot, path, q), float(rng.uniform(0.0, 0.2))
     locked = rng.choice(7, size=rng.integers(1, 3), replace=False).tolist()
-    J = jacobian(robot, q)[:3]
+    J = differences(robot, q)[:3]
     H = [i for i in range(7) if i not in locked]
     if np.linalg.svd(J[:, H], compute_uv=False)[-1] < 0.02 * np.linalg.norm(J, 2):
         return  # damped
@@ -315,7 +305,7 @@ def test_a_joint_that_swings_is_not_asked_to_help():
     q = follow(PANDA, path, t=[0.0, t])[1].motion.q[1]
     faults = phases(read_events(PANDA, ["3@0", "free:5@0"]), 0.0)[0].known
     got = rates_law(PANDA, start.course, faults)(t, q)
-    J, asked = jacobian(PANDA, q)[:3], path.at(t)[1]
+    J, asked = differences(PANDA, q)[:3], path.at(t)[1]
     v = np.linalg.pinv(J) @ asked
     kept, M = [i for i in range(7) if i != 2], [0, 1, 3, 5, 6]
     v[M] += np.linalg.pinv(J[:, M]) @ (asked - J[:, kept] @ v[kept])
@@ -444,7 +434,7 @@ def test_after_a_lock_a_recorded_tip_keeps_to_its_path(velocities, rate):
     assert np.ptp(motion.q[late, 2]) == 0.0
     # The others stay close to what was recorded: Appendix A with its velocities.
     i = int(np.flatnonzero(late)[0])
-    J, target = jacobian(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
+    J, target = differences(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
     v_H = target.preferred.copy()
     place = tip(PANDA, motion.q[i])[0]
     v_H += np.linalg.pinv(J) @ (target.x_dot + GAIN * (target.x - place) - J @ v_H)

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import ftforce
 from ftforce.closed_forms import supported_force, velocity_remap
+from ftforce.dynamics import Payload, mass_matrix, rnea_torque, weight_torque
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.metrics import margin
 from ftforce.reduced import RTOL, reduce
@@ -26,7 +27,9 @@ from helpers import (
     assert_close,
     campaign,
     cases,
+    changed_model,
     dh_tables,
+    differences,
     is_clear,
     joint,
     load_table,
@@ -100,23 +103,6 @@ def precise_margin(J, K):
     return float(precise_svd(K)[1][-1] / precise_svd(J)[1][0])
 
 
-@pytest.mark.parametrize("little", [1e-3, 1e-5, 2e-6, 1e-7, 1e-9, 0.0])
-def test_margin_of_a_nearly_stretched_arm_against_fifty_digits(little):
-    # Joint 1 is vertical, 2 to 4 are parallel: stretched out, the radial direction is all but lost.
-    arm = load_text(
-        serial_urdf(
-            ("revolute", {"xyz": (0, 0, 0.2)}),
-            ("revolute", {"axis": (0, 1, 0)}),
-            ("revolute", {"xyz": (0.4, 0, 0), "axis": (0, 1, 0)}),
-            ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
-        ).replace("0.11 0.05 0.03", "0.1 0.0 0.0")
-    )
-    result = ftforce.analyze(arm, [0.3, 0.2, little, 0.0], locked=4, task="force")
-    wanted = precise_margin(result.J, result.J[:, :3])
-    assert_close(result.margin, wanted, scale=1.0, tol=1e-15)
-    assert result.reduced.rank_after == (3 if wanted > RTOL else 2)
-
-
 @pytest.mark.parametrize("ratio", [1e-2, 1e-4, 1.0001e-6, 0.9999e-6, 1e-9, 1e-12])
 def test_forces_of_an_ill_conditioned_arm_against_fifty_digits(ratio):
     rng = np.random.default_rng(12)
@@ -157,16 +143,6 @@ def test_high_joint_velocities_still_keep_the_velocity_of_the_tip(ratio):
 
 
 # ---- kinematics ------------------------------------------------------------------------------
-
-
-def differences(arm, q, step=1e-6):
-    """Return the Jacobian in world axes at the tip by central differences of the tip's pose."""
-    columns = []
-    for unit in np.eye(arm.n):
-        (R1, p1), (R2, p2) = tip_pose(arm, q - step * unit), tip_pose(arm, q + step * unit)
-        turn = scipy.spatial.transform.Rotation.from_matrix(R2 @ R1.T).as_rotvec()
-        columns.append(np.concatenate([p2 - p1, turn]) / (2.0 * step))
-    return np.column_stack(columns)
 
 
 def assert_jacobians(arm, q, wanted, tol):
@@ -232,17 +208,6 @@ def test_reduced_jacobian_against_pinocchios_reduced_model(known):
             np.testing.assert_array_equal(result.reduced.K[:, locked], 0.0)
 
 
-def carrying(arm, payload, gravity):
-    """Return a model of the arm with a mass at the tip, and another gravity."""
-    model = arm.model.copy()
-    tip = model.frames[arm.tip_frame]
-    mass, place = payload
-    body = pin.Inertia(mass, np.array(place), np.zeros((3, 3)))
-    model.appendBodyToJoint(tip.parentJoint, body, tip.placement)
-    model.gravity.linear = np.array(gravity)
-    return model
-
-
 @pytest.mark.parametrize(
     "surroundings",
     [{}, {"payload": (2.0, (0.05, -0.02, 0.1)), "gravity": [0.5, -1.0, -3.0]}],
@@ -252,7 +217,7 @@ def test_weight_and_motion_after_a_lock_against_pinocchios_reduced_model(known, 
     """Locked joints stand still; the others need what the arm with fewer joints does."""
     arm, postures = known
     load, gravity = (surroundings.get(key) for key in ("payload", "gravity"))
-    model = carrying(arm, load or (0.0, (0, 0, 0)), gravity or [0.0, 0.0, -9.81])
+    model = changed_model(arm, gravity, None if load is None else Payload.of(*load))
     rng = np.random.default_rng(6)
     for q in postures[1:] if CAMPAIGN else postures[1:2]:
         v, a = rng.normal(size=(2, arm.n))
@@ -320,25 +285,31 @@ MIMICS = {
 }
 
 
-def mimic_model(urdf, arm, q):
-    """Return orientation, position and tool Jacobian from Pinocchio's own mimic joints."""
+def assert_like_pinocchios_mimics(arm, urdf):
+    """Compare pose, Jacobian, weight, motion and mass with Pinocchio's own mimic joints."""
     model = pin.buildModelFromXML(urdf, mimic=True)
     assert model.nv == arm.n
     data, frame = model.createData(), model.getFrameId("tool")
-    configuration = in_model(arm, model, q)
-    J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL)
-    pin.framesForwardKinematics(model, data, configuration)
-    columns = [model.joints[model.getJointId(name)].idx_v for name in arm.names]
-    return data.oMf[frame].rotation, data.oMf[frame].translation, J[:, columns]
-
-
-def assert_like_pinocchios_mimics(arm, urdf):
-    for q in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, arm.n)):
-        R, p, J = mimic_model(urdf, arm, q)
-        assert_close(tip_pose(arm, q)[0], R, tol=1e-13)
-        assert_close(tip_pose(arm, q)[1], p, tol=1e-13)
-        assert_close(frame_jacobian(arm, q), J, tol=1e-13)
+    order = [model.joints[model.getJointId(name)].idx_v for name in arm.names]
+    for q, v, a in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, 3, arm.n)):
+        configuration, rates = in_model(arm, model, q), np.zeros((2, arm.n))
+        rates[:, order] = v, a
+        J = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL)
+        pin.framesForwardKinematics(model, data, configuration)
+        assert_close(tip_pose(arm, q)[0], data.oMf[frame].rotation, tol=1e-13)
+        assert_close(tip_pose(arm, q)[1], data.oMf[frame].translation, tol=1e-13)
+        assert_close(frame_jacobian(arm, q), J[:, order], tol=1e-13)
         assert_jacobians(arm, q, differences(arm, q), 1e-8)
+        rest = np.zeros(arm.n)
+        weight = pin.rnea(model, data, configuration, rest, rest)
+        columns = [
+            pin.rnea(model, data, configuration, rest, unit) - weight for unit in np.eye(arm.n)
+        ]
+        assert_close(weight_torque(arm, q), weight[order], scale=10.0, tol=1e-12)
+        M = np.column_stack(columns)[np.ix_(order, order)]
+        assert_close(mass_matrix(arm, q), M, tol=1e-12)
+        total = pin.rnea(model, data, configuration, *rates)[order]
+        assert_close(rnea_torque(arm, q, v, a), total, scale=10.0, tol=1e-12)
 
 
 @pytest.mark.parametrize("chain", MIMICS.values(), ids=MIMICS)
