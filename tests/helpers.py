@@ -155,6 +155,11 @@ def is_beyond_doubt(J, *masks):
     return not np.any((ratios > 1e-13) & (ratios < 1e-4))
 
 
+def only(*numbers, n=3):
+    """Return the mask of these joints, numbered from 1."""
+    return np.isin(np.arange(1, n + 1), numbers)
+
+
 def diagonal(*strengths, locked=()):
     """Return the reduced Jacobian of an arm that has one joint for each task direction."""
     mask = np.zeros(len(strengths), dtype=bool)

@@ -13,7 +13,7 @@ from ftforce import remap
 from ftforce.bounded import bounded_remap
 from ftforce.errors import InputError, SolverError
 from ftforce.reduced import RTOL
-from helpers import assert_close, campaign, seeds
+from helpers import assert_close, campaign, only, seeds
 from problems import (
     Problem,
     beyond,
@@ -32,10 +32,6 @@ J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
 F = np.array([10.0, 5.0])
 TAU = J.T @ F
 UNKNOWN = np.full(3, np.nan)
-
-
-def only(*joints, n=3):
-    return np.isin(np.arange(1, n + 1), joints)
 
 
 def norm(x):

@@ -17,15 +17,11 @@ from ftforce.closed_forms import (
 )
 from ftforce.errors import InputError
 from ftforce.reduced import reduce
-from helpers import assert_close, diagonal
+from helpers import assert_close, diagonal, only
 
 # Two planar directions; joint 2 serves both, so it alone can be replaced.
 J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
 F = np.array([10.0, 5.0])
-
-
-def locking(*joints, n=3):
-    return np.isin(np.arange(1, n + 1), joints)
 
 
 # ---- torques and force -----------------------------------------------------------------------
@@ -41,7 +37,7 @@ BY_HAND = {  # locked joints: force after, jump, torques, brake loads
 
 @pytest.mark.parametrize(("locked", "wanted"), BY_HAND.items(), ids=str)
 def test_force_and_torques_by_hand(locked, wanted):
-    result = remap(J, J.T @ F, locking(*locked))
+    result = remap(J, J.T @ F, only(*locked))
     assert_close(result.tau, [10, 15, 5])
     assert_close(result.F, F)
     found = (result.F_after, result.jump, result.U, result.brake_load)
@@ -54,7 +50,7 @@ def test_force_and_torques_by_hand(locked, wanted):
 
 def test_a_self_motion_torque_exerts_nothing_and_is_told_apart():
     moving = np.array([1.0, -1.0, 1.0])  # J moving = 0
-    result = remap(J, J.T @ F + 3.0 * moving, locking(2))
+    result = remap(J, J.T @ F + 3.0 * moving, only(2))
     assert_close(result.self_motion, 3.0 * moving)
     assert_close(result.F, F)
     assert_close(result.U, [10, 0, 5])  # U is J_Hᵀ F̂: the useless part is not commanded on
@@ -62,7 +58,7 @@ def test_a_self_motion_torque_exerts_nothing_and_is_told_apart():
 
 def test_a_direction_that_even_the_healthy_arm_lacks_is_no_jump():
     flat = np.array([[1.0, 1.0], [0.0, 0.0]])
-    result = remap(flat, [4.0, 4.0], locking(1, n=2))
+    result = remap(flat, [4.0, 4.0], only(1, n=2))
     assert_close(result.F, [4, 0])
     assert result.jump_norm == pytest.approx(0.0)
     assert_close(result.U, [0, 4])
@@ -80,14 +76,14 @@ def test_torques_exert_no_force_along_a_direction_at_the_tolerance(strength, kep
 
 def test_tolerance_of_a_jump_is_that_of_the_healthy_arm():
     # Joint 1 locks; what is left is 1e-7 of the healthy arm, though well conditioned in itself.
-    reduced = reduce(np.array([[1.0, 1e-7, 0.0], [0.0, 0.0, 1.0]]), locking(1))
+    reduced = reduce(np.array([[1.0, 1e-7, 0.0], [0.0, 0.0, 1.0]]), only(1))
     assert_close(force_jump(reduced, F).jump, [10, 0])
-    close = reduce(np.array([[1.0, 1e-5, 0.0], [0.0, 0.0, 1.0]]), locking(1))
+    close = reduce(np.array([[1.0, 1e-5, 0.0], [0.0, 0.0, 1.0]]), only(1))
     assert force_jump(close, F).jump_norm == 0.0
 
 
 def test_a_jacobian_of_zeros():
-    result = remap(np.zeros((2, 3)), [1, 2, 3], locking(2))
+    result = remap(np.zeros((2, 3)), [1, 2, 3], only(2))
     assert_close(result.F, 0.0)
     assert_close(result.U, 0.0)
     assert_close(result.self_motion, [1, 2, 3])
@@ -98,7 +94,7 @@ def test_a_jacobian_of_zeros():
 
 
 def test_a_result_does_not_change_with_its_arguments():
-    given, tau, mask = J.copy(), J.T @ F, locking(1, 2)
+    given, tau, mask = J.copy(), J.T @ F, only(1, 2)
     result = remap(given, tau, mask)
     load, motion = result.brake_load, result.self_motion
     given[:], tau[:], mask[:] = 7.0, 7.0, False
@@ -112,7 +108,7 @@ def test_a_result_does_not_change_with_its_arguments():
 
 @pytest.fixture
 def result():
-    return remap(J, J.T @ F + [3, -3, 3], locking(1, 3))
+    return remap(J, J.T @ F + [3, -3, 3], only(1, 3))
 
 
 def test_results_are_frozen_and_read_only(result):
@@ -127,7 +123,7 @@ def test_results_are_frozen_and_read_only(result):
 
 
 @pytest.mark.parametrize(
-    ("tau", "locked"), [([1, 2], locking(1)), (None, locking(1)), ([1, 2, 3], [0, 1, 0])], ids=str
+    ("tau", "locked"), [([1, 2], only(1)), (None, only(1)), ([1, 2, 3], [0, 1, 0])], ids=str
 )
 def test_malformed_arguments(tau, locked):
     with pytest.raises(InputError):
@@ -170,7 +166,7 @@ def test_the_tolerance_of_a_proof_counts(result):
 
 def test_what_rtol_gave_away_is_forgiven():
     lean = np.array([[1.0, 5e-4, 0.0], [0.0, 0.0, 1.0]])
-    result = remap(lean, lean.T @ F, locking(1), rtol=1e-3)
+    result = remap(lean, lean.T @ F, only(1), rtol=1e-3)
     assert max(result.residuals().values()) > 1e-4
     assert result.is_proved()
 
@@ -188,7 +184,7 @@ def test_what_rtol_gave_away_is_forgiven():
     ],
 )
 def test_velocities_by_hand(locked, after, jump):
-    change = velocity_remap(reduce(J, locking(*locked)), np.array([1.0, 2.0, 3.0]))
+    change = velocity_remap(reduce(J, only(*locked)), np.array([1.0, 2.0, 3.0]))
     assert_close(change.tip_before, [3, 5])
     assert_close(change.after, after)
     assert_close(change.jump, jump, scale=5.0)
@@ -199,13 +195,13 @@ def test_velocities_by_hand(locked, after, jump):
 
 def test_the_change_of_velocities_is_the_shortest():
     twins = np.array([[1.0, 1.0, 1.0]])
-    change = velocity_remap(reduce(twins, locking(1)), np.array([2.0, 0.5, -0.5]))
+    change = velocity_remap(reduce(twins, only(1)), np.array([2.0, 0.5, -0.5]))
     assert_close(change.after, [0, 1.5, 0.5])
 
 
 def test_velocities_are_not_sent_into_directions_at_the_tolerance():
     lean = np.array([[1.0, 1e-7, 0.0], [0.0, 0.0, 1.0]])
-    change = velocity_remap(reduce(lean, locking(1)), np.array([1.0, 0.0, 0.0]))
+    change = velocity_remap(reduce(lean, only(1)), np.array([1.0, 0.0, 0.0]))
     assert_close(change.after, 0.0)  # not 1e7 rad/s
     assert_close(change.jump, [-1, 0])
 
@@ -216,7 +212,7 @@ def test_velocities_are_not_sent_into_directions_at_the_tolerance():
 def freeing(J, *joints, locked=()):
     """Return the reduced Jacobian with free joints, numbered from 1."""
     n = J.shape[1]
-    return reduce(J, locking(*locked, n=n), swinging=locking(*joints, n=n))
+    return reduce(J, only(*locked, n=n), swinging=only(*joints, n=n))
 
 
 def test_a_joint_that_swings_goes_on_as_it_moves():
@@ -233,7 +229,7 @@ def test_a_joint_that_swings_makes_up_for_nothing():
     assert_close(change.after, [0, 2, 3])
     assert_close(change.jump, [-1, 0])
     assert_close(change.tip_after, [2, 5])
-    with_motor = velocity_remap(reduce(J, locking(1)), v)
+    with_motor = velocity_remap(reduce(J, only(1)), v)
     assert_close(with_motor.after, [0, 3, 2])
     assert_close(with_motor.jump, [0, 0], scale=1.0)
 
@@ -270,9 +266,9 @@ def inertia(rng, n, spread=1.0):
 def test_two_joints_at_impact_by_hand():
     # The first joint stops; its momentum drives the second on.
     M = np.array([[3.0, 1.0], [1.0, 2.0]])
-    after = velocity_after_impact(M, locking(1, n=2), np.array([4.0, 1.0]))
+    after = velocity_after_impact(M, only(1, n=2), np.array([4.0, 1.0]))
     assert_close(after, [0, 3])  # 1 + 1/2 · 4
-    assert_close(velocity_after_impact(M, locking(2, n=2), np.array([4.0, 3.0])), [5, 0])
+    assert_close(velocity_after_impact(M, only(2, n=2), np.array([4.0, 3.0])), [5, 0])
 
 
 def test_an_impact_keeps_the_momentum_of_sound_joints_and_takes_energy():
@@ -305,7 +301,7 @@ def weighted_inverse(A, M):
 
 def test_a_dynamically_exerted_force_by_hand():
     # One direction, two joints: the lighter one decides more.
-    pair = reduce(np.array([[1.0, 1.0]]), locking(n=2))
+    pair = reduce(np.array([[1.0, 1.0]]), only(n=2))
     M = np.diag([1.0, 3.0])
     assert_close(dynamically_exerted_force(pair, np.array([4.0, 0.0]), M), [3])
     assert_close(dynamically_exerted_force(pair, np.array([0.0, 4.0]), M), [1])
@@ -332,7 +328,7 @@ def test_dynamically_exerted_forces_in_the_metric_of_the_mass():
 
 
 def test_no_direction_no_dynamic_force():
-    nothing = reduce(np.zeros((2, 3)), locking())
+    nothing = reduce(np.zeros((2, 3)), only())
     assert_close(dynamically_exerted_force(nothing, np.ones(3), np.eye(3)), [0, 0])
-    lean = reduce(np.array([[1.0, 0.0], [0.0, 1e-7]]), locking(n=2))  # rtol gives the second away
+    lean = reduce(np.array([[1.0, 0.0], [0.0, 1e-7]]), only(n=2))  # rtol gives the second away
     assert_close(dynamically_exerted_force(lean, np.array([2.0, 1.0]), np.eye(2)), [2, 0])

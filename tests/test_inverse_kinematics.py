@@ -15,7 +15,6 @@ from helpers import arms, assert_close, campaign, load_text, serial_urdf, toolbo
 from urdfs import arm, followed, j2, load
 
 law = settings(deadline=None, max_examples=campaign(40, 12))
-pytestmark = pytest.mark.thorough
 
 REACHABLE = ("dh5", "panda", "ur5", "kinova", "tiago", "so101")
 FIXED = '<limit lower="0.5" upper="0.5" effort="10" velocity="3"/>'

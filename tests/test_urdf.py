@@ -181,7 +181,6 @@ def test_namespaces_comments_and_instructions(read):
         assert len(read(text).joints) == 4
 
 
-@pytest.mark.thorough
 def test_megabytes_are_read(read):
     assert len(read(arm("<gazebo><p a='1'/></gazebo>" * campaign(400_000, 20_000))).joints) == 4
 
@@ -473,7 +472,6 @@ def test_the_longest_row_fits_into_a_small_stack(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "4\n", "")
 
 
-@pytest.mark.thorough
 def test_many_links_side_by_side(tmp_path):
     count = campaign(MOST_LINKS - 2)  # Pinocchio takes seconds for all of them
     rays = [joint(f"r{i}", "l1", f"x{i}") for i in range(count)]
