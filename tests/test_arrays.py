@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.arrays import Svd, as_vector, check_finite, read_only
+from ftforce.arrays import Svd, as_vector, read_only
 from ftforce.errors import DimensionError, InputError
 from ftforce.reduced import reduce
 from helpers import RATIOS, assert_close, jacobians, with_singular_values
@@ -81,14 +81,6 @@ def test_numbers_that_are_not_finite(given, message):
     assert as_vector([1e150, -1e150], 2, "x")[0] == 1e150
 
 
-def test_place_in_a_matrix_counts_from_one():
-    A = np.zeros((3, 4))
-    check_finite(A, "A")
-    A[2, 1] = np.nan
-    with pytest.raises(InputError, match="A holds nan at position 3, 2"):
-        check_finite(A, "A")
-
-
 # ---- decomposition ---------------------------------------------------------------------------
 
 
@@ -101,14 +93,6 @@ def test_ranks_and_projections(matrix):
         assert svd.rank(0.5 * (svd.s[0] + ([*svd.s[:rank], 0.0])[1])) == 1
         assert_close(svd.project(x, 1), svd.U[:, 0] * (svd.U[:, 0] @ x))
         assert_close(svd.project(x, 0), 0.0)
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_a_matrix_of_zeros(shape):
-    for svd in decomposed(np.zeros(shape)):
-        assert svd.s == [0.0] * shape[0]
-        assert svd.rank(0.0) == 0
-        assert_close(svd.U.T @ svd.U, np.eye(shape[0]))
 
 
 @pytest.mark.parametrize(

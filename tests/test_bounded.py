@@ -222,14 +222,6 @@ def test_multipliers_by_hand(sign, limits, multipliers):
     assert_close(result.nearest.multipliers, multipliers)
 
 
-def test_what_no_force_balances_cannot_stand_still():
-    flat = np.array([[1.0, 0.0, 1.0]])
-    result = bounded_remap(flat, [1, 0, 1], only(n=3), limits=UNKNOWN, free=only(2), rnea=[1, 2, 3])
-    assert result.F_after is None
-    assert result.share is None
-    assert not result.feasible.stands_still
-
-
 def test_weight_beyond_a_limit_is_an_answer():
     flat = np.array([[1.0, 0.0, 1.0]])
     overload = {"limits": [9.0, 9.0, 9.0], "rnea": [0.0, -10.0, 0.0]}
@@ -251,13 +243,6 @@ def test_a_jacobian_of_zeros():
     too_heavy = bounded_remap(zeros, [1, 2, 3], only(), limits=[1, 1, 1], rnea=[2, 0, 0])
     assert too_heavy.F_after is None
     assert too_heavy.overloaded == (0,)
-
-
-def test_an_infinite_limit_is_none():
-    infinite = bounded_remap(J, TAU, only(2), limits=[6.0, np.inf, np.inf])
-    unknown = bounded_remap(J, TAU, only(2), limits=[6.0, np.nan, np.nan])
-    assert_close(infinite.U, unknown.U)
-    assert infinite.feasible.joints == [0]
 
 
 def test_the_limit_of_a_free_joint_does_not_count():
@@ -341,15 +326,6 @@ def test_results_are_read_only_and_can_be_pickled(result):
     again = pickle.loads(pickle.dumps(result))
     np.testing.assert_array_equal(again.U, result.U)
     assert (again.binding, again.residuals()) == (result.binding, result.residuals())
-
-
-def test_arguments_are_left_alone():
-    limits, free, rnea = np.array([6.0, 3.0, 9.0]), only(2), np.ones(3)
-    result = bounded_remap(J, TAU, only(), limits=limits, free=free, rnea=rnea)
-    U = result.U.copy()
-    assert (limits.tolist(), free.tolist()) == ([6, 3, 9], [False, True, False])
-    limits[:], free[:], rnea[:] = 0.1, False, 9.0
-    np.testing.assert_array_equal(result.U, U)
 
 
 @pytest.mark.parametrize(
@@ -470,10 +446,7 @@ def test_a_motor_with_next_to_no_torque_is_like_a_free_joint(limit):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (
-            {"limits": [1.0, 0.0, 3.0]},
-            r"limits must be positive.*got \[1.0, 0.0",
-        ),
+        ({"limits": [1.0, 0.0, 3.0]}, r"limits must be positive.*got \[1.0, 0.0"),
         ({"limits": [1.0, 2.0]}, "limits needs 3 numbers, got 2.*column of J"),
         ({"limits": None}, "limits needs numbers"),
         ({"tau": [1.0, 2.0]}, "tau needs 3 numbers, got 2.*one torque per column"),

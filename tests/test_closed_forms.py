@@ -215,14 +215,6 @@ def freeing(J, *joints, locked=()):
     return reduce(J, only(*locked, n=n), swinging=only(*joints, n=n))
 
 
-def test_a_joint_that_swings_goes_on_as_it_moves():
-    v = np.array([1.0, 2.0, 3.0])
-    change = velocity_remap(freeing(J, 2), v)
-    assert_close(change.after, v)  # nothing is locked: nothing has to be made up for
-    assert_close(change.jump, [0, 0], scale=1.0)
-    assert_close(change.tip_after, [3, 5])
-
-
 def test_a_joint_that_swings_makes_up_for_nothing():
     v = np.array([1.0, 2.0, 3.0])
     change = velocity_remap(freeing(J, 2, locked=(1,)), v)  # joint 3 alone has a motor

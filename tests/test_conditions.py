@@ -10,7 +10,7 @@ import pytest
 import ftforce
 from ftforce.conditions import Conditions, read_payload, rnea_change, tip_load
 from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.kinematics import task_jacobian
 from ftforce.limits import Limits
 from ftforce.reduced import reduce
@@ -249,13 +249,6 @@ def test_where_masses_are_impossible_the_impact_is_unknown_and_the_rest_is_told(
 
 
 # ---- inverses --------------------------------------------------------------------------------
-
-
-def test_inverses_that_do_not_exist(panda):
-    for ask in (ftforce.analyze, ftforce.census):
-        with pytest.raises(UnknownNameError) as caught:
-            ask(panda, torque=[1] * 7, inverse="khatib")
-        assert str(caught.value) == "no inverse 'khatib'; there is: euclidean, dynamic"
 
 
 def test_the_dynamic_inverse_needs_masses(weightless, no_hand):

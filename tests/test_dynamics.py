@@ -129,16 +129,6 @@ def test_gravity_and_payload_against_another_model(name, surroundings):
     assert_close(M, M.T, tol=EXACT)
 
 
-def test_the_model_is_left_alone(panda):
-    before = panda.model.copy()
-    q = np.full(7, 0.3)
-    weight_torque(panda, q, MOON, POINT)
-    motion_torque(panda, q, q, q, POINT)
-    mass_matrix(panda, q, POINT)
-    assert panda.model == before
-    assert_close(weight_torque(panda, q), weight_torque(panda, q, np.array([0.0, 0.0, -9.81])))
-
-
 def test_threads_with_different_gravities_do_not_disturb_each_other(panda):
     q = np.linspace(-1.0, 1.0, 7)
     gravities = np.random.default_rng(2).normal(size=(100, 3))
@@ -187,17 +177,6 @@ def test_random_arms_against_their_energies(case, seed):
 
 
 # ---- followers and continuous joints ---------------------------------------------------------
-
-
-def test_continuous_joints_are_revolute_ones():
-    plain = (("revolute", {}), ("revolute", B), ("prismatic", C), ("revolute", D))
-    loose = tuple(("continuous" if k == "revolute" else k, o) for k, o in plain)
-    arm, other = load_text(serial_urdf(*plain)), load_text(serial_urdf(*loose))
-    q, v, a = np.random.default_rng(6).uniform(-1.0, 1.0, size=(3, 4))
-    for surroundings in SURROUNDINGS:
-        wanted = total(arm, q, v, a, **surroundings)
-        assert_close(total(other, q, v, a, **surroundings), wanted, scale=10.0, tol=EXACT)
-    assert_close(mass_matrix(other, q, POINT), mass_matrix(arm, q, POINT), tol=EXACT)
 
 
 def test_a_single_joint_by_hand():

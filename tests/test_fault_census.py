@@ -14,14 +14,7 @@ from ftforce.errors import InputError
 from ftforce.feasible import End, Reading
 from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
-from helpers import (
-    CAMPAIGN,
-    arrays_in,
-    assert_close,
-    load_text,
-    serial_urdf,
-    without_masses,
-)
+from helpers import CAMPAIGN, arrays_in, assert_close, load_text, serial_urdf, without_masses
 
 FORCE = [80.0, 50.0, 10.0]
 LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})

@@ -9,14 +9,7 @@ from hypothesis import given, settings
 
 from ftforce.bounded import overloaded
 from ftforce.errors import UnknownNameError
-from ftforce.feasible import (
-    NOTHING,
-    Reach,
-    Reading,
-    feasible_forces,
-    reach,
-    weakest_direction,
-)
+from ftforce.feasible import NOTHING, Reach, Reading, feasible_forces, reach, weakest_direction
 from ftforce.reduced import RTOL, reduce
 from helpers import CAMPAIGN, assert_close, campaign, seeds
 from problems import draw_problem, ray_by_highs, space_of
@@ -68,20 +61,6 @@ def test_a_lock_holds_what_no_motor_commands():
     assert reach(commanded, Y) == (0.0, 0.0, ())
     assert reach(held, X) == (0.0, 2.0, (0,))
     assert reach(held, Y) == (0.0, 9.0, (2,))  # up to the limit of joint 3's brake
-
-
-def test_both_readings_agree_where_nothing_is_lost_but_for_brakes():
-    limits = [2.0, np.nan, 9.0]
-    commanded, held = (forces(J, limits, locked=(2,), reading=reading) for reading in Reading)
-    for d in np.random.default_rng(0).normal(size=(20, 2)):
-        assert reach(commanded, d) == reach(held, d)
-
-
-def test_a_free_joint_yields_in_both_readings():
-    for reading in Reading:
-        feasible = forces(J, [2.0, np.nan, 9.0], free=(2,), reading=reading)
-        assert reach(feasible, X) == (0.0, 0.0, ())
-        assert reach(feasible, X - Y) == (0.0, 2.0, (0,))
 
 
 # ---- the set ---------------------------------------------------------------------------------

@@ -331,10 +331,7 @@ def content(folder):
 
 def test_existing_files_are_replaced(tmp_path):
     (tmp_path / "arm.urdf").write_text("old")
-    assert write_robot(DH5, tmp_path / "arm.urdf") == (
-        tmp_path / "arm.urdf",
-        tmp_path / "arm.srdf",
-    )
+    assert write_robot(DH5, tmp_path / "arm.urdf") == (tmp_path / "arm.urdf", tmp_path / "arm.srdf")
     assert content(tmp_path) == {"arm.urdf": to_urdf(DH5), "arm.srdf": to_srdf(DH5)}
 
 

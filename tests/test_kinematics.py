@@ -8,15 +8,7 @@ import pytest
 import ftforce
 from ftforce.kinematics import frame_jacobian, task_jacobian, tip_pose
 from ftforce.task import Task
-from helpers import (
-    KNOWN,
-    assert_close,
-    joint,
-    load_text,
-    serial_urdf,
-    srdf_of,
-    urdf_of,
-)
+from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
 
 PLANAR = serial_urdf(
     ("revolute", {}),

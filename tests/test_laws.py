@@ -12,11 +12,7 @@ import ftforce
 from ftforce.closed_forms import force_jump, supported_force, velocity_remap
 from ftforce.feasible import Reading, feasible_forces, reach
 from ftforce.kinematics import tip_pose
-from ftforce.metrics import (
-    Verdict,
-    relative_manipulability,
-    worst_manipulability_bound,
-)
+from ftforce.metrics import Verdict, relative_manipulability, worst_manipulability_bound
 from ftforce.reduced import RTOL, reduce
 from helpers import (
     KNOWN,

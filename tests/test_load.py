@@ -295,13 +295,6 @@ def test_the_registrys_ends_can_be_replaced():
     assert (lifting.names[0], lifting.base_source) == ("torso_lift_joint", "given")
 
 
-def test_the_registrys_base_stays_where_it_is_above_the_tip():
-    wrist = load_robot("pr2_left", tip="l_wrist_roll_link")
-    assert (wrist.base, wrist.base_source) == ("torso_lift_link", "known robot pr2_left")
-    torso = load_robot("pr2_left", tip="torso_lift_link")
-    assert (torso.base, torso.base_source) == ("base_footprint", "root link")
-
-
 def test_a_posture_is_not_given_to_another_arm():
     """Baxter's arms have seven joints each: a posture is more than seven numbers."""
     other = load_robot("baxter_left", tip="right_gripper")
@@ -327,15 +320,6 @@ def test_a_path_that_does_not_exist_is_no_name(tmp_path):
     for source in ("panda.urdf", "./panda", tmp_path / "panda"):
         with pytest.raises(URDFError, match="no such file; a URDF was expected"):
             load_robot(source)
-
-
-def test_the_preferred_postures_are_the_srdfs_in_its_order(tmp_path):
-    far = dict.fromkeys(HOME, 9)
-    found = load(tmp_path, arm(), robot(state("far", **far), state("near", **HOME)))
-    assert found.preferred == ("far", "near")
-    posture = choose_posture(found)
-    assert posture.source == "posture 'near' ('far' is outside the limits)"
-    assert posture.q.tolist() == Q.tolist()
 
 
 def test_the_srdf_names_the_hand(tmp_path):

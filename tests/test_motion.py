@@ -461,12 +461,3 @@ def test_recorded_angles_may_jump_by_whole_turns():
 
 
 # ---- progress --------------------------------------------------------------------------------
-
-
-def test_every_sample_is_counted_once():
-    path = straight(PANDA, speed=0.3)
-    start = start_of(PANDA, path, rate=50)
-    done = []
-    (phase,) = phases((), 0.0)
-    advance(PANDA, start.course, start.q, start.times, (phase,), tick=done.append)
-    assert sum(done) == len(start.times)

@@ -34,7 +34,6 @@ from helpers import (
     joint,
     load_table,
     load_text,
-    serial_urdf,
     toolbox_arm,
     urdf_of,
     with_singular_values,
@@ -375,19 +374,3 @@ def test_a_locked_leader_locks_its_followers():
 
 
 # ---- continuous joints -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("turn", [0.0, 1.0, 3.0, -7.0, 100.0])
-def test_a_continuous_joint_is_a_revolute_one_without_limits(turn):
-    plain = (("revolute", {}), ("revolute", B), ("prismatic", C), ("revolute", D))
-    q = np.array([turn, -turn, 0.3, 2.0 * turn])
-    loose = tuple(("continuous" if k == "revolute" else k, o) for k, o in plain)
-    arm, other = load_text(serial_urdf(*plain)), load_text(serial_urdf(*loose))
-    assert (other.model.nq, other.model.nv, other.n) == (7, 4, 4)
-    assert_close(tip_pose(other, q)[0], tip_pose(arm, q)[0], tol=1e-13)
-    assert_close(tip_pose(other, q)[1], tip_pose(arm, q)[1], tol=1e-13)
-    for axes in ("tool", "world"):
-        assert_close(frame_jacobian(other, q, axes), frame_jacobian(arm, q, axes), tol=1e-13)
-    jumps = [ftforce.analyze(a, q, locked=[2, 4], force=FORCE).force.jump for a in (arm, other)]
-    assert_close(jumps[1], jumps[0], scale=60)
-    assert np.linalg.norm(jumps[0]) > 1.0

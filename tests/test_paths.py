@@ -128,13 +128,6 @@ def test_the_caller_s_points_are_left_alone():
     assert not path.times.flags.writeable
 
 
-@pytest.mark.parametrize("speed", [1, np.float32(0.5), np.int64(2), 1e-3, 1e6])
-def test_speeds_of_any_type(speed):
-    path = Path.through([START, END], speed=speed)
-    assert path.speed == float(speed)
-    assert path.duration == pytest.approx(1.875 * LENGTH / float(speed))
-
-
 # ---- bad input -------------------------------------------------------------------------------
 
 BAD_POINTS = {

@@ -336,13 +336,6 @@ def test_a_free_joint_leaves_the_forces_that_balance_it():
     assert_same_points(found.vertices, F0 + wanted @ plane.T, ROUNDED)
 
 
-def test_two_free_joints_that_nothing_balances():
-    J = [[1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
-    assert polytope_of(J, [9.0] * 3, [1.0, -1.0, 0.0], free=[0, 1]).is_empty
-    found = polytope_of(J, [9.0] * 3, [1.0, 2.0, 3.0], free=[0, 1])
-    assert_same_points(found.vertices, [[-1, 6], [-1, -12]])
-
-
 @pytest.mark.parametrize("unknown", [[0], [0, 1], [0, 1, 2, 3]], ids=str)
 def test_unknown_limits_leave_directions_open(unknown):
     J, limits, rnea = random_case(8, 3, 4)
@@ -358,15 +351,6 @@ def test_unknown_limits_leave_directions_open(unknown):
     feasible = feasible_of(J, limits, rnea)
     for direction in found.unlimited:
         assert reach(feasible, direction).most == reach(feasible, -direction).most == math.inf
-
-
-def test_no_limits_at_all():
-    arm = ftforce.load_robot("dh5")
-    found = ftforce.capability(arm, limits="none").polytope(after=False)
-    assert not found.is_bounded
-    assert found.dimension == 0
-    assert_close(found.vertices, np.zeros((1, 3)))
-    assert_close(abs(np.linalg.det(found.unlimited)), 1.0)
 
 
 def test_too_many_joints_are_refused_at_once():

@@ -75,13 +75,6 @@ def test_the_best_sample_where_mid_range_is_singular():
     assert not is_singular(arm, posture.q)
 
 
-def test_a_posture_that_places_only_some_joints_is_not_used():
-    arm = load_text(elbow(lower=0.2, upper=1.6), srdf_of(half={"j1": 0.3, "j2": 0.4}))
-    assert choose_posture(arm).source == "mid-range"
-    (note,) = arm.notes
-    assert "'half' is left out: it does not place j3" in note
-
-
 # ---- named -----------------------------------------------------------------------------------
 
 

@@ -43,10 +43,7 @@ ARMS = {  # joints along the chain, and their effort limits (N·m, N)
     "xarm7": (numbered("joint{}", 1, 7), (50, 50, 30, 30, 30, 20, 20)),
     "kinova": (numbered("j2s6s200_joint_{}", 1, 6), (40, 80, 40, 20, 20, 20)),
     "z1": (numbered("joint{}", 1, 6), (30, 60, 30, 30, 30, 30)),
-    "talos_left_arm": (
-        numbered("arm_left_{}_joint", 2, 7),
-        (22.32, 17.86, 17.86, 3, 6.6, 6.6),
-    ),
+    "talos_left_arm": (numbered("arm_left_{}_joint", 2, 7), (22.32, 17.86, 17.86, 3, 6.6, 6.6)),
     "baxter_left": (tuple(f"left_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
     "baxter_right": (tuple(f"right_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
     "tiago": (
@@ -252,9 +249,7 @@ def test_every_tip_candidate_can_be_chosen(path):
 
 
 @pytest.mark.parametrize(
-    "path",
-    [*READABLE, known_robots()["dh5"].urdf],
-    ids=lambda path: "/".join(path.parts[-3:]),
+    "path", [*READABLE, known_robots()["dh5"].urdf], ids=lambda path: "/".join(path.parts[-3:])
 )
 def test_the_stripped_model_is_pinocchios(path):
     """What we write anew from what we checked is the robot that the file describes."""
