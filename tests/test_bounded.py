@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 
 from ftforce import remap
-from ftforce.bounded import bounded_remap
+from ftforce.bounded import bounded_remap, share_of
 from ftforce.errors import InputError, SolverError
 from ftforce.reduced import RTOL
 from helpers import assert_close, campaign, only, seeds
@@ -231,6 +231,7 @@ def test_weight_beyond_a_limit_is_an_answer():
     assert result.share is None
     helped = bounded_remap(J, 0 * TAU, only(), limits=[9.0, 9.0, 9.0], rnea=[0.0, -10.0, 0.0])
     assert_close(helped.F_after, [0.5, 0.5])  # here the tip may lean on something
+    assert share_of(helped.feasible, np.array([1.0, 0.0])) == 1.0  # all of it is just enough
     assert helped.overloaded == (1,)
     assert helped.share is None
 

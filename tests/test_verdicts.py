@@ -91,7 +91,8 @@ def test_a_little_too_heavy_is_borderline():
     limits, rnea = [2.0, np.nan, np.nan], [2.01, 0.0, 0.0]
     assert verdict_of(J, 10.0 * Y, limits, rnea=rnea) is BORDERLINE  # 0.01 N of 10 N
     assert verdict_of(J, 0.1 * Y, limits, rnea=rnea) is NOT
-    assert verdict_of(J, 0 * Y, limits, rnea=rnea) is BORDERLINE  # 0.01 N of the weight's 1.2 N
+    for length in (1e-3, 1.0, 1e3):  # 0.01 N of the weight's 1.2 N, whatever a metre is
+        assert verdict_of(length * J, 0 * Y, limits, rnea=rnea) is BORDERLINE
     assert verdict_of(J, 0 * Y, limits, rnea=[2.5, 0.0, 0.0]) is NOT
 
 
