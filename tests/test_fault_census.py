@@ -14,7 +14,15 @@ from ftforce.errors import InputError
 from ftforce.feasible import End, Reading
 from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
-from helpers import CAMPAIGN, arrays_in, assert_close, load_text, serial_urdf, without_masses
+from helpers import (
+    CAMPAIGN,
+    arrays_in,
+    assert_close,
+    load_text,
+    serial_urdf,
+    stretched,
+    without_masses,
+)
 
 FORCE = [80.0, 50.0, 10.0]
 LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
@@ -251,6 +259,8 @@ def test_sets_come_worst_first(dh5, options):
         assert severity == sorted(severity)
         if severity[0] == severity[1]:
             assert jumps == sorted(jumps, reverse=True)
+        if severity[0] == severity[1] and jumps[0] == jumps[1]:
+            assert one.rank_lost >= other.rank_lost
         if severity[0] == severity[1] and jumps == [0.0, 0.0]:
             assert round(one.margin, 9) <= round(other.margin, 9)
 
@@ -278,6 +288,15 @@ def test_joints_come_most_critical_first(dh5):
         assert joint.not_tolerated == sum(r.verdict is Verdict.NOT_TOLERATED for r in own)
         assert joint.borderline == sum(r.verdict is Verdict.BORDERLINE for r in own)
         assert_close(joint.mean_relative_jump, np.mean([r.relative_jump for r in own]), scale=1)
+
+
+def test_borderline_sets_make_a_joint_critical_too():
+    arm, q = stretched(1e-3)
+    found = [(joint.not_tolerated, joint.borderline) for joint in census(arm, q).joints]
+    assert found == sorted(found, reverse=True)
+    assert {(0, 1), (0, 0)} <= set(found)
+    both = [(joint.not_tolerated, joint.borderline) for joint in census(arm, q, faults=2).joints]
+    assert both == sorted(both, reverse=True)
 
 
 def test_of_equally_critical_joints_the_smaller_margin_comes_first(panda):
