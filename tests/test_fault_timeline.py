@@ -182,7 +182,7 @@ def test_an_instant_at_which_nothing_holds_the_arm_is_the_worst(dh5):
     assert lost.any()
     for instant in found.worst():
         j = found.sets.index(instant.faults)
-        assert math.isnan(instant.capability) == lost[:, j].any()
+        assert math.isnan(instant.capability) == np.isnan(found.capability[:, j]).any()
         if lost[:, j].any() and found.verdict[lost[:, j], j].max() == found.verdict[:, j].max():
             assert math.isnan(instant.jump)
             assert lost[instant.index, j]
