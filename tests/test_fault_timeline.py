@@ -269,8 +269,9 @@ def test_too_many_cells(panda):
     )
 
 
+@pytest.mark.thorough
 def test_doubts_are_those_of_a_simulation(dh5):
-    far = Path.through([(0.9, 0.3, 0.2), (1.6, 0.4, 0.25)], speed=0.6)
+    far = Path.through([(0.9, 0.3, 0.2), (1.6, 0.4, 0.25)], speed=0.3)
     push = {"force": [80, 50, 10], "rate": 10}
     found = timeline(dh5, far, **push).warnings
     wanted = simulate(dh5, far, **push).warnings
