@@ -39,7 +39,7 @@ HELD_LOCKED = ("2", "3", "5")
 HELD_FREE = ("free:1", "free:2", "free:4", "free:5", "free:3,5")
 if not CAMPAIGN:
     WALL_LOCKED, WALL_FREE = ("3,5",), ("free:4",)
-    HELD_LOCKED, HELD_FREE = ("2",), ("free:2", "free:3,5")
+    HELD_LOCKED, HELD_FREE = ("2",), ("free:3,5",)
 
 
 class Case(NamedTuple):
