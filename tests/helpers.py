@@ -14,11 +14,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ftforce import Robot, known_robots, load_robot, write_robot
 from ftforce.dh import DHRow, DHTable, MassModel
+from ftforce.kinematics import tip_pose
+from ftforce.paths import Path as TipPath
+from ftforce.posture import choose_posture
 from ftforce.reduced import RTOL, reduce
 
 TOL = 1e-9
@@ -151,6 +155,11 @@ def is_beyond_doubt(J, *masks):
     return not np.any((ratios > 1e-13) & (ratios < 1e-4))
 
 
+def only(*numbers, n=3):
+    """Return the mask of these joints, numbered from 1."""
+    return np.isin(np.arange(1, n + 1), numbers)
+
+
 def diagonal(*strengths, locked=()):
     """Return the reduced Jacobian of an arm that has one joint for each task direction."""
     mask = np.zeros(len(strengths), dtype=bool)
@@ -196,6 +205,30 @@ def serial_urdf(*steps):
     ]
     joints.append(joint("end", "fixed", links[-2], "tool", xyz=(0.11, 0.05, 0.03)))
     return urdf_of(*links, joints=joints)
+
+
+# Joints that slide and turn without end.
+SLIDING = serial_urdf(
+    ("prismatic", {"lower": -0.5, "upper": 0.5}),
+    ("continuous", {"xyz": (0.1, 0, 0.1)}),
+    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
+    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
+    ("continuous", {"xyz": (0.2, 0, 0), "axis": (0, 1, 0)}),
+)
+LINES = {  # robot: where the tip goes, from where it is
+    "dh5": (-0.1, 0.08, 0.05),
+    "panda": (-0.1, 0.1, -0.1),
+    "ur5": (0.05, 0.1, -0.05),
+    "kinova": (0.1, -0.05, -0.1),
+    "tiago": (-0.05, 0.05, 0.05),
+}
+
+
+def straight(robot, change=None, *, speed=0.2, q=None, **options):
+    """Return a path of the tip from its place in a posture, or in the default one."""
+    x = tip_pose(robot, choose_posture(robot).q if q is None else np.asarray(q))[1]
+    way = LINES[robot.name] if change is None else change
+    return TipPath.through([x, x + way], speed=speed, **options)
 
 
 def without_masses(urdf):
@@ -309,6 +342,27 @@ def toolbox_arm(table):
         offset = row.theta if turns else row.d
         links.append(make(a=row.a, alpha=row.alpha, offset=offset, **constant))
     return rtb.DHRobot(links)
+
+
+def changed_model(arm, gravity=None, payload=None):
+    """Return a copy of the model with another gravity, and the payload as part of the last link."""
+    model = arm.model.copy()
+    if gravity is not None:
+        model.gravity.linear = np.asarray(gravity, dtype=float)
+    if payload is not None:
+        tip = model.frames[arm.tip_frame]
+        point = pin.Inertia(payload.mass, np.array(payload.offset), np.zeros((3, 3)))
+        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
+    return model
+
+
+def differences(arm, q, step=1e-6):
+    """Return the Jacobian in world axes at the tip by central differences of the tip's pose."""
+    columns = []
+    for unit in np.eye(arm.n):
+        (R1, p1), (R2, p2) = tip_pose(arm, q - step * unit), tip_pose(arm, q + step * unit)
+        columns.append(np.concatenate([p2 - p1, pin.log3(R2 @ R1.T)]) / (2.0 * step))
+    return np.column_stack(columns)
 
 
 def load_table(table):

@@ -3,144 +3,40 @@
 import copy
 import math
 import pickle
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
 
 import ftforce
 from ftforce import Task, Verdict, analyze
-from ftforce.dynamics import Payload, mass_matrix
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.limits import Limits
-from helpers import (
-    KNOWN,
-    arrays_in,
-    assert_close,
-    eager_threads,
-    load_text,
-    serial_urdf,
-    stretched,
-)
+from helpers import KNOWN, arrays_in, assert_close, eager_threads, load_text, serial_urdf, stretched
 
 FORCE = [80.0, 50.0, 10.0]
-DUPLICATES = [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))]
-DUPLICATE_IDS = ["copy", "deepcopy", "pickle"]
-
-
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
 
 
 # ---- what is given ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "locked",
-    [
-        [2, 4],
-        (4, 2),
-        {2, 4},
-        "2,4",
-        " 4 , 2 ",
-        ["joint2", "joint4"],
-        "joint2,4",
-        [2, "joint4"],
-        ["2", "4"],
-        np.array([2, 4]),
-        [False, True, False, True, False],
-        np.array([False, True, False, True, False]),
-        range(2, 5, 2),
-    ],
-    ids=repr,
-)
-def test_joints_by_number_name_or_mask(dh5, locked):
+@pytest.mark.parametrize("locked", [[2, 4], "joint2,4", [False, True, False, True, False]], ids=str)
+def test_joints_in_any_form_that_the_robot_reads(dh5, locked):
     result = analyze(dh5, locked=locked)
     assert str(result.faults) == "{2, 4}"
     assert result.locked == ("joint2", "joint4")
     np.testing.assert_array_equal(result.reduced.locked, [False, True, False, True, False])
 
 
-@pytest.mark.parametrize("locked", [3, "3", "joint3", np.int64(3), [3]], ids=repr)
-def test_a_single_joint(dh5, locked):
-    assert analyze(dh5, locked=locked).faults.joints == (2,)
-
-
-@pytest.mark.parametrize("locked", [(), [], "", [False] * 5, set()], ids=repr)
-def test_no_joint(dh5, locked):
-    result = analyze(dh5, locked=locked, force=FORCE)
-    assert result.locked == ()
-    assert_close(result.force.after, FORCE)
-    assert result.verdict is Verdict.TOLERATED
-
-
 ALL_JOINTS = "1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
-
-
-@pytest.mark.parametrize(
-    ("locked", "message"),
-    [
-        (0, f"joint number 0 is out of range; the chain has: {ALL_JOINTS}"),
-        (6, f"joint number 6 is out of range; the chain has: {ALL_JOINTS}"),
-        (-1, "joint number -1 is out of range"),
-        ("-1", "joint number -1 is out of range"),
-        ([2, 2], r"joint 2 \(joint2\) is named twice"),
-        (["joint2", 2], r"joint 2 \(joint2\) is named twice"),
-        ("joint2,2", r"joint 2 \(joint2\) is named twice"),
-        ("elbow", "no joint 'elbow' in the chain of 'dh5'; there is: joint1, joint2"),
-        ("Joint2", "did you mean 'joint2'"),
-        ("tool_joint", "joint 'tool_joint' is .*fixed.*no motor"),
-        (True, "a mask needs 5 values, one per joint, got 1"),
-        ([True, False], "a mask needs 5 values, one per joint, got 2"),
-        ([True, 2], "a joint is a number from 1 to 5 or a name, got True"),
-        ([2.0], "a joint is a number from 1 to 5 or a name, got 2.0"),
-        ([None], "a joint is a number from 1 to 5 or a name, got None"),
-        ([[2]], r"a joint is a number from 1 to 5 or a name, got \[2\]"),
-        (np.array([2.0]), "a joint is a number from 1 to 5 or a name"),
-        (np.ones((1, 5), dtype=bool), "a joint is a number from 1 to 5 or a name"),
-    ],
-    ids=repr,
-)
-def test_joints_that_do_not_exist(dh5, locked, message):
-    with pytest.raises(InputError, match=message):
-        analyze(dh5, locked=locked)
-
-
-@pytest.mark.parametrize("locked", [2.0, None, np.True_, np.array(2)], ids=repr)
-def test_what_is_no_joint_at_all(dh5, locked):
-    with pytest.raises(InputError, match=r"a joint is a number from 1 to 5|a mask needs 5 values"):
-        analyze(dh5, locked=locked)
-
-
-@pytest.mark.parametrize("word", ["--2", "1" * 5000], ids=["two signs", "5000 digits"])
-def test_words_that_only_look_like_numbers(dh5, word):
-    with pytest.raises(InputError, match="joint"):
-        analyze(dh5, locked=word)
-
-
-def test_joints_outside_the_chain_say_so(panda):
-    with pytest.raises(InputError, match="'panda_finger_joint1' lies outside the chain from"):
-        analyze(panda, locked="panda_finger_joint1")
 
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
         ("force", [1, 2], "force needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
-        ("force", [[1, 2, 3]], "force needs 3 numbers, got an array of shape 1 x 3"),
-        ("force", 5, "force needs 3 numbers, got a single number"),
-        (
-            "torque",
-            [1, 2, 3],
-            f"torque needs 5 numbers, got 3 numbers: one per joint, {ALL_JOINTS}",
-        ),
+        ("torque", [1, 2], f"torque needs 5 numbers, got 2 numbers: one per joint, {ALL_JOINTS}"),
         ("velocity", [1] * 6, "velocity needs 5 numbers, got 6 numbers: one per joint, 1 joint1"),
         ("q", [0] * 4, "q needs 5 numbers, got 4 numbers: one per joint, 1 joint1"),
     ],
@@ -151,55 +47,35 @@ def test_vectors_of_the_wrong_size(dh5, name, value, message):
     assert caught.value.name == name
 
 
-@pytest.mark.parametrize("name", ["q", "force", "torque", "velocity"])
 @pytest.mark.parametrize(
-    ("bad", "message"),
+    "options",
     [
-        (np.nan, "holds nan at position 2; numbers must be finite"),
-        (np.inf, "holds inf at position 2; numbers must be finite"),
-        (1e300, "holds numbers too large to compute with"),
-        ("fast", "needs numbers, got"),
-        (None, "holds nan|needs numbers"),
-    ],
-)
-def test_vectors_that_are_no_numbers(dh5, name, bad, message):
-    value = [0.0] * (3 if name == "force" else 5)
-    value[1] = bad
-    with pytest.raises(InputError, match=f"{name} ({message})"):
-        analyze(dh5, **{name: value})
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"force": FORCE, "torque": [0] * 5}, "give either a force or torques, not both"),
-        ({"q": [0] * 5, "posture": "zero"}, "give either q or a posture, not both"),
-        ({"posture": "home"}, "no posture 'home'; there is: paper, mid-range, zero, sample"),
-        ({"task": "push"}, "no task component 'push'; there is: force, moment, wrench, fx"),
-        ({"task": "fx,fx"}, "needs each component once"),
-        (
-            {"task": "wrench", "force": FORCE},
-            "force needs 6 numbers, got 3 numbers: fx, fy, fz, mx",
-        ),
-        ({"axes": "base"}, "no axes 'base'; there is: tool, world"),
-        ({"task": "wrench", "length": 0}, "characteristic length must lie between 1e-06 and"),
-        ({"rtol": 0}, "rtol must lie between 1e-14 and 1, got 0"),
-        ({"rtol": np.nan}, "rtol must lie between 1e-14 and 1, got nan"),
-        ({"rtol": 0.5}, "wary must lie between rtol = 0.5 and 1, got 0.01"),
-        ({"wary": 1e-9}, "wary must lie between rtol = 1e-06 and 1, got 1e-09"),
-        ({"wary": 1}, "wary must lie between rtol = 1e-06 and 1, got 1"),
+        {"force": FORCE, "torque": [0] * 5},
+        {"q": [0] * 5, "posture": "zero"},
+        {"posture": "home"},
+        {"posture": 3},
+        {"task": "push"},
+        {"task": ["fx", 3]},
+        {"axes": "base"},
+        {"task": "wrench", "length": 0},
+        {"rtol": 0},
+        {"wary": 1e-9},
+        {"locked": 9},
+        {"locked": None},
+        *({name: [0, np.nan, 0, 0, 0]} for name in ("q", "torque", "velocity")),
+        {"force": [0, np.inf, 0]},
+        {"force": ["fast", 0, 0]},
     ],
     ids=repr,
 )
-def test_other_malformed_values(dh5, options, message):
-    with pytest.raises(InputError, match=message):
-        analyze(dh5, **options)
-
-
-@pytest.mark.parametrize("options", [{"posture": 3}, {"task": ["fx", 3]}], ids=repr)
-def test_names_are_words(dh5, options):
+def test_malformed_values(dh5, options):
     with pytest.raises(InputError):
         analyze(dh5, **options)
+
+
+def test_a_force_and_torques_are_one_too_many(dh5):
+    with pytest.raises(InputError, match="give either a force or torques, not both"):
+        analyze(dh5, force=FORCE, torque=[0] * 5)
 
 
 def test_complex_numbers_lose_nothing_in_silence(dh5):
@@ -251,40 +127,6 @@ def test_shapes_and_laws_for_known_robots(name):
     assert_close(result.velocity.tip_after, result.J @ result.velocity.after, tol=1e-7)
 
 
-def test_a_given_force_and_the_torques_for_it_give_the_same(panda):
-    by_force = analyze(panda, locked=[2, 4], force=FORCE)
-    by_torque = analyze(panda, locked=[2, 4], torque=by_force.torque.before)
-    assert by_torque.force.requested is None
-    assert_close(by_torque.force.unsupported, np.zeros(3))
-    assert_close(by_torque.force.before, FORCE)
-    assert_close(by_torque.torque.after, by_force.torque.after)
-    assert_close(by_torque.torque.self_motion, 0.0, scale=50)
-    assert by_torque.verdict is by_force.verdict
-
-
-def test_torques_of_self_motion_are_told_apart(panda):
-    result = analyze(panda, force=FORCE)
-    null = np.linalg.svd(result.J)[2][3:]
-    moving = 7.0 * null[0] - 3.0 * null[3]
-    other = analyze(panda, locked=2, torque=result.torque.before + moving)
-    assert_close(other.torque.self_motion, moving)
-    assert_close(other.force.before, FORCE)
-    assert_close(other.torque.after[2:], result.torque.before[2:])
-
-
-def test_a_force_that_the_healthy_arm_cannot_exert_is_no_jump():
-    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
-    result = analyze(arm, [0.1, 0.7, 0.9], locked=1, force=[10, 20, 30])
-    assert_close(result.force.unsupported, [0, 0, 30])
-    assert_close(result.force.before, [10, 20, 0])
-    assert_close(result.force.jump, 0.0, scale=30)
-    assert result.verdict is Verdict.TOLERATED
-    assert math.isnan(result.relative_manipulability)
-    assert result.warnings == (
-        "even the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
-    )
-
-
 @pytest.mark.parametrize("locked", [[], [1], [1, 2]], ids=str)
 @pytest.mark.parametrize("rpy", [(0, 0, 0), (0.3, 0.7, 0.2)], ids=["flat", "tilted"])
 def test_a_request_that_no_joint_can_serve(rpy, locked):
@@ -299,22 +141,10 @@ def test_a_request_that_no_joint_can_serve(rpy, locked):
     assert_close(result.torque.after, 0.0, scale=30)
     assert result.is_proved()
     assert result.verdict is Verdict.TOLERATED  # what is left of the request is rounding
-
-
-def test_torques_that_exert_nothing(panda):
-    null = np.linalg.svd(analyze(panda).J)[2][3:]
-    result = analyze(panda, locked=[1, 2, 3, 4, 5], torque=40.0 * null[1])
-    assert_close(result.force.before, 0.0, scale=40)
-    assert_close(result.torque.self_motion, 40.0 * null[1])
-    assert result.verdict is Verdict.TOLERATED
-
-
-def test_a_request_of_nothing(dh5):
-    result = analyze(dh5, locked=3, force=[0, 0, 0])
-    assert result.force.jump_norm == 0.0
-    assert_close(result.torque.after, np.zeros(5))
-    assert result.verdict is Verdict.TOLERATED
-    assert result.is_proved()
+    assert math.isnan(result.relative_manipulability)
+    assert result.warnings == (
+        "even the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
+    )
 
 
 def test_without_a_force_every_unit_force_is_analysed(dh5):
@@ -341,7 +171,8 @@ def test_a_velocity_alone(dh5):
     assert_close(change.jump, [-0.2 * result.J[0, 2], 0, 0], tol=1e-6)
     assert change.jump_norm == pytest.approx(abs(0.2 * result.J[0, 2]))
     assert change.angular_jump_norm is None
-    assert analyze(dh5, locked=3).velocity is None
+    assert analyze(dh5, locked=3).velocity is analyze(dh5, locked=3).impact is None
+    assert analyze(dh5, velocity=v, free=3).impact is None
 
 
 def test_norms_of_forces_and_moments_are_never_added(panda):
@@ -363,31 +194,11 @@ def test_norms_of_forces_and_moments_are_never_added(panda):
     assert mixed.moment_jump_norm == pytest.approx(math.hypot(mixed.jump[0], mixed.jump[2]))
 
 
-@pytest.mark.parametrize("length", [0.05, 0.5, 3.0])
-def test_the_length_weighs_moments_against_forces(panda, length):
-    options = {"task": "wrench", "length": length, "force": [10, -20, 30, 1, -2, 3]}
-    result = analyze(panda, locked=[1, 2, 3], **options)
-    K = np.delete(result.J, [0, 1, 2], axis=1)  # unweighted
-    force = result.force
-    assert_close(K.T @ force.after, result.torque.after[3:])
-    assert_close(K.T @ force.jump, 0.0, scale=40)
-    # Of all wrenches that the torques hold it is the one with the least ‖f‖² + ‖μ‖²/L².
-    unfelt = np.linalg.svd(K.T)[2][4:]
-
-    def size(wrench):
-        return np.linalg.norm(wrench[:3]) ** 2 + np.linalg.norm(wrench[3:]) ** 2 / length**2
-
-    for step in (*unfelt, *-unfelt):
-        assert size(force.after + 0.01 * step) > size(force.after)
-
-
-def test_a_task_without_moments_needs_no_length(panda):
-    plain, other = (analyze(panda, locked=[1, 2, 3, 4, 5], force=FORCE, length=x) for x in (1, 9))
-    np.testing.assert_array_equal(plain.force.jump, other.force.jump)
-
-
 def test_jacobian_is_unweighted_and_in_the_tasks_axes(panda):
-    result = analyze(panda, task="fz,mx", axes="world", length=0.3, locked=1)
+    task = Task.parse("fz,mx", "world", 0.3)
+    result = analyze(panda, task=task, locked=1)
+    assert result.task is task
+    assert result.force_contributions is result.velocity_contributions is None
     rows = frame_jacobian(panda, result.posture.q, "world")[[2, 3]]
     assert_close(result.J, rows)
     assert_close(result.reduced.J, rows * [[1.0], [0.3]])
@@ -405,22 +216,6 @@ def test_measures_of_the_result(dh5):
     assert_close(kept.margin, s[-1] / np.linalg.norm(kept.J, 2))
     assert_close(kept.force_error, 1 / s[-1])
     assert kept.lost_directions.shape == (0, 3)
-
-
-def test_lost_directions_stay_what_they_are(dh5):
-    result = analyze(dh5, locked=3)  # computed only when asked for
-    for k in (1, 2, 4, 5):
-        analyze(dh5, np.full(5, 0.2 * k), locked=k)
-    assert_close(result.lost_directions, [[1, 0, 0]])
-
-
-def test_shares_need_a_force_or_a_velocity(dh5):
-    result = analyze(dh5, locked=2)
-    assert result.force_contributions is None
-    assert result.velocity_contributions is None
-    still = analyze(dh5, force=[0, 0, 0], velocity=[0] * 5)
-    assert_close(still.force_contributions, np.zeros(5))
-    assert_close(still.velocity_contributions, np.zeros(5))
 
 
 def test_shares_of_a_wrench_are_weighted(panda):
@@ -500,45 +295,6 @@ def test_free_joints_in_closed_form(panda, free, surroundings):
     assert dict(result.residuals()) == {}
 
 
-def test_locked_and_free_joints_together(panda):
-    """First in range(K), then balanced: a free joint's column lies in range(K)."""
-    options = {"locked": [1, 2, 3, 7], "free": [6], "force": FORCE}
-    result = analyze(panda, POSTURE, **options)
-    J, g = result.J, result.rnea.after
-    K = J[:, [3, 4, 5]]
-    assert np.linalg.matrix_rank(K) == 3
-    wanted = FORCE - J[:, 5] * (J[:, 5] @ FORCE + g[5]) / (J[:, 5] @ J[:, 5])
-    assert_close(result.force.after, wanted)
-    fewer = analyze(panda, POSTURE, **{**options, "locked": [1, 2, 3, 4, 7]})
-    left, _ = np.linalg.qr(J[:, [4, 5]])
-    inside = left @ left.T @ FORCE
-    wanted = inside - J[:, 5] * (J[:, 5] @ inside + g[5]) / (J[:, 5] @ J[:, 5])
-    assert_close(fewer.force.after, wanted)
-    assert fewer.reduced.rank_after == 1
-
-
-def test_a_weak_joint_stops_at_its_share(panda):
-    F = 0.2 * np.array(FORCE)
-    healthy = analyze(panda, POSTURE, force=F)
-    lever, weight = healthy.J[:, 1], healthy.rnea.gravity[1]
-    if weight * (lever @ F) < 0.0:
-        F = -F  # so that the force adds to the weight
-    limit = weight + 0.5 * (lever @ F)
-    result = analyze(panda, POSTURE, force=F, weak={2: abs(limit) / panda.effort[1]})
-    assert result.limits.source == "urdf"
-    assert_close(result.torque.total_after[1], limit)
-    assert result.bounded.binding == (1,)
-    assert result.verdict is Verdict.NOT_TOLERATED
-    # The closest force at which the limit holds is one step along the joint's lever.
-    assert_close(result.force.jump, lever * 0.5 * (lever @ F) / (lever @ lever))
-    assert_close(result.bounded.share, 0.5)
-    most = 1.001 * abs(weight + lever @ F) / panda.effort[1]
-    enough = analyze(panda, POSTURE, force=F, weak={2: most})
-    assert enough.verdict is Verdict.TOLERATED
-    assert_close(enough.force.jump, 0.0, scale=100)
-    assert enough.bounded.share == 1.0
-
-
 def test_a_weak_joint_without_limits_counts_as_healthy_and_is_named(panda):
     result = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.01}, limits="none")
     assert result.limits is None
@@ -556,17 +312,6 @@ def test_a_weak_joint_without_limits_counts_as_healthy_and_is_named(panda):
     free = analyze(panda, POSTURE, force=[5, 3, 1], free=2)
     assert_close(nothing.force.after, free.force.after)
     assert nothing.verdict is free.verdict
-
-
-def test_limits_that_are_far_away_change_nothing(panda):
-    wide = Limits.of(np.full(7, 1e5), np.full(7, 1e5))
-    for mode in ({"locked": [2, 4]}, {"free": [6]}, {"locked": [1, 2, 3, 4, 5]}):
-        plain, limited = (
-            analyze(panda, POSTURE, force=FORCE, limits=x, **mode, **MOTION) for x in (None, wide)
-        )
-        assert_close(limited.force.after, plain.force.after, scale=100)
-        assert_close(limited.torque.total_after, plain.torque.total_after, scale=100)
-        assert limited.verdict is plain.verdict
 
 
 def test_weight_alone_overloads_and_the_tip_keeps_the_arm_still(panda):
@@ -590,45 +335,6 @@ def test_unit_forces_of_free_joints_leave_the_weight_apart(panda):
         assert_close(force.after, unit - lever * (lever @ unit) / (lever @ lever), scale=1.0)
         assert_close(torque.after, result.J.T @ force.after, scale=1.0)
         assert torque.total_after is None
-
-
-def test_the_dynamic_inverse_sees_self_motion(panda):
-    plain = analyze(panda, POSTURE, force=FORCE)
-    moving = 7.0 * np.linalg.svd(plain.J)[2][3]
-    tau = plain.torque.before + moving
-    euclidean, dynamic = (
-        analyze(panda, POSTURE, locked=2, torque=tau, inverse=x) for x in ("euclidean", "dynamic")
-    )
-    assert (euclidean.inverse, dynamic.inverse) == ("euclidean", "dynamic")
-    assert_close(euclidean.force.before, FORCE)
-    M = mass_matrix(panda, np.array(POSTURE))
-    over = np.linalg.solve(M, plain.J.T).T  # J M⁻¹
-    F = np.linalg.solve(over @ plain.J.T, over @ tau)
-    assert np.linalg.norm(F - FORCE) > 1.0
-    assert_close(dynamic.force.before, F)
-    assert_close(dynamic.torque.self_motion, tau - plain.J.T @ F)
-    loaded = analyze(panda, POSTURE, torque=tau, inverse="dynamic", payload="3@0,0,1")
-    assert np.linalg.norm(loaded.force.before - F) > 0.1
-    at_the_pin = analyze(panda, POSTURE, torque=tau, inverse="dynamic", payload=3.0)
-    assert_close(at_the_pin.force.before, F)  # a point that cannot move needs no force to stay
-    again = analyze(panda, POSTURE, torque=plain.torque.before, inverse="dynamic")
-    assert_close(again.force.before, FORCE)
-
-
-@pytest.mark.parametrize("options", [{"locked": [2, 5]}, {"locked": [2], "free": [6]}], ids=str)
-def test_the_impact_keeps_the_momentum_of_the_other_joints(panda, options):
-    v = MOTION["velocity"]
-    result = analyze(panda, POSTURE, velocity=v, payload=2.0, task="wrench", **options)
-    M, impact = mass_matrix(panda, np.array(POSTURE), Payload.of(2.0)), result.impact
-    locked = result.faults.mask(7)
-    np.testing.assert_array_equal(impact.after[locked], 0.0)
-    assert_close((M @ (impact.after - v))[~locked], 0.0, scale=10.0)
-    assert_close(impact.tip_after, result.J @ impact.after)
-    assert_close(impact.jump, result.J @ (impact.after - v))
-    assert impact.jump_norm == pytest.approx(np.linalg.norm(impact.jump[:3]))
-    assert impact.angular_jump_norm == pytest.approx(np.linalg.norm(impact.jump[3:]))
-    assert analyze(panda, POSTURE, velocity=v, free=6).impact is None
-    assert analyze(panda, POSTURE, locked=2).impact is None
 
 
 # ---- verdicts and warnings -------------------------------------------------------------------
@@ -664,12 +370,6 @@ def test_tolerances_are_passed_on():
     assert coarse.reduced.rtol == 2 * margin
     assert coarse.reduced.rank_after == 2
     assert coarse.wary == 1e-2
-
-
-def test_warnings_of_the_posture_come_through(dh5):
-    result = analyze(dh5, [10, 70, 25, 65, 0], locked=2)
-    assert any("look like degrees" in warning for warning in result.warnings)
-    assert analyze(dh5, locked=2, force=FORCE).warnings == ()
 
 
 def test_torques_beyond_the_effort_limits_are_warned_about(dh5):
@@ -736,49 +436,29 @@ def test_tampered_unit_forces_are_found(dh5):
     assert not replace(result, unit_forces=units).is_proved()
 
 
-def test_results_are_frozen(result):
-    with pytest.raises(FrozenInstanceError):
-        result.verdict = Verdict.TOLERATED
-    for part, name in (
-        (result.force, "jump"),
-        (result.torque, "after"),
-        (result.velocity, "after"),
-        (result.posture, "q"),
-        (result.task, "axes"),
-        (result.reduced, "rank"),
-    ):
-        with pytest.raises(AttributeError):
-            setattr(part, name, None)
-
-
 @pytest.mark.parametrize(
     "options",
     [
         {"force": FORCE},
         {"torque": [1, 2, 3, 4, 5]},
         {},
-        {"task": "wrench", "force": [1, 2, 3, 4, 5, 6], "length": 0.3},
         {"task": "wrench", "length": 0.3, "axes": "world"},
     ],
     ids=str,
 )
-@pytest.mark.parametrize("locked", [[], [3], [2, 4, 5]], ids=str)
-def test_arrays_of_results_are_read_only(dh5, options, locked):
+@pytest.mark.parametrize("locked", [[], [2, 4, 5]], ids=str)
+def test_results_are_read_only(dh5, options, locked):
     result = analyze(dh5, locked=locked, velocity=[1, 2, 3, 4, 5], **options)
-    named = list(arrays_in(result))
-    assert len(named) > 10
+    named = [*arrays_in(result), ("J", result.reduced.J), ("K", result.reduced.K)]
+    assert len(named) > 12
     assert [name for name, array in named if array.flags.writeable] == []
     assert not result.lost_directions.flags.writeable
+    for part in (result, result.velocity, result.posture, result.task):
+        with pytest.raises(FrozenInstanceError):
+            setattr(part, fields(part)[0].name, None)
 
 
-@pytest.mark.parametrize("options", [{}, {"task": "wrench", "length": 0.3}], ids=str)
-def test_the_jacobians_of_results_are_read_only(dh5, options):
-    reduced = analyze(dh5, locked=3, **options).reduced
-    assert not reduced.J.flags.writeable
-    assert not reduced.K.flags.writeable
-
-
-@pytest.mark.parametrize("duplicate", DUPLICATES, ids=DUPLICATE_IDS)
+@pytest.mark.parametrize("duplicate", [copy.copy, lambda x: pickle.loads(pickle.dumps(x))])
 def test_results_can_be_copied_and_pickled(result, duplicate):
     assert result.lost_directions is not None  # also with what was computed on demand
     again = duplicate(result)
@@ -786,35 +466,9 @@ def test_results_can_be_copied_and_pickled(result, duplicate):
     for (name, array), (other_name, other) in pairs:
         assert name == other_name
         np.testing.assert_array_equal(array, other)
-    assert again.verdict is result.verdict
-    assert again.locked == result.locked
+    assert (again.verdict, again.locked) == (result.verdict, result.locked)
     assert again.margin == pytest.approx(result.margin)
     assert again.is_proved()
-
-
-@pytest.mark.parametrize("duplicate", DUPLICATES, ids=DUPLICATE_IDS)
-@pytest.mark.parametrize("name", ["dh5", "kinova", "tiago"])
-def test_robots_can_be_copied_and_pickled(name, duplicate):
-    arm = ftforce.load_robot(name)
-    analyze(arm)
-    again = duplicate(arm)
-    assert (again.names, again.tip, again.notes) == (arm.names, arm.tip, arm.notes)
-    assert dict(again.held) == dict(arm.held)
-    q = np.linspace(0.1, 0.8, arm.n)
-    one, other = (analyze(a, q, locked=2, force=FORCE) for a in (arm, again))
-    np.testing.assert_array_equal(one.force.jump, other.force.jump)
-    np.testing.assert_array_equal(analyze(again).posture.q, analyze(arm).posture.q)
-    with pytest.raises(TypeError):
-        again.postures["new"] = q
-
-
-def test_robots_and_joints_are_frozen(dh5):
-    with pytest.raises(FrozenInstanceError):
-        dh5.name = "other"
-    with pytest.raises(FrozenInstanceError):
-        dh5.joints[0].effort = 1.0
-    with pytest.raises(TypeError):
-        dh5.postures["new"] = np.zeros(5)
 
 
 def test_threads_do_not_disturb_each_other(panda):
@@ -828,10 +482,3 @@ def test_threads_do_not_disturb_each_other(panda):
     with eager_threads() as pool:
         together = list(pool.map(solve, postures))
     np.testing.assert_array_equal(alone, together)
-
-
-def test_a_task_object_brings_its_own_axes_and_length(panda):
-    task = Task.parse("wrench", "world", 0.4)
-    result = analyze(panda, task=task, locked=1)
-    assert result.task is task
-    assert_close(result.J, analyze(panda, task="wrench", axes="world", locked=1).J)

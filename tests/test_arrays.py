@@ -1,15 +1,13 @@
 """The checks at the border, and the singular value decomposition that decides ranks."""
 
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.arrays import Svd, as_vector, check_finite, read_only
+from ftforce.arrays import Svd, as_vector, read_only
 from ftforce.errors import DimensionError, InputError
 from ftforce.reduced import reduce
-from helpers import RATIOS, assert_close, eager_threads, jacobians, with_singular_values
+from helpers import RATIOS, assert_close, jacobians, with_singular_values
 
 SHAPES = [(1, 1), (1, 5), (3, 1), (3, 2), (3, 3), (3, 7), (6, 5), (6, 7), (2, 12)]
 
@@ -35,14 +33,9 @@ def test_vectors_become_read_only_doubles(given):
     assert vector.dtype == np.float64
     assert vector.tolist() == [1.0, 2.5]
     assert not vector.flags.writeable
-
-
-def test_vectors_are_copies():
-    given = np.array([1.0, 2.0])
-    vector = as_vector(given, 2, "x")
-    given[0] = 9.0
-    assert vector.tolist() == [1.0, 2.0]
-    assert given.flags.writeable
+    if isinstance(given, np.ndarray):
+        given[0] = 9.0
+        assert vector.tolist() == [1.0, 2.5]
 
 
 def test_any_size_is_taken_where_none_is_asked_for():
@@ -85,44 +78,10 @@ def test_what_is_no_number(given):
 def test_numbers_that_are_not_finite(given, message):
     with pytest.raises(InputError, match=message):
         as_vector(given, 3, "x")
-
-
-def test_place_in_a_matrix_counts_from_one():
-    A = np.zeros((3, 4))
-    check_finite(A, "A")
-    A[2, 1] = np.nan
-    with pytest.raises(InputError, match="A holds nan at position 3, 2"):
-        check_finite(A, "A")
-
-
-def test_huge_but_harmless_numbers_pass():
     assert as_vector([1e150, -1e150], 2, "x")[0] == 1e150
 
 
-def test_read_only_returns_the_same_array():
-    array = np.zeros(2)
-    assert read_only(array) is array
-    with pytest.raises(ValueError, match="read-only"):
-        array[0] = 1.0
-
-
 # ---- decomposition ---------------------------------------------------------------------------
-
-
-def test_singular_values_are_numpys_padded_with_zeros(matrix):
-    m, n = matrix.shape
-    expected = np.linalg.svd(matrix, compute_uv=False)
-    for svd in decomposed(matrix):
-        assert len(svd.s) == m
-        assert_close(svd.s[: min(m, n)], expected)
-        assert_close(svd.s[n:], 0.0, scale=expected[0])
-
-
-def test_left_singular_vectors_diagonalise(matrix):
-    for svd in decomposed(matrix):
-        assert svd.U.shape == (len(matrix), len(matrix))
-        assert_close(svd.U.T @ svd.U, np.eye(len(matrix)))
-        assert_close(svd.U @ np.diag(svd.s) ** 2 @ svd.U.T, matrix @ matrix.T)
 
 
 def test_ranks_and_projections(matrix):
@@ -134,14 +93,6 @@ def test_ranks_and_projections(matrix):
         assert svd.rank(0.5 * (svd.s[0] + ([*svd.s[:rank], 0.0])[1])) == 1
         assert_close(svd.project(x, 1), svd.U[:, 0] * (svd.U[:, 0] @ x))
         assert_close(svd.project(x, 0), 0.0)
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
-def test_a_matrix_of_zeros(shape):
-    for svd in decomposed(np.zeros(shape)):
-        assert svd.s == [0.0] * shape[0]
-        assert svd.rank(0.0) == 0
-        assert_close(svd.U.T @ svd.U, np.eye(shape[0]))
 
 
 @pytest.mark.parametrize(
@@ -171,35 +122,15 @@ def test_a_decomposition_does_not_change_with_the_next_one(matrix):
         np.testing.assert_array_equal(svd.project(np.ones(len(matrix)), 1), before[2])
 
 
-def test_the_matrix_is_left_alone(matrix):
-    before = matrix.copy()
-    decomposed(matrix)
-    np.testing.assert_array_equal(matrix, before)
-
-
-def test_threads_do_not_disturb_each_other():
-    rng = np.random.default_rng(0)
-    matrices = [rng.normal(size=(3, 7)) for _ in range(400)]
-    alone = [decomposed(A)[1].U for A in matrices]
-    with eager_threads() as pool:
-        together = list(pool.map(lambda A: decomposed(A)[1].U, matrices))
-    np.testing.assert_array_equal(alone, together)
-
-
-def test_pickled_decompositions_come_back(matrix):
-    for svd in decomposed(matrix):
-        again = pickle.loads(pickle.dumps(svd))
-        assert_close(again.s, svd.s)
-        assert_close(again.project(np.ones(len(matrix)), 1), svd.project(np.ones(len(matrix)), 1))
-
-
 @given(jacobians())
 @settings(deadline=None, max_examples=100)
 def test_any_matrix_against_numpy(J):
     s = np.linalg.svd(J, compute_uv=False)
     scale = s[0] or 1.0
     for svd in decomposed(J):
+        assert len(svd.s) == len(J)
         assert_close(svd.s[: len(s)], s, scale=scale, tol=1e-13)
+        assert_close(svd.s[len(s) :], 0.0, scale=scale, tol=1e-13)
         assert all(a >= b for a, b in zip(svd.s, svd.s[1:], strict=False))
         assert_close(svd.U.T @ svd.U, np.eye(len(J)), tol=1e-13)
         assert_close(svd.U @ np.diag(svd.s) ** 2 @ svd.U.T, J @ J.T, scale=scale**2, tol=1e-12)

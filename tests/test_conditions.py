@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 import ftforce
-from ftforce.conditions import Conditions, mass_matrix_for, read_payload, rnea_change, tip_load
+from ftforce.conditions import Conditions, read_payload, rnea_change, tip_load
 from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
-from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.kinematics import task_jacobian
 from ftforce.limits import Limits
 from ftforce.reduced import reduce
@@ -25,11 +25,6 @@ CHAIN = (
 )
 Q = [0.3, -0.4, 0.5]
 FORCE = [5.0, -3.0, 8.0]
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +65,6 @@ def test_payloads(given, mass, offset):
     assert payload.mass == mass
     assert type(payload.mass) is float
     assert_close(payload.offset, offset)
-
-
-def test_no_payload():
     assert read_payload(None) is None
 
 
@@ -82,72 +74,38 @@ FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (-1, "the payload's mass must be 0 kg or more, got -1"),
-        ("-1", "the payload's mass must be 0 kg or more, got -1"),
-        (math.nan, "the payload's mass must be 0 kg or more, got nan"),
         ("nan", FORM + "'nan' is not finite"),
         ("x", FORM + "'x' is not a number"),
-        ("", FORM + "'': 1 number needed, got 0"),
         ("2 3", FORM + "'2 3': 1 number needed, got 2"),
-        ("2@", FORM + "'': 3 numbers needed, got 0"),
         ("2@1,2", FORM + "'1 2': 3 numbers needed, got 2"),
-        ("2@1,2,3,4", FORM + "'1 2 3 4': 3 numbers needed, got 4"),
         ("2@a,b,c", FORM + "'a b c' is not a number"),
-        ("2@0,0,inf", FORM + "'0 0 inf' is not finite"),
         ("2@1@2", FORM + "'1@2' is not a number"),
         ((2.0,), r"a payload is a mass and a place, \(mass, \(x, y, z\)\); got \(2\.0,\)"),
         ((2.0, (1, 2)), "the payload's place needs 3 numbers, got 2 numbers: x, y, z in m"),
-        ((-2.0, (1, 2, 3)), "the payload's mass must be 0 kg or more, got -2"),
+        (-1, "the payload's mass must be 0 kg or more, got -1"),
         (True, "the payload needs a mass in kg, got True"),
-        ({}, "the payload needs a mass in kg, got {}"),
     ],
     ids=repr,
 )
-def test_what_is_no_payload(panda, given, message):
-    for ask in (ftforce.analyze, ftforce.census, ftforce.capability):
-        with pytest.raises(InputError, match=f"^{message}$") as caught:
-            ask(panda, payload=given)
-        assert "\n" not in str(caught.value)
-
-
-SEVEN = ", ".join(f"{k} panda_joint{k}" for k in range(1, 8))
+def test_what_is_no_payload(given, message):
+    with pytest.raises(InputError, match=f"^{message}$"):
+        read_payload(given)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            {"gravity": [0, -9.81]},
-            "gravity needs 3 numbers, got 2 numbers: x, y, z in m/s², in the root's axes",
-        ),
-        (
-            {"gravity": 9.81},
-            "gravity needs 3 numbers, got a single number: x, y, z in m/s², in the root's axes",
-        ),
-        ({"gravity": [0, 0, math.nan]}, "gravity holds nan at position 3; numbers must be finite"),
-        ({"gravity": "down"}, "gravity needs numbers, got 'down'"),
-        (
-            {"velocity": [1, 2]},
-            f"velocity needs 7 numbers, got 2 numbers: one per joint, {SEVEN}",
-        ),
-        (
-            {"acceleration": np.ones((1, 7))},
-            f"acceleration needs 7 numbers, got an array of shape 1 x 7: one per joint, {SEVEN}",
-        ),
-        (
-            {"acceleration": [0] * 6 + [math.inf]},
-            "acceleration holds inf at position 7; numbers must be finite",
-        ),
+        ({"gravity": 9.81}, "gravity needs 3 numbers, got .*: x, y, z in m/s², in the root's axes"),
+        ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_j"),
+        ({"acceleration": [0] * 6 + [math.inf]}, "acceleration holds inf at position 7"),
+        ({"payload": -1}, "the payload's mass"),
     ],
     ids=str,
 )
-def test_malformed_vectors(panda, options, message):
-    for ask in (ftforce.analyze, ftforce.census, ftforce.capability):
-        with pytest.raises(InputError) as caught:
+def test_malformed_conditions(panda, options, message):
+    for ask in (Conditions.of, ftforce.analyze, ftforce.census, ftforce.capability):
+        with pytest.raises(InputError, match=message):
             ask(panda, **options)
-        assert str(caught.value) == message
-    if "needs" in message and "numbers, got '" not in message:
-        assert isinstance(caught.value, DimensionError)
 
 
 def test_conditions_are_checked_copies(panda):
@@ -184,41 +142,24 @@ def test_what_moves(panda, options, moves):
 # ---- before and after the lock ---------------------------------------------------------------
 
 
-def test_at_rest_nothing_changes(panda):
-    q, locked = np.full(7, 0.3), np.arange(7) == 2
-    change = rnea_change(panda, q, Conditions.of(panda, payload=2.0), locked)
-    weight = weight_torque(panda, q, payload=Payload.of(2.0))
-    for part in (change.gravity, change.before, change.after):
-        assert_close(part, weight)
-    assert_close([change.motion_before, change.motion_after], 0.0)
-    assert change.is_known
-
-
-@pytest.mark.parametrize("payload", [None, (2.0, (0.1, 0.0, 0.2))], ids=str)
-@pytest.mark.parametrize("gravity", [None, MOON], ids=str)
-def test_a_locked_joint_stands_still_and_the_others_move_on(panda, gravity, payload):
-    rng = np.random.default_rng(1)
-    q, v, a = rng.uniform(-1.0, 1.0, size=(3, 7))
-    locked = np.isin(np.arange(7), [1, 4])
-    conditions = Conditions.of(panda, velocity=v, acceleration=a, gravity=gravity, payload=payload)
+@pytest.mark.parametrize("moves", ["velocity", "acceleration", "both"])
+def test_a_locked_joint_stands_still_and_the_others_move_on(panda, moves):
+    q, v, a = np.random.default_rng(1).uniform(-1.0, 1.0, size=(3, 7))
+    locked, payload = np.isin(np.arange(7), [1, 4]), Payload.of(2.0, (0.1, 0.0, 0.2))
+    motion = {"velocity": v, "acceleration": a}
+    given = motion if moves == "both" else {moves: motion[moves]}
+    conditions = Conditions.of(panda, gravity=MOON, payload=payload, **given)
     change = rnea_change(panda, q, conditions, locked)
-    G = weight_torque(panda, q, None if gravity is None else np.array(gravity), conditions.payload)
-    still_v, still_a = np.where(locked, 0.0, v), np.where(locked, 0.0, a)
-    before = motion_torque(panda, q, v, a, conditions.payload)
-    after = motion_torque(panda, q, still_v, still_a, conditions.payload)
+    both = [given.get(name, np.zeros(7)) for name in motion]
+    G = weight_torque(panda, q, np.array(MOON), payload)
+    before = motion_torque(panda, q, *both, payload)
+    after = motion_torque(panda, q, *(np.where(locked, 0.0, x) for x in both), payload)
     assert np.abs(before - after).max() > 0.1
     assert_close(change.gravity, G)
     assert_close(change.motion_before, before)
     assert_close(change.motion_after, after)
     assert_close(change.before, G + before)
     assert_close(change.after, G + after)
-    for options in ({"velocity": None, "acceleration": a}, {"velocity": v, "acceleration": None}):
-        half = rnea_change(panda, q, Conditions.of(panda, payload=payload, **options), locked)
-        v_half, a_half = (
-            np.zeros(7) if x is None else np.where(locked, 0.0, x) for x in options.values()
-        )
-        wanted = motion_torque(panda, q, v_half, a_half, conditions.payload)
-        assert_close(half.motion_after, wanted)
 
 
 def test_free_and_weak_joints_go_on_moving(panda):
@@ -310,13 +251,6 @@ def test_where_masses_are_impossible_the_impact_is_unknown_and_the_rest_is_told(
 # ---- inverses --------------------------------------------------------------------------------
 
 
-def test_inverses_that_do_not_exist(panda):
-    for ask in (ftforce.analyze, ftforce.census):
-        with pytest.raises(UnknownNameError) as caught:
-            ask(panda, torque=[1] * 7, inverse="khatib")
-        assert str(caught.value) == "no inverse 'khatib'; there is: euclidean, dynamic"
-
-
 def test_the_dynamic_inverse_needs_masses(weightless, no_hand):
     for ask in (ftforce.analyze, ftforce.census):
         with pytest.raises(InputError) as caught:
@@ -327,13 +261,6 @@ def test_the_dynamic_inverse_needs_masses(weightless, no_hand):
         )
         with pytest.raises(InputError, match="mass matrix of 'arm' is not positive definite"):
             ask(no_hand, Q, torque=[1, 2, 3], inverse="dynamic")
-
-
-def test_mass_matrices_for_inverses(panda):
-    q, conditions = np.full(7, 0.2), Conditions.of(panda, payload=(2.0, (0, 0, 0.1)))
-    assert mass_matrix_for(panda, q, conditions, "euclidean") is None
-    M = mass_matrix_for(panda, q, conditions, "dynamic")
-    assert_close(M, mass_matrix(panda, q, conditions.payload))
 
 
 def loaded(panda, task, **options):
@@ -371,10 +298,3 @@ def test_the_dynamic_inverse_where_the_arm_lacks_a_direction():
     wanted = np.linalg.solve(saddle, [1, 2, 3, 0, 0])[3:]
     assert_close(result.force.before, [*wanted, 0.0])
     assert_close(result.torque.self_motion, [1, 2, 3] - J.T @ wanted)
-
-
-def test_an_arm_without_rank_exerts_nothing_dynamically():
-    arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 2))
-    result = ftforce.analyze(arm, [0.1, 0.7], torque=[1, 2], inverse="dynamic", task="mx")
-    assert_close(result.force.before, [0.0])
-    assert_close(result.torque.self_motion, [1.0, 2.0])

@@ -12,76 +12,35 @@ from hypothesis import strategies as st
 
 from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import DimensionError, InputError
+from helpers import campaign, dh_tables, toolbox_arm
 
 DH5 = Path(__file__).parents[1] / "robots" / "dh5.toml"
 BAR = MassModel("solid cylinder", radius=0.03, density=2700.0)
-
-
-def toolbox_robot(table):
-    """Build the same arm in roboticstoolbox, an independent implementation of both conventions."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import roboticstoolbox as rtb
-
-        joint = {
-            ("standard", "revolute"): rtb.RevoluteDH,
-            ("standard", "prismatic"): rtb.PrismaticDH,
-            ("modified", "revolute"): rtb.RevoluteMDH,
-            ("modified", "prismatic"): rtb.PrismaticMDH,
-        }
-        links = []
-        for row in table.rows:
-            variable = (
-                {"d": row.d, "offset": row.theta}
-                if row.type == "revolute"
-                else {"theta": row.theta, "offset": row.d}
-            )
-            links.append(joint[table.convention, row.type](a=row.a, alpha=row.alpha, **variable))
-        return rtb.DHRobot(links)
 
 
 def toolbox_frames(table, q):
     """Poses of frames 0 to n, shape (n+1, 4, 4)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return np.array([pose.A for pose in toolbox_robot(table).fkine_all(q)])
-
-
-lengths = st.floats(-1.0, 1.0)
-angles = st.floats(-7.0, 7.0) | st.sampled_from([k * math.pi / 2 for k in range(-4, 5)])
-rows = st.builds(
-    DHRow,
-    a=lengths,
-    alpha=angles,
-    d=lengths,
-    theta=angles,
-    type=st.sampled_from(["revolute", "prismatic"]),
-    lower=st.just(-9.0),
-    upper=st.just(9.0),
-)
+        return np.array([pose.A for pose in toolbox_arm(table).fkine_all(q)])
 
 
 @st.composite
 def tables_and_positions(draw):
-    table = DHTable(
-        name="random",
-        convention=draw(st.sampled_from(["standard", "modified"])),
-        rows=tuple(draw(st.lists(rows, min_size=1, max_size=6))),
-        mass=BAR,
-    )
+    table = draw(dh_tables)
     n = len(table.rows)
     return table, draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n))
 
 
 @given(tables_and_positions())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 20))
 def test_transforms_equal_roboticstoolbox(case):
     table, q = case
     np.testing.assert_allclose(table.transforms(q), toolbox_frames(table, q), atol=1e-12)
 
 
 @given(tables_and_positions())
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=campaign(30, 10))
 def test_joint_variable_adds_to_theta_or_d(case):
     table, q = case
     moved = [

@@ -66,6 +66,19 @@ def test_a_table_knows_no_file_until_it_is_asked_for_one():
     assert read_dh_table(DH5).rows == DHTable.from_toml(DH5).rows
 
 
+def test_what_is_not_stated_has_defaults(read):
+    table = read(TABLE[: TABLE.index("[postures]")], "utf-8-sig")
+    assert (table.name, dict(table.postures)) == ("arm", {})
+    assert table.joint_names == ("shoulder", "joint2")
+    assert table.link_names == ("base", "link1", "slide", "tool")
+    assert (table.rows[1].effort, table.rows[1].mass) == (None, None)
+
+
+def test_radians_stay(read):
+    (turn, _) = read(TABLE.replace('"deg"', '"rad"').replace("[20, 0.25]", "[30, 0.25]")).rows
+    assert (turn.alpha, turn.theta, turn.lower, turn.velocity) == (90, 30, -170, 60)
+
+
 def test_degrees_become_radians_but_metres_stay(read):
     turn, slide = read(TABLE).rows
     rad = math.radians
@@ -78,46 +91,15 @@ def test_degrees_become_radians_but_metres_stay(read):
     np.testing.assert_array_equal(read(TABLE).postures["home"], [rad(20), 0.25])
 
 
-def test_radians_stay(read):
-    in_radians = TABLE.replace('"deg"', '"rad"').replace("alpha = 90", "alpha = 1.5")
-    in_radians = in_radians.replace("lower = -170, upper = 160", "lower = -3, upper = 2.5")
-    table = read(in_radians.replace("[20, 0.25]", "[-2, 0.25]"))
-    turn = table.rows[0]
-    assert (turn.alpha, turn.theta, turn.lower, turn.upper, turn.velocity) == (1.5, 30, -3, 2.5, 60)
-    np.testing.assert_array_equal(table.postures["home"], [-2, 0.25])
-
-
-def test_names_default_to_numbers(read):
-    table = read(TABLE)
-    assert table.joint_names == ("shoulder", "joint2")
-    assert table.link_names == ("base", "link1", "slide", "tool")
-
-
-def test_what_is_not_stated_is_unknown(read):
-    assert read(TABLE).rows[1].effort is None
-    assert read(TABLE).rows[1].mass is None
-
-
-def test_postures_are_optional(read):
-    assert dict(read(TABLE[: TABLE.index("[postures]")]).postures) == {}
-
-
-def test_a_byte_order_mark_is_no_problem(read):
-    assert read(TABLE, "utf-8-sig").name == "arm"
-
-
 MALFORMED = {
     # what is replaced in TABLE, by what, and what the message says
     "robot name missing": ('name = "arm"\n', "", "missing key 'name'"),
     "robot name empty": ('"arm"', '""', "name needs printable text without blanks around it"),
-    "robot name no text": ('"arm"', "7", "name needs printable text.*got 7"),
-    "robot name multi-line": ('"arm"', r'"a\nb"', "name needs printable text"),
     "convention unknown": (
         '"standard"',
         '"standart"',
         "no convention 'standart'; there is: standard, modified; did you mean 'standard'",
     ),
-    "convention no text": ('"standard"', "1", "no convention '1'; there is: standard, modified"),
     "convention missing": ('convention = "standard"\n', "", "missing key 'convention'"),
     "key unknown": (
         "convention",
@@ -134,7 +116,6 @@ MALFORMED = {
     "length unit unknown": ('"m"', '"mm"', "units: no length unit 'mm'; there is: m"),
     "angle unit unknown": ('"deg"', '"grad"', "units: no angle unit 'grad'; there is: deg, rad"),
     "no rows": (r"rows = \[.*?\n\]", "rows = []", "rows is empty; a table needs one row per joint"),
-    "rows missing": (r"rows = \[.*?\n\]", "", "missing key 'rows'"),
     "rows no list": (r"rows = \[.*?\n\]", "rows = 3", "rows needs a list .*got 3"),
     "row no table": (
         r"rows = \[.*?\n\]",
@@ -153,12 +134,9 @@ MALFORMED = {
         '"prism"',
         "row 2: no type 'prism'; there is: revolute, prismatic",
     ),
-    "row type no text": ('"prismatic"', "[2]", r"row 2: no type '\[2\]'"),
     "number as text": ("a = 0.2", 'a = "0.2"', "row 2: a needs a number, got '0.2'"),
-    "number as bool": ("a = 0.2", "a = true", "row 2: a needs a number, got True"),
     "nan": ("d = 0.4", "d = nan", "row 2: d needs a finite number, got nan"),
     "infinite": ("upper = 0.7", "upper = inf", "row 2: upper needs a finite number, got inf"),
-    "infinite angle": ("alpha = 90", "alpha = -inf", "row 1: alpha needs a finite number"),
     "huge integer": ("a = 0.2", "a = 1" + 400 * "0", "row 2: a needs a finite number, got 1000"),
     "lower above upper": (
         "lower = -170",
@@ -169,12 +147,8 @@ MALFORMED = {
     "effort zero": ("effort = 50", "effort = 0", "row 1: effort needs to be positive, got 0"),
     "velocity negative": ("velocity = 60", "velocity = -6", "row 1: velocity needs to be positive"),
     "mass zero": ("mass = 2.5", "mass = 0", "row 1: mass needs to be positive, got 0"),
-    "mass negative": ("mass = 2.5", "mass = -1", "row 1: mass needs to be positive, got -1"),
     "mass unknown": ("density = 1000\n", "", "row 2: missing key 'mass' .or one 'density' in mass"),
     "joint name empty": ('"shoulder"', '""', "row 1: joint needs printable text"),
-    "joint name blank": ('"shoulder"', '" "', "row 1: joint needs printable text"),
-    "joint name no text": ('"shoulder"', "true", "row 1: joint needs printable text.*got True"),
-    "link name control character": ('"slide"', r'"a\u0007"', "row 2: link needs printable text"),
     "link name no XML character": ('"slide"', r'"\uffff"', "row 2: link needs printable text"),
     "joint name twice": ('"shoulder"', '"joint2"', "names of their own; 'joint2' is taken twice"),
     "joint named as the last one": ('"shoulder"', '"tool_joint"', "'tool_joint' is taken twice"),
@@ -189,14 +163,10 @@ MALFORMED = {
     "mass key unknown": ("radius", "radios", "mass: no key 'radios'.*did you mean 'radius'"),
     "radius missing": ("radius = 0.02\n", "", "mass: missing key 'radius'"),
     "radius zero": ("0.02", "0", "mass: radius needs to be positive, got 0"),
-    "radius nan": ("0.02", "nan", "mass: radius needs a finite number, got nan"),
     "density negative": ("1000", "-1", "mass: density needs to be positive, got -1"),
-    "density bool": ("1000", "true", "mass: density needs a number, got True"),
     "posture too short": (r"\[20, 0.25\]", "[20]", "posture 'home' needs 2 numbers, got 1 number"),
     "posture too long": (r"\[20, 0.25\]", "[20, 0, 0]", "'home' needs 2 numbers, got 3 numbers"),
-    "posture no list": (r"\[20, 0.25\]", "20", "posture 'home' needs a list of numbers, got 20"),
     "posture of text": (r"\[20, 0.25\]", '[20, "0"]', "posture 'home' needs a number, got '0'"),
-    "posture of bool": (r"\[20, 0.25\]", "[20, false]", "posture 'home' needs a number, got False"),
     "posture nan": (r"\[20, 0.25\]", "[20, nan]", "posture 'home' needs a finite number, got nan"),
     "posture outside": (
         r"\[20, 0.25\]",
@@ -210,7 +180,6 @@ MALFORMED = {
     ),
     "posture name empty": ("home =", '"" =', "posture name needs printable text"),
     "broken TOML": ("units = {", "units = {{", "is not TOML: .*line 3"),
-    "key twice": ('name = "arm"', 'name = "arm"\nname = "arm"', "is not TOML"),
     "endless nesting": ('"arm"', 9999 * "[", "is not TOML"),
     "endless integer": ("a = 0.2", "a = 1" + 9999 * "0", "is not TOML"),
 }

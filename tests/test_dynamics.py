@@ -15,13 +15,13 @@ from helpers import (
     KNOWN,
     arms,
     assert_close,
+    campaign,
+    changed_model,
     eager_threads,
-    joint,
     load_text,
     seeds,
     serial_urdf,
     toolbox,
-    urdf_of,
     without_masses,
 )
 
@@ -41,11 +41,6 @@ def total(arm, q, v, a, **options):
 
 
 # ---- roboticstoolbox -------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
 
 
 def inertials(arm):
@@ -92,18 +87,6 @@ def test_weight_and_motion_against_the_toolbox(panda, toolbox_panda):
 # ---- Pinocchio with another model ------------------------------------------------------------
 
 
-def changed(arm, gravity=None, payload=None):
-    """Return a copy of the model with another gravity, and the payload as part of the last link."""
-    model = arm.model.copy()
-    if gravity is not None:
-        model.gravity.linear = np.asarray(gravity)
-    if payload is not None:
-        tip = model.frames[arm.tip_frame]
-        point = pin.Inertia(payload.mass, np.asarray(payload.offset), np.zeros((3, 3)))
-        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
-    return model
-
-
 SURROUNDINGS = [
     {},
     {"gravity": MOON},
@@ -120,7 +103,7 @@ def test_gravity_and_payload_against_another_model(name, surroundings):
     arm = ftforce.load_robot(name)
     if arm.mass == 0.0:
         pytest.skip("has no masses")
-    model, G = changed(arm, **surroundings), arm.coordinates.G
+    model, G = changed_model(arm, **surroundings), arm.coordinates.G
     data, rng = model.createData(), np.random.default_rng(4)
     q, v, a = rng.uniform(-1.0, 1.0, size=(3, arm.n))
     configuration, rest = arm.to_model(q), np.zeros(model.nv)
@@ -146,16 +129,6 @@ def test_gravity_and_payload_against_another_model(name, surroundings):
     assert_close(M, M.T, tol=EXACT)
 
 
-def test_the_model_is_left_alone(panda):
-    before = panda.model.copy()
-    q = np.full(7, 0.3)
-    weight_torque(panda, q, MOON, POINT)
-    motion_torque(panda, q, q, q, POINT)
-    mass_matrix(panda, q, POINT)
-    assert panda.model == before
-    assert_close(weight_torque(panda, q), weight_torque(panda, q, np.array([0.0, 0.0, -9.81])))
-
-
 def test_threads_with_different_gravities_do_not_disturb_each_other(panda):
     q = np.linspace(-1.0, 1.0, 7)
     gravities = np.random.default_rng(2).normal(size=(100, 3))
@@ -179,12 +152,8 @@ def potential(arm, q, gravity, payload):
     return -height - payload.mass * (p + R @ payload.offset) @ gravity
 
 
-def momentum(arm, q, v, payload):
-    return mass_matrix(arm, q, payload) @ v
-
-
 @given(arms(least=2), seeds)
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_random_arms_against_their_energies(case, seed):
     arm, q = case
     v, a = np.random.default_rng(seed).normal(size=(2, arm.n))
@@ -196,7 +165,7 @@ def test_random_arms_against_their_energies(case, seed):
     assert_close(weight_torque(arm, q, MOON, POINT), slopes, scale=10.0, tol=1e-8)
     # d/dt ∂T/∂v - ∂T/∂q, along a path with this velocity and acceleration:
     ahead, behind = (
-        momentum(arm, q + t * v + t * t * a / 2, v + t * a, POINT) for t in (step, -step)
+        mass_matrix(arm, q + t * v + t * t * a / 2, POINT) @ (v + t * a) for t in (step, -step)
     )
     gradient = [
         v @ (mass_matrix(arm, q + d, POINT) - mass_matrix(arm, q - d, POINT)) @ v / (4 * step)
@@ -208,46 +177,6 @@ def test_random_arms_against_their_energies(case, seed):
 
 
 # ---- followers and continuous joints ---------------------------------------------------------
-
-LINKS = ("base", "a", "b", "c", "d", "tool")
-FOLLOWERS = {
-    "revolute": (("revolute", {}), ("revolute", B), ("revolute", C | {"mimic": ("j2", -0.7, 0.4)})),
-    "prismatic": (("revolute", {}), ("revolute", B), ("prismatic", C | {"mimic": ("j1", 0.2, 0)})),
-    "last": (("revolute", {}), ("prismatic", B), ("revolute", C)),
-}
-
-
-@pytest.mark.parametrize("chain", FOLLOWERS.values(), ids=FOLLOWERS)
-def test_followers_against_pinocchios_mimic_model(chain):
-    steps = [*chain, ("revolute", D | ({} if "mimic" in chain[2][1] else {"mimic": ("j3", 3, 0)}))]
-    joints = [joint(f"j{i + 1}", k, LINKS[i], LINKS[i + 1], **o) for i, (k, o) in enumerate(steps)]
-    joints.append(joint("end", "fixed", "d", "tool", xyz=(0.1, 0.05, 0.02)))
-    urdf = urdf_of(*LINKS, joints=joints)
-    arm, model = load_text(urdf, tip="tool"), pin.buildModelFromXML(urdf, mimic=True)
-    assert arm.n == model.nv == 3
-    data = model.createData()
-    order = [model.joints[model.getJointId(name)].idx_v for name in arm.names]
-    for q, v, a in np.random.default_rng(5).uniform(-1.0, 1.0, size=(3, 3, 3)):
-        x = np.zeros((3, 3))
-        x[:, order] = q, v, a
-        assert_close(total(arm, q, v, a), pin.rnea(model, data, *x)[order], tol=EXACT)
-        rest = np.zeros(3)
-        weight = pin.rnea(model, data, x[0], rest, rest)[order]
-        assert_close(weight_torque(arm, q), weight, tol=EXACT)
-        columns = [pin.rnea(model, data, x[0], rest, unit) for unit in np.eye(3)]
-        M = (np.column_stack(columns) - pin.rnea(model, data, x[0], rest, rest)[:, None])[order]
-        assert_close(mass_matrix(arm, q), M[:, order], tol=EXACT)
-
-
-def test_continuous_joints_are_revolute_ones():
-    plain = (("revolute", {}), ("revolute", B), ("prismatic", C), ("revolute", D))
-    loose = tuple(("continuous" if k == "revolute" else k, o) for k, o in plain)
-    arm, other = load_text(serial_urdf(*plain)), load_text(serial_urdf(*loose))
-    q, v, a = np.random.default_rng(6).uniform(-1.0, 1.0, size=(3, 4))
-    for surroundings in SURROUNDINGS:
-        wanted = total(arm, q, v, a, **surroundings)
-        assert_close(total(other, q, v, a, **surroundings), wanted, scale=10.0, tol=EXACT)
-    assert_close(mass_matrix(other, q, POINT), mass_matrix(arm, q, POINT), tol=EXACT)
 
 
 def test_a_single_joint_by_hand():
@@ -311,7 +240,7 @@ def test_links_beyond_the_last_joint_without_mass():
     assert mass_matrix(arm, np.array([0.1, 0.2, 0.3]), POINT).shape == (3, 3)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_point_mass_on_the_last_axis_has_only_rounding_for_an_inertia(seed):
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
@@ -329,15 +258,6 @@ def test_a_point_mass_on_the_last_axis_has_only_rounding_for_an_inertia(seed):
             mass_matrix(arm, q)
 
 
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_arms_have_mass_matrices(name):
-    arm = ftforce.load_robot(name)
-    for q in np.random.default_rng(8).uniform(-2.0, 2.0, size=(20, arm.n)):
-        M = mass_matrix(arm, q)
-        assert not M.flags.writeable
-        assert np.linalg.eigvalsh(M)[0] > 0.0
-
-
 # ---- payloads --------------------------------------------------------------------------------
 
 
@@ -349,33 +269,16 @@ def test_payloads_say_what_they_are():
 
 
 @pytest.mark.parametrize(
-    ("mass", "message"),
+    ("mass", "offset", "message"),
     [
-        (-1, "the payload's mass must be 0 kg or more, got -1"),
-        (math.nan, "the payload's mass must be 0 kg or more, got nan"),
-        (math.inf, "the payload's mass must be 0 kg or more, got inf"),
-        (True, "the payload needs a mass in kg, got True"),
-        ("2", "the payload needs a mass in kg, got '2'"),
-        (None, "the payload needs a mass in kg, got None"),
-        ([2.0], r"the payload needs a mass in kg, got \[2.0\]"),
+        (math.nan, (0, 0, 0), "the payload's mass must be 0 kg or more, got nan"),
+        (math.inf, (0, 0, 0), "the payload's mass must be 0 kg or more, got inf"),
+        ([2.0], (0, 0, 0), r"the payload needs a mass in kg, got \[2.0\]"),
+        ("2", (0, 0, 0), "the payload needs a mass in kg, got '2'"),
+        (1.0, 5, "the payload's place needs 3 numbers, got a single number: x, y, z in m"),
+        (1.0, (0, math.nan, 0), "the payload's place holds nan at position 2"),
     ],
-    ids=repr,
 )
-def test_masses_that_no_payload_has(mass, message):
-    with pytest.raises(InputError, match=f"^{message}$"):
-        Payload.of(mass)
-
-
-@pytest.mark.parametrize(
-    ("offset", "message"),
-    [
-        ((1, 2), "the payload's place needs 3 numbers, got 2 numbers: x, y, z in m"),
-        (5, "the payload's place needs 3 numbers, got a single number: x, y, z in m"),
-        ((0, math.nan, 0), "the payload's place holds nan at position 2; numbers must be finite"),
-        ("xyz", "the payload's place needs numbers, got 'xyz'"),
-    ],
-    ids=repr,
-)
-def test_places_that_no_payload_has(offset, message):
-    with pytest.raises(InputError, match=f"^{message}$"):
-        Payload.of(1.0, offset)
+def test_what_no_payload_is(mass, offset, message):
+    with pytest.raises(InputError, match=f"^{message}"):
+        Payload.of(mass, offset)

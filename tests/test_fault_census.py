@@ -1,7 +1,5 @@
 """census(): every fault set of a posture, as analyze() sees each, in the right order."""
 
-import copy
-import json
 import math
 import pickle
 from dataclasses import FrozenInstanceError
@@ -17,7 +15,7 @@ from ftforce.feasible import End, Reading
 from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
 from helpers import (
-    KNOWN,
+    CAMPAIGN,
     arrays_in,
     assert_close,
     load_text,
@@ -31,61 +29,8 @@ LEVEL = ("revolute", {"xyz": (0.3, 0, 0)})
 SEVERITY = [Verdict.NOT_TOLERATED, Verdict.BORDERLINE, Verdict.TOLERATED]
 
 
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 def numbers(report):
     return [k + 1 for k in report.faults.joints]
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("dh5", {"force": FORCE}),
-        ("dh5", {}),
-        ("dh5", {"torque": [1.0, -2.0, 3.0, 4.0, -5.0], "rtol": 1e-4, "wary": 0.1}),
-        ("panda", {"force": [1, -2, 3, 4, -5, 6], "task": "wrench", "length": 0.3}),
-        ("panda", {"task": "wrench", "axes": "world"}),
-        ("kinova", {"force": [5, 3], "task": "fy,mz"}),
-        ("tiago", {"posture": "zero", "force": FORCE}),
-    ],
-    ids=str,
-)
-def test_every_set_is_what_analyze_says(name, options):
-    arm = ftforce.load_robot(name)
-    result = census(arm, faults=2, **options)
-    assert len(result.sets) == arm.n + math.comb(arm.n, 2)
-    for report in result.sets:
-        alone = analyze(arm, locked=numbers(report), **options)
-        assert report.verdict is alone.verdict
-        assert report.rank_after == alone.reduced.rank_after
-        assert report.rank_lost == alone.reduced.rank - alone.reduced.rank_after
-        assert_close(report.margin, alone.margin, scale=1.0)
-        assert_close(report.sigma_min_after, alone.reduced.damaged.s[-1], scale=1.0)
-        assert_close(
-            report.relative_manipulability, alone.relative_manipulability, scale=1.0, tol=1e-7
-        )
-        if alone.force is None:
-            assert report.after is report.jump is report.jump_norm is None
-            assert report.relative_jump == float(report.rank_lost > 0)
-            continue
-        size = np.linalg.norm(alone.force.before)
-        assert_close(report.after, alone.force.after, scale=size)
-        assert_close(report.jump, alone.force.jump, scale=size)
-        for norm in ("jump_norm", "moment_jump_norm"):
-            one, other = getattr(report, norm), getattr(alone.force, norm)
-            assert (one is None) == (other is None)
-            assert_close(one or 0.0, other or 0.0, scale=size)
-        weighted = [result.task.weigh_force(x) for x in (alone.force.jump, alone.force.before)]
-        relative = np.linalg.norm(weighted[0]) / np.linalg.norm(weighted[1])
-        assert_close(report.relative_jump, relative, scale=1.0)
 
 
 POSTURE = [0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5]  # of panda: nothing is special there
@@ -95,67 +40,89 @@ TORQUE = [5.0, -2.0, 3.0, 4.0, -5.0, 1.0, 2.0]
 BRAKES = Limits.of([87.0] * 4 + [12.0] * 3, [30.0, 25.0, np.nan, 20.0, 10.0, 5.0, 5.0])
 
 
+EACH = [
+    ("dh5", {"force": FORCE}),
+    ("dh5", {"torque": [1.0, -2.0, 3.0, 4.0, -5.0], "rtol": 1e-4, "wary": 0.1}),
+    ("panda", {"force": [1, -2, 3, 4, -5, 6], "task": "wrench", "length": 0.3}),
+    ("panda", {"task": "wrench", "axes": "world"}),
+    ("kinova", {"force": [5, 3], "task": "fy,mz"}),
+    ("tiago", {"posture": "zero", "force": FORCE}),
+    ("panda", {"q": POSTURE, "force": [20.0, -10.0, 5.0], "limits": "urdf"}),
+    ("panda", {"q": POSTURE, "limits": BRAKES}),
+    ("panda", {"q": POSTURE, "force": [100.0, -50.0, 25.0], "limits": BRAKES, **LOAD}),
+    (
+        "panda",
+        {"q": POSTURE, "torque": TORQUE, "inverse": "dynamic", "payload": (1.0, (0, 0, 0.5))},
+    ),
+    ("panda", {"q": POSTURE, **LOAD}),
+]
+
+
 @pytest.mark.parametrize("mode", ["locked", "free"])
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"force": [20.0, -10.0, 5.0]},
-        {"force": [20.0, -10.0, 5.0], "limits": "urdf"},
-        {"limits": BRAKES},
-        {"force": [100.0, -50.0, 25.0], "limits": BRAKES, **LOAD},
-        {"torque": TORQUE, "inverse": "dynamic", "limits": BRAKES, "payload": 1.0},
-        {"torque": TORQUE, "inverse": "dynamic", "payload": (1.0, (0, 0, 0.5))},
-        {"force": [4, -2, 1, 0.3, 0.2, 0.1], "task": "wrench", "length": 0.3, "limits": BRAKES},
-        {**LOAD},
-    ],
-)
-def test_every_set_of_every_mode_is_what_analyze_says(panda, mode, options):
-    result = census(panda, POSTURE, faults=2, mode=mode, **options)
+@pytest.mark.parametrize(("name", "options"), EACH, ids=str)
+def test_every_set_is_what_analyze_says(name, options, mode):
+    arm = ftforce.load_robot(name)
+    result = census(arm, faults=2, mode=mode, **options)
     assert result.mode.value == mode
-    assert len(result.sets) == 7 + 21
+    sets = [*combinations(range(arm.n), 1), *combinations(range(arm.n), 2)]
+    assert sorted(report.faults.joints for report in result.sets) == sorted(sets)
+    assert sorted(report.joint for report in result.joints) == list(range(arm.n))
     for report in result.sets:
-        alone = analyze(panda, POSTURE, **{mode: numbers(report)}, **options)
-        assert report.faults == alone.faults
-        assert report.verdict is alone.verdict
-        assert report.can_stand_still == alone.can_stand_still
-        assert report.rank_after == alone.reduced.rank_after
-        assert_close(report.margin, alone.margin, scale=1.0)
-        assert report.capability is None
-        assert report.binding == (() if alone.bounded is None else alone.bounded.binding)
-        if alone.force is None:
-            assert report.after is report.jump is report.share is None
-            continue
-        assert report.share == (None if alone.bounded is None else alone.bounded.share)
-        if not alone.can_stand_still:
-            assert report.after is report.jump is report.jump_norm is report.share is None
-            assert report.relative_jump == 1.0
-            continue
-        size = np.linalg.norm(alone.force.before)
-        assert_close(report.after, alone.force.after, scale=size)
-        assert_close(report.jump, alone.force.jump, scale=size)
-        assert_close(report.jump_norm, alone.force.jump_norm, scale=size)
+        assert_as_analyzed(report, analyze(arm, **{mode: numbers(report)}, **options))
+
+
+def assert_as_analyzed(report, alone):
+    assert report.faults == alone.faults
+    assert report.verdict is alone.verdict
+    assert report.can_stand_still == alone.can_stand_still
+    assert report.rank_after == alone.reduced.rank_after
+    assert report.rank_lost == alone.reduced.rank - alone.reduced.rank_after
+    assert_close(report.margin, alone.margin, scale=1.0)
+    assert_close(report.sigma_min_after, alone.reduced.damaged.s[-1], scale=1.0)
+    rho = alone.relative_manipulability
+    assert_close(report.relative_manipulability, rho, scale=1.0, tol=1e-7)
+    assert report.capability is None
+    assert report.binding == (() if alone.bounded is None else alone.bounded.binding)
+    if alone.force is None:
+        assert report.after is report.jump is report.jump_norm is report.share is None
+        return
+    assert report.share == (None if alone.bounded is None else alone.bounded.share)
+    if not alone.can_stand_still:
+        assert report.after is report.jump is report.jump_norm is report.share is None
+        assert report.relative_jump == 1.0
+        return
+    size = np.linalg.norm(alone.force.before)
+    assert_close(report.after, alone.force.after, scale=size)
+    assert_close(report.jump, alone.force.jump, scale=size)
+    for norm in ("jump_norm", "moment_jump_norm"):
+        one, other = getattr(report, norm), getattr(alone.force, norm)
+        assert (one is None) == (other is None)
+        assert_close(one or 0.0, other or 0.0, scale=size)
+    weighted = [alone.task.weigh_force(x) for x in (alone.force.jump, alone.force.before)]
+    relative = np.linalg.norm(weighted[0]) / np.linalg.norm(weighted[1])
+    assert_close(report.relative_jump, relative, scale=1.0)
+
+
+CAPABILITIES = [
+    {},
+    {"direction": [1.0, 2.0, -2.0]},
+    {"force": [20.0, -10.0, 5.0]},
+    {"direction": [0.0, 0.0, 1.0], "force": [20.0, -10.0, 5.0], "limits": BRAKES, **LOAD},
+    {"limits": BRAKES, "axes": "world", **LOAD},
+    {"task": "wrench", "length": 0.3},
+    {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
+    {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
+    {"task": "wrench", "length": 0.3, "direction": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+    {"task": "wrench", "length": 0.3, "force": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
+    {"limits": BRAKES, "direction": [0.0, 0.0, 1.0], "faults": 5},
+    {"limits": "none"},
+]
 
 
 @pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("mode", ["locked", "free"])
-@pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {"direction": [1.0, 2.0, -2.0]},
-        {"force": [20.0, -10.0, 5.0]},
-        {"direction": [0.0, 0.0, 1.0], "force": [20.0, -10.0, 5.0], "limits": BRAKES, **LOAD},
-        {"limits": BRAKES, "axes": "world", **LOAD},
-        {"task": "wrench", "length": 0.3},
-        {"task": "mz,fx", "direction": [1.0, 0.0], "limits": BRAKES},
-        {"task": "moment", "length": 0.2, "gravity": [0, 0, 0]},
-        {"task": "wrench", "length": 0.3, "direction": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
-        {"task": "wrench", "length": 0.3, "force": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6]},
-        {"limits": BRAKES, "direction": [0.0, 0.0, 1.0], "faults": 5},
-        {"limits": "none"},
-    ],
-)
+@pytest.mark.parametrize("options", CAPABILITIES if CAMPAIGN else CAPABILITIES[1::2], ids=str)
 def test_every_capability_is_what_capability_says(panda, mode, options):
     options = {"faults": 2, **options}
     result = census(panda, POSTURE, mode=mode, rank_by="capability", **options)
@@ -239,7 +206,10 @@ def test_arms_that_cannot_stand_still_come_before_all(panda):
 
 
 def test_limits_and_direction_of_the_head(panda):
-    plain = census(panda)
+    plain = census(panda, rtol=1e-5, wary=0.1, axes="world")
+    assert (plain.robot, plain.largest, plain.rtol, plain.wary) == (panda, 1, 1e-5, 0.1)
+    assert (plain.rank, plain.task.axes) == (3, "world")
+    assert plain.requested is plain.before is None
     assert (plain.limits, plain.mode.value, plain.rank_by) == (None, "locked", "jump")
     assert plain.direction is None
     ranked = census(panda, rank_by="capability")
@@ -280,72 +250,6 @@ def test_warnings(panda):
     assert "unknown" in warning
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"mode": "free"},
-        {"mode": "free", "force": FORCE, "limits": "urdf"},
-        {"mode": "free", "faults": 4, "rank_by": "capability"},
-        {"rank_by": "capability", "limits": "none"},
-        {"rank_by": "capability", "limits": BRAKES, "direction": [0, 0, 1], **LOAD},
-        {"rank_by": "capability", "limits": Limits.of([1.0] * 7)},
-        {"rank_by": "capability", "task": "wrench", "force": [1, 2, 3, 4, 5, 6]},
-    ],
-)
-def test_documents_hold_finite_numbers(panda, options):
-    result = census(panda, POSTURE, **{"faults": 2, **options})
-    document = ftforce.to_dict(result)
-    json.dumps(document, allow_nan=False)
-    assert document["mode"] == result.mode.value
-    assert document["rank_by"] == result.rank_by
-    for one, report in zip(document["sets"], result.sets, strict=True):
-        assert list(one["modes"]) == [panda.names[i] for i in report.faults.joints]
-        assert one["binding"] == [panda.names[i] for i in report.binding]
-        if report.capability is None:
-            assert one["capability"] is None
-            continue
-        for key in ("commanded", "held"):
-            number = getattr(report.capability, key)
-            assert one["capability"][key] == (number if math.isfinite(number) else None)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"mode": "weak"},
-            "many sets at once take locked or free joints; ask analyze about weak ones",
-        ),
-        ({"mode": "broken"}, "no fault mode 'broken'; there is: locked, free"),
-        ({"mode": None}, "no fault mode None; there is: locked, free"),
-        ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),
-        ({"rank_by": None}, "no ranking None; there is: jump, capability"),
-        ({"inverse": "static"}, "no inverse 'static'; there is: euclidean, dynamic"),
-        ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
-        ({"direction": [1]}, "direction needs 3 numbers, got 1 number: fx, fy, fz of the task"),
-        ({"payload": -1}, "the payload's mass must be 0 kg or more, got -1"),
-        ({"gravity": [1, 2]}, "gravity needs 3 numbers, got 2 numbers: x, y, z in m/s²"),
-        ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_"),
-        ({"faults": 8, "mode": "free"}, "faults must be a number from 1 to 7, got 8"),
-    ],
-    ids=str,
-)
-def test_one_line_says_what_would_have_been_valid(panda, options, message):
-    with pytest.raises(InputError) as caught:
-        census(panda, **options)
-    assert str(caught.value).startswith(message)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_every_set_comes_once(name):
-    arm = ftforce.load_robot(name)
-    result = census(arm, faults=2)
-    expected = [*combinations(range(arm.n), 1), *combinations(range(arm.n), 2)]
-    assert sorted(report.faults.joints for report in result.sets) == sorted(expected)
-    assert sorted(report.joint for report in result.joints) == list(range(arm.n))
-
-
 @pytest.mark.parametrize("options", [{"force": FORCE}, {}, {"task": "wrench"}], ids=str)
 def test_sets_come_worst_first(dh5, options):
     reports = census(dh5, faults=3, **options).sets
@@ -355,6 +259,8 @@ def test_sets_come_worst_first(dh5, options):
         assert severity == sorted(severity)
         if severity[0] == severity[1]:
             assert jumps == sorted(jumps, reverse=True)
+        if severity[0] == severity[1] and jumps[0] == jumps[1]:
+            assert one.rank_lost >= other.rank_lost
         if severity[0] == severity[1] and jumps == [0.0, 0.0]:
             assert round(one.margin, 9) <= round(other.margin, 9)
 
@@ -386,11 +292,11 @@ def test_joints_come_most_critical_first(dh5):
 
 def test_borderline_sets_make_a_joint_critical_too():
     arm, q = stretched(1e-3)
-    result = census(arm, q)
-    found = [(joint.not_tolerated, joint.borderline) for joint in result.joints]
+    found = [(joint.not_tolerated, joint.borderline) for joint in census(arm, q).joints]
     assert found == sorted(found, reverse=True)
-    assert (0, 1) in found
-    assert (0, 0) in found
+    assert {(0, 1), (0, 0)} <= set(found)
+    both = [(joint.not_tolerated, joint.borderline) for joint in census(arm, q, faults=2).joints]
+    assert both == sorted(both, reverse=True)
 
 
 def test_of_equally_critical_joints_the_smaller_margin_comes_first(panda):
@@ -398,16 +304,6 @@ def test_of_equally_critical_joints_the_smaller_margin_comes_first(panda):
     assert {report.verdict for report in result.sets} == {Verdict.TOLERATED}
     margins = [joint.alone.margin for joint in result.joints]
     assert margins == sorted(margins)
-
-
-def test_head_of_a_census(dh5):
-    result = census(dh5, faults=2, force=FORCE, rtol=1e-5, wary=0.1, axes="world")
-    assert (result.robot, result.largest, result.rtol, result.wary) == (dh5, 2, 1e-5, 0.1)
-    assert (result.rank, result.task.axes, result.posture.source) == (3, "world", "posture 'paper'")
-    assert_close(result.requested, FORCE)
-    assert_close(result.before, FORCE)
-    without = census(dh5)
-    assert without.requested is without.before is None
 
 
 def test_a_force_that_even_the_healthy_arm_cannot_exert():
@@ -418,21 +314,6 @@ def test_a_force_that_even_the_healthy_arm_cannot_exert():
     assert result.rank == 2
     assert {report.verdict for report in result.sets} == {Verdict.TOLERATED}
     assert all(math.isnan(report.relative_manipulability) for report in result.sets)
-
-
-def test_a_force_that_only_rounding_exerts():
-    arm = load_text(serial_urdf(("revolute", {"rpy": (0.3, 0.7, 0.2)}), *[LEVEL] * 2))
-    R, _ = tip_pose(arm, np.array([0.1, 0.7, 0.9]))
-    result = census(arm, [0.1, 0.7, 0.9], faults=2, force=30.0 * R[:, 2], axes="world")
-    assert {report.verdict for report in result.sets} == {Verdict.TOLERATED}
-    assert_close([report.relative_jump for report in result.sets], 0.0, tol=1e-6)
-
-
-def test_all_faults_at_once(dh5):
-    report = next(r for r in census(dh5, faults=5, force=FORCE).sets if len(r.faults) == 5)
-    assert_close(report.jump, FORCE)
-    assert_close(report.relative_jump, 1.0)
-    assert (report.rank_after, report.rank_lost, report.sigma_min_after) == (0, 3, 0.0)
 
 
 @pytest.mark.parametrize(("size", "bound"), [(1, math.sqrt(2 / 5)), (2, math.sqrt(1 / 10))])
@@ -447,12 +328,9 @@ def test_worst_manipulability_and_its_bound(dh5, size, bound):
     assert_close(worst, min(rho), scale=1.0, tol=1e-7)
     assert best_possible == pytest.approx(bound)
     assert worst <= best_possible
-
-
-def test_worst_manipulability_of_sizes_that_were_not_counted(dh5):
-    worst, bound = census(dh5, faults=1).worst_manipulability(2)
-    assert math.isnan(worst)
-    assert bound == pytest.approx(math.sqrt(1 / 10))
+    unseen = census(dh5, faults=1).worst_manipulability(2)
+    assert math.isnan(unseen[0])
+    assert unseen[1] == pytest.approx(math.sqrt(1 / 10))
 
 
 def test_the_papers_bound_for_seven_joints(panda):
@@ -467,10 +345,29 @@ def test_progress_is_told_after_every_set(dh5):
     assert told == [(done, 15) for done in range(1, 16)]
 
 
-@pytest.mark.parametrize("faults", [0, -1, 6, True, 2.0, "2", None], ids=repr)
-def test_sizes_that_do_not_exist(dh5, faults):
-    with pytest.raises(InputError, match="faults must be a number from 1 to 5, got"):
-        census(dh5, faults=faults)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode": "weak"}, "many sets at once take locked or free joints; ask analyze about weak"),
+        ({"mode": None}, "no fault mode None; there is: locked, free"),
+        ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),
+        ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
+        *(
+            ({"faults": size}, f"faults must be a number from 1 to 7, got {size!r}")
+            for size in (0, 8, True, 2.0, "2", None)
+        ),
+        ({"force": FORCE, "torque": [0] * 7}, "give either a force or torques"),
+        ({"q": [0] * 4}, ""),
+        ({"velocity": [1, 2]}, ""),
+        ({"rtol": 2}, ""),
+        ({"inverse": "static"}, ""),
+    ],
+    ids=str,
+)
+def test_malformed_values(panda, options, message):
+    with pytest.raises(InputError) as caught:
+        census(panda, **options)
+    assert str(caught.value).startswith(message)
 
 
 def test_too_many_sets_are_refused_before_any_work():
@@ -479,23 +376,6 @@ def test_too_many_sets_are_refused_before_any_work():
         InputError, match=r"726,205 fault sets|1,807,780 fault sets of up to 8 of 25"
     ):
         census(arm, faults=8, progress=lambda *_: pytest.fail("work was done"))
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"force": FORCE, "torque": [0] * 5}, "either a force or torques"),
-        ({"force": [1, 2]}, "force needs 3 numbers, got 2"),
-        ({"q": [0] * 4}, "q needs 5 numbers"),
-        ({"rtol": 2}, "rtol must lie"),
-        ({"task": "push"}, "no task component"),
-        ({"posture": "home"}, "no posture"),
-    ],
-    ids=str,
-)
-def test_malformed_values_are_those_of_analyze(dh5, options, message):
-    with pytest.raises(InputError, match=message):
-        census(dh5, **options)
 
 
 @pytest.mark.parametrize(
@@ -512,23 +392,8 @@ def test_results_are_frozen_and_read_only(dh5, options):
     with pytest.raises(FrozenInstanceError):
         result.joints[0].sets = 0
     assert [name for name, array in arrays_in(result) if array.flags.writeable] == []
-
-
-@pytest.mark.parametrize(
-    "duplicate",
-    [copy.copy, copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))],
-    ids=["copy", "deepcopy", "pickle"],
-)
-def test_results_can_be_copied_and_pickled(dh5, duplicate):
-    result = census(dh5, faults=2, force=FORCE)
-    again = duplicate(result)
+    again = pickle.loads(pickle.dumps(result))
     assert [numbers(report) for report in again.sets] == [numbers(r) for r in result.sets]
-    pairs = zip(arrays_in(result), arrays_in(again), strict=True)
-    for (name, array), (other_name, other) in pairs:
-        assert name == other_name
-        np.testing.assert_array_equal(array, other)
-    assert [joint.joint for joint in again.joints] == [joint.joint for joint in result.joints]
-    assert again.worst_manipulability() == result.worst_manipulability()
 
 
 def test_a_posture_is_looked_up_once_for_all_sets(dh5):

@@ -7,20 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import ftforce
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.fault_events import FaultEvent, Phase, phases, read_events
 from ftforce.faults import Fault, FaultMode, FaultSet
+from helpers import campaign
 from urdfs import arm, joint, load
 
 NAN, INF = math.nan, math.inf
-law = settings(deadline=None, max_examples=200)
+law = settings(deadline=None, max_examples=campaign(200, 60))
 NOTHING = FaultSet()
-
-
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
 
 
 def free(*joints):
@@ -60,23 +55,18 @@ def test_texts(dh5, text, wanted):
     assert read_events(dh5, [text]) == (wanted,)
 
 
+def test_events_in_other_forms(dh5):
+    one = FaultEvent(1.0, locked(2))
+    for form in (one, (text for text in ("3@1",)), [FaultEvent(np.float64(1.0), locked(2))]):
+        assert read_events(dh5, form) == (one,)
+    assert read_events(dh5, ()) == read_events(dh5, []) == ()
+
+
 def test_events_are_sorted_and_those_of_one_time_are_one(dh5):
     given = ["5@7", "free:1@2", FaultEvent(0.5, locked(2)), "weak:4:0.5@2"]
     times = [(event.time, event.faults) for event in read_events(dh5, given)]
     both = FaultSet((*free(0).faults, *weak(3, 0.5).faults))
     assert times == [(0.5, locked(2)), (2.0, both), (7.0, locked(4))]
-
-
-def test_no_events(dh5):
-    assert read_events(dh5, ()) == ()
-    assert read_events(dh5, []) == ()
-
-
-def test_one_event_and_other_iterables(dh5):
-    one = FaultEvent(1.0, locked(2))
-    assert read_events(dh5, one) == (one,)
-    assert read_events(dh5, (text for text in ("3@1",))) == (one,)
-    assert read_events(dh5, [FaultEvent(np.float64(1.0), locked(2))]) == (one,)
 
 
 @pytest.mark.parametrize("name", ["left elbow", "a@b", "a:b", "free", "weak"])
@@ -110,7 +100,6 @@ def test_what_is_not_locked_can_fail_once_more(dh5, events, last):
 
 SUCH = "3,4@50, free:2@10 or weak:3:0.5@5"
 NEEDS = f"a fault event needs joints and a time, e.g. {SUCH}; got"
-CHAIN = "the chain has: 1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
 BAD = {
     "": f"{NEEDS} ''",
     "3": f"{NEEDS} '3'",
@@ -118,11 +107,7 @@ BAD = {
     " @5": f"{NEEDS} ' @5'",
     "3@": "a fault event needs joints and a time, e.g. ",
     "3@soon": "the time of the fault '3@soon': 'soon' is not a number; it is in s",
-    "3@5 s": "the time of the fault '3@5 s': '5 s' is not a number; it is in s",
-    "3@1 2": "the time of the fault '3@1 2': '1 2': 1 number needed, got 2; it is in s",
     "3@nan": "the time of the fault '3@nan': 'nan' is not finite; it is in s",
-    "3@inf": "the time of the fault '3@inf': 'inf' is not finite; it is in s",
-    "3@1e400": "the time of the fault '3@1e400': '1e400' is not finite; it is in s",
     "3@1e300": "the time of the fault '3@1e300': '1e300' is too large",
     "3@-1": "a fault happens at 0 s or later, got -1 s",
     "bogus:3@1": f"a fault is locked, free or weak, got 'bogus' in 'bogus:3@1'; e.g. {SUCH}",
@@ -130,21 +115,13 @@ BAD = {
     "3:0.5@1": f"a fault is locked, free or weak, got '3' in '3:0.5@1'; e.g. {SUCH}",
     "weak:3@1": "a weak joint needs its factor behind a colon, e.g. 3:0.5 for half of its torque",
     "weak:3:@1": "the factor of weak joint '3': '': 1 number needed, got 0",
-    "weak:3:half@1": "the factor of weak joint '3': 'half' is not a number",
     "weak:3:1.5@1": "the factor of weak joint 3 must lie between 0 (no torque) and 1 (full torque)",
-    "weak:3:-0.5@1": "the factor of weak joint 3 must lie between 0 (no torque) and 1",
     "weak::0.5@1": "a factor needs its weak joint, e.g. 3:0.5",
     "free:3:0.5@1": "no joint '3:0.5' in the chain of 'dh5'; there is: joint1, joint2, joint3, joi",
-    "0@1": f"joint number 0 is out of range; {CHAIN}",
-    "6@1": f"joint number 6 is out of range; {CHAIN}",
-    "-1@1": f"joint number -1 is out of range; {CHAIN}",
     "jont3@1": "no joint 'jont3' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, "
     "joint5; did you mean 'joint3'?",
     "3,3@1": "joint 3 (joint3) is named twice",
-    "3,joint3@1": "joint 3 (joint3) is named twice",
     "free:@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
-    ",@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
-    "weak:@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
     "3@1,4@2": "no joint '3@1' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, ",
 }
 
@@ -156,13 +133,6 @@ def test_texts_that_are_no_events(dh5, text, message):
     assert str(caught.value).startswith(message)
     with pytest.raises(InputError):
         read_events(dh5, ["2@0", text])
-
-
-def test_the_names_that_there_are_as_data(dh5):
-    with pytest.raises(UnknownNameError) as caught:
-        read_events(dh5, "jont3@1")
-    assert caught.value.available == dh5.names
-    assert caught.value.suggestion == "joint3"
 
 
 TEXTUAL = f"a fault event is a text such as {SUCH}, got"

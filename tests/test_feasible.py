@@ -9,19 +9,12 @@ from hypothesis import given, settings
 
 from ftforce.bounded import overloaded
 from ftforce.errors import UnknownNameError
-from ftforce.feasible import (
-    NOTHING,
-    Reach,
-    Reading,
-    feasible_forces,
-    reach,
-    weakest_direction,
-)
+from ftforce.feasible import NOTHING, Reach, Reading, feasible_forces, reach, weakest_direction
 from ftforce.reduced import RTOL, reduce
-from helpers import assert_close, seeds
-from problems import Problem, beyond, draw_problem, margin_by_highs, ray_by_highs, space_of
+from helpers import CAMPAIGN, assert_close, campaign, seeds
+from problems import draw_problem, ray_by_highs, space_of
 
-law = settings(deadline=None, max_examples=100)
+law = settings(deadline=None, max_examples=campaign(100, 40))
 
 J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
 X, Y = np.eye(2)
@@ -52,14 +45,10 @@ def forces_of(problem, reading=Reading.COMMANDED):
 # ---- readings --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reading", list(Reading))
-def test_readings_by_name(reading):
-    assert Reading.parse(reading.value) is reading
-    assert Reading.parse(reading) is reading
-
-
-@pytest.mark.parametrize("name", ["Held", "", "carried", None, 1])
-def test_a_reading_that_does_not_exist(name):
+@pytest.mark.parametrize("name", ["Held", "", None])
+def test_readings_by_name(name):
+    for reading in Reading:
+        assert Reading.parse(reading.value) is Reading.parse(reading) is reading
     with pytest.raises(UnknownNameError, match=r"no reading of a lock .*: commanded, held"):
         Reading.parse(name)
 
@@ -72,20 +61,6 @@ def test_a_lock_holds_what_no_motor_commands():
     assert reach(commanded, Y) == (0.0, 0.0, ())
     assert reach(held, X) == (0.0, 2.0, (0,))
     assert reach(held, Y) == (0.0, 9.0, (2,))  # up to the limit of joint 3's brake
-
-
-def test_both_readings_agree_where_nothing_is_lost_but_for_brakes():
-    limits = [2.0, np.nan, 9.0]
-    commanded, held = (forces(J, limits, locked=(2,), reading=reading) for reading in Reading)
-    for d in np.random.default_rng(0).normal(size=(20, 2)):
-        assert reach(commanded, d) == reach(held, d)
-
-
-def test_a_free_joint_yields_in_both_readings():
-    for reading in Reading:
-        feasible = forces(J, [2.0, np.nan, 9.0], free=(2,), reading=reading)
-        assert reach(feasible, X) == (0.0, 0.0, ())
-        assert reach(feasible, X - Y) == (0.0, 2.0, (0,))
 
 
 # ---- the set ---------------------------------------------------------------------------------
@@ -153,39 +128,34 @@ def test_joints_that_weight_alone_overloads():
 
 # ---- rays ------------------------------------------------------------------------------------
 
-
-def test_a_ray_ends_where_the_first_limit_does():
-    feasible = forces(J, [2.0, 9.0, 3.0])
-    assert reach(feasible, X) == (0.0, 2.0, (0,))
-    assert reach(feasible, -X) == (0.0, 2.0, (0,))
-    assert reach(feasible, Y) == (0.0, 3.0, (2,))
-    assert reach(feasible, X + Y) == (0.0, 2.0, (0,))
-    assert reach(feasible, 2.0 * X) == (0.0, 1.0, (0,))
-
-
-def test_weight_makes_a_ray_longer_one_way_than_the_other():
-    feasible = forces(J, [2.0, 9.0, 3.0], rnea=[0.5, 0.0, 0.0])
-    assert reach(feasible, X) == (0.0, 1.5, (0,))
-    assert reach(feasible, -X) == (0.0, 2.5, (0,))
-
-
-def test_two_limits_can_stop_a_ray():
-    feasible = forces(J, [2.0, 9.0, 2.0])
-    assert reach(feasible, X + Y) == (0.0, 2.0, (0, 2))
-    assert reach(forces(J, [2.0, 9.0, 2.0 + 1e-6]), X + Y).stops == (0,)
+RAYS = [  # limits, weight, direction: least, most, joints that stop it; None if it is empty
+    ([2, 9, 3], [0, 0, 0], X, (0.0, 2.0, (0,))),
+    ([2, 9, 3], [0, 0, 0], -X, (0.0, 2.0, (0,))),
+    ([2, 9, 3], [0, 0, 0], Y, (0.0, 3.0, (2,))),
+    ([2, 9, 3], [0, 0, 0], 2.0 * X, (0.0, 1.0, (0,))),
+    ([2, 9, 3], [0.5, 0, 0], X, (0.0, 1.5, (0,))),  # weight makes one way longer than the other
+    ([2, 9, 3], [0.5, 0, 0], -X, (0.0, 2.5, (0,))),
+    ([2, 9, 2], [0, 0, 0], X + Y, (0.0, 2.0, (0, 2))),
+    ([2, 9, 2 + 1e-6], [0, 0, 0], X + Y, (0.0, 2.0, (0,))),
+    ([math.nan] * 3, [0, 0, 0], X, (0.0, math.inf, ())),
+    ([2, math.nan, math.nan], [0, 0, 0], Y, (0.0, math.inf, ())),
+    (None, [0, 0, 0], X, (0.0, math.inf, ())),
+    ([2, math.nan, 9], [3, 0, 0], -X, (1.0, 5.0, (0,))),  # an overloaded joint needs a force
+    ([2, math.nan, 9], [3, 0, 0], X, None),
+    ([2, math.nan, 9], [3, 0, 0], Y, None),  # joint 1 has no lever along y
+]
 
 
-def test_a_ray_that_no_known_limit_ends():
-    assert reach(forces(J, [np.nan] * 3), X) == (0.0, math.inf, ())
-    assert reach(forces(J, [2.0, np.nan, np.nan]), Y) == (0.0, math.inf, ())
-    assert reach(forces(J, None), X) == (0.0, math.inf, ())
+@pytest.mark.parametrize(("limits", "rnea", "direction", "wanted"), RAYS, ids=str)
+def test_rays_by_hand(limits, rnea, direction, wanted):
+    found = reach(forces(J, limits, rnea=rnea), direction)
+    assert found.is_empty is (wanted is None)
+    assert wanted is None or found == wanted
 
 
-def test_an_overloaded_joint_needs_a_force():
-    feasible = forces(J, [2.0, np.nan, 9.0], rnea=[3.0, 0.0, 0.0])
-    assert reach(feasible, X).is_empty
-    assert reach(feasible, Y).is_empty  # joint 1 has no lever along y
-    assert reach(feasible, -X) == (1.0, 5.0, (0,))
+def test_what_is_empty():
+    empty = [x.is_empty for x in (NOTHING, Reach(2.0, 1.0), Reach(0.0, 0.0), Reach(2.0, 2.0))]
+    assert empty == [True, True, False, False]
 
 
 def test_a_free_joint_s_weight_asks_for_one_force_of_a_ray():
@@ -218,8 +188,8 @@ def test_a_direction_up_to_rtol_beside_the_plane_lies_in_it(angle, inside):
 @pytest.mark.thorough
 def test_rays_beside_highs():
     rng = np.random.default_rng(8)
-    kinds = Counter()
-    for _ in range(500):
+    kinds, count = Counter(), campaign(500, 150)
+    for _ in range(count):
         problem = draw_problem(rng)
         reading = Reading(rng.choice(list(Reading)))
         feasible = forces_of(problem, reading)
@@ -242,19 +212,7 @@ def test_rays_beside_highs():
             for joint in found.stops:
                 assert abs(torque[joint]) == pytest.approx(problem.limits[joint], rel=1e-6)
     for kind in ("empty", "open", "limit", "plane"):
-        assert kinds[kind] > 10, kinds
-
-
-@given(seeds)
-@law
-def test_a_ray_is_as_long_as_its_direction_is_short(seed):
-    rng = np.random.default_rng(seed)
-    feasible = forces_of(draw_problem(rng))
-    d = rng.normal(size=len(feasible.F0))
-    one, other = reach(feasible, d), reach(feasible, 8.0 * d)
-    assert other.is_empty is one.is_empty
-    if not one.is_empty:
-        assert other == (one.least / 8.0, one.most / 8.0, one.stops)
+        assert kinds[kind] > count / 50, kinds
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-200, 1e-100, 1e150])
@@ -269,17 +227,17 @@ def test_rays_of_any_size(size):
 # ---- the weakest direction -------------------------------------------------------------------
 
 
-def test_the_weakest_direction_meets_the_closest_limit():
-    weakest = weakest_direction(forces(J, [2.0, 2.5, 3.0]), np.eye(2))
-    assert_close(weakest.direction, [math.sqrt(0.5)] * 2)  # 2.5/√2 is less than 2
-    assert weakest.reach.most == pytest.approx(2.5 / math.sqrt(2.0))
-    assert weakest.reach.stops == (1,)
-
-
-def test_weight_decides_which_way_is_the_weakest():
-    weakest = weakest_direction(forces(J, [2.0, np.nan, 3.0], rnea=[-0.5, 0, 0]), np.eye(2))
-    assert_close(weakest.direction, [-1, 0])
-    assert weakest.reach == (0.0, 1.5, (0,))
+@pytest.mark.parametrize(
+    ("limits", "rnea", "direction", "most", "stops"),
+    [
+        ([2, 2.5, 3], [0, 0, 0], (X + Y) / math.sqrt(2.0), 2.5 / math.sqrt(2.0), (1,)),
+        ([2, math.nan, 3], [-0.5, 0, 0], -X, 1.5, (0,)),  # weight decides which way
+    ],
+)
+def test_the_weakest_direction_meets_the_closest_limit(limits, rnea, direction, most, stops):
+    weakest = weakest_direction(forces(J, limits, rnea=rnea), np.eye(2))
+    assert_close(weakest.direction, direction)
+    assert weakest.reach == (0.0, pytest.approx(most), stops)
 
 
 def test_a_lost_direction_is_the_weakest():
@@ -339,8 +297,8 @@ def circle(count):
 
 def test_no_direction_is_weaker_than_the_weakest():
     rng = np.random.default_rng(11)
-    limited = 0
-    for _ in range(200):
+    limited, count = 0, campaign(200, 60)
+    for _ in range(count):
         problem = draw_problem(rng)
         healthy = reduce(problem.J, np.zeros(len(problem.tau), bool))
         space = healthy.healthy.U[:, : healthy.rank]
@@ -360,15 +318,15 @@ def test_no_direction_is_weaker_than_the_weakest():
             least = min(ray.most for ray in rays)
             assert least >= weakest.reach.most * (1.0 - 1e-9)
             limited += math.isfinite(least)
-    assert limited > 100
+    assert limited > count / 2
 
 
 @pytest.mark.no_cover
 @pytest.mark.thorough
 def test_the_weakest_direction_is_found_exactly():
     rng = np.random.default_rng(12)
-    compared = 0
-    for _ in range(200):
+    compared, count = 0, campaign(200, 40)
+    for _ in range(count):
         problem = draw_problem(rng, m=2)
         n = len(problem.tau)
         problem = problem._replace(locked=np.zeros(n, bool), free=np.zeros(n, bool))
@@ -379,44 +337,6 @@ def test_the_weakest_direction_is_found_exactly():
         if math.isinf(weakest):
             continue
         compared += 1
-        brute = min(reach(feasible, d).most for d in circle(3600))
-        assert brute == pytest.approx(weakest, rel=1e-6)  # the cosine of half a step
-    assert compared > 20
-
-
-def test_the_ends_of_rays_lie_on_the_border():
-    rng = np.random.default_rng(13)
-    stopped = 0
-    for _ in range(300):
-        problem = draw_problem(rng)
-        feasible = forces_of(problem)
-        if not feasible.stands_still or feasible.F0.any() or not feasible.Z.any():
-            continue
-        d = feasible.Z @ rng.normal(size=feasible.Z.shape[1])
-        ray = reach(feasible, d)
-        if ray.is_empty or not ray.stops:
-            continue
-        stopped += 1
-        space, size = space_of(problem), ray.most * norm(d)
-        assert beyond(problem, ray.most * d, space, size=size) < 1e-9
-        assert beyond(problem, 1.001 * ray.most * d, space, size=0.0) > 1e-9
-    assert stopped > 50
-
-
-def test_nothing_is_empty():
-    assert NOTHING.is_empty
-    assert Reach(0.0, 0.0).is_empty is False
-    assert Reach(2.0, 2.0).is_empty is False
-    assert Reach(2.0, 1.0).is_empty
-
-
-def test_problems_are_what_they_say():
-    # The oracles of these tests, by hand.
-    problem = Problem(J, J.T @ X, np.zeros(3, bool), np.zeros(3, bool), np.array([2.0, 9, 3]), NONE)
-    assert ray_by_highs(problem, X) == pytest.approx((0.0, 2.0))
-    assert ray_by_highs(problem._replace(limits=NONE + np.nan), X) == (0.0, math.inf)
-    assert margin_by_highs(problem) == pytest.approx(1.0)
-    heavy = problem._replace(rnea=np.array([3.0, 0.0, 0.0]))
-    assert ray_by_highs(heavy, X) is None
-    assert ray_by_highs(heavy, -X) == pytest.approx((1.0, 5.0))
-    assert beyond(heavy, X, space_of(heavy), size=1.0) == pytest.approx(1.0)
+        brute = min(reach(feasible, d).most for d in circle(3600 if CAMPAIGN else 720))
+        assert brute == pytest.approx(weakest, rel=1e-6 if CAMPAIGN else 2e-5)  # half a step
+    assert compared > count / 10

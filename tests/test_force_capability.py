@@ -1,35 +1,29 @@
 """What can be held, by a ratio test, meets linear programs, the remap, and Pinocchio's torques."""
 
-import json
 import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import scipy
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 import ftforce
 from ftforce import Verdict, analyze, capability
+from ftforce.dynamics import Payload
 from ftforce.errors import InputError
-from ftforce.faults import FaultMode
 from ftforce.feasible import End, Reading, reach
 from ftforce.force_capability import capability_of
-from ftforce.kinematics import tip_pose
 from ftforce.limits import Limits
 from helpers import (
-    KNOWN,
+    CAMPAIGN,
     QUARTER,
-    arms,
-    arrays_in,
     assert_close,
-    is_beyond_doubt,
+    campaign,
+    changed_model,
     load_text,
-    seeds,
     serial_urdf,
     without_masses,
 )
+from problems import Problem, ray_by_highs
 
 COMMANDED, HELD = Reading
 Q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])  # of panda: nothing is special there
@@ -37,55 +31,18 @@ PROGRAM = 1e-6  # of a linear program's numbers; its solver takes torques to 1e-
 MOON = [0.1, -0.2, -1.6]
 
 
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
 # ---- linear programs -------------------------------------------------------------------------
 
 
-def program(analysis, direction, reading, after):
-    """Return the least and the largest s for which s·direction is held; NaN if there is none.
-
-    Variables are s and, where motors command, torques y with K y = s·direction.
-    """
-    J, n = analysis.J, analysis.robot.n
+def problem_of(analysis, after):
+    """Return the question that a linear program is asked."""
     faults = analysis.faults if after else ftforce.FaultSet()
-    rnea = analysis.rnea.after if after else analysis.rnea.before
-    largest = np.full(n, np.nan)
-    if analysis.limits is not None:
-        largest = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
-    lever = direction @ J
-    A, b, equal, right = [], [], [], []
-    for i in range(n):
-        row = [lever[i], *[0.0] * n]
-        mode = {fault.joint: fault for fault in faults.faults}.get(i)
-        if mode is not None and mode.has_no_torque:
-            equal.append(row)
-            right.append(-rnea[i])
-            continue
-        limit = largest[i] * (1.0 if mode is None else mode.factor)
-        if not math.isnan(limit):
-            A += [row, [-x for x in row]]
-            b += [limit - rnea[i], limit + rnea[i]]
-    if reading is COMMANDED:
-        K = np.where(faults.mask(n), 0.0, J)
-        equal += np.column_stack([-direction, K]).tolist()
-        right += [0.0] * len(direction)
-    ends = []
-    for sign in (1.0, -1.0):
-        found = scipy.optimize.linprog(
-            [sign, *[0.0] * n],
-            A or None,
-            b or None,
-            equal or None,
-            right or None,
-            bounds=[(0.0, None), *[(None, None)] * n],
-        )
-        assert found.status in {0, 2, 3}
-        ends.append({0: abs(found.fun or 0.0), 2: math.nan, 3: math.inf}[found.status])
-    return ends
+    n, rnea = analysis.robot.n, analysis.rnea
+    limits = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
+    limits = np.where(faults.mask(n), limits, faults.factors(n) * limits)
+    free = np.isin(np.arange(n), faults.swinging)
+    weight = rnea.after if after else rnea.before
+    return Problem(analysis.J, np.zeros(n), faults.mask(n), free, limits, weight)
 
 
 def assert_as_programmed(result, tol=PROGRAM):
@@ -94,7 +51,9 @@ def assert_as_programmed(result, tol=PROGRAM):
     for report in result.directions:
         for after, amounts in ((False, report.before), (True, report.after)):
             for reading, amount in amounts.items():
-                least, most = program(result.analysis, amount.direction, reading, after)
+                problem = problem_of(result.analysis, after)
+                ends = ray_by_highs(problem, amount.direction, held=reading is HELD)
+                least, most = ends or (math.nan, math.nan)
                 assert math.isnan(amount.most) == math.isnan(most)
                 assert math.isinf(amount.most) == math.isinf(most)
                 if math.isfinite(most):
@@ -126,7 +85,7 @@ CASES = [
 @pytest.mark.no_cover
 @pytest.mark.thorough
 @pytest.mark.parametrize("brakes", [None, 60.0], ids=["no brakes", "brakes"])
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", CASES if CAMPAIGN else CASES[::2], ids=str)
 def test_panda_against_linear_programs(panda, case, brakes):
     limits = Limits.of(panda.effort, None if brakes is None else np.full(7, brakes))
     m = ftforce.Task.parse(case.get("task", "force")).m
@@ -134,42 +93,6 @@ def test_panda_against_linear_programs(panda, case, brakes):
     result = capability(panda, Q, limits=limits, direction=direction, **case)
     assert len(result.directions) == 2 * m + 1
     assert assert_as_programmed(result)
-
-
-@pytest.mark.no_cover
-@pytest.mark.thorough
-@given(arms(least=3), seeds, st.data())
-@settings(deadline=None, max_examples=40)
-def test_random_arms_against_linear_programs(case, seed, data):
-    arm, q = case
-    rng = np.random.default_rng(seed)
-    joints = rng.permutation(np.arange(1, arm.n + 1)).tolist()
-    locked, free = data.draw(st.sampled_from([(1, 0), (2, 0), (3, 0), (0, 1), (1, 1)]))
-    unknown = rng.random(arm.n) < 0.2
-    limits = Limits.of(
-        np.where(unknown, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
-        np.where(rng.random(arm.n) < 0.5, np.nan, rng.uniform(20.0, 90.0, size=arm.n)),
-    )
-    result = capability(
-        arm,
-        q,
-        limits=limits,
-        locked=joints[:locked],
-        free=joints[locked : locked + free],
-        axes=data.draw(st.sampled_from(["tool", "world"])),
-        direction=rng.normal(size=3),
-    )
-    reduced = result.analysis.reduced
-    assume(is_beyond_doubt(reduced.J, reduced.locked))
-    assume(not free or np.linalg.norm(reduced.J[:, joints[locked] - 1]) > 0.01)
-    for report in result.directions:  # no torque that is almost, or only by rounding, balanced
-        for amounts in (report.before, report.after):
-            assume(not any(0.0 < amount.most < 1e-3 for amount in amounts.values()))
-    levers = np.abs([r.before[HELD].direction @ result.analysis.J for r in result.directions])
-    assume(not np.any((levers > 1e-12) & (levers < 1e-4)))
-    entries = np.abs(result.analysis.J)  # next to tolerances of the other solver, it gives up
-    assume(not np.any((entries > 1e-12) & (entries < 1e-4)))
-    assert_as_programmed(result, tol=1e-5)
 
 
 # ---- the remap -------------------------------------------------------------------------------
@@ -202,46 +125,15 @@ def test_the_remap_keeps_what_can_be_commanded_and_no_more(panda, case):
         assert_close(abs(total[joint]), factor * panda.effort[joint])
 
 
-def test_readings_differ_by_brakes_alone_where_no_direction_is_lost(panda):
-    result = capability(panda, locked=[2])
-    assert result.analysis.reduced.rank_after == 3
-    for report in (*result.directions, result.weakest):
-        assert report.after[COMMANDED].most == report.after[HELD].most
-        assert report.before[COMMANDED].most == report.before[HELD].most
-        assert report.before[COMMANDED].most <= report.after[COMMANDED].most  # one limit less
-    brakes = np.where(np.arange(7) == 1, 15.0, np.nan)
-    braked = capability(panda, locked=[2], limits=Limits.of(panda.effort, brakes))
-    pairs = zip(result.directions, braked.directions, strict=True)
-    stopped = [one.after[COMMANDED].most > other.after[COMMANDED].most for one, other in pairs]
-    assert any(stopped)
-    for report in braked.directions:
-        assert report.after[COMMANDED].most == report.after[HELD].most
-
-
-def test_the_healthy_arm_is_the_one_without_faults(panda):
-    faulty = capability(panda, locked=[2], free=[6], velocity=[1.0] * 7, payload=1.0)
-    healthy = capability(panda, velocity=[1.0] * 7, payload=1.0)
-    for one, other in zip(
-        (*faulty.directions, faulty.weakest), (*healthy.directions, healthy.weakest), strict=True
-    ):
-        for reading in Reading:
-            assert one.before[reading].most == other.before[reading].most
-            assert other.after[reading].most == other.before[reading].most
-    assert faulty.payload[0].most == healthy.payload[0].most == healthy.payload[1].most
-    assert_close(
-        faulty.polytope(after=False).vertices, healthy.polytope(after=True).vertices, tol=1e-12
-    )
-
-
 # ---- the weakest direction -------------------------------------------------------------------
 
 
-def sampled_reach(result, after, reading, rng, count=3000):
+def sampled_reach(result, after, reading, rng):
     """Return the smallest reach over weighted directions that the healthy arm has."""
     reduced = result.analysis.reduced
     space = reduced.healthy.U[:, : reduced.rank]
     feasible = result.feasible(after=after, reading=reading)
-    directions = rng.normal(size=(count, space.shape[1])) @ space.T
+    directions = rng.normal(size=(campaign(3000, 1000), space.shape[1])) @ space.T
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     return min(reach(feasible, d).most for d in directions)
 
@@ -269,13 +161,15 @@ def test_the_weakest_direction_against_sampled_ones(panda, case):
             sampled = sampled_reach(result, after, reading, rng) * unit
             assert amount.most <= sampled
             if task.m < 4:
-                assert amount.most > 0.97 * sampled
+                assert amount.most > (0.97 if CAMPAIGN else 0.95) * sampled
             weighted = task.weigh_force(amount.direction)
             assert_close(np.linalg.norm(weighted) * unit, 1.0)
             feasible = result.feasible(after=after, reading=reading)
             assert_close(reach(feasible, weighted).most, amount.most)
             assert reach(feasible, weighted).stops == amount.stops
-            near = weighted + 1e-3 * rng.normal(size=(50, task.m)) * np.linalg.norm(weighted)
+            near = weighted + 1e-3 * rng.normal(size=(campaign(50, 15), task.m)) * np.linalg.norm(
+                weighted
+            )
             for other in near / (np.linalg.norm(near, axis=1)[:, None] * unit):
                 assert reach(feasible, other).most >= amount.most * (1.0 - 1e-12)
 
@@ -304,12 +198,9 @@ def test_directions_that_even_the_healthy_arm_lacks_do_not_count():
 
 def torques_with(arm, result, mass, *, after):
     """Return Pinocchio's torques of the arm with a mass at the tip, as one rigid body."""
-    conditions, model = result.analysis.conditions, arm.model.copy()
-    model.gravity.linear = conditions.gravity
+    conditions = result.analysis.conditions
     offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
-    tip = model.frames[arm.tip_frame]
-    body = pin.Inertia(mass, np.array(offset), np.zeros((3, 3)))
-    model.appendBodyToJoint(tip.parentJoint, body, tip.placement)
+    model = changed_model(arm, conditions.gravity, Payload.of(mass, offset))
     locked = result.analysis.reduced.locked & after
     v, a = (
         np.zeros(arm.n) if x is None else np.where(locked, 0.0, x)
@@ -368,31 +259,6 @@ def test_a_payload_is_just_within_the_limits(panda, case, brakes):
         assert bool(np.any((torque > held.upper) | (torque < held.lower))) == bool(overloaded)
 
 
-@pytest.mark.parametrize("name", KNOWN)
-def test_payloads_of_known_arms(name):
-    arm = ftforce.load_robot(name)
-    result = capability(arm, locked=[2], limits=Limits.of(np.full(arm.n, 400.0)))
-    for after, amount in zip((False, True), result.payload, strict=True):
-        if amount.end is End.LIMIT:
-            assert_close(worst_share(arm, result, amount.most, after=after), 1.0)
-        else:
-            assert math.isinf(amount.most)
-
-
-def test_what_is_there_already_counts(panda):
-    bare, loaded = (capability(panda, locked=[2], payload=x) for x in (None, 2.0))
-    for one, other in zip(bare.payload, loaded.payload, strict=True):
-        assert_close(other.most, one.most - 2.0)
-
-
-def test_without_gravity_any_payload_is_held(panda):
-    result = capability(panda, locked=[2], gravity=[0, 0, 0])
-    for amount in result.payload:
-        assert (amount.most, amount.least, amount.end, amount.stops) == (
-            math.inf, 0.0, End.UNLIMITED, (),
-        )  # fmt: skip
-
-
 def test_a_payload_that_no_joint_feels_weighs_nothing():
     """All axes are vertical but for rounding: nothing ends the payload."""
     turned = {"rpy": (QUARTER, 0, 0), "axis": (0, 1, 0)}
@@ -402,26 +268,6 @@ def test_a_payload_that_no_joint_feels_weighs_nothing():
     assert result.analysis.rnea.gravity.any()  # 1e-15 N·m
     assert [amount.most for amount in result.payload] == [math.inf, math.inf]
     assert [amount.end for amount in result.payload] == [End.UNLIMITED, End.UNLIMITED]
-
-
-# A link that is too heavy for its motor; the tip lies on the joint's axis.
-HEAVY = serial_urdf(
-    ("revolute", {"xyz": (0.3, 0, 0)}),
-    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0), "effort": 0.5}),
-).replace("0.11 0.05 0.03", "0 0 0")
-HEAVY = HEAVY.replace("<inertial>", '<inertial><origin xyz="0.1 0 0"/>')
-
-
-def test_an_arm_that_cannot_carry_itself_carries_nothing():
-    arm = load_text(HEAVY)
-    result = capability(arm, [0.0, 0.0])
-    assert_close(result.analysis.rnea.gravity, [0.0, -0.2 * 9.81])
-    for amount in result.payload:
-        assert math.isnan(amount.most)
-        assert (amount.end, amount.stops) == (End.WEIGHT, (1,))
-    free = capability(arm, [0.0, 0.0], free=2).payload[1]
-    assert math.isnan(free.most)
-    assert (free.end, free.stops) == (End.FAULT, (1,))
 
 
 SEESAW = serial_urdf(("revolute", {"axis": (0, 1, 0)})).replace("0.11 0.05 0.03", "1 0 0")
@@ -483,12 +329,6 @@ def test_unknown_limits_end_nothing():
     none = capability(arm, locked=[2], limits="none")
     assert none.analysis.limits is None
     assert none.directions[0].after[COMMANDED].most == math.inf
-
-
-def test_the_urdfs_limits_count_if_none_are_named(panda):
-    one, other = capability(panda, locked=[2]), capability(panda, locked=[2], limits="urdf")
-    assert one.analysis.limits.source == "urdf"
-    assert one.directions[0].after[HELD].most == other.directions[0].after[HELD].most
 
 
 def test_an_arm_that_cannot_carry_itself(panda):
@@ -566,12 +406,6 @@ def test_names_units_and_directions(panda):
     assert capability(panda).direction is None
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e-9, 1e9, 1e100])
-def test_a_direction_has_no_size(panda, scale):
-    result = capability(panda, direction=scale * np.array([1.0, 2.0, 2.0]))
-    assert_close(result.direction, [1 / 3, 2 / 3, 2 / 3])
-
-
 def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
     result = capability(panda, task="wrench", direction=[1e-17, 0, 0, 0, 0, 2.0])
     assert_close(result.direction, [0, 0, 0, 0, 0, 1.0])
@@ -581,25 +415,11 @@ def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
     assert_close(result.directions[-1].after[HELD].most, wanted.after[HELD].most)
 
 
-def test_world_axes_ask_about_other_directions(panda):
-    R, _ = tip_pose(panda, analyze(panda).posture.q)
-    tool = capability(panda, locked=[2], direction=R.T @ [1.0, 2.0, 3.0])
-    world = capability(panda, locked=[2], direction=[1.0, 2.0, 3.0], axes="world")
-    for reading in Reading:
-        assert_close(
-            world.directions[-1].after[reading].most, tool.directions[-1].after[reading].most
-        )
-    assert_close(world.weakest.after[HELD].most, tool.weakest.after[HELD].most)
-    assert world.payload[1].most == pytest.approx(tool.payload[1].most)
-
-
 @pytest.mark.parametrize(
     ("direction", "message"),
     [
         ([0, 0, 0], "the direction needs a component that is not zero"),
         ([1, 2], "direction needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
-        ([1, 2, math.nan], "direction holds nan at position 3; numbers must be finite"),
-        ("up", "direction needs numbers, got 'up'"),
     ],
     ids=repr,
 )
@@ -607,23 +427,3 @@ def test_directions_that_are_none(panda, direction, message):
     with pytest.raises(InputError) as caught:
         capability(panda, direction=direction)
     assert str(caught.value) == message
-    with pytest.raises(InputError) as caught:
-        ftforce.census(panda, direction=direction)
-    assert str(caught.value) == message
-
-
-def test_results_are_read_only_and_known_to_json(panda):
-    limits = Limits.of(np.where(np.arange(7) == 1, 5.0, panda.effort))
-    for options in ({"direction": [1, 2, 3]}, {"limits": limits, "free": 6}, {"limits": "none"}):
-        result = capability(panda, **{"locked": [4], **options})
-        parts = [result.direction, *(a for r in result.directions for a in r.after.values())]
-        writeable = [name for part in parts for name, x in arrays_in(part) if x.flags.writeable]
-        assert writeable == []
-        json.dumps(ftforce.to_dict(result), allow_nan=False)
-
-
-def test_modes_without_limits_of_their_own(panda):
-    result = capability(panda, weak={2: 0.25}, free=4)
-    assert result.analysis.faults.in_mode(FaultMode.WEAK) == (1,)
-    assert result.analysis.limits.source == "urdf"
-    assert_as_programmed(result)

@@ -1,6 +1,5 @@
 """A posture at a point: beside roboticstoolbox, within limits, near and out of reach."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,10 @@ from ftforce.dh import DHTable
 from ftforce.errors import InputError
 from ftforce.inverse_kinematics import REACHED, posture_at
 from ftforce.kinematics import tip_pose
-from helpers import arms, assert_close, load_text, serial_urdf, toolbox_arm
+from helpers import arms, assert_close, campaign, load_text, serial_urdf, toolbox_arm
 from urdfs import arm, followed, j2, load
 
-law = settings(deadline=None, max_examples=40)
-pytestmark = pytest.mark.thorough
+law = settings(deadline=None, max_examples=campaign(40, 12))
 
 REACHABLE = ("dh5", "panda", "ur5", "kinova", "tiago", "so101")
 FIXED = '<limit lower="0.5" upper="0.5" effort="10" velocity="3"/>'
@@ -41,7 +39,7 @@ def assert_reached(robot, q, point):
 @pytest.mark.parametrize("name", REACHABLE)
 def test_points_that_the_arm_reaches_in_some_posture_are_reached_from_any(name):
     robot, rng = ftforce.load_robot(name), np.random.default_rng(5)
-    for _ in range(8):
+    for _ in range(campaign(8, 3)):
         point = place(robot, draw(robot, rng))
         assert_reached(robot, posture_at(robot, point, draw(robot, rng)), point)
 
@@ -58,7 +56,7 @@ def test_roboticstoolbox_has_the_tip_there():
 @pytest.mark.parametrize("name", REACHABLE)
 def test_a_posture_that_is_there_already_stays(name):
     robot, rng = ftforce.load_robot(name), np.random.default_rng(6)
-    for _ in range(5):
+    for _ in range(campaign(5, 2)):
         q = draw(robot, rng)
         assert_close(posture_at(robot, place(robot, q), q), q, scale=1.0, tol=1e-9)
 
@@ -140,20 +138,7 @@ def test_a_point_beyond_the_limits_is_out_of_reach():
     a_little = np.array([np.cos(1.0005), np.sin(1.0005), 0.0])  # Newton's steps would go there
     with pytest.raises(InputError, match=r"the tip cannot reach \(0\.5399, 0\.8417, 0\) m"):
         posture_at(robot, a_little, np.zeros(1))
+    with pytest.raises(InputError, match="the tip cannot reach"):
+        posture_at(robot, np.array([1e9, 0.0, -1e9]), np.zeros(1))
     with pytest.raises(InputError, match=r"cannot reach \(1, 0, 0\.001\) m"):
         posture_at(robot, np.array([1.0, 0.0, 1e-3]), np.zeros(1))
-
-
-@pytest.mark.parametrize("name", ["panda", "tiago"])
-def test_that_a_point_is_out_of_reach_is_said_soon(name):
-    robot = ftforce.load_robot(name)
-    before = time.process_time()
-    with pytest.raises(InputError, match="the tip cannot reach"):
-        posture_at(robot, np.array([5.0, 5.0, 5.0]), np.zeros(robot.n))
-    assert time.process_time() - before < 5.0  # 0.8 s usually
-
-
-@pytest.mark.parametrize("point", [(1e3, 0, 0), (1e9, -1e9, 0)])
-def test_points_far_away(point):
-    with pytest.raises(InputError, match="the tip cannot reach"):
-        posture_at(ftforce.load_robot("dh5"), np.array(point, dtype=float), np.zeros(5))

@@ -3,24 +3,12 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import ftforce
-from ftforce.dh import DHTable
 from ftforce.kinematics import frame_jacobian, task_jacobian, tip_pose
-from ftforce.registry import robots_folder
 from ftforce.task import Task
-from helpers import (
-    KNOWN,
-    assert_close,
-    eager_threads,
-    joint,
-    load_text,
-    serial_urdf,
-    srdf_of,
-    urdf_of,
-)
+from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
 
 PLANAR = serial_urdf(
     ("revolute", {}),
@@ -70,19 +58,6 @@ def test_axes_differ_by_the_orientation_of_the_tip(name):
     assert_close(frame_jacobian(arm, q, "world"), turned)
 
 
-def test_world_axes_are_at_the_tip_and_not_at_the_roots_origin(planar):
-    # Pinocchio's WORLD Jacobian is that of the point at the origin: no force map at the tip.
-    J = pin.computeFrameJacobian(planar.model, planar.data, Q, planar.tip_frame, pin.WORLD)
-    assert np.abs(J - frame_jacobian(planar, Q, "world")).max() > 0.1
-
-
-def test_pose_of_the_papers_arm_is_the_closed_form_of_its_table():
-    arm, table = ftforce.load_robot("dh5"), DHTable.from_toml(robots_folder() / "dh5.toml")
-    for q in np.random.default_rng(0).uniform(-3, 3, size=(5, 5)):
-        R, p = tip_pose(arm, q)
-        assert_close(np.column_stack([R, p]), table.transforms(q)[-1][:3], tol=1e-14)
-
-
 @pytest.mark.parametrize("axes", ["tool", "world"])
 @pytest.mark.parametrize("words", ["force", "moment", "wrench", "fx", "fz,mx", "mz,fy"])
 def test_a_task_selects_rows(planar, words, axes):
@@ -115,26 +90,6 @@ def test_results_do_not_change_with_the_next_call(planar):
     tip_pose(planar, Q + 1.0)
     for now, then in zip((J, R, p), before, strict=True):
         np.testing.assert_array_equal(now, then)
-
-
-def test_positions_are_left_alone():
-    for name in ("dh5", "kinova"):  # kinova's continuous joints take two numbers in Pinocchio
-        arm = ftforce.load_robot(name)
-        q = np.linspace(0.2, 0.9, arm.n)
-        frame_jacobian(arm, q)
-        tip_pose(arm, q)
-        np.testing.assert_array_equal(q, np.linspace(0.2, 0.9, arm.n))
-
-
-def test_threads_do_not_disturb_each_other():
-    arm = ftforce.load_robot("kinova")
-    postures = np.random.default_rng(1).uniform(-3, 3, size=(200, arm.n))
-    alone = [(frame_jacobian(arm, q), *tip_pose(arm, q)) for q in postures]
-    with eager_threads() as pool:
-        together = pool.map(lambda q: (frame_jacobian(arm, q), *tip_pose(arm, q)), postures)
-    for one, other in zip(alone, together, strict=True):
-        for a, b in zip(one, other, strict=True):
-            np.testing.assert_array_equal(a, b)
 
 
 def test_poses_are_in_the_roots_axes_also_with_another_base():

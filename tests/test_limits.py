@@ -20,21 +20,12 @@ def equal(got, wanted):
 
 
 def test_limits_of_motors_and_brakes():
-    limits = Limits.of([87, 12.5, UNKNOWN], [20, UNKNOWN, 5], "a file")
+    limits = Limits.of([87, 12.5, np.inf], [20, np.inf, 5], "a file")
     equal(limits.effort, [87, 12.5, UNKNOWN])
     equal(limits.brake, [20, UNKNOWN, 5])
-    assert limits.source == "a file"
-
-
-def test_brakes_are_unknown_unless_given():
-    limits = Limits.of([87.0, 12.0])
-    equal(limits.brake, [UNKNOWN, UNKNOWN])
-    assert limits.source == "given"
-
-
-def test_an_infinite_limit_is_unknown():
-    equal(Limits.of([87.0, np.inf], [np.inf, 3.0]).effort, [87, UNKNOWN])
-    equal(Limits.of([87.0, np.inf], [np.inf, 3.0]).brake, [UNKNOWN, 3])
+    bare = Limits.of([87.0, UNKNOWN])
+    equal(bare.brake, [UNKNOWN, UNKNOWN])
+    assert (limits.source, bare.source) == ("a file", "given")
 
 
 def test_limits_are_copies_that_cannot_be_changed():
@@ -85,19 +76,13 @@ def test_a_weaker_joint_bears_less(one, other, effort):
     ("effort", "brake", "error", "message"),
     [
         ([1.0, 0.0], None, InputError, r"effort limits must be positive, NaN where unknown; got"),
-        ([1.0, -2.0], None, InputError, r"effort limits must be positive.*got \[1.0, -2.0\]"),
         ([1.0, -np.inf], None, InputError, r"effort limits must be positive.*-inf"),
         ([1.0, 2.0], [1.0, 0.0], InputError, r"brake limits must be positive"),
         ([1.0, 2.0], [1.0], DimensionError, "brake limits needs 2 numbers, got 1.*one per joint"),
-        ([1.0, 2.0], [1.0, 2.0, 3.0], DimensionError, "needs 2 numbers, got 3 numbers"),
         (5.0, None, InputError, r"effort limits need one number per joint, got .*shape \(\)"),
         ([[1.0], [2.0]], None, InputError, r"effort limits need one number per joint.*\(2, 1\)"),
-        ("abc", None, InputError, "effort limits needs numbers, got 'abc'"),
         (["1", "2"], None, InputError, "effort limits needs numbers"),
-        ([1.0, None], None, InputError, "effort limits needs numbers"),
-        ([[1.0], [2.0, 3.0]], None, InputError, "effort limits needs numbers"),
         ([True, False], None, InputError, "effort limits needs numbers"),
-        ([1j, 2.0], None, InputError, "effort limits needs numbers"),
     ],
 )
 def test_malformed_limits_end_in_one_clear_line(effort, brake, error, message):

@@ -5,23 +5,15 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ftforce import metrics
 from ftforce.metrics import Verdict
-from ftforce.reduced import RTOL, WARY, reduce
-from helpers import assert_close, diagonal, jacobians, orthogonal, seeds, with_singular_values
+from ftforce.reduced import WARY, reduce
+from helpers import assert_close, campaign, diagonal, jacobians, orthogonal, seeds
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
-
-
-def with_spectrum(*ratios, seed=0, scale=1.0):
-    """Return an arm that loses joints and keeps these singular values, in units of σ_max(J)."""
-    m, rng = len(ratios), np.random.default_rng(seed)
-    K = with_singular_values(rng, m, m + 2, np.array(ratios))
-    lost = math.sqrt(1.0 - ratios[0] ** 2) * orthogonal(rng, m)
-    return reduce(scale * np.hstack([lost, K]), np.arange(2 * m + 2) < m)
 
 
 # ---- measures --------------------------------------------------------------------------------
@@ -30,13 +22,10 @@ def with_spectrum(*ratios, seed=0, scale=1.0):
 def test_margin_is_the_smallest_singular_value_left_over_the_largest_before():
     assert metrics.margin(diagonal(4, 2, 1)) == pytest.approx(0.25)
     assert metrics.margin(diagonal(4, 2, 1, locked=[0])) == 0.0
+    assert metrics.margin(diagonal(0, 0)) == 0.0
     J = np.array([[4.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
     mask = np.array([True, False, False])
     assert metrics.margin(reduce(J, mask)) == pytest.approx(1 / math.sqrt(17))
-
-
-def test_margin_of_an_arm_that_moves_nothing():
-    assert metrics.margin(diagonal(0, 0)) == 0.0
 
 
 def test_relative_manipulability_is_the_ratio_of_volumes():
@@ -74,17 +63,6 @@ def test_force_error_is_that_of_the_weakest_direction_kept():
     assert metrics.force_error(diagonal(4, 1, locked=[0, 1])) == math.inf
 
 
-def test_force_error_is_reached_and_never_exceeded():
-    rng = np.random.default_rng(4)
-    reduced = reduce(rng.normal(size=(3, 6)), np.arange(6) == 2)
-    errors = rng.normal(size=(500, 6)) * ~reduced.locked
-    forces = errors @ np.linalg.pinv(reduced.K.T).T
-    gain = np.linalg.norm(forces, axis=1) / np.linalg.norm(errors, axis=1)
-    worst = metrics.force_error(reduced)
-    assert np.all(gain <= worst * (1 + 1e-12))
-    assert_close(np.linalg.norm(np.linalg.pinv(reduced.K.T), 2), worst)
-
-
 @pytest.mark.parametrize(
     ("n", "m", "f", "bound"),
     [(7, 6, 1, 0.378), (7, 3, 1, 0.756), (5, 3, 2, 0.316), (6, 6, 1, 0.0), (4, 6, 1, 0.0)],
@@ -105,10 +83,6 @@ def test_the_bound_can_be_reached(m, n, f):
 
 
 # ---- lost directions -------------------------------------------------------------------------
-
-
-def test_nothing_is_lost_by_default():
-    assert metrics.lost_directions(diagonal(1, 1, 1)).shape == (0, 3)
 
 
 @pytest.mark.parametrize("locked", [[0], [2], [0, 2], [0, 1, 2]], ids=str)
@@ -132,7 +106,7 @@ def test_what_the_healthy_arm_lacks_is_not_lost():
 
 
 @given(seeds, st.integers(2, 6), st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 30))
 def test_lost_directions_span_what_the_projectors_say(seed, m, data):
     rank = data.draw(st.integers(1, m))
     kept = data.draw(st.integers(0, rank))
@@ -202,9 +176,6 @@ def test_a_healthy_arm_may_itself_be_borderline():
 def test_a_direction_that_the_healthy_arm_lacks_is_not_asked_for():
     assert metrics.verdict(diagonal(1, 1, 0), None, WARY) is TOLERATED
     assert metrics.verdict(diagonal(1, 1, 0, locked=[2]), None, WARY) is TOLERATED
-
-
-def test_no_force_is_tolerated():
     assert metrics.verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), WARY) is TOLERATED
 
 
@@ -218,7 +189,7 @@ def test_the_size_of_a_force_does_not_matter_to_the_verdict(scale):
 
 
 @given(jacobians(), seeds)
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=campaign(60, 30))
 def test_shares_are_the_same_numbers_in_every_unit(J, seed):
     """A power of two rounds nothing, so even the last bit is the same; plain norms agree too."""
     rng = np.random.default_rng(seed)
@@ -240,84 +211,8 @@ def test_shares_are_the_same_numbers_in_every_unit(J, seed):
         )
 
 
-def test_shares_of_a_tiny_arm_are_those_of_its_large_copy():
-    def shares(size):
-        J = size * np.array([[1.0, 0.2, 0.0], [0.0, 0.8, 0.5]])
-        tau, v = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
-        reduced = reduce(J, np.zeros(3, dtype=bool))
-        F = reduced.healthy.solve_transposed(tau, RTOL)
-        forces = metrics.force_contributions(reduced, tau, F)
-        return np.concatenate([forces, metrics.velocity_contributions(J, v)])
-
-    for size in (1e-200, 1e-160, 1e160, 1e200):
-        assert_close(shares(size), shares(1.0))
-
-
-def test_wary_moves_the_border():
-    reduced, F = diagonal(1, 5e-3), np.array([0.0, 1.0])
-    for wary, expected in ((4e-3, TOLERATED), (6e-3, BORDERLINE)):
-        assert metrics.verdict(reduced, None, wary) is expected
-        assert metrics.verdict(reduced, F, wary) is expected
-
-
-def test_one_tolerance_alone_is_never_borderline():
-    for strength in (RTOL / 2, RTOL, 2 * RTOL, 1.0):
-        reduced = diagonal(1, strength)
-        for F in (None, np.array([1.0, 1.0])):
-            assert metrics.verdict(reduced, F, RTOL) is not BORDERLINE
-
-
 def test_an_answer_may_change_twice():
     # Lost from 1e-4 on is 1e-3 of the force: kept below 1e-4, a jump up to 1e-3, harmless beyond.
     F = np.array([1.0, 1e-3])
     assert metrics.verdict(diagonal(1, 1e-4), F, 5e-5) is TOLERATED
     assert metrics.verdict(diagonal(1, 1e-4), F, WARY) is BORDERLINE
-
-
-def answers_of(s, share, tolerances, rank=None):
-    """Answer for each tolerance: all directions kept (with a rank), or a small jump."""
-    if rank is not None:
-        return {bool(np.count_nonzero(s > t) >= rank) for t in tolerances}
-    return {bool(math.sqrt(share[s <= t].sum()) <= t) for t in tolerances}
-
-
-def distinct(events):
-    x = np.sort(events)
-    return x[np.diff(x, prepend=0.0) > 1e-9 * x]
-
-
-powers = st.floats(-8.0, 0.0).map(lambda x: 10.0**x) | st.just(0.0)
-
-
-@given(
-    ratios=st.lists(powers, min_size=1, max_size=4),
-    parts=st.lists(powers, min_size=4, max_size=4),
-    wary=st.sampled_from([RTOL, 1e-4, WARY, 0.5]),
-    scale=st.sampled_from([1.0, 1e-3, 1e3]),
-    seed=st.integers(0, 100),
-)
-@settings(deadline=None, max_examples=150)
-def test_verdict_by_trying_every_tolerance(ratios, parts, wary, scale, seed):
-    reduced = with_spectrum(*sorted(ratios, reverse=True), seed=seed, scale=scale)
-    F = reduced.damaged.U @ np.array([1.0, *parts][: reduced.m])
-    U, s, _ = np.linalg.svd(reduced.K)
-    s, share = s / reduced.sigma_max, (U.T @ F) ** 2 / (F @ F)
-    # Answers can change at a singular value and at a size of the jump. Where two of these all but
-    # coincide rounding decides; elsewhere a dense grid and both sides of every event tell all.
-    jumps = np.sqrt(np.cumsum(share[::-1]))
-    events = np.concatenate([distinct(s), distinct(jumps)])
-    events = events[(events > RTOL / 2) & (events < 2 * wary)]
-    apart = np.sort([*events, *{RTOL, wary}])
-    assume(np.all(np.diff(apart) > 1e-5 * apart[1:]))
-    near = np.outer(events, [1 - 1e-7, 1 + 1e-7]).ravel()
-    grid = np.concatenate([np.geomspace(RTOL, wary, 300), near[(near >= RTOL) & (near <= wary)]])
-    for force, rank in ((None, reduced.rank), (F, None)):
-        answers = answers_of(s, share, grid, rank)
-        expected = (
-            BORDERLINE if len(answers) > 1 else TOLERATED if True in answers else NOT_TOLERATED
-        )
-        assert metrics.verdict(reduced, force, wary) is expected
-
-
-def test_verdicts_are_words():
-    assert [str(verdict) for verdict in Verdict] == ["tolerated", "borderline", "not tolerated"]

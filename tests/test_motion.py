@@ -1,6 +1,7 @@
 """How an arm follows its course: SciPy and NumPy written out, limits, singularities, delays."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -15,23 +16,27 @@ from ftforce.fault_events import phases, read_events
 from ftforce.faults import FaultSet
 from ftforce.motion import GAIN, LIMIT_GAIN, advance, rates_law
 from ftforce.trajectory import Path, Recording, start_of
-from helpers import assert_close, load_text, seeds, serial_urdf
-from urdfs import arm, followed, load
+from helpers import (
+    CAMPAIGN,
+    LINES,
+    SLIDING,
+    assert_close,
+    campaign,
+    differences,
+    load_text,
+    seeds,
+    serial_urdf,
+    straight,
+)
+from urdfs import arm, load
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
-law = settings(deadline=None, max_examples=25)
+law = settings(deadline=None, max_examples=campaign(25, 4))
 NEVER = math.inf
 LONG = np.arange(0.0, 5.0, 0.01)  # s: beyond the end of most paths
 KEPT = 1e-5  # m: the issue's bound of the tracking error
 Y = {"axis": (0, 1, 0)}
-LINES = {  # robot: where the tip goes, from where it is
-    "dh5": (-0.1, 0.08, 0.05),
-    "panda": (-0.1, 0.1, -0.1),
-    "ur5": (0.05, 0.1, -0.05),
-    "kinova": (0.1, -0.05, -0.1),
-    "tiago": (-0.05, 0.05, 0.05),
-}
 
 
 def silent(count):
@@ -52,25 +57,6 @@ def tip(robot, q):
     pin.framesForwardKinematics(robot.model, data, robot.to_model(np.asarray(q)))
     place = data.oMf[robot.tip_frame]
     return place.translation.copy(), place.rotation.copy()
-
-
-def jacobian(robot, q):
-    """Return the tip's Jacobian in the root's axes, by differences: mimic joints are in it."""
-    h, (_, R) = 1e-6, tip(robot, q)
-    columns = []
-    for step in h * np.eye(robot.n):
-        (ahead, R_ahead), (back, R_back) = tip(robot, q + step), tip(robot, q - step)
-        turned = pin.log3(R_ahead @ R.T) - pin.log3(R_back @ R.T)
-        columns.append(np.concatenate([ahead - back, turned]) / (2.0 * h))
-    return np.column_stack(columns)
-
-
-def straight(robot, change, speed=0.1, q=None, **options):
-    """Return a path from where the tip is."""
-    place = robot if q is None else q
-    posture = ftforce.analyze(robot, force=[1, 0, 0]).posture.q if place is robot else q
-    x = tip(robot, posture)[0]
-    return Path.through([x, x + change], speed=speed, **options)
 
 
 def follow(robot, trajectory, q=None, *, faults=(), delay=0.0, rate=50, t=None):
@@ -105,10 +91,10 @@ def assert_consistent(t, motion, tol=1e-5):
 # ---- a healthy arm ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", LINES)
+@pytest.mark.parametrize("name", LINES if CAMPAIGN else ["dh5", "kinova", "tiago"])
 def test_the_tip_keeps_to_its_line(name):
     robot = ftforce.load_robot(name)
-    start, (motion, arrivals) = follow(robot, straight(robot, LINES[name]), rate=100)
+    start, (motion, arrivals) = follow(robot, straight(robot, speed=0.1), rate=100)
     assert path_error(robot, start, motion).max() < KEPT / 10
     assert_consistent(start.times, motion)
     assert not arrivals
@@ -118,23 +104,11 @@ def test_the_tip_keeps_to_its_line(name):
     assert np.abs(motion.v).max() > 0.01
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5", "kinova"])
-def test_the_tip_keeps_its_orientation_if_asked(name):
-    robot = ftforce.load_robot(name)
-    for keep in (True, False):
-        path = straight(robot, LINES[name], keep_orientation=keep)
-        start, (motion, _) = follow(robot, path)
-        R = tip(robot, start.q)[1]
-        turned = max(np.linalg.norm(pin.log3(R.T @ tip(robot, q)[1])) for q in motion.q)
-        assert path_error(robot, start, motion).max() < KEPT
-        assert turned < 1e-6 if keep else turned > 1e-2
-
-
 @pytest.mark.parametrize("keep", [False, True])
 def test_the_motion_is_that_of_an_ode_written_out(keep):
     """SciPy integrates J†(ẋ + k e) with NumPy's pseudoinverse and a Jacobian by differences."""
     robot = ftforce.load_robot("panda")
-    path = straight(robot, LINES["panda"], speed=0.3, keep_orientation=keep)
+    path = straight(robot, speed=0.3, keep_orientation=keep)
     start, (motion, _) = follow(robot, path, rate=10)
     R0 = tip(robot, start.q)[1]
 
@@ -143,7 +117,7 @@ def test_the_motion_is_that_of_an_ode_written_out(keep):
         wanted = [x_dot + GAIN * (x - place)]
         if keep:
             wanted.append(GAIN * pin.log3(R0 @ R.T))
-        J = jacobian(robot, q)[: 3 * len(wanted)]
+        J = differences(robot, q)[: 3 * len(wanted)]
         return np.linalg.pinv(J) @ np.concatenate(wanted)
 
     t = start.times
@@ -156,19 +130,12 @@ def test_the_motion_is_that_of_an_ode_written_out(keep):
 @pytest.mark.parametrize("rate", [2.0, 7.0, 200.0])
 def test_accelerations_do_not_depend_on_the_rate(rate):
     robot = ftforce.load_robot("dh5")
-    path = straight(robot, LINES["dh5"])
+    path = straight(robot)
     start, (motion, _) = follow(robot, path, rate=rate)
     fine, (wanted, _) = follow(robot, path, rate=100)
     spline = CubicSpline(fine.times, wanted.v)
     inside = start.times < path.duration - 0.1  # where a spline through samples sees no end
     assert_close(motion.a[inside], spline(start.times[inside], 1), tol=3e-4)
-
-
-def test_the_same_input_gives_the_same_bytes():
-    robot = ftforce.load_robot("panda")
-    runs = [follow(robot, straight(robot, LINES["panda"]), faults="3@1", delay=0.2) for _ in "ab"]
-    for one, other in zip(runs[0][1].motion, runs[1][1].motion, strict=True):
-        assert one.tobytes() == other.tobytes()
 
 
 def test_waypoints_with_corners_are_met():
@@ -186,15 +153,15 @@ def test_waypoints_with_corners_are_met():
 def test_an_arm_that_starts_beside_its_path_returns_to_it():
     """The distance falls with e^(-kt), and while it is long as fast as the path at most."""
     robot = ftforce.load_robot("panda")
-    path = straight(robot, LINES["panda"], speed=0.1)
+    path = straight(robot, speed=0.1)
     start = start_of(robot, path, rate=20)
-    q = start.q + np.linalg.pinv(jacobian(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
+    q = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
     t = np.linspace(0.0, 1.0, 21)
     (phase,) = phases((), 0.0)
     motion, _ = advance(robot, start.course, q, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error, error[0] * np.exp(-GAIN * t), tol=1e-3)
-    far = start.q + np.linalg.pinv(jacobian(robot, start.q)[:3]) @ [0.0, 0.0, 0.05]
+    far = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 0.05]
     motion, _ = advance(robot, start.course, far, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error[0] - error[1:9], 0.1 * t[1:9], tol=1e-3)
@@ -203,10 +170,10 @@ def test_an_arm_that_starts_beside_its_path_returns_to_it():
 
 def test_an_orientation_that_is_off_is_corrected():
     """By a turn about one axis whose angle falls with e^(-kt)."""
-    path = straight(PANDA, LINES["panda"], keep_orientation=True)
+    path = straight(PANDA, keep_orientation=True)
     start = start_of(PANDA, path, rate=20)
     twist = np.array([0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3])
-    q = start.q + np.linalg.pinv(jacobian(PANDA, start.q)) @ twist
+    q = start.q + np.linalg.pinv(differences(PANDA, start.q)) @ twist
     t, (phase,) = np.linspace(0.0, 0.5, 21), phases((), 0.0)
     motion, _ = advance(PANDA, start.course, q, t, (phase,), tick=silent)
     R = tip(PANDA, start.q)[1]
@@ -234,20 +201,7 @@ def test_redundancy_respects_a_limit_that_is_met_on_the_way():
     assert (motion.v[:, 1] <= LIMIT_GAIN * (0.9 - motion.q[:, 1]) + 1e-9).all()
 
 
-def test_where_the_limits_leave_no_way_the_error_is_what_is_left_and_the_run_goes_on():
-    q = np.array([-0.6, 1.0, 0.2])
-    robot = plane_arm(lower=0.5, upper=1.05, joints=3)
-    robot_limits = robot.lower, robot.upper
-    path = straight(robot, (-0.5, 0.0, 0.1), speed=0.3, q=q)
-    start, (motion, _) = follow(robot, path, q)
-    assert (motion.q >= robot_limits[0] - 1e-9).all()
-    assert (motion.q <= robot_limits[1] + 1e-9).all()
-    error = path_error(robot, start, motion)
-    assert np.isfinite(motion.a).all()
-    assert error[0] < 1e-8
-
-
-@pytest.mark.parametrize("name", ["panda", "kinova", "ur5"])
+@pytest.mark.parametrize("name", ["panda", "kinova", "ur5"] if CAMPAIGN else ["panda"])
 def test_speeds_stay_within_the_urdf_s(name):
     """The tip is asked to go faster than the joints can; it falls behind, and arrives."""
     robot = ftforce.load_robot(name)
@@ -286,7 +240,7 @@ def test_limits_are_kept_wherever_the_arm_is_asked_to_go(seed):
     x = tip(robot, q)[0]
     change = rng.normal(scale=0.3, size=3) * [1.0, 0.0, 1.0]
     change *= max(1.0, 0.2 / np.linalg.norm(change))  # it takes some samples
-    path = Path.through([x, x + change], speed=float(rng.uniform(0.1, 1.0)))
+    path = Path.through([x, x + change], speed=float(rng.uniform(0.2, 1.0)))
     _, (motion, _) = follow(robot, path, q, rate=20)
     assert (motion.q <= robot.upper + 1e-6).all()
     assert (motion.q >= robot.lower - 1e-6).all()
@@ -310,16 +264,6 @@ def test_past_a_singularity_velocities_stay_bounded_and_the_path_is_found_again(
     assert np.isfinite(motion.a).all()
 
 
-def test_close_to_a_singularity_the_error_is_small():
-    robot = plane_arm(joints=3)
-    path = Path.through([(0.8, 0, -0.2), (0.895, 0, 0), (0.8, 0, 0.2)], speed=0.1)
-    start, (motion, _) = follow(robot, path, [-0.3, 0.6, 0.5], rate=50)
-    error = path_error(robot, start, motion)
-    assert error.max() < 2e-3
-    assert error[-1] < KEPT
-    assert np.abs(motion.v).max() < 1.0
-
-
 # ---- faults ----------------------------------------------------------------------------------
 
 
@@ -334,7 +278,7 @@ def test_the_law_after_a_lock_is_appendix_a(seed):
     path = Path.through([x, x + rng.normal(scale=0.2, size=3)], speed=0.02)
     course, t = PathCourse(robot, path, q), float(rng.uniform(0.0, 0.2))
     locked = rng.choice(7, size=rng.integers(1, 3), replace=False).tolist()
-    J = jacobian(robot, q)[:3]
+    J = differences(robot, q)[:3]
     H = [i for i in range(7) if i not in locked]
     if np.linalg.svd(J[:, H], compute_uv=False)[-1] < 0.02 * np.linalg.norm(J, 2):
         return  # damped
@@ -355,13 +299,13 @@ PANDA = ftforce.load_robot("panda")
 
 def test_a_joint_that_swings_is_not_asked_to_help():
     """Once a joint locks, one without torque goes on as the healthy arm's does."""
-    path = straight(PANDA, LINES["panda"])
+    path = straight(PANDA)
     start = start_of(PANDA, path, rate=10)
     t = 0.5 * path.duration
     q = follow(PANDA, path, t=[0.0, t])[1].motion.q[1]
     faults = phases(read_events(PANDA, ["3@0", "free:5@0"]), 0.0)[0].known
     got = rates_law(PANDA, start.course, faults)(t, q)
-    J, asked = jacobian(PANDA, q)[:3], path.at(t)[1]
+    J, asked = differences(PANDA, q)[:3], path.at(t)[1]
     v = np.linalg.pinv(J) @ asked
     kept, M = [i for i in range(7) if i != 2], [0, 1, 3, 5, 6]
     v[M] += np.linalg.pinv(J[:, M]) @ (asked - J[:, kept] @ v[kept])
@@ -369,10 +313,13 @@ def test_a_joint_that_swings_is_not_asked_to_help():
     assert_close(got, v, tol=1e-4)
 
 
-@pytest.mark.parametrize("when", [0.0, 0.4, 0.5, 0.512345, 1.0])
-@pytest.mark.parametrize("faults", ["3", "3,5", "4"])
+ALL_LOCKS = list(product((0.0, 0.4, 0.5, 0.512345, 1.0), ("3", "3,5", "4")))
+SOME_LOCKS = [(0.0, "4"), (0.4, "3,5"), (0.512345, "3")]
+
+
+@pytest.mark.parametrize(("when", "faults"), ALL_LOCKS if CAMPAIGN else SOME_LOCKS)
 def test_the_arm_keeps_to_its_path_after_a_lock(when, faults):
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     start, (motion, arrivals) = follow(PANDA, path, faults=f"{faults}@{when}", rate=100)
     late, joints = start.times >= when, [int(number) - 1 for number in faults.split(",")]
     assert path_error(PANDA, start, motion).max() < KEPT
@@ -390,22 +337,8 @@ def test_the_arm_keeps_to_its_path_after_a_lock(when, faults):
         assert_consistent(start.times[part], type(motion)(*(x[part] for x in motion)), tol=1e-5)
 
 
-def test_where_k_does_not_allow_it_the_error_grows_and_the_run_goes_on():
-    """With one joint left the tip moves on a circle about it."""
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start, (motion, _) = follow(PANDA, path, faults="2,3,4,5,6,7@0.3", t=LONG)
-    error = path_error(PANDA, start, motion, LONG)
-    assert error[-1] > 0.01
-    assert np.ptp(motion.q[LONG >= 0.3, 1:], axis=0).max() == 0.0
-    assert np.isfinite(motion.q).all()
-    # What is left of the error cannot be made up for: joint 1 feels nothing of it.
-    x = np.array([tip(PANDA, q)[0] for q in motion.q])
-    J = jacobian(PANDA, motion.q[-1])[:3, 0]
-    assert abs(J @ (path.points[-1] - x[-1])) < 1e-4
-
-
 def test_until_the_controller_knows_the_others_go_on_as_planned():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
+    path = straight(PANDA, speed=0.3)
     start, (healthy, _) = follow(PANDA, path, rate=100)
     _, (motion, arrivals) = follow(PANDA, path, faults="4@0.3", delay=0.4, rate=100)
     t, others = start.times, [0, 1, 2, 4, 5, 6]
@@ -423,79 +356,18 @@ def test_until_the_controller_knows_the_others_go_on_as_planned():
     assert arrivals[0.7].v[3] == 0.0
 
 
-def test_no_remap_ever():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start, (healthy, _) = follow(PANDA, path, rate=50)
-    _, (motion, _) = follow(PANDA, path, faults=["4@0.3", "2@0.5"], delay=NEVER, rate=50)
-    t = start.times
-    assert_close(motion.q[:, [0, 2, 4, 5, 6]], healthy.q[:, [0, 2, 4, 5, 6]], tol=1e-6)
-    assert_close(motion.q[t >= 0.5, 3], motion.q[15, 3], tol=1e-9)
-    assert_close(motion.q[t >= 0.5, 1], motion.q[25, 1], tol=1e-9)
-    assert path_error(PANDA, start, motion)[-1] > 0.005
-
-
-def test_two_faults_within_one_delay():
-    path = straight(PANDA, LINES["panda"], speed=0.2)
-    events = ["4@0.3", "2@0.5"]
-    start, (healthy, _) = follow(PANDA, path, rate=100)
-    _, (motion, arrivals) = follow(PANDA, path, faults=events, delay=0.3, t=LONG)
-    t = LONG
-    assert list(arrivals) == pytest.approx([0.3, 0.5, 0.6, 0.8])
-    assert np.ptp(motion.q[t >= 0.3, 3]) == 0.0
-    assert np.ptp(motion.q[t >= 0.5, 1]) < 1e-12
-    assert motion.q[-1, 1] == pytest.approx(healthy.q[50, 1], abs=1e-6)
-    # From 0.6 s on joint 4's lock is known, and joint 2 would help if it could.
-    error = path_error(PANDA, start, motion, t)
-    assert error[-1] < KEPT
-    assert error.max() > 1e-3
-    speeds = np.array([joint.velocity for joint in PANDA.joints])
-    assert (np.abs(np.diff(motion.q, axis=0)) < 0.0101 * speeds).all()  # nothing jumps
-
-
-def test_faults_of_other_modes_leave_the_motion_alone():
-    path = straight(PANDA, LINES["panda"])
-    _, (healthy, _) = follow(PANDA, path, rate=20)
-    _, (motion, _) = follow(PANDA, path, faults=["free:4@0.5", "weak:2:0.1@1"], rate=20)
-    assert_close(motion.q, healthy.q, tol=1e-6)
-    assert_close(motion.v, healthy.v, tol=1e-5)
-
-
-def test_times_that_differ_by_rounding():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    events = ["3@0.3", f"5@{0.1 + 0.2!r}", f"6@{math.nextafter(0.3, 0.0)!r}"]
-    start, (motion, _) = follow(PANDA, path, faults=events, rate=100)
-    assert path_error(PANDA, start, motion).max() < KEPT
-    assert np.ptp(motion.q[31:, [2, 4, 5]], axis=0).max() == 0.0
-
-
-@pytest.mark.parametrize("gap", [1e-12, 1e-9, 1e-7, 1e-5])
-def test_short_phases(gap):
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    events = ["3@0.3", f"5@{0.3 + gap!r}"]
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-9, 1e-5])
+def test_events_that_come_close_to_each_other(gap):
+    """As 0.3 and 0.1 + 0.2 do."""
+    path = straight(PANDA, speed=0.3)
+    events = ["3@0.3", f"5@{0.1 + 0.2 + gap!r}", f"6@{math.nextafter(0.3, 0.0)!r}"]
     start, (motion, _) = follow(PANDA, path, faults=events, delay=gap / 2, rate=50)
     assert path_error(PANDA, start, motion).max() < KEPT
+    assert np.ptp(motion.q[16:, [2, 4, 5]], axis=0).max() == 0.0
     assert np.isfinite(motion.a).all()
 
 
-def test_a_fault_at_the_last_sample():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start = start_of(PANDA, path, rate=20)
-    last = float(start.times[-1])
-    _, (motion, arrivals) = follow(PANDA, path, faults=f"3@{last!r}", rate=20)
-    assert list(arrivals) == [last]
-    assert path_error(PANDA, start, motion).max() < KEPT
-    assert not motion.v[-1, 2]
-
-
 # ---- joints of other kinds -------------------------------------------------------------------
-
-SLIDING = serial_urdf(
-    ("prismatic", {"lower": -0.5, "upper": 0.5}),
-    ("continuous", {"xyz": (0.1, 0, 0.1)}),
-    ("revolute", {"xyz": (0.3, 0, 0), **Y}),
-    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
-    ("continuous", {"xyz": (0.2, 0, 0), **Y}),
-)
 
 
 @pytest.mark.parametrize("faults", ["", "1@1", "3@0.5", "4@0.7", "1,5@0.7"])
@@ -509,23 +381,6 @@ def test_joints_that_slide_and_turn_without_end(faults):
     assert np.abs(np.diff(motion.q, axis=0)).max() < 0.05  # no turn is dropped
     if not faults:
         assert_consistent(start.times, motion)
-
-
-@pytest.mark.parametrize("faults", ["", "1@0.5", "2@0.5"])
-def test_mimic_joints_move_with_their_leader(tmp_path, faults):
-    robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
-    assert robot.n == 3
-    q = np.array([0.3, 0.5, 0.4])
-    path = straight(robot, (0.03, 0.03, -0.02), speed=0.05, q=q)
-    start, (motion, _) = follow(robot, path, q, faults=faults or (), rate=100)
-    error = path_error(robot, start, motion)
-    if not faults:
-        assert error.max() < KEPT
-        assert_consistent(start.times, motion)
-    elif faults:
-        k = int(faults[0]) - 1
-        assert np.ptp(motion.q[start.times >= 0.5, k]) == 0.0
-        assert error[-1] > 1e-3
 
 
 # ---- recorded motions ------------------------------------------------------------------------
@@ -579,7 +434,7 @@ def test_after_a_lock_a_recorded_tip_keeps_to_its_path(velocities, rate):
     assert np.ptp(motion.q[late, 2]) == 0.0
     # The others stay close to what was recorded: Appendix A with its velocities.
     i = int(np.flatnonzero(late)[0])
-    J, target = jacobian(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
+    J, target = differences(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
     v_H = target.preferred.copy()
     place = tip(PANDA, motion.q[i])[0]
     v_H += np.linalg.pinv(J) @ (target.x_dot + GAIN * (target.x - place) - J @ v_H)
@@ -605,22 +460,4 @@ def test_recorded_angles_may_jump_by_whole_turns():
     assert_close(motion.v[3:-3], v[3:-3], tol=1e-3)
 
 
-def test_time_of_a_recording_begins_at_zero():
-    q = ftforce.analyze(PANDA, force=[1, 0, 0]).posture.q
-    recording, wanted, *_ = recorded(PANDA, q)
-    shifted = Recording.of(PANDA, recording.t + 1.7e9, recording.q)
-    start, (motion, _) = follow(PANDA, shifted, rate=None)
-    assert start.times[0] == 0.0
-    assert_close(motion.q, wanted, tol=1e-12)
-
-
 # ---- progress --------------------------------------------------------------------------------
-
-
-def test_every_sample_is_counted_once():
-    path = straight(PANDA, LINES["panda"], speed=0.3)
-    start = start_of(PANDA, path, rate=50)
-    done = []
-    (phase,) = phases((), 0.0)
-    advance(PANDA, start.course, start.q, start.times, (phase,), tick=done.append)
-    assert sum(done) == len(start.times)

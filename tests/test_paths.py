@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
 from ftforce.errors import InputError
 from ftforce.paths import PEAK, Path
-from helpers import assert_close, seeds
+from helpers import assert_close, campaign, seeds
 
-law = settings(deadline=None, max_examples=60)
+law = settings(deadline=None, max_examples=campaign(60, 30))
 START, END = (1.150, -0.134, 0.034), (0.781, 0.509, 0.280)  # the paper's section V
 LENGTH = math.dist(START, END)
 NAN, INF = math.nan, math.inf
@@ -40,8 +39,11 @@ def test_the_line_of_section_v():
     path = Path.through([START, END], speed=0.015)
     assert path.length == pytest.approx(LENGTH)
     assert path.duration == pytest.approx(1.875 * LENGTH / 0.015)
+    assert pytest.approx(1.875) == PEAK
     assert path.speed == 0.015
     assert not path.keeps_orientation
+    kept = Path.through([START, END], speed=1.0, keep_orientation=True)
+    assert kept.keeps_orientation is True
     x, v = path.at(path.duration / 2.0)
     assert_close(x, (np.array(START) + END) / 2.0)
     assert_close(v, 0.015 * (np.array(END) - START) / LENGTH)
@@ -56,12 +58,6 @@ def test_the_law_is_the_polynomial_that_begins_and_ends_at_rest():
     assert_close(x, np.outer(wanted(t), [0.6, 0.0, -0.8]))
     assert_close(v, np.outer(wanted.derivative()(t), [0.6, 0.0, -0.8]))
     assert np.linalg.norm(v, axis=1).max() == pytest.approx(2.0)
-
-
-def test_peak_over_mean():
-    path = Path.through([START, END], speed=1.0)
-    assert pytest.approx(1.875) == PEAK
-    assert path.length / path.duration == pytest.approx(1.0 / PEAK)
 
 
 @pytest.mark.parametrize("t", [-1.0, 0.0, -1e-9, 1e9])
@@ -123,23 +119,6 @@ def test_waypoints_with_corners():
     assert not path.at(path.times[1])[1].any()
 
 
-def test_the_way_back_is_a_path():
-    path = Path.through([START, END, START], speed=0.1)
-    assert_close(path.at(path.duration)[0], START)
-
-
-@given(seeds, st.floats(0.1, 10.0))
-@law
-def test_twice_the_speed_takes_half_the_time(seed, factor):
-    path = path_of(seed)
-    other = Path.through(path.points, speed=factor * path.speed)
-    assert other.duration == pytest.approx(path.duration / factor)
-    t = 0.3 * path.duration
-    (x, v), (y, w) = path.at(t), other.at(t / factor)
-    assert_close(y, x, scale=1.0, tol=1e-8)
-    assert_close(w, factor * v, scale=other.speed, tol=1e-8)
-
-
 def test_the_caller_s_points_are_left_alone():
     points = np.array([START, END])
     path = Path.through(points, speed=1.0)
@@ -149,38 +128,17 @@ def test_the_caller_s_points_are_left_alone():
     assert not path.times.flags.writeable
 
 
-@pytest.mark.parametrize("speed", [1, np.float32(0.5), np.int64(2), 1e-3, 1e6])
-def test_speeds_of_any_type(speed):
-    path = Path.through([START, END], speed=speed)
-    assert path.speed == float(speed)
-    assert path.duration == pytest.approx(1.875 * LENGTH / float(speed))
-
-
-def test_keeping_the_orientation_is_asked_for():
-    assert Path.through([START, END], speed=1.0, keep_orientation=True).keeps_orientation is True
-
-
 # ---- bad input -------------------------------------------------------------------------------
 
 BAD_POINTS = {
     "one point": ([START], "a path needs two or more points x, y, z in m, got an array of shape"),
-    "none": ([], "a path needs two or more points x, y, z in m"),
     "two numbers each": ([(1, 2), (3, 4)], "a path needs two or more points x, y, z in m"),
-    "one list": ([1, 2, 3], "a path needs two or more points x, y, z in m"),
-    "a number": (5.0, "a path needs two or more points x, y, z in m"),
     "ragged": ([(1, 2, 3), (4, 5)], "the path's points needs numbers, got"),
-    "nothing": (None, "the path's points needs numbers, got None"),
-    "text": ("1,2,3", "the path's points needs numbers, got '1,2,3'"),
     "truth": ([[True] * 3, [False] * 3], "the path's points needs numbers"),
     "NaN": ([START, (0, NAN, 0)], "the path's points holds nan at position 2, 2; numbers must"),
-    "infinity": ([START, (INF, 0, 0)], "the path's points holds inf at position 2, 1"),
     "too large": ([START, (1e200, 0, 0)], "the path's points holds numbers too large"),
     "far": ([START, (-1e12, 0, 0)], "the path's points lie within 1e+09 m, got 1e+12 m"),
     "equal": ([START, START], "points 1 and 2 of the path are the same; leave one out"),
-    "equal later": (
-        [START, END, (0, 0, 0), (0, 0, 0)],
-        "points 3 and 4 of the path are the same; leave one out",
-    ),
     "closer than numbers are": (
         [(0, 0, 0), (10, 0, 0), (10, 1e-17, 0)],
         "points 2 and 3 of the path are too close; leave one out",

@@ -17,7 +17,7 @@ import physics
 from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.kinematics import frame_jacobian, tip_pose
 from ftforce.limits import Limits
-from helpers import KNOWN, assert_close, serial_urdf
+from helpers import CAMPAIGN, KNOWN, assert_close, campaign, serial_urdf
 from urdfs import joint, link, load
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
@@ -73,7 +73,7 @@ def arm(request, tmp_path_factory):
     return ftforce.load_robot(request.param)
 
 
-@pytest.fixture(params=[1, 2, 3])
+@pytest.fixture(params=[1, 2, 3] if CAMPAIGN else [2])
 def case(arm, request):
     """A posture far from singular ones, within the limits, and a force."""
     rng = np.random.default_rng(request.param)
@@ -99,10 +99,15 @@ def others(case, *indices):
     return [i for i in range(case.arm.n) if i not in indices]
 
 
+def some(items, seed, count):
+    """Return some of the items."""
+    return [items[i] for i in np.random.default_rng(seed).permutation(len(items))[:count]]
+
+
 def some_sets(n, rng):
     """Return every single joint, and some sets of two and three."""
     larger = [list(combinations(range(n), size)) for size in (2, 3)]
-    drawn = [sets[i] for sets in larger for i in rng.permutation(len(sets))[:5]]
+    drawn = [sets[i] for sets in larger for i in rng.permutation(len(sets))[: campaign(5, 2)]]
     return [*((i,) for i in range(n)), *drawn]
 
 
@@ -335,15 +340,6 @@ def test_a_payload(case):
         assert_holds(case, result, payload=HANGING)
 
 
-def test_world_axes(case):
-    R, _ = tip_pose(case.arm, case.q)
-    for locked in some_sets(case.arm.n, np.random.default_rng(41)):
-        result = told(case._replace(F=R @ case.F), locked=locked, axes="world")
-        seen = physics.pinned(case.arm, case.q, result.torque.total_after, locked=locked)
-        scale = np.linalg.norm(case.F)
-        assert_close(R @ seen.force, result.force.after, scale=scale, tol=AGREES)
-
-
 def test_a_force_and_a_moment(case):
     J = frame_jacobian(case.arm, case.q, "tool")
     W, scale = np.array([*case.F, *(0.1 * case.F[::-1])]), np.linalg.norm(case.F)
@@ -362,26 +358,19 @@ def test_a_force_and_a_moment(case):
 
 
 def test_locked_joints(case):
-    for locked in some_sets(case.arm.n, np.random.default_rng(11)):
+    pairs = some(list(combinations(range(case.arm.n), 2)), 13, campaign(5, 2))
+    lost = [tuple(others(case, *pair)) for pair in pairs]  # so many that a direction is lost
+    for locked in [*some_sets(case.arm.n, np.random.default_rng(11)), *lost]:
         result = told(case, locked=locked)
+        assert locked not in lost or result.force.jump_norm > 0.01 * STRENGTH
         assert_told(case, result, predicted_locked(case, locked))
         assert_holds(case, result, duration=0.1 if len(locked) == 1 else 0.0)
-
-
-def test_so_many_locked_joints_that_a_direction_is_lost(case):
-    pairs = list(combinations(range(case.arm.n), 2))
-    for pair in (pairs[i] for i in np.random.default_rng(13).permutation(len(pairs))[:5]):
-        locked = others(case, *pair)
-        result = told(case, locked=locked)
-        assert result.force.jump_norm > 0.01 * STRENGTH
-        assert_told(case, result, predicted_locked(case, locked))
-        assert_holds(case, result)
 
 
 def test_joints_that_swing_freely(case):
     sets = some_sets(case.arm.n, np.random.default_rng(17))
     sets = [free for free in sets if can_stand_still(case, (), free)]
-    assert {len(free) for free in sets} >= {1, 2}
+    assert {len(free) for free in sets} >= ({1, 2} if CAMPAIGN else {1})
     for free in sets:
         result = told(case, free=free)
         assert_told(case, result, predicted_free(case, free))
@@ -428,7 +417,7 @@ def test_a_weak_joint(case):
 def test_weak_joints_beside_locked_and_free_ones(case):
     """Whatever limits bind, the pin feels what is told."""
     rng, n, bound = np.random.default_rng(43), case.arm.n, 0
-    for _ in range(12):
+    for _ in range(campaign(12, 5)):
         i, k, *rest = rng.permutation(n).tolist()
         locked, free = ((i,), (k,)) if can_stand_still(case, (i,), (k,)) else ((i,), ())
         weak = {j + 1: 0.5 for j in rest}
@@ -444,30 +433,21 @@ def test_weak_joints_beside_locked_and_free_ones(case):
         assert over.max() < 1e-6
         bound += len(result.bounded.binding) > 0
         assert_holds(case, result)
-    assert bound > 3
+    assert bound > campaign(3, 1)
 
 
-def test_one_locked_and_one_free_joint(case):
+@pytest.mark.parametrize("lost", [False, True], ids=["one locked", "all others but one locked"])
+def test_locked_joints_beside_a_free_one(case, lost):
+    """Where so many lock that directions are lost, the free joint takes another one."""
     pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
-    pairs = [(i, k) for i, k in pairs if can_stand_still(case, (i,), (k,))]
-    assert len(pairs) > 3
-    for i, k in (pairs[j] for j in np.random.default_rng(19).permutation(len(pairs))[:8]):
-        result = told(case, locked=(i,), free=(k,))
-        assert_told(case, result, predicted_mixed(case, (i,), (k,)))
+    sets = [(others(case, i, k) if lost else (i,), (k,)) for i, k in pairs]
+    sets = [(locked, free) for locked, free in sets if can_stand_still(case, locked, free)]
+    assert len(sets) > 3
+    for locked, free in some(sets, 19, campaign(8, 3)):
+        result = told(case, locked=locked, free=free)
+        assert_told(case, result, predicted_mixed(case, locked, free))
         assert_holds(case, result)
     assert_holds(case, result, duration=0.5)
-
-
-def test_all_joints_locked_but_two_of_which_one_is_free(case):
-    """So directions are lost, and the free joint takes another one."""
-    pairs = [(i, k) for i in range(case.arm.n) for k in others(case, i)]
-    pairs = [(i, k) for i, k in pairs if can_stand_still(case, others(case, i, k), (k,))]
-    assert len(pairs) > 3
-    for i, k in (pairs[j] for j in np.random.default_rng(29).permutation(len(pairs))[:8]):
-        locked = others(case, i, k)
-        result = told(case, locked=locked, free=(k,))
-        assert_told(case, result, predicted_mixed(case, locked, (k,)))
-        assert_holds(case, result)
 
 
 @pytest.mark.parametrize("payload", [None, HANGING], ids=["no payload", "payload"])

@@ -10,15 +10,15 @@ import pytest
 import scipy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial import ConvexHull
 
 import ftforce
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.feasible import Reading, feasible_forces, reach
 from ftforce.limits import Limits
 from ftforce.polytope import force_polytope
 from ftforce.reduced import reduce
-from helpers import assert_close, load_text, seeds, serial_urdf, with_singular_values
+from helpers import assert_close, campaign, load_text, seeds, serial_urdf, with_singular_values
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of the modules that it imports
@@ -73,7 +73,7 @@ def random_case(seed, m, n):
 
 
 @given(seeds, st.integers(1, 3), st.integers(1, 4))
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=campaign(40, 12))
 def test_random_arms_against_pycapacity(seed, m, more):
     assume(m > 1)
     J, limits, rnea = random_case(seed, m, m + more)
@@ -119,20 +119,6 @@ def test_wrenches_against_pycapacity(length):
     assert len(found.faces) == np.sum(ends.sum(axis=1) >= 6)
 
 
-def test_brakes_against_pycapacity():
-    J, motors, rnea = random_case(5, 3, 6)
-    brakes = 0.9 * np.abs(rnea) + 8.0
-    limits = np.where(np.arange(6) == 2, brakes, motors)
-    commanded, held = (
-        polytope_of(J, limits, rnea, locked=[2], reading=reading) for reading in Reading
-    )
-    wanted = pycapacity_corners(J, limits, rnea)  # a brake bounds the torque as a motor does
-    assert_same_points(commanded.vertices, wanted, ROUNDED)
-    assert_same_points(held.vertices, wanted, ROUNDED)
-    without = polytope_of(J, np.where(np.arange(6) == 2, UNKNOWN, motors), rnea, locked=[2])
-    assert volume(without.vertices) > 1.01 * volume(commanded.vertices)
-
-
 # ---- flat ones -------------------------------------------------------------------------------
 
 
@@ -161,6 +147,13 @@ def test_a_lost_direction_leaves_a_flat_polygon():
     assert (braked(after=True).dimension, braked(after=True, reading="held").dimension) == (2, 3)
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_weight_that_only_a_force_at_the_tip_carries(unit):
+    found = polytope_of(np.eye(2), [unit, 2.0 * unit], [3.0 * unit, 0.0])
+    assert_same_points(found.vertices, unit * np.array([[-4, -2], [-4, 2], [-2, 2], [-2, -2]]))
+    assert not found.vertices.flags.writeable
+
+
 def test_a_segment():
     J, limits = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 4.0]], [10.0, 20.0, 40.0]
     found = polytope_of(J, limits, [1.0, 2.0, -8.0], locked=[0, 1])
@@ -185,11 +178,6 @@ def test_none_at_all():
     assert (found.vertices.shape, found.faces) == ((0, 3), ())
     # Two joints along one direction that need forces which do not meet:
     assert polytope_of([[1.0, 1.0], [0.0, 1e-9]], [1.0, 1.0], [5.0, -5.0]).is_empty
-
-
-def test_a_weight_that_only_a_force_at_the_tip_carries():
-    found = polytope_of(np.eye(2), [1.0, 2.0], [3.0, 0.0])
-    assert_same_points(found.vertices, [[-4, -2], [-4, 2], [-2, 2], [-2, -2]])
 
 
 # ---- what every polytope keeps ---------------------------------------------------------------
@@ -221,7 +209,7 @@ def edges_of(face):
 
 
 @given(polytopes())
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=campaign(150, 60))
 def test_corners_and_faces(case):
     J, limits, rnea, feasible = case
     found = force_polytope(feasible)
@@ -247,7 +235,7 @@ def test_corners_and_faces(case):
 
 
 @given(polytopes(), seeds)
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=campaign(100, 30))
 def test_corners_reach_as_far_as_a_linear_program(case, seed):
     *_, feasible = case
     found = force_polytope(feasible)
@@ -272,30 +260,6 @@ def test_corners_reach_as_far_as_a_linear_program(case, seed):
             assert_close(np.max(found.vertices @ d), -best.fun, tol=1e-5)
 
 
-@given(polytopes())
-@settings(deadline=None, max_examples=60)
-def test_every_corner_is_as_far_as_the_ratio_test_says(case):
-    *_, feasible = case
-    assume((feasible.lower < 0.0).all() and (feasible.upper > 0.0).all())
-    for corner in force_polytope(feasible).vertices:
-        levers = np.abs(feasible.rows @ corner) / (feasible.scale * np.linalg.norm(corner) or 1.0)
-        assume(not ((levers > 1e-12) & (levers < 1e-5)).any())  # no load, or just one
-        if corner.any():
-            assert_close(reach(feasible, corner).most, 1.0, tol=1e-6)
-
-
-@pytest.mark.parametrize("weak", [1e-3, 1e-5])
-def test_two_weak_directions_cost_no_corners(weak):
-    J = with_singular_values(np.random.default_rng(4), 3, 6, np.array([1.0, 2 * weak, weak]))
-    found = polytope_of(J, [20.0] * 6)
-    strong = np.diag([1.0, 0.5 / weak, 1.0 / weak]) @ np.linalg.svd(J)[0].T @ J  # of order one
-    wanted = HalfspaceIntersection(
-        np.c_[np.vstack([strong.T, -strong.T]), np.full(12, -20.0)], np.zeros(3)
-    ).intersections
-    assert_close(volume(found.vertices) * 2 * weak**2, volume(wanted), tol=1e-6)
-    assert len(found.vertices) == len(np.unique(wanted.round(6), axis=0))
-
-
 @pytest.mark.parametrize("lever", [1e-2, 1e-4, 3e-6])
 def test_a_joint_that_bounds_the_set_far_away_costs_no_digits(lever):
     J, limits, rnea = random_case(0, 3, 6)
@@ -315,28 +279,6 @@ def test_planes_that_only_touch_a_cube_change_nothing(row, limit):
     found = polytope_of(np.column_stack([np.eye(3), row]), [1.0, 1.0, 1.0, limit])
     assert_same_points(found.vertices, list(product((-1.0, 1.0), repeat=3)))
     assert sorted(map(len, found.faces)) == [4] * 6
-
-
-@pytest.mark.parametrize("share", [1e-3, 1e-6, 1e-9])
-def test_a_joint_with_next_to_no_torque_leaves_a_thin_slice(share):
-    J, limits, rnea = random_case(9, 3, 6)
-    rnea[2] = 4.0  # so the slice lies beside the origin
-    whole = polytope_of(np.delete(J, 2, axis=1), np.delete(limits, 2), np.delete(rnea, 2))
-    limits[2] *= share
-    found = polytope_of(J, limits, rnea)
-    assert found.dimension == 3
-    edges = Counter(edge for face in found.faces for edge in edges_of(face))
-    assert set(edges.values()) == {2}
-    assert len(found.vertices) - len(edges) + len(found.faces) == 2
-    thickness = 2.0 * limits[2] / np.linalg.norm(J[:, 2])
-    flat = polytope_of(J, limits, rnea, free=[2])  # the middle of the slice
-    plane = scipy.linalg.null_space(J[:, [2]].T)
-    area = ConvexHull(flat.vertices @ plane).volume
-    both = ConvexHull(found.vertices @ plane).volume  # seen from the front
-    assert_close(both, area, tol=20.0 * share + 1e-9)
-    assert area**1.5 > 0.01 * volume(whole.vertices)
-    side = found.vertices @ J[:, 2] / np.linalg.norm(J[:, 2])
-    assert_close(np.ptp(side), thickness, tol=1e-13 / share)
 
 
 def test_a_slice_that_is_too_thin_to_tell_is_flat():
@@ -364,20 +306,6 @@ def test_limits_that_leave_only_a_plane():
     )
     assert cube.dimension == 3
     assert sorted(map(len, cube.faces)) == [4] * 6
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1e9])
-def test_the_unit_of_torque_does_not_matter(scale):
-    J, limits, rnea = random_case(2, 3, 6)
-    one, other = polytope_of(J, limits, rnea), polytope_of(J, scale * limits, scale * rnea)
-    assert_same_points(other.vertices / scale, one.vertices)
-    assert sorted(map(len, one.faces)) == sorted(map(len, other.faces))
-
-
-def test_planes_that_are_almost_parallel_still_meet():
-    found = polytope_of([[1.0, 1.0, 0.0], [0.0, 1e-3, 1.0]], [1.0, 1.0, 1.0])
-    half = [[1, -1], [1, 0], [0.999, 1]]
-    assert_same_points(found.vertices, [*half, *np.negative(half)])
 
 
 @pytest.mark.parametrize("m", [4, 5])
@@ -408,13 +336,6 @@ def test_a_free_joint_leaves_the_forces_that_balance_it():
     assert_same_points(found.vertices, F0 + wanted @ plane.T, ROUNDED)
 
 
-def test_two_free_joints_that_nothing_balances():
-    J = [[1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
-    assert polytope_of(J, [9.0] * 3, [1.0, -1.0, 0.0], free=[0, 1]).is_empty
-    found = polytope_of(J, [9.0] * 3, [1.0, 2.0, 3.0], free=[0, 1])
-    assert_same_points(found.vertices, [[-1, 6], [-1, -12]])
-
-
 @pytest.mark.parametrize("unknown", [[0], [0, 1], [0, 1, 2, 3]], ids=str)
 def test_unknown_limits_leave_directions_open(unknown):
     J, limits, rnea = random_case(8, 3, 4)
@@ -432,15 +353,6 @@ def test_unknown_limits_leave_directions_open(unknown):
         assert reach(feasible, direction).most == reach(feasible, -direction).most == math.inf
 
 
-def test_no_limits_at_all():
-    arm = ftforce.load_robot("dh5")
-    found = ftforce.capability(arm, limits="none").polytope(after=False)
-    assert not found.is_bounded
-    assert found.dimension == 0
-    assert_close(found.vertices, np.zeros((1, 3)))
-    assert_close(abs(np.linalg.det(found.unlimited)), 1.0)
-
-
 def test_too_many_joints_are_refused_at_once():
     steps = [("revolute", {"xyz": (0.1, 0, 0.02 * i), "axis": (0, i % 2, 1)}) for i in range(21)]
     arm = load_text(serial_urdf(*steps))
@@ -454,18 +366,6 @@ def test_too_many_joints_are_refused_at_once():
     )
     smaller = ftforce.capability(arm, np.linspace(-1.0, 1.0, 21), gravity=[0, 0, 0])
     assert smaller.polytope(after=False).dimension == 3
-
-
-def test_readings_that_do_not_exist():
-    result = ftforce.capability(ftforce.load_robot("dh5"))
-    with pytest.raises(UnknownNameError, match="no reading of a lock 'hold'; there is: commanded"):
-        result.polytope(after=True, reading="hold")
-
-
-def test_results_are_read_only():
-    found = polytope_of(*random_case(1, 3, 5))
-    assert not found.vertices.flags.writeable
-    assert not found.unlimited.flags.writeable
 
 
 def test_many_planes_are_worked_through_in_parts(monkeypatch):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.errors import InputError, UnknownNameError
 from ftforce.kinematics import frame_jacobian
 from ftforce.posture import (
     SAMPLES,
@@ -18,7 +18,7 @@ from ftforce.posture import (
     mid_range,
     samples,
 )
-from helpers import KNOWN, assert_close, load_text, serial_urdf, srdf_of
+from helpers import assert_close, load_text, serial_urdf, srdf_of
 
 Y = {"axis": (0, 1, 0)}
 
@@ -44,33 +44,24 @@ OUTSIDE, STRAIGHT, BENT, OTHER = (
 )
 
 
-def default_of(urdf, **states):
-    return choose_posture(load_text(urdf, srdf_of(**states)))
-
-
 # ---- default ---------------------------------------------------------------------------------
 
-
-def test_the_first_named_posture_is_the_default():
-    posture = default_of(elbow(), bent=BENT, other=OTHER)
-    assert_close(posture.q, [0, 0.5, 1])
-    assert (posture.source, posture.warnings) == ("posture 'bent'", ())
-    assert default_of(elbow(), other=OTHER, bent=BENT).source == "posture 'other'"
-
-
-def test_postures_outside_the_limits_and_singular_ones_are_skipped_and_named():
-    posture = default_of(elbow(), far=OUTSIDE, straight=STRAIGHT, bent=BENT)
-    assert_close(posture.q, [0, 0.5, 1])
-    assert posture.source == (
-        "posture 'bent' ('far' is outside the limits, 'straight' is singular)"
-    )
+SKIPPED = "posture 'bent' ('far' is outside the limits, 'straight' is singular)"
+NARROW = {"lower": 0.2, "upper": 1.6}
+DEFAULTS = [  # limits, named postures: positions and source
+    ({}, {"bent": BENT, "other": OTHER}, [0, 0.5, 1], "posture 'bent'"),
+    ({}, {"other": OTHER, "bent": BENT}, [1, 1, 1], "posture 'other'"),
+    ({}, {"far": OUTSIDE, "straight": STRAIGHT, "bent": BENT}, [0, 0.5, 1], SKIPPED),
+    (NARROW, {"a": STRAIGHT}, [0.9] * 3, "mid-range ('a' is outside the limits)"),
+    (NARROW, {}, [0.9] * 3, "mid-range"),
+]
 
 
-def test_mid_range_where_no_named_posture_serves():
-    posture = default_of(elbow(lower=0.2, upper=1.6), straight=STRAIGHT)
-    assert_close(posture.q, [0.9, 0.9, 0.9])
-    assert posture.source == "mid-range ('straight' is outside the limits)"
-    assert choose_posture(load_text(elbow(lower=0.2, upper=1.6))).source == "mid-range"
+@pytest.mark.parametrize(("limits", "states", "q", "source"), DEFAULTS)
+def test_the_default_is_the_first_posture_that_serves(limits, states, q, source):
+    posture = choose_posture(load_text(elbow(**limits), srdf_of(**states)))
+    assert_close(posture.q, q)
+    assert (posture.source, posture.warnings) == (source, ())
 
 
 def test_the_best_sample_where_mid_range_is_singular():
@@ -84,31 +75,6 @@ def test_the_best_sample_where_mid_range_is_singular():
     assert not is_singular(arm, posture.q)
 
 
-def test_a_posture_that_places_only_some_joints_is_not_used():
-    arm = load_text(elbow(lower=0.2, upper=1.6), srdf_of(half={"j1": 0.3, "j2": 0.4}))
-    assert choose_posture(arm).source == "mid-range"
-    (note,) = arm.notes
-    assert "'half' is left out: it does not place j3" in note
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_robots_start_inside_their_limits_and_away_from_singularities(name):
-    arm = ftforce.load_robot(name)
-    posture = choose_posture(arm)
-    assert posture.source == f"posture '{ftforce.known_robots()[name].posture}'"
-    assert posture.warnings == ()
-    assert np.all((posture.q >= arm.lower - 1e-6) & (posture.q <= arm.upper + 1e-6))
-    s = np.linalg.svd(frame_jacobian(arm, posture.q)[:3], compute_uv=False)
-    assert s[-1] > 0.01 * s[0]
-
-
-def test_the_default_is_the_same_every_time():
-    one, other = (choose_posture(load_text(elbow())) for _ in range(2))
-    np.testing.assert_array_equal(one.q, other.q)
-    arm = load_text(elbow())
-    assert choose_posture(arm) is choose_posture(arm)
-
-
 # ---- named -----------------------------------------------------------------------------------
 
 
@@ -117,28 +83,22 @@ def arm():
     return load_text(elbow(), srdf_of(bent=BENT, far=OUTSIDE))
 
 
+OUTSIDE_BY = "outside the joint limits: j3 = 3.1 (limits -3 to 3 rad)"
+
+
 @pytest.mark.parametrize(
-    ("name", "q", "source"),
+    ("name", "q", "source", "warnings"),
     [
-        ("bent", [0, 0.5, 1], "posture 'bent'"),
-        ("zero", [0, 0, 0], "zero"),
-        ("mid-range", [0, 0, 0], "mid-range"),
+        ("bent", [0, 0.5, 1], "posture 'bent'", ()),
+        ("zero", [0, 0, 0], "zero", ()),
+        ("mid-range", [0, 0, 0], "mid-range", ()),
+        ("far", [0, 0.5, 3.1], "posture 'far'", (OUTSIDE_BY,)),
     ],
 )
-def test_named_and_built_in_postures(arm, name, q, source):
+def test_named_and_built_in_postures(arm, name, q, source, warnings):
     posture = choose_posture(arm, name=name)
     assert_close(posture.q, q)
-    assert posture.source == source
-
-
-def test_a_named_posture_outside_the_limits_is_used_with_a_warning(arm):
-    (warning,) = choose_posture(arm, name="far").warnings
-    assert warning == "outside the joint limits: j3 = 3.1 (limits -3 to 3 rad)"
-
-
-def test_zero_outside_the_limits_is_warned_about():
-    (warning,) = choose_posture(ftforce.load_robot("panda"), name="zero").warnings
-    assert "panda_joint4 = 0 (limits -3.0718 to -0.0698 rad)" in warning
+    assert (posture.source, posture.warnings) == (source, warnings)
 
 
 def test_unknown_postures_are_answered_with_the_known_ones(arm):
@@ -185,26 +145,25 @@ def test_degrees_are_converted_for_turning_joints_only():
     assert_close(choose_posture(arm, [1.5, 0.5, 1.5]).q, [1.5, 0.5, 1.5])
 
 
-def test_positions_outside_the_limits_are_warned_about_joint_by_joint(arm):
-    (warning,) = choose_posture(arm, [3.5, 0, -4]).warnings
-    assert warning == (
-        "outside the joint limits: j1 = 3.5 (limits -3 to 3 rad), j3 = -4 (limits -3 to 3 rad)"
-    )
+OTHER_JOINTS = serial_urdf(("prismatic", {"upper": 0.35}), ("continuous", Y), ("revolute", Y))
+WARNINGS = [
+    ([3.5, 0, -4], "j1 = 3.5 (limits -3 to 3 rad), j3 = -4 (limits -3 to 3 rad)"),
+    ([3 + 5e-7, 0, -3 - 5e-7], None),  # limits that were printed rounded
+    ([3 + 2e-6, 0, 0], "j1 = 3 (limits -3 to 3 rad)"),
+]
 
 
-def test_limits_in_metres_for_a_prismatic_joint():
-    tall = choose_posture(ftforce.load_robot("tiago"), [0.9, 1.4, -0.3, -1.5, 1.6, 0.3, 0.4, 0.0])
-    assert "torso_lift_joint = 0.9 (limits 0 to 0.35 m)" in tall.warnings[0]
+@pytest.mark.parametrize(("q", "words"), WARNINGS)
+def test_positions_outside_the_limits_are_warned_about_joint_by_joint(arm, q, words):
+    wanted = () if words is None else (f"outside the joint limits: {words}",)
+    assert choose_posture(arm, q).warnings == wanted
 
 
-def test_limits_that_were_printed_rounded_are_forgiven(arm):
-    assert choose_posture(arm, [3 + 5e-7, 0, -3 - 5e-7]).warnings == ()
-    assert choose_posture(arm, [3 + 2e-6, 0, 0]).warnings != ()
-
-
-def test_a_continuous_joint_has_no_limits():
-    arm = load_text(serial_urdf(("continuous", {}), ("continuous", Y)))
-    assert choose_posture(arm, [1000.0, -50.0]).warnings == ()
+def test_metres_and_continuous_joints():
+    other = load_text(OTHER_JOINTS)
+    assert choose_posture(other, [0.1, -50.0, 1.0]).warnings == ()
+    (warning,) = choose_posture(other, [20.0, 1.0, 1.0]).warnings  # no degrees
+    assert warning == "outside the joint limits: j1 = 20 (limits -3 to 0.35 m)"
 
 
 @pytest.mark.parametrize(
@@ -222,31 +181,17 @@ def test_degrees_given_as_radians_are_noticed(arm, q, mixed_up):
     assert warning.endswith("; these look like degrees, but radians are expected") is mixed_up
 
 
-def test_metres_are_not_taken_for_degrees():
-    arm = load_text(serial_urdf(("prismatic", {}), ("revolute", Y)))
-    (warning,) = choose_posture(arm, [20.0, 1.0]).warnings
-    assert "degrees" not in warning
-
-
 @pytest.mark.parametrize(
-    ("q", "name", "error", "message"),
+    ("q", "name", "message"),
     [
-        (
-            [0, 0],
-            None,
-            DimensionError,
-            "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2",
-        ),
-        ([0, 0, 0, 0], None, DimensionError, "q needs 3 numbers, got 4 numbers"),
-        ([[0, 0, 0]], None, DimensionError, "got an array of shape 1 x 3"),
-        (0.5, None, DimensionError, "got a single number"),
-        ([0, np.nan, 0], None, InputError, "q holds nan at position 2; numbers must be finite"),
-        (["a", 0, 0], None, InputError, "q needs numbers"),
-        ([0, 0, 0], "bent", InputError, r"either q or a posture, not both \(q and 'bent'\)"),
+        ([0, 0], None, "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2"),
+        ([0, np.nan, 0], None, "q holds nan at position 2"),
+        ([0, 0, 0], "bent", r"either q or a posture, not both \(q and 'bent'\)"),
+        (Posture(np.zeros(3), "given"), "bent", "not both"),
     ],
 )
-def test_malformed_positions(arm, q, name, error, message):
-    with pytest.raises(error, match=message):
+def test_malformed_positions(arm, q, name, message):
+    with pytest.raises(InputError, match=message):
         choose_posture(arm, q, name)
 
 
@@ -254,11 +199,6 @@ def test_malformed_positions(arm, q, name, error, message):
 def test_a_posture_object_of_another_arm(arm, size):
     with pytest.raises(InputError, match="3"):
         ftforce.analyze(arm, Posture(np.zeros(size), "another arm's"))
-
-
-def test_a_posture_object_and_a_name_are_one_too_many(arm):
-    with pytest.raises(InputError, match="not both"):
-        choose_posture(arm, Posture(np.zeros(3), "given"), "bent")
 
 
 # ---- samples and singularity -----------------------------------------------------------------

@@ -1,12 +1,13 @@
 """A robot answers which joint is meant, and stays as it was made."""
 
+import copy
 import pickle
 import threading
 
 import numpy as np
 import pytest
 
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.kinematics import frame_jacobian
 from urdfs import arm, followed, hand, joint, link, load, robot, state
 
@@ -55,7 +56,6 @@ def test_a_joint_is_a_number_or_a_name(four, joint, index):
     ("joint", "message"),
     [
         (0, "joint number 0 is out of range; the chain has: 1 j1, 2 j2, 3 j4"),
-        (4, "joint number 4 is out of range"),
         ("-1", "joint number -1 is out of range"),
         (np.int64(9), "joint number 9 is out of range"),
         ("j5", r"no joint 'j5' in the chain of 'arm'; there is: j1, j2, j4"),
@@ -64,28 +64,20 @@ def test_a_joint_is_a_number_or_a_name(four, joint, index):
         ("left_joint", "joint 'left_joint' lies outside the chain from 'base' to 'tool' and is he"),
         ("mount", "joint 'mount' is held fixed: it has no motor that could fail; the chain has: 1"),
         ("free", "joint 'free' is held fixed: it has no motor that could fail"),
-        ("tool", "no joint 'tool'"),
         ("", "no joint ''"),
         ("--2", "no joint '--2'"),
-        ("2.0", "no joint '2.0'"),
         ("٢", "no joint '٢'"),
-        ("²", "no joint '²'"),
         ("1_0", "no joint '1_0'"),
         ("9" * 5000, "no joint '9999"),
         (True, "a joint is a number from 1 to 3 or a name, got True"),
-        (1.0, "a joint is a number from 1 to 3 or a name, got 1.0"),
         (None, "a joint is a number from 1 to 3 or a name, got None"),
     ],
 )
 def test_what_is_no_joint_of_the_chain(four, joint, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as caught:
         four.index(joint)
-
-
-def test_an_unknown_joint_carries_the_known_ones(four):
-    with pytest.raises(UnknownNameError) as caught:
-        four.index("elbow")
-    assert caught.value.available == ("j1", "j2", "j4")
+    if joint == "j5":
+        assert (caught.value.available, caught.value.suggestion) == (("j1", "j2", "j4"), None)
 
 
 @pytest.mark.parametrize(
@@ -116,14 +108,11 @@ def test_joints_may_be_given_in_many_ways(four, joints, indices):
     [
         ("1,1", r"joint 1 \(j1\) is named twice"),
         ([2, "j2"], r"joint 2 \(j2\) is named twice"),
-        ("2,9", "joint number 9 is out of range"),
         ("1;2", "no joint '1;2'"),
-        ("[1", r"no joint '\[1'"),
         ([True, False], "a mask needs 3 values, one per joint, got 2"),
         (True, "a mask needs 3 values"),
         ([True, 2, False], "got True"),
         (None, "got None"),
-        (2.0, "got 2.0"),
         ([[1, 2]], r"got \[1, 2\]"),
         (np.eye(3), "a joint is a number"),
     ],
@@ -216,16 +205,12 @@ def test_a_robot_cannot_be_changed(four):
             array[0] = 9.0
 
 
-def test_robots_are_compared_by_identity(four):
-    again = pickle.loads(pickle.dumps(four))
-    assert len({four, four, again}) == 2
-    assert four != again
-
-
-def test_a_pickled_robot_is_the_same_arm(four):
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_a_copied_robot_is_the_same_arm(four, duplicate):
     q = np.array([0.1, 0.2, 0.3])
     J = frame_jacobian(four, q)
-    again = pickle.loads(pickle.dumps(four))
+    again = duplicate(four)
+    assert again != four  # robots are compared by identity
     assert (again.names, again.tip, again.held, again.tips) == (
         four.names, four.tip, four.held, four.tips,
     )  # fmt: skip

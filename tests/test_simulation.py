@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 import ftforce
 import physics
 from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryError
-from ftforce.fault_events import FaultEvent, phases, read_events
+from ftforce.fault_events import phases, read_events
 from ftforce.faults import FaultMode, FaultSet
 from ftforce.history import QUANTITIES, VERDICTS
 from ftforce.kinematics import tip_pose
@@ -20,40 +20,13 @@ from ftforce.limits import Limits
 from ftforce.posture import choose_posture
 from ftforce.simulation import simulate
 from ftforce.trajectory import Path, Recording
-from helpers import assert_close, serial_urdf
+from helpers import CAMPAIGN, SLIDING, assert_close, campaign, serial_urdf, straight
 from results import massless
 from urdfs import arm, followed, load
 
-law = settings(deadline=None, max_examples=12)
+law = settings(deadline=None, max_examples=campaign(12, 2))
 PUSH = (80.0, 50.0, 10.0)  # N
-WAYS = {  # robot: where the tip goes, from where it is
-    "dh5": (-0.1, 0.08, 0.05),
-    "panda": (-0.1, 0.1, -0.1),
-    "ur5": (0.05, 0.1, -0.05),
-    "kinova": (0.1, -0.05, -0.1),
-    "tiago": (-0.05, 0.05, 0.05),
-}
 AGREES = 5e-5  # of the force, as in test_physics
-
-
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
-@pytest.fixture(scope="module")
-def panda():
-    return ftforce.load_robot("panda")
-
-
-def line(robot, change=None, *, speed=0.2, q=None, **options):
-    """Return a path from where the tip is."""
-    q = ftforce.analyze(robot, force=None).posture.q if q is None else q
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.to_model(q))
-    x = data.oMf[robot.tip_frame].translation.copy()
-    return Path.through([x, x + (WAYS[robot.name] if change is None else change)],
-                        speed=speed, **options)  # fmt: skip
 
 
 def named(faults):
@@ -132,11 +105,17 @@ CASES = {
 }
 
 
+QUICK = ("a lock that costs", "locks in turn", "from the start", "free, limits", "weak, then free",
+         "weak without limits", "brakes", "payload", "wrench", "components", "no force", "sliding",
+         "tolerances")  # fmt: skip
+
+
 @pytest.mark.thorough
-@pytest.mark.parametrize(("name", "events", "options"), CASES.values(), ids=CASES)
-def test_every_instant_with_the_remap_is_an_analysis(name, events, options):
+@pytest.mark.parametrize("case", CASES if CAMPAIGN else QUICK)
+def test_every_instant_with_the_remap_is_an_analysis(case):
+    name, events, options = CASES[case]
     robot, options = ftforce.load_robot(name), {"force": PUSH, **options}
-    history = simulate(robot, line(robot), faults=events, rate=7, **options)
+    history = simulate(robot, straight(robot), faults=events, rate=7, **options)
     run = history.remapped
     options = {"limits": history.setting.limits, **options}  # of a weak joint from the start on
     stood = [
@@ -151,7 +130,7 @@ def test_every_instant_with_the_remap_is_an_analysis(name, events, options):
 def test_once_the_remap_acts_every_instant_is_an_analysis(panda):
     """And before, it is not."""
     events, delay = ["4@0.5", "free:2@0.9"], 0.3
-    history = simulate(panda, line(panda), force=PUSH, faults=events, delay=delay, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=events, delay=delay, rate=10)
     compared = 0
     for i, t in enumerate(history.t.tolist()):
         actual, known = set_at(panda, events, t, delay)
@@ -172,29 +151,17 @@ def test_random_faults_beside_analyze(data):
     force = data.draw(st.sampled_from([PUSH, (0.0, 0.0, -30.0), (1.0, 0.0, 0.0)]))
     limits = data.draw(st.sampled_from(["urdf", "none"]))
     options = {"force": force, "limits": limits}
-    history = simulate(robot, line(robot), faults=events, rate=4, **options)
+    history = simulate(robot, straight(robot), faults=events, rate=4, **options)
     for i, t in enumerate(history.t.tolist()):
         faults, _ = set_at(robot, events, t)
         assert_as_analyzed(robot, history.remapped, i, faults, **options)
-
-
-def test_limits_count_from_the_first_weak_joint_even_if_it_locks_later(panda):
-    """Else a weak joint would count as healthy, because of what comes after."""
-    events = ["weak:2:0.1@0.3", "2@1"]
-    history = simulate(panda, line(panda), force=PUSH, faults=events, rate=10)
-    assert history.setting.limits == "urdf"
-    i = history.index(0.5)
-    told = ftforce.analyze(panda, history.remapped.q[i], weak={2: 0.1}, force=PUSH,
-                           velocity=history.remapped.v[i],
-                           acceleration=history.remapped.a[i])  # fmt: skip
-    assert_close(history.remapped.force[i], told.force.after, tol=1e-8)
 
 
 # ---- the healthy run and the shape of a history ----------------------------------------------
 
 
 def test_before_a_fault_all_runs_are_the_same(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="3@0.8", delay=0.2, rate=20)
+    history = simulate(panda, straight(panda), force=PUSH, faults="3@0.8", delay=0.2, rate=20)
     before, n = history.t < 0.8, len(history.t)
     for name in QUANTITIES:
         healthy = getattr(history.healthy, name)
@@ -209,15 +176,19 @@ def test_before_a_fault_all_runs_are_the_same(panda):
 
 
 def test_without_the_remap(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="3@0.8", remap=False, rate=20)
+    history = simulate(panda, straight(panda), force=PUSH, faults="3@0.8", remap=False, rate=20)
     assert history.remapped is None
     assert list(history.runs) == ["healthy", "unremapped"]
     assert history.answer is history.unremapped
     assert math.isinf(history.setting.delay)
+    late = simulate(
+        panda, straight(panda), force=PUSH, faults="3@0.8", delay=np.float32(9.5), rate=5
+    )
+    assert late.setting.delay == 9.5
 
 
 def test_a_delay_longer_than_the_rest_is_a_run_without_the_remap(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["3@0.8", "free:2@1"], delay=1e3,
+    history = simulate(panda, straight(panda), force=PUSH, faults=["3@0.8", "free:2@1"], delay=1e3,
                        rate=20)  # fmt: skip
     for name in QUANTITIES:
         one, other = (getattr(run, name) for run in (history.remapped, history.unremapped))
@@ -226,7 +197,7 @@ def test_a_delay_longer_than_the_rest_is_a_run_without_the_remap(panda):
 
 def test_the_same_input_gives_the_same_bytes(panda):
     options = {"force": PUSH, "faults": ["3@0.5", "free:4@0.7"], "delay": 0.1, "rate": 20}
-    one, other = (simulate(panda, line(panda), **options) for _ in range(2))
+    one, other = (simulate(panda, straight(panda), **options) for _ in range(2))
     for name, run in one.runs.items():
         for quantity in QUANTITIES:
             again = getattr(other.runs[name], quantity)
@@ -238,7 +209,7 @@ def test_the_same_input_gives_the_same_bytes(panda):
 
 @pytest.mark.parametrize("when", [0.8, 0.83])
 def test_an_event_at_a_sample_and_between(panda, when):
-    history = simulate(panda, line(panda), force=PUSH, faults=f"3@{when}", rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=f"3@{when}", rate=10)
     assert_close(history.t, np.arange(len(history.t)) / 10)
     stopped = np.flatnonzero(history.remapped.v[:, 2] == 0.0)
     assert stopped[1] == math.ceil(when * 10 - 1e-9)  # the first is the start, at rest
@@ -249,7 +220,7 @@ def test_an_event_at_a_sample_and_between(panda, when):
 
 def test_place_path_and_velocity_errors_by_differences(panda):
     """The path error is what is missing, and its derivative the velocity that is."""
-    path = line(panda)
+    path = straight(panda)
     history = simulate(panda, path, force=PUSH, faults="4@0.5", delay=0.5, rate=100)
     for run in history.runs.values():
         data = panda.model.createData()
@@ -266,28 +237,6 @@ def test_place_path_and_velocity_errors_by_differences(panda):
     for run in (history.unremapped, history.remapped):
         quotient = CubicSpline(history.t[late], -run.path_error[late])(history.t[late], 1)
         assert_close(run.velocity_jump[late][3:-3], quotient[3:-3], tol=1e-3)
-
-
-def test_the_path_error_after_a_fault(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults="4@0.5", rate=20)
-    assert history.healthy.path_error_norm.max() < 1e-5
-    assert history.remapped.path_error_norm.max() < 1e-5
-    assert history.unremapped.path_error_norm[-1] > 0.01
-    late = simulate(panda, line(panda), force=PUSH, faults="4@0.5", delay=0.3, rate=20)
-    error = late.remapped.path_error_norm
-    assert 1e-3 < error.max() < history.unremapped.path_error_norm.max()
-    assert error[-1] < 0.1 * error.max()
-
-
-def test_joint_limits_and_speeds_are_kept(panda):
-    """A fast line that takes joint 4 towards its limit."""
-    path = line(panda, (0.3, 0.0, 0.1), speed=0.8)
-    history = simulate(panda, path, force=PUSH, faults="2@0.3", rate=50)
-    speeds = np.array([joint.velocity for joint in panda.joints])
-    for run in (history.healthy, history.remapped):
-        assert (run.q <= panda.upper + 1e-6).all()
-        assert (run.q >= panda.lower - 1e-6).all()
-        assert (np.abs(run.v) <= speeds * (1.0 + 1e-9)).all()
 
 
 # ---- energy ----------------------------------------------------------------------------------
@@ -314,45 +263,28 @@ def energies(robot, run, payload=None):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", ["dh5", "panda", "ur5", "kinova", "tiago"])
-def test_the_power_of_the_motors_is_what_the_energy_gains(name):
+POWERS = [  # robot, faults, payload, force in world axes
+    ("ur5", (), None, (0, 0, 0)),
+    ("panda", "4@0.5", (2.0, (0.02, 0.1, 0.05)), (0, 0, 0)),  # a brake does no work
+    ("panda", "4@0.5", None, PUSH),
+]
+
+
+@pytest.mark.parametrize(("name", "faults", "payload", "force"), POWERS, ids=str)
+def test_motors_give_what_the_arm_gains_and_what_the_tip_does(name, faults, payload, force):
     robot = ftforce.load_robot(name)
-    history = simulate(robot, line(robot), force=(0, 0, 0), rate=100)
-    run, t = history.healthy, history.t
-    energy = energies(robot, run)
-    power = (run.v * run.rnea).sum(axis=1)
-    assert_close(run.motor, run.rnea, tol=1e-12)  # a free motion
-    gained = CubicSpline(t, power).antiderivative()(t)
-    bound = name == "tiago"  # joints at their largest speed: accelerations jump
-    assert_close(energy - energy[0], gained, tol=1e-3 if bound else 1e-5)
-    if not bound:
-        assert_close(CubicSpline(t, energy)(t, 1)[5:-5], power[5:-5], tol=1e-4)
-    assert np.ptp(energy) > 1e-3
-
-
-@pytest.mark.parametrize("payload", [None, (2.0, (0.02, 0.1, 0.05))])
-def test_the_power_after_a_lock_with_a_payload(panda, payload):
-    """A brake does no work: it stands still."""
+    options = {"force": force, "axes": "world", "faults": faults, "payload": payload}
+    history = simulate(robot, straight(robot), rate=100, **options)
     load = None if payload is None else (payload[0], np.array(payload[1]))
-    history = simulate(panda, line(panda), force=(0, 0, 0), faults="4@0.5", payload=payload,
-                       rate=100)  # fmt: skip
-    run, late = history.remapped, slice(50, None)
-    t, power = history.t[late], (run.v * run.motor).sum(axis=1)[late]
-    energy = energies(panda, run, load)[late]
-    gained = CubicSpline(t, power).antiderivative()(t)
-    assert_close(energy - energy[0], gained, scale=np.ptp(energy), tol=1e-4)
-
-
-def test_the_force_takes_its_power(panda):
-    """Motors give what the arm gains and what the tip does on its environment, in world axes."""
-    history = simulate(panda, line(panda), force=PUSH, axes="world", faults="4@0.5", rate=100)
-    run, t = history.remapped, history.t
-    for part in (slice(0, 50), slice(50, None)):
+    run, energy = history.remapped, energies(robot, history.remapped, load)
+    assert np.ptp(energy) > 1e-3
+    for part in (slice(0, 50), slice(50, None)):  # before and after the fault
+        t = history.t[part]
         spent = (run.v * run.motor).sum(axis=1)[part]
-        arm_ = CubicSpline(t[part], energies(panda, run)[part])(t[part], 1)
-        speed = CubicSpline(t[part], run.position[part])(t[part], 1)
+        gained = CubicSpline(t, energy[part])(t, 1)
+        speed = CubicSpline(t, run.position[part])(t, 1)
         outside = (speed * run.force[part]).sum(axis=1)
-        assert_close(spent[5:-5], (arm_ + outside)[5:-5], tol=1e-3)
+        assert_close(spent[5:-5], (gained + outside)[5:-5], tol=1e-3)
 
 
 # ---- without the remap: MuJoCo ---------------------------------------------------------------
@@ -372,52 +304,45 @@ def old_torques(robot, run, i, joint, *, payload=None):
     return tau
 
 
-@pytest.mark.parametrize("payload", [None, physics.Payload(1.5, (0.05, -0.02, 0.1))])
-@pytest.mark.parametrize(("name", "joint"), [("dh5", 2), ("panda", 3), ("panda", 1), ("ur5", 2)])
-def test_a_joint_goes_free_and_the_tip_is_held(name, joint, payload):
+HANGING = physics.Payload(1.5, (0.05, -0.02, 0.1))
+HELD = [  # robot, joints that lock and that go free, payload
+    ("dh5", [], [2], None),
+    ("panda", [], [3], HANGING),
+    ("panda", [3], [], None),
+    ("panda", [1], [3], None),
+]
+if CAMPAIGN:
+    HELD += [("dh5", [], [2], HANGING), ("panda", [], [1], HANGING), ("ur5", [], [2], HANGING)]
+    HELD += [("panda", [1], [], None), ("panda", [5], [], None), ("ur5", [], [2], None)]
+
+
+@pytest.mark.parametrize(("name", "locked", "free", "payload"), HELD, ids=str)
+def test_old_torques_while_the_tip_is_held(name, locked, free, payload):
     robot = ftforce.load_robot(name)
+    faults = [*(f"{i + 1}@0.5" for i in locked), *(f"free:{i + 1}@0.5" for i in free)]
     load = None if payload is None else tuple(payload)
-    history = simulate(robot, line(robot), force=PUSH, faults=f"free:{joint + 1}@0.5",
-                       payload=load, rate=10)  # fmt: skip
+    history = simulate(robot, straight(robot), force=PUSH, faults=faults, payload=load, rate=10)
     run, scale = history.unremapped, np.linalg.norm(PUSH)
     for i in (5, 8):
-        tau = old_torques(robot, run, i, joint, payload=payload)
-        seen = physics.pinned(robot, run.q[i], tau, payload=payload)
+        tau = old_torques(robot, run, i, (locked + free)[-1], payload=payload)
+        seen = physics.pinned(robot, run.q[i], tau, locked=locked, payload=payload)
         assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
-        M = physics.mass_matrix(robot, run.q[i], payload)
-        # What is left of the torques accelerates the arm.
-        assert_close(np.linalg.solve(M, run.unbalanced[i]), seen.acceleration, tol=AGREES)
-        assert_close(run.jump[i], run.force[i] * 0.0 + PUSH - run.force[i], scale=scale)
-        assert run.verdicts[i] is ftforce.Verdict.NOT_TOLERATED
-    assert np.linalg.norm(run.jump[8]) > 1.0
-
-
-@pytest.mark.parametrize("joint", [1, 3, 5])
-def test_a_joint_locks_and_the_tip_is_held(panda, joint):
-    history = simulate(panda, line(panda), force=PUSH, faults=f"{joint + 1}@0.5", rate=10)
-    run, scale = history.unremapped, np.linalg.norm(PUSH)
-    for i in (5, 9):
-        tau = old_torques(panda, run, i, joint)
-        seen = physics.pinned(panda, run.q[i], tau, locked=[joint])
-        assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
-        weight = physics.inverse_dynamics(panda, run.q[i], 0.0, 0.0)
+        assert_close(run.jump[i], PUSH - run.force[i], scale=scale)
+        weight = physics.inverse_dynamics(robot, run.q[i], 0.0, 0.0, payload=payload)
         load = seen.load - weight + run.rnea[i]
-        assert run.brake[i][joint] == pytest.approx(load[joint], abs=AGREES * scale)
-
-
-def test_locked_and_free_at_once(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["2@0.4", "free:4@0.4"], rate=10)
-    run, scale = history.unremapped, np.linalg.norm(PUSH)
-    for i in (4, 9):
-        tau = old_torques(panda, run, i, 3)
-        seen = physics.pinned(panda, run.q[i], tau, locked=[1])
-        assert_close(run.force[i], seen.force, scale=scale, tol=AGREES)
+        if not free:  # nothing accelerates
+            assert_close(run.brake[i][locked], load[locked], scale=scale, tol=AGREES)
+        if not locked:  # what is left of the torques accelerates the arm
+            M = physics.mass_matrix(robot, run.q[i], payload)
+            assert_close(np.linalg.solve(M, run.unbalanced[i]), seen.acceleration, tol=AGREES)
+            assert run.verdicts[i] is ftforce.Verdict.NOT_TOLERATED
+            assert np.linalg.norm(run.jump[i]) > 1.0 or i == 5
 
 
 def test_known_and_unknown_faults_at_once(panda):
     """A lock is known, a joint that goes free later is not yet."""
     events = ["2@0.4", "free:4@0.9"]
-    history = simulate(panda, line(panda), force=PUSH, faults=events, delay=0.3, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=events, delay=0.3, rate=10)
     run, scale, i = history.remapped, np.linalg.norm(PUSH), 10
     told = ftforce.analyze(panda, run.q[i], locked=[2], force=PUSH, velocity=run.v[i],
                            acceleration=run.a[i])  # fmt: skip
@@ -430,7 +355,7 @@ def test_known_and_unknown_faults_at_once(panda):
 
 def test_motors_that_are_not_told_of_a_weak_one(panda):
     """The weak motor gives what it can: its share of the URDF's limit."""
-    history = simulate(panda, line(panda), force=PUSH, faults="weak:2:0.1@0.5", rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults="weak:2:0.1@0.5", rate=10)
     run, i = history.unremapped, 8
     asked = history.healthy.motor[i]
     assert abs(asked[1]) > 0.1 * panda.effort[1]
@@ -443,7 +368,7 @@ def test_motors_that_are_not_told_of_a_weak_one(panda):
 def test_without_masses_there_is_the_force_part_alone(tmp_path):
     robot = massless(tmp_path)
     q = np.array([0.2, 0.5, 0.4, 0.3])
-    path = line(robot, (-0.05, 0.02, 0.02), q=q)
+    path = straight(robot, (-0.05, 0.02, 0.02), q=q)
     history = simulate(robot, path, q, force=(5, 1, 2), faults=["free:3@0.3"], rate=10)
     assert not history.setting.has_masses
     run = history.unremapped
@@ -468,11 +393,11 @@ def world_jacobian(robot, q):
     )[:3]  # fmt: skip
 
 
-@pytest.mark.parametrize("locked", [(3,), (2, 4), (1, 2, 3, 4, 6)])
+@pytest.mark.parametrize("locked", [(2, 4), (1, 2, 3, 4, 6)])
 def test_jumps_of_the_velocity(panda, locked):
     """At impact by momentum, with MuJoCo's mass matrix; after the remap (K K† - I) x_S."""
     event = f"{','.join(map(str, locked))}@0.5"
-    history = simulate(panda, line(panda), force=PUSH, faults=event, rate=10)
+    history = simulate(panda, straight(panda), force=PUSH, faults=event, rate=10)
     (report,) = history.setting.events
     q, v = history.healthy.q[5], history.healthy.v[5]
     S = [joint - 1 for joint in locked]
@@ -488,10 +413,10 @@ def test_jumps_of_the_velocity(panda, locked):
     assert report.time == 0.5
 
 
-@pytest.mark.parametrize("events", ["free:2@0.4", "4,2@0.4", ["weak:3:0.5@0.2", "free:4@0.4"]])
+@pytest.mark.parametrize("events", ["4,2@0.4", ["weak:3:0.5@0.2", "free:4@0.4"]])
 def test_an_event_is_judged_as_its_instant_is(panda, events):
     """A moving arm: what a joint without torque carries takes part of the force."""
-    history = simulate(panda, line(panda, speed=0.5), force=(1, 2, 3), faults=events, rate=10)
+    history = simulate(panda, straight(panda, speed=0.5), force=(1, 2, 3), faults=events, rate=10)
     report, i = history.setting.events[-1], history.index(0.4)
     assert history.t[i] == 0.4
     jump = history.jump_norm(history.remapped)[i]
@@ -501,7 +426,7 @@ def test_an_event_is_judged_as_its_instant_is(panda, events):
 
 
 def test_words_of_events(panda):
-    history = simulate(panda, line(panda), force=PUSH, faults=["weak:2:0.5@0.5", "3,4@0.2"],
+    history = simulate(panda, straight(panda), force=PUSH, faults=["weak:2:0.5@0.5", "3,4@0.2"],
                        rate=5)  # fmt: skip
     first, second = history.setting.events
     assert (first.time, second.time) == (0.2, 0.5)
@@ -513,7 +438,7 @@ def test_words_of_events(panda):
 
 
 def test_an_event_at_the_first_and_last_instant(panda):
-    path = line(panda)
+    path = straight(panda)
     last = float(simulate(panda, path, force=PUSH, rate=10).t[-1])
     history = simulate(panda, path, force=PUSH, faults=["3@0", f"free:4@{last!r}"], rate=10)
     first, second = history.setting.events
@@ -528,7 +453,7 @@ def test_an_event_at_the_first_and_last_instant(panda):
 
 def test_a_fault_that_nothing_can_hold(dh5):
     """All joints free: no force, and the run goes on."""
-    history = simulate(dh5, line(dh5), force=PUSH, faults="free:1,2,3,4,5@0.3", rate=10)
+    history = simulate(dh5, straight(dh5), force=PUSH, faults="free:1,2,3,4,5@0.3", rate=10)
     late = history.t >= 0.3
     assert np.isnan(history.remapped.force[late]).all()
     assert np.isfinite(history.remapped.force[~late]).all()
@@ -540,133 +465,75 @@ def test_a_fault_that_nothing_can_hold(dh5):
 
 # ---- robots and trajectories of other kinds --------------------------------------------------
 
-SLIDING = serial_urdf(
-    ("prismatic", {"lower": -0.5, "upper": 0.5}),
-    ("continuous", {"xyz": (0.1, 0, 0.1)}),
-    ("revolute", {"xyz": (0.3, 0, 0), "axis": (0, 1, 0)}),
-    ("prismatic", {"xyz": (0.2, 0, 0), "axis": (0.6, 0, 0.8), "lower": 0.0, "upper": 0.4}),
-    ("continuous", {"xyz": (0.2, 0, 0), "axis": (0, 1, 0)}),
-)
+KINDS = {
+    "sliding": (SLIDING, [0.1, 3.0, 0.4, 0.2, 4.0], (0.1, 0.15, -0.1), ["4@0.5", "free:1@0.6"]),
+    "weak slide": (SLIDING, [0.1, 3.0, 0.4, 0.2, 4.0], (0.1, 0.15, -0.1), ["weak:1:0.5@0.5"]),
+    "mimic": (
+        arm(j4=followed(4, "j2", -0.5, 0.2)), [0.3, 0.5, 0.4], (0.03, 0.03, -0.02),
+        ["2@0.3", "free:3@0.5"],
+    ),
+    "recorded": (arm(), [0.2, 0.5, 0.4, 0.3], None, ["3@0.5"]),
+    "one joint": (
+        serial_urdf(("revolute", {"axis": (0, 1, 0)})), [0.0], None, ["free:1@0.3", "1@0.6"],
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("events", ["1@0.5", "4@0.5", ["5@0.4", "free:1@0.6"], "weak:1:0.5@0.5"])
-def test_joints_that_slide_and_turn_without_end(tmp_path, events):
-    robot = load(tmp_path, SLIDING, tip="tool")
-    q = np.array([0.1, 3.0, 0.4, 0.2, 4.0])
-    path = line(robot, (0.1, 0.15, -0.1), q=q)
-    history = simulate(robot, path, q, force=(3, 1, 2), faults=events, rate=10)
-    for i, t in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, events, t)
-        limits = history.setting.limits
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2), limits=limits)
-    assert [joint.unit for joint in history.setting.joints] == ["m", "rad", "rad", "m", "rad"]
-
-
-def test_mimic_joints(tmp_path):
-    robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
-    q = np.array([0.3, 0.5, 0.4])
-    history = simulate(robot, line(robot, (0.03, 0.03, -0.02), q=q), q, force=(3, 1, 2),
-                       faults=["2@0.3", "free:3@0.5"], rate=10)  # fmt: skip
-    for i, t in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, ["2@0.3", "free:3@0.5"], t)
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2))
-
-
-def test_an_arm_of_one_joint(tmp_path):
-    robot = load(tmp_path, serial_urdf(("revolute", {"axis": (0, 1, 0)})), tip="tool")
-    t = np.linspace(0.0, 1.0, 11)
-    recording = Recording.of(robot, t, 0.5 * np.sin(t)[:, None])
-    history = simulate(robot, recording, force=(3, 1, 2), faults=["free:1@0.3", "1@0.6"])
+@pytest.mark.parametrize("case", KINDS.values(), ids=KINDS)
+def test_robots_and_trajectories_of_other_kinds(tmp_path, case):
+    urdf, q, change, events = case
+    robot, q, force = load(tmp_path, urdf, tip="tool"), np.array(q), (3, 1, 2)
+    if change is None:
+        t = np.linspace(0.0, 1.0, 11)
+        q = q + 0.5 * np.sin(t)[:, None]
+        history = simulate(robot, Recording.of(robot, t, q), force=force, faults=events)
+        assert_close(history.healthy.q, q)
+    else:
+        history = simulate(
+            robot, straight(robot, change, q=q), q, force=force, faults=events, rate=10
+        )
+    options = {"force": force, "limits": history.setting.limits}
     for i, time in enumerate(history.t.tolist()):
-        faults, _ = set_at(robot, ["free:1@0.3", "1@0.6"], time)
-        assert_as_analyzed(robot, history.remapped, i, faults, force=(3, 1, 2))
-    assert np.ptp(history.remapped.q[6:]) == 0.0
-
-
-@pytest.mark.parametrize("velocities", [False, True])
-def test_a_recorded_motion(panda, velocities):
-    t = np.linspace(0.0, 1.0, 21)
-    q0, rate = ftforce.analyze(panda).posture.q, 1.0 + 0.2 * np.arange(7)
-    q, v = q0 + 0.1 * np.sin(np.outer(t, rate)), 0.1 * rate * np.cos(np.outer(t, rate))
-    recording = Recording.of(panda, t, q, v if velocities else None)
-    history = simulate(panda, recording, force=PUSH, faults="3@0.5")
-    assert_close(history.healthy.q, q)
-    assert_close(history.healthy.v[2:-2], v[2:-2], tol=1e-3)
-    assert history.remapped.path_error_norm.max() < 1e-5
-    for i, time in enumerate(t.tolist()):
-        faults, _ = set_at(panda, "3@0.5", time)
-        assert_as_analyzed(panda, history.remapped, i, faults, force=PUSH)
-
-
-def test_orientation_is_kept_after_a_lock(panda):
-    """Six rows of seven joints: one lock leaves none to spare, and the tip still follows."""
-    path = line(panda, keep_orientation=True)
-    history = simulate(panda, path, force=PUSH, faults="3@0.5", rate=20)
-    for run in (history.healthy, history.remapped):
-        R = [pin.Quaternion(*x[[3, 0, 1, 2]]).toRotationMatrix() for x in run.orientation]
-        turned = [np.linalg.norm(pin.log3(R[0].T @ now)) for now in R]
-        assert max(turned) < 1e-4
-        assert run.path_error_norm.max() < 1e-5
-
-
-def test_waypoints_with_a_fault_at_a_corner(panda):
-    path = line(panda)
-    corner = path.points[0] + [0.0, 0.0, -0.05]
-    corners = Path.through([path.points[0], corner, path.points[1]], speed=0.2)
-    when = float(corners.times[1])
-    history = simulate(panda, corners, force=PUSH, faults=f"4@{when!r}", rate=20)
-    assert history.remapped.path_error_norm.max() < 1e-5
-    (report,) = history.setting.events
-    assert_close(report.velocity_jump, np.zeros(3), scale=1.0, tol=1e-6)
+        faults, _ = set_at(robot, events, time)
+        assert_as_analyzed(robot, history.remapped, i, faults, **options)
+    units = ["m" if joint.type == "prismatic" else "rad" for joint in robot.joints]
+    assert [joint.unit for joint in history.setting.joints] == units
 
 
 def test_progress_goes_up_to_the_end(panda):
     for remap in (True, False):
-        done, totals = [], []
-
-        def progress(*seen, lists=(done, totals)):
-            for one, number in zip(lists, seen, strict=True):
-                one.append(number)
-
-        simulate(panda, line(panda), force=PUSH, faults="3@0.5", rate=20, remap=remap,
-                 progress=progress)  # fmt: skip
-        assert done == sorted(done)
-        assert len(set(totals)) == 1
-        assert done[-1] == totals[0]
+        seen = []
+        options = {"faults": "3@0.5", "rate": 20, "remap": remap}
+        simulate(
+            panda, straight(panda), force=PUSH, progress=lambda *x, to=seen: to.append(x), **options
+        )
+        done, totals = zip(*seen, strict=True)
+        assert list(done) == sorted(done)
+        assert set(totals) == {done[-1]}
 
 
 # ---- bad input -------------------------------------------------------------------------------
 
-BAD = {
-    "force too short": ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
-    "force NaN": ({"force": (1, 2, math.nan)}, "force holds nan at position 3"),
-    "force None": ({"force": None}, "force needs numbers, got None"),
-    "force of text": ({"force": "1,2,3"}, "force needs numbers"),
-    "delay negative": ({"delay": -1}, "the delay must be 0 s or more, got -1"),
-    "delay NaN": ({"delay": math.nan}, "the delay must be 0 s or more, got nan"),
-    "delay text": ({"delay": "1"}, "the delay must be 0 s or more, got '1'"),
-    "delay truth": ({"delay": True}, "the delay must be 0 s or more, got True"),
-    "delay None": ({"delay": None}, "the delay must be 0 s or more, got None"),
-    "delay huge": ({"delay": 10**400, "faults": "3@1"}, "the delay must be 0 s or more, got 1"),
-    "fault late": ({"faults": "3@99"}, "the fault at 99 s comes after the end of the trajectory"),
-    "one fault late": ({"faults": ["3@1", "4@99"]}, "the fault at 99 s comes after the end of"),
-    "fault twice": ({"faults": ["3@0.1", "3@0.2"]}, "joint 3 (joint3) is locked already at 0.2 s"),
-    "no time": ({"faults": "3@"}, "a fault event needs joints and a time"),
-    "rate 0": ({"rate": 0}, "the rate must be positive"),
-    "rate huge": ({"rate": 1e12}, "5.63e+12 samples are more than 5,000,000"),
-    "task": ({"task": "push"}, "no "),
-    "axes": ({"axes": "tip"}, "no axes 'tip'"),
-    "length": ({"task": "wrench", "length": -1, "force": range(6)}, "the "),
-    "gravity": ({"gravity": (0, 0)}, "gravity needs 3 numbers, got 2 numbers"),
-    "payload": ({"payload": -1}, "the payload's mass must be 0 kg or more, got -1"),
-    "limits": ({"limits": "what"}, "what: "),
-    "rtol": ({"rtol": -1}, ""),
-    "posture": ({"posture": "nowhere"}, "no posture 'nowhere'"),
-    "q": ({"q": [0, 0]}, "q needs 5 numbers, got 2 numbers"),
-}
+BAD = [  # the words of errors that others make are theirs
+    ({"delay": -1}, "the delay must be 0 s or more, got -1"),
+    ({"delay": math.nan}, "the delay must be 0 s or more, got nan"),
+    ({"delay": "1"}, "the delay must be 0 s or more, got '1'"),
+    ({"delay": True}, "the delay must be 0 s or more, got True"),
+    ({"delay": 10**400, "faults": "3@1"}, "the delay must be 0 s or more, got 1"),
+    ({"faults": ["3@1", "4@99"]}, "the fault at 99 s comes after the end of the trajectory"),
+    ({"faults": ["3@0.1", "3@0.2"]}, ""),
+    ({"rate": 1e12}, "5.63e+12 samples are more than 5,000,000"),
+    ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
+    ({"force": None}, "force needs numbers, got None"),
+    ({"axes": "tip"}, ""),
+    ({"gravity": (0, 0)}, ""),
+    ({"limits": "what"}, ""),
+    ({"rtol": -1}, ""),
+    ({"posture": "nowhere"}, ""),
+]
 
 
-@pytest.mark.parametrize(("options", "message"), BAD.values(), ids=BAD)
+@pytest.mark.parametrize(("options", "message"), BAD, ids=lambda x: str(x)[:40])
 def test_values_that_make_no_sense(dh5, options, message):
     path = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.05)
     with pytest.raises(FtforceError) as caught:
@@ -683,20 +550,6 @@ def test_a_trajectory_that_is_none(dh5, tmp_path):
         simulate(dh5, tmp_path / "none.csv", force=(1,))
 
 
-@pytest.mark.parametrize("delay", [0, 1, np.float64(0.5), np.float32(0.5), np.int64(1), math.inf])
-def test_delays_of_any_type(dh5, delay):
-    path = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.05)
-    history = simulate(dh5, path, force=PUSH, faults="3@1", delay=delay, rate=2)
-    assert history.setting.delay == float(delay)
-
-
-def test_events_may_be_given_as_objects(dh5):
-    path = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.05)
-    one = simulate(dh5, path, force=PUSH, faults=[FaultEvent(1.0, FaultSet.locked([2]))], rate=2)
-    other = simulate(dh5, path, force=PUSH, faults="3@1", rate=2)
-    assert one.remapped.force.tobytes() == other.remapped.force.tobytes()
-
-
 def test_place_comes_before_orientation():
     """Five joints cannot keep both; each instant turns as little as the place leaves open."""
     ur5 = ftforce.load_robot("ur5")
@@ -711,12 +564,6 @@ def test_place_comes_before_orientation():
             assert_close(run.orientation_error[i], turned, scale=1.0)
         assert run.orientation_error_norm.max() < most
     assert run.orientation_error_norm[-1] > 0.1
-
-
-def test_a_tip_that_may_turn_has_no_orientation_error(dh5):
-    run = simulate(dh5, Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.1),
-                   force=np.zeros(3), rate=10).healthy  # fmt: skip
-    assert not run.orientation_error.any()
 
 
 def test_quaternions_never_jump_to_their_negatives(panda):

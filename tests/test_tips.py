@@ -6,7 +6,7 @@ from ftforce.errors import InputError, UnknownNameError
 from ftforce.srdf import Srdf
 from ftforce.tips import choose_base, choose_tip, links_above, moving_path, tip_candidates
 from ftforce.urdf_reader import read_urdf
-from urdfs import arm, chain, end_effector, hand, joint, link, load, parts_of_arm, robot, write
+from urdfs import arm, chain, end_effector, hand, joint, link, load, robot, write
 
 ENDS = "last link before several moving parts"
 
@@ -37,6 +37,9 @@ def fork(*more):
 
 def test_the_last_link_of_a_row(tree):
     assert tip_of(tree(arm())) == ("tool", "last link")
+    ball = arm(link("ball"), joint("free", "l2", "ball", "floating"))
+    assert tip_of(tree(ball)) == ("tool", "last link")
+    assert tip_of(tree(arm()), Srdf(end_effectors=("tool",)), "l2") == ("l2", "given")
 
 
 def test_fixed_links_at_the_end_are_followed_until_they_branch(tree):
@@ -66,11 +69,6 @@ def test_side_branches_that_do_not_move_are_no_branches(tree):
     assert tip_of(tree(text)) == ("tool", "last link")
     moves_later = text.replace('"b" type="fixed"', '"b" type="revolute"')
     assert tip_of(tree(moves_later)) == ("l2", ENDS)
-
-
-def test_floating_parts_do_not_move(tree):
-    text = arm(link("ball"), joint("free", "l2", "ball", "floating"))
-    assert tip_of(tree(text)) == ("tool", "last link")
 
 
 def test_a_tree_that_branches_at_once_lists_the_tips(tree):
@@ -141,10 +139,6 @@ def test_several_tips_in_the_srdf_are_a_question(tree):
 # ---- from the caller -------------------------------------------------------------------------
 
 
-def test_a_given_tip_wins(tree):
-    assert tip_of(tree(arm()), Srdf(end_effectors=("tool",)), "l2") == ("l2", "given")
-
-
 @pytest.mark.parametrize(
     ("ends", "message"),
     [
@@ -191,13 +185,6 @@ def test_paths(tree):
 
 
 # ---- what the robot says about it ------------------------------------------------------------
-
-
-def test_the_robot_says_where_its_ends_come_from(tmp_path):
-    parts = parts_of_arm()
-    found = load(tmp_path, robot(*parts.values()), robot(chain("l1", "tool")))
-    assert (found.tip, found.tip_source) == ("tool", "SRDF chain tip")
-    assert (found.base, found.base_source, found.names) == ("l1", "SRDF chain", ("j2", "j3", "j4"))
 
 
 def test_links_that_only_the_srdf_knows_are_told(tmp_path):

@@ -18,11 +18,6 @@ LENGTH = math.dist(*POINTS)
 T = 1.875 * LENGTH / 0.05  # s
 
 
-@pytest.fixture(scope="module")
-def dh5():
-    return ftforce.load_robot("dh5")
-
-
 @pytest.fixture
 def path():
     return Path.through(POINTS, speed=0.05)
@@ -172,24 +167,15 @@ def test_a_gap_that_is_allowed(dh5, file, recording):
 
 def test_waypoints_need_a_speed(dh5, file):
     place = file(WAYPOINTS)
+    for speed in (0, "fast"):
+        with pytest.raises(InputError, match="the speed must be positive, m/s, got"):
+            start_of(dh5, place, speed=speed)
     with pytest.raises(InputError) as caught:
         start_of(dh5, place)
     assert str(caught.value) == f"{place} holds waypoints; give a speed too, m/s (--speed)"
 
 
-@pytest.mark.parametrize("content", ["x,y,z\n1,2,3\n", "x,y,z\n1,2,3\n1,2,3\n", "x,y,z\n"])
-def test_waypoints_that_make_no_path(dh5, file, content):
-    with pytest.raises(FtforceError, match=r"two or more points|are the same|needs a h"):
-        start_of(dh5, file(content), speed=0.1)
-
-
-@pytest.mark.parametrize("speed", [0, -1, NAN, INF, "fast", True])
-def test_speeds_of_waypoints_that_are_none(dh5, file, speed):
-    with pytest.raises(InputError, match="the speed must be positive, m/s, got"):
-        start_of(dh5, file(WAYPOINTS), speed=speed)
-
-
-@pytest.mark.parametrize("rate", [0, -1.0, NAN, INF, "5", [1], True, 10**400])
+@pytest.mark.parametrize("rate", [0, NAN, "5", True, 10**400])
 def test_rates_that_are_none(dh5, path, recording, rate):
     for trajectory in (path, recording):
         with pytest.raises(InputError, match="the rate must be positive, samples per second, got"):
@@ -206,22 +192,28 @@ def test_rates_that_are_too_high_or_too_low(dh5, path, recording):
             start_of(dh5, trajectory, rate=1e-9)
 
 
-def test_a_path_that_takes_less_than_a_step(dh5):
-    with pytest.raises(InputError, match="farther apart than the trajectory is long; ask for"):
-        start_of(dh5, Path.through(POINTS, speed=1e6))
-    with pytest.raises(InputError, match="samples are more than"):
-        start_of(dh5, Path.through(POINTS, speed=1e-9))
-
-
-@pytest.mark.parametrize(
-    "trajectory", [None, 3, [(0, 0, 0), (1, 1, 1)], b"file.csv", True, {}], ids=repr
-)
+@pytest.mark.parametrize("trajectory", [None, [(0, 0, 0), (1, 1, 1)], b"file.csv"], ids=repr)
 def test_what_no_trajectories_are(dh5, trajectory):
     with pytest.raises(InputError) as caught:
         start_of(dh5, trajectory)
     assert str(caught.value) == (
         f"a trajectory is a Path, a Recording or a CSV file, got {trajectory!r}"
     )
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "options"),
+    [
+        ("", {}),
+        ("none.csv", {}),
+        (Path.through([(5, 5, 5), POINTS[0]], speed=1.0), {}),  # out of reach
+        (Path.through(POINTS, speed=0.05), {"posture": "nowhere"}),
+        (Path.through(POINTS, speed=0.05), {"q": [NAN] * 5}),
+    ],
+)
+def test_what_cannot_be_followed(dh5, trajectory, options):
+    with pytest.raises(FtforceError):
+        start_of(dh5, trajectory, **options)
 
 
 def test_a_recording_begins_where_it_begins(dh5, recording):
@@ -234,24 +226,6 @@ def test_a_recording_begins_where_it_begins(dh5, recording):
 def test_a_recording_of_another_robot(dh5, recording):
     with pytest.raises(InputError, match="the recording has 5 joints, and the chain: 1 panda_join"):
         start_of(ftforce.load_robot("panda"), recording)
-
-
-def test_a_start_that_cannot_be_reached(dh5):
-    with pytest.raises(InputError, match=r"the tip cannot reach \(5, 5, 5\) m in the root's axes"):
-        start_of(dh5, Path.through([(5, 5, 5), POINTS[0]], speed=1.0))
-
-
-@pytest.mark.parametrize("given", [{"q": [1, 2]}, {"q": [NAN] * 5}, {"posture": "nowhere"}])
-def test_postures_that_are_none(dh5, path, given):
-    with pytest.raises(InputError):
-        start_of(dh5, path, **given)
-
-
-def test_files_that_are_none(dh5, tmp_path):
-    with pytest.raises(TrajectoryError, match="no such file; a CSV file of a trajectory"):
-        start_of(dh5, tmp_path / "none.csv")
-    with pytest.raises(TrajectoryError, match="no such file"):
-        start_of(dh5, "")
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from ftforce.load import load_robot
 from ftforce.model import full_model, restore_names
 from ftforce.urdf import MOMENTS, MOST_IN_A_ROW, UrdfTree
 from ftforce.urdf_reader import MOST_LINKS, read_urdf
-from helpers import load_text, serial_urdf
+from helpers import campaign, load_text, serial_urdf
 from urdfs import LIMIT, LINKS, arm, followed, j2, joint, link, mimic, parts_of_arm, robot, write
 
 
@@ -66,6 +66,12 @@ def test_what_is_not_stated_has_the_urdfs_defaults(read):
     assert (empty.mimic.multiplier, empty.mimic.offset) == (1, 0)
     half = read(j2(limit=limit(upper=1.5, effort=0))).joints["j2"]
     assert (half.lower, half.upper, half.effort) == (0, 1.5, 0)
+    assert read(j2("fixed", axis="0 0 0", limit="")).joints["j2"].type == "fixed"
+    huge = read(j2(limit=limit(lower=-1e308, upper=3.4e38, effort=1e16))).joints["j2"]
+    assert (huge.lower, huge.upper, huge.effort) == (-1e308, 3.4e38, 1e16)
+    upside_down = read(robot(*reversed(parts_of_arm().values())))
+    assert [joint.name for joint in upside_down.path_to("tool")] == ["j1", "j2", "j3", "j4"]
+    assert upside_down.root == "base"
 
 
 def test_bodies_may_be_stated_in_part(read):
@@ -114,24 +120,6 @@ def test_an_arm_of_traces_makes_no_forces_beyond_all_sizes(trace):
 )
 def test_axes_are_made_unit_vectors(read, axis, unit):
     assert read(j2(axis=axis)).joints["j2"].axis == pytest.approx(unit, abs=1e-15)
-
-
-def test_a_fixed_joint_needs_no_axis(read):
-    assert read(j2("fixed", axis="0 0 0", limit="")).joints["j2"].type == "fixed"
-
-
-def test_limits_may_be_placeholders_of_any_size(read):
-    huge = read(j2(limit=limit(lower=-1e308, upper=3.4e38, effort=1e16, velocity=1e300)))
-    second = huge.joints["j2"]
-    assert (second.lower, second.upper, second.effort) == (-1e308, 3.4e38, 1e16)
-
-
-def test_order_in_the_file_does_not_matter(read):
-    parts = parts_of_arm()
-    upside_down = read(robot(*reversed(parts.values())))
-    assert [joint.name for joint in upside_down.path_to("tool")] == ["j1", "j2", "j3", "j4"]
-    assert upside_down.root == "base"
-    assert tuple(upside_down.links) == tuple(reversed(LINKS))
 
 
 @pytest.mark.parametrize(
@@ -193,9 +181,8 @@ def test_namespaces_comments_and_instructions(read):
         assert len(read(text).joints) == 4
 
 
-@pytest.mark.thorough
-def test_ten_megabytes_are_read(read):
-    assert len(read(arm("<gazebo><p a='1'/></gazebo>" * 400_000)).joints) == 4
+def test_megabytes_are_read(read):
+    assert len(read(arm("<gazebo><p a='1'/></gazebo>" * campaign(400_000, 20_000))).joints) == 4
 
 
 # ---- what is refused -------------------------------------------------------------------------
@@ -206,15 +193,12 @@ LOOSE = (link("base"), link("l1"))
 MALFORMED = {
     "xacro": (f'{ROBOT}<xacro:property name="a" value="1"/></robot>', XACRO),
     "xacro, old": (ROBOT.replace("www", "wiki") + "<link name='a'/><xacro:x/></robot>", XACRO),
-    "xacro, inside": (f"{ROBOT}<link name='a'><xacro:body/></link></robot>", XACRO),
     "xacro, undeclared": ("<robot><xacro:include filename='a'/></robot>", XACRO),
     "xacro, rest of": (
         j2(xyz="${x} 0 0"),
         r"joint 'j2': origin xyz '\$\{x\} 0 0' is not a number \(a \$\{…\} is left from xacro\)",
     ),
     "SDF": ("<sdf><model/></sdf>", "is no URDF: its root element is <sdf>, not <robot>"),
-    "MuJoCo": ("<mujoco/>", "root element is <mujoco>"),
-    "nested": (f"<x>{arm()}</x>", "root element is <x>"),
     "prefix": ('<u:Robot xmlns:u="u"/>', "root element is <Robot>"),
     "undeclared prefix": ("<robot><a:b/></robot>", "is not well-formed XML .unbound prefix"),
     "broken, once xacro": ("<robot><!-- <xacro:a/> -->", "is not well-formed XML .no element"),
@@ -227,10 +211,6 @@ MALFORMED = {
     "escape": (arm(j2=joint("a&#x9b;31m", "l1", "l2")), r"joint name 'a\\x9b31m' holds characters"),
     "turned": (arm(j2=joint("\u202ea", "l1", "l2")), r"joint name '\\u202ea' holds characters"),
     "two links": (arm(link("l2")), "two links are named 'l2'; names must be unique"),
-    "two joints": (
-        arm(link("x"), joint("j2", "tool", "x")),
-        "two joints are named 'j2'; names must be unique",
-    ),
     "no parent": (
         arm(j2=without('<parent link="l1"/>', joint("j2", "l1", "l2"))),
         r"""joint 'j2': <parent link="…"/> is missing""",
@@ -245,7 +225,6 @@ MALFORMED = {
         "joint 'j4': its child link 'gripper' does not exist$",
     ),
     "two roots": (arm(link("x")), r"has 2 root links \(base, x\); a URDF has one"),
-    "no joints": (robot(*LOOSE), r"has 2 root links \(base, l1\)"),
     "ring": (
         robot(*LOOSE, joint("i", "base", "l1"), joint("j", "l1", "base")),
         "has no root link: its joints form a loop",
@@ -253,10 +232,6 @@ MALFORMED = {
     "ring apart": (
         robot(*LOOSE, link("x"), joint("i", "l1", "x"), joint("j", "x", "l1")),
         "the links l1, x form a loop apart from the root 'base'",
-    ),
-    "own child": (
-        robot(*LOOSE, joint("j", "l1", "l1")),
-        "the links l1 form a loop apart from the root 'base'",
     ),
     "closed loop": (
         arm(joint("again", "l1", "tool")),
@@ -267,21 +242,15 @@ MALFORMED = {
         r"joint 'j2': unknown type 'Revolut'; there is: .*, planar; did you mean 'revolute'\?",
     ),
     "no type": (arm().replace(' type="revolute"', "", 1), "joint 'j1': unknown type ''"),
-    "other type": (j2("spherical"), "joint 'j2': unknown type 'spherical'; there is: revolute"),
     "zero axis": (j2(axis="0 0 0"), "joint 'j2': its axis is zero; give a direction, e.g. 0 0 1"),
     "nearly zero axis": (j2(axis="0 1e-7 0"), "joint 'j2': its axis is zero"),
-    "vanishing axis": (j2(axis="5e-324 5e-324 0"), "joint 'j2': its axis is zero"),
     "zero axis, sliding": (j2("prismatic", axis="0 0 0"), "its axis is zero"),
     "zero axis, free": (j2("continuous", axis="-0 0 0"), "its axis is zero"),
-    "zero axis, planar": (j2("planar", axis="0 0 0"), "its axis is zero"),
-    "NaN axis": (j2(axis="nan 0 1"), "joint 'j2': axis 'nan 0 1' is not finite"),
     "axis too long": (j2(axis="0 0 1 0"), "joint 'j2': axis '0 0 1 0': 3 numbers needed, got 4"),
     "commas": (j2(axis="0,0,1"), "joint 'j2': axis '0,0,1' is not a number"),
     "endless axis": (j2(axis="1e308 1e308 0"), "joint 'j2': axis '1e308 1e308 0' is too large"),
-    "infinite origin": (j2(xyz="0 -inf 0"), "joint 'j2': origin xyz '0 -inf 0' is not finite"),
     "huge origin": (j2(xyz="0 0 1e20"), "joint 'j2': origin xyz '0 0 1e20' is too large"),
     "short origin": (j2(rpy="0 0"), "joint 'j2': origin rpy '0 0': 3 numbers needed, got 2"),
-    "empty origin": (j2(xyz=""), "joint 'j2': origin xyz '': 3 numbers needed, got 0"),
     "no limit": (
         j2(limit=""),
         r"""j2': a revolute joint needs <limit lower="…" upper="…"/> \(or type continuous\)""",
@@ -297,10 +266,6 @@ MALFORMED = {
     "half a limit": (
         j2(limit=limit(lower=1)),
         r"joint 'j2': lower limit 1 is above upper limit 0 \(a bound that is not given is 0\)",
-    ),
-    "infinite limit": (
-        j2(limit=limit(lower="-inf", upper="inf")),
-        "joint 'j2': limit lower '-inf' is not finite",
     ),
     "limit no number": (
         j2(limit=limit(lower="pi", upper=1)),
@@ -322,19 +287,10 @@ MALFORMED = {
         arm().replace('<mass value="2"/>', '<mass value="-2"/>', 1),
         "link 'base': mass -2 kg is negative; give 0 or more$",
     ),
-    "infinite mass": (
-        arm().replace('<mass value="2"/>', '<mass value="inf"/>', 1),
-        "link 'base': mass 'inf' is not finite",
-    ),
-    "huge mass": (arm().replace('value="2"', 'value="1e30"', 1), "link 'base': mass '1e30' is too"),
     "no mass": (arm().replace('value="2"', 'value=""', 1), "mass '': 1 number needed, got 0"),
     "NaN inertia": (
         arm().replace('iyz="0"', 'iyz="nan"', 1),
         "link 'base': inertia iyz 'nan' is not finite",
-    ),
-    "infinite inertia": (
-        arm().replace('izz="0.1"', 'izz="inf"', 1),
-        "link 'base': inertia izz 'inf' is not finite",
     ),
     **{
         f"negative {key}": (
@@ -343,10 +299,7 @@ MALFORMED = {
         )
         for key in ("ixx", "iyy", "izz")
     },
-    "mimics nobody": (
-        j2(more="<mimic/>"),
-        r"""joint 'j2': <mimic joint="…"/> names no joint""",
-    ),
+    "mimics nobody": (j2(more="<mimic/>"), r"""joint 'j2': <mimic joint="…"/> names no joint"""),
     "mimics a stranger": (
         j2(more=mimic("j11")),
         r"joint 'j2' mimics 'j11', which does not exist; did you mean 'j1'\?",
@@ -355,18 +308,10 @@ MALFORMED = {
         arm(j1=joint("j1", "base", "l1", "fixed"), j2=followed(2, "j1")),
         "joint 'j2' mimics 'j1', which is fixed",
     ),
-    "mimics a floating joint": (
-        arm(j1=joint("j1", "base", "l1", "floating"), j2=followed(2, "j1")),
-        "joint 'j2' mimics 'j1', which is floating",
-    ),
     "mimics itself": (arm(j2=followed(2, "j2")), "the joints j2 mimic each other in a circle"),
     "mimics in a circle": (
         arm(j2=followed(2, "j3"), j3=followed(3, "j4"), j4=followed(4, "j3")),
         "the joints j2, j3, j4 mimic each other in a circle",
-    ),
-    "mimics without a factor": (
-        arm(j2=followed(2, "j1", "nan")),
-        "joint 'j2': mimic multiplier 'nan' is not finite",
     ),
     "mimics more and more": (
         arm(j2=followed(2, "j1", 1e5), j3=followed(3, "j2", 1e5)),
@@ -405,7 +350,7 @@ def test_followers_of_followers_follow_the_first_leader(read):
 
 
 def test_a_long_chain_of_followers_takes_no_time(read):
-    count = MOST_LINKS - 2
+    count = campaign(MOST_LINKS - 2, 1500)  # more than Python's recursion limit
     rays = [joint(f"r{i}", "l1", f"x{i}", more=mimic(f"r{i + 1}")) for i in range(count - 1)]
     tree = read(
         robot(
@@ -436,14 +381,6 @@ def test_the_tree_knows_what_is_above_and_below(read):
         for one in tree.joints.values()
         for child in tree.child_joints[one.child]
     )
-
-
-def test_a_tree_cannot_be_changed(read):
-    tree = read(arm())
-    with pytest.raises(TypeError):
-        tree.links["l9"] = tree.links["l1"]
-    with pytest.raises(AttributeError):
-        tree.root = "l1"
 
 
 # ---- Pinocchio -------------------------------------------------------------------------------
@@ -524,9 +461,8 @@ def test_the_longest_row_fits_into_a_small_stack(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "4\n", "")
 
 
-@pytest.mark.thorough
 def test_many_links_side_by_side(tmp_path):
-    count = MOST_LINKS - 2
+    count = campaign(MOST_LINKS - 2)  # Pinocchio takes seconds for all of them
     rays = [joint(f"r{i}", "l1", f"x{i}") for i in range(count)]
     links = [link(f"x{i}") for i in range(count)]
     robot_ = load_robot(
@@ -541,7 +477,7 @@ def test_robots_are_read_in_threads_at_once(tmp_path, capfd):
     found = []
 
     def work():
-        for _ in range(20):
+        for _ in range(5):
             found.append(load_robot(good).n)
             with pytest.raises(URDFError):
                 load_robot(bad)
@@ -551,6 +487,6 @@ def test_robots_are_read_in_threads_at_once(tmp_path, capfd):
         thread.start()
     for thread in threads:
         thread.join()
-    assert found == [4] * 80
+    assert found == [4] * 20
     os.write(2, b"still here")
     assert capfd.readouterr().err == "still here"

@@ -12,10 +12,10 @@ from ftforce.feasible import feasible_forces
 from ftforce.metrics import Verdict, tolerance_that_loses, verdict
 from ftforce.reduced import RTOL, WARY, reduce
 from ftforce.verdicts import judge
-from helpers import RATIOS, orthogonal, seeds, with_singular_values
+from helpers import RATIOS, campaign, orthogonal, seeds, with_singular_values
 from problems import draw_problem
 
-law = settings(deadline=None, max_examples=100)
+law = settings(deadline=None, max_examples=campaign(100, 40))
 
 TOLERATED, BORDERLINE, NOT = Verdict.TOLERATED, Verdict.BORDERLINE, Verdict.NOT_TOLERATED
 J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
@@ -72,12 +72,8 @@ def test_both_ends_of_the_tolerances_can_be_chosen():
 def test_a_limit_that_does_not_bind_changes_no_verdict():
     for locked, F in (((2,), X), ((1, 2), X), ((1, 2), Y), ((), X + Y)):
         assert verdict_of(J, F, FAR, locked=locked) is verdict_of(J, F, locked=locked)
-
-
-def test_what_is_lost_and_what_is_limited_both_count():
-    assert verdict_of(J, X + Y, [0.5, np.nan, 9.0], locked=(2,)) is NOT
     assert verdict_of(J, Y, [0.5, np.nan, 9.0], locked=(2,)) is TOLERATED
-    assert verdict_of(J, Y, [0.5, np.nan, 9.0], locked=(2, 3)) is NOT
+    assert verdict_of(J, Y, [0.5, np.nan, 9.0], locked=(2, 3)) is NOT  # it is lost
 
 
 def test_weight_beyond_a_limit_is_not_tolerated():
@@ -95,7 +91,8 @@ def test_a_little_too_heavy_is_borderline():
     limits, rnea = [2.0, np.nan, np.nan], [2.01, 0.0, 0.0]
     assert verdict_of(J, 10.0 * Y, limits, rnea=rnea) is BORDERLINE  # 0.01 N of 10 N
     assert verdict_of(J, 0.1 * Y, limits, rnea=rnea) is NOT
-    assert verdict_of(J, 0 * Y, limits, rnea=rnea) is BORDERLINE  # 0.01 N of the weight's 1.2 N
+    for length in (1e-3, 1.0, 1e3):  # 0.01 N of the weight's 1.2 N, whatever a metre is
+        assert verdict_of(length * J, 0 * Y, limits, rnea=rnea) is BORDERLINE
     assert verdict_of(J, 0 * Y, limits, rnea=[2.5, 0.0, 0.0]) is NOT
 
 
@@ -238,8 +235,8 @@ def draw_lean_arm(rng):
 @pytest.mark.thorough
 def test_verdicts_beside_trying_tolerances():
     rng = np.random.default_rng(3)
-    found = Counter()
-    for _ in range(1500):
+    found, count = Counter(), campaign(1500, 200)
+    for _ in range(count):
         J, locked, free = draw_lean_arm(rng)
         n = J.shape[1]
         rnea = rng.choice([0.0, 0.0, 1.0]) * rng.normal(size=n)
@@ -253,18 +250,16 @@ def test_verdicts_beside_trying_tolerances():
         if rng.random() < 0.8:
             F = J @ rng.normal(size=n) * 10.0 ** rng.uniform(-2.0, 1.0)
         faults = {"locked": locked, "free": free, "rnea": rnea}
-        if limits is None and not len(free):
-            continue
         one, other = verdict_of(J, F, limits, **faults), by_trying(J, F, limits, **faults)
         found[other] += 1
         assert one is other
-    assert min(found.values()) > 100, found
+    assert min(found.values()) > count / 15, found
 
 
 def test_a_direction_is_lost_at_its_own_tolerance_however_the_quotient_is_rounded():
     rng = np.random.default_rng(0)
     rounded_down = 0
-    for _ in range(2000):
+    for _ in range(campaign(2000, 150)):
         small, large = 10.0 ** rng.uniform(-5.5, -2.5), rng.uniform(0.5, 2.0)
         Q = orthogonal(rng, 2)
         arm = Q @ np.diag([large, small]) @ orthogonal(rng, 2)
@@ -279,7 +274,7 @@ def test_a_direction_is_lost_at_its_own_tolerance_however_the_quotient_is_rounde
         assert verdict(reduced, None, WARY) is BORDERLINE
         assert verdict_of(arm, F, [1e9, 1e9]) is BORDERLINE
         assert verdict_of(arm, None, [1e9, 1e9]) is BORDERLINE
-    assert rounded_down > 20  # the others would do without
+    assert rounded_down > campaign(20)  # the others would do without
 
 
 @given(seeds)
