@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 LANES = 128
 """Postures that the kernels answer side by side."""
 
+CELL_BINS = 32
+"""Bins of margin and ρ, 0 to 1, in a cell of the workspace, and of a posture's smallest ρ."""
+
 UNDECIDED = -1
 """Verdict, or rank, that is left to the accurate part."""
 
