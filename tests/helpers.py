@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
 import warnings
@@ -23,6 +24,15 @@ from ftforce.reduced import RTOL, reduce
 TOL = 1e-9
 KNOWN = tuple(known_robots())
 QUARTER = math.pi / 2
+
+CAMPAIGN = os.environ.get("FTFORCE_CAMPAIGN") == "1"
+
+
+def campaign(full: int, quick: int | None = None) -> int:
+    """Return how many cases to try: all in `nox -s campaign`, a tenth (or ``quick``) otherwise."""
+    if CAMPAIGN:
+        return full
+    return max(1, full // 10) if quick is None else quick
 
 
 def assert_close(got, wanted, *, scale=None, tol=TOL):
