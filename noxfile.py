@@ -55,7 +55,7 @@ def install(session: nox.Session, *requirements: str) -> None:
     processes would compile its own for a minute.
     """
     session.install(".[all]", *requirements)
-    kept = os.path.join(session.cache_dir, "kernels")
+    kept = str(session.cache_dir / "kernels")
     session.run("python", "tests/compile_kernels.py", kept, env=ENVIRONMENT)
 
 
@@ -89,7 +89,7 @@ def coverage(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def campaign(session: nox.Session) -> None:
-    """Run the tests with ten times the random cases: before a release, or for a change of kernels."""
+    """Run the tests with all their random cases, ten times as many: before a release."""
     install(session, *group("test"))
     environment = {**ENVIRONMENT, "FTFORCE_CAMPAIGN": "1"}
     session.run("pytest", *(session.posargs or [*WORKERS, "-m", ALL]), env=environment)

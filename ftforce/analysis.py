@@ -204,6 +204,24 @@ class Analysis(Displayed):
         return all(value <= tolerance + self.reduced.rtol for value in self.residuals().values())
 
 
+def load_without_force(analysis: Analysis) -> Vector:
+    """Return the torques that hold the arm if nothing is asked for, N·m (N), shape (n,).
+
+    They are those for weight and motion, and for the force that supports joints without torque.
+    """
+    bounded, load = analysis.bounded, analysis.rnea.after
+    if bounded is not None and bounded.F_after is not None:
+        load = load + bounded.F_after.dot(analysis.reduced.J)
+    return read_only(load)
+
+
+def shown_limits(analysis: Analysis) -> Vector:
+    """Return the limits to show: those that count, or the URDF's motors', N·m (N), shape (n,)."""
+    if analysis.limits is None:
+        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
+    return analysis.limits.largest_torques(analysis.faults)
+
+
 def analyze(
     robot: Robot,
     q: ArrayLike | Posture | None = None,

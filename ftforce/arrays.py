@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from eigenpy import ColPivHhJacobiSVD, DecompositionOptions
@@ -16,6 +16,8 @@ from ftforce.errors import DimensionError, InputError
 Vector: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
+
+_Size = TypeVar("_Size", float, Vector)
 
 _FLOAT = np.dtype(np.float64)  # NumPy has one object for it: an identity costs the least
 _THIN_U_FULL_V = int(DecompositionOptions.ComputeThinU | DecompositionOptions.ComputeFullV)
@@ -90,6 +92,16 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
     raise InputError(
         f"{name} holds {array[tuple(bad[0])]} at position {place}; numbers must be finite"
     )
+
+
+def norm(x: Vector) -> float:
+    """Return ‖x‖, also where squares vanish or overflow."""
+    return math.hypot(*x.tolist())
+
+
+def over(x: _Size, scale: float, otherwise: _Size) -> _Size:
+    """Return x / scale, or something else without a scale."""
+    return x / scale if scale > 0.0 else otherwise
 
 
 def is_number(value: object) -> bool:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.arrays import Matrix, Vector, as_vector, norm, over, read_only
 from ftforce.closed_forms import exerted_force
 from ftforce.errors import DimensionError, InputError, SolverError
 from ftforce.feasible import (
@@ -82,7 +82,7 @@ class Nearest(NamedTuple):
         z = self.F_after.dot(feasible.Z)
         off = self.F_after - feasible.F0 - feasible.Z.dot(z)
         A, y = feasible.rows.dot(feasible.Z), self.multipliers
-        size = max(_norm(self.F), _norm(self.F_after))
+        size = max(norm(self.F), norm(self.F_after))
         torque, width, rounding = self._torques(feasible)
         beyond = np.maximum(torque - feasible.upper, feasible.lower - torque) - rounding
         gradient = z - self.F.dot(feasible.Z) + y.dot(A)
@@ -90,10 +90,11 @@ class Nearest(NamedTuple):
         with np.errstate(over="ignore"):  # beyond a limit of next to nothing
             beyond, slack = beyond / width, slack / width
         idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
+        steepest = max(norm(gradient), float(idle.max(initial=0.0)))
         return {
-            "equality": _over(_norm(off), size),
+            "equality": over(norm(off), size, norm(off)),
             "limit": max(0.0, float(beyond.max(initial=0.0))),
-            "optimality": _over(max(_norm(gradient), float(idle.max(initial=0.0))), size),
+            "optimality": over(steepest, size, steepest),
         }
 
     def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:
@@ -111,7 +112,7 @@ class Nearest(NamedTuple):
         """Return the torques that F' takes, half the width between limits, and rounding."""
         F, rows = self.F_after, feasible.rows
         assert F is not None
-        size = max(_norm(self.F), _norm(F))
+        size = max(norm(self.F), norm(F))
         bounds = np.maximum(np.abs(feasible.lower), np.abs(feasible.upper))
         rounding = _ROUNDING * (size * np.sqrt(np.vecdot(rows, rows)) + bounds)
         width = np.maximum(0.5 * (feasible.upper - feasible.lower), rounding)
@@ -158,7 +159,7 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
     # daqp takes short rows for none and has absolute tolerances. So rows get the length 1, which
     # makes distances of the bounds, and the narrowest of these becomes the unit.
-    narrow, far = math.inf, _norm(wanted)
+    narrow, far = math.inf, norm(wanted)
     for i, lever in enumerate(levers):
         if lever > least:
             low[i] /= lever
@@ -371,11 +372,3 @@ def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
     return tuple(j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over)
-
-
-def _norm(x: Vector) -> float:
-    return math.hypot(*x.tolist())  # also where squares vanish or overflow
-
-
-def _over(x: float, scale: float) -> float:
-    return x / scale if scale > 0.0 else x

@@ -105,10 +105,8 @@ def choose_chain(
             f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and "
             f"{tip_link!r}; at most {MOST_JOINTS} can be analysed"
         )
-    return Chain(
-        tree, tip_link, tip_source, base_link, base_source, tuple(leaders.values()), followers,
-        frozenset(moving),
-    )  # fmt: skip
+    ends = (tip_link, tip_source, base_link, base_source)
+    return Chain(tree, *ends, tuple(leaders.values()), followers, frozenset(moving))
 
 
 def leaders_of(tree: UrdfTree, joints: tuple[UrdfJoint, ...]) -> dict[str, UrdfJoint]:

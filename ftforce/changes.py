@@ -10,7 +10,6 @@ import numpy as np
 
 from ftforce.arrays import Vector, read_only
 from ftforce.closed_forms import (
-    Jump,
     force_jump,
     remapped_torque,
     supported_force,
@@ -202,21 +201,17 @@ def change_of_load(
     """
     carried: Vector = load.F.dot(reduced.J)
     before = carried if load.tau is None else load.tau
-    outcome = (
-        force_jump(reduced, load.F)
-        if bounded is None
-        else None if bounded.F_after is None
-        else Jump(load.F, bounded.F_after, load.F - bounded.F_after)
-    )  # fmt: skip
-    if outcome is None:
+    if bounded is None:
+        _, F_after, jump = force_jump(reduced, load.F)
+        after = remapped_torque(reduced, load.F)
+    elif bounded.F_after is None:
         return _no_change(task, load, before, carried, rnea)
-    F_after = outcome.F_after
-    after = remapped_torque(reduced, load.F)
-    if bounded is not None:
+    else:
+        F_after, jump = bounded.F_after, load.F - bounded.F_after
         after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
     known = rnea.is_known
     total = rnea.after + F_after.dot(reduced.J)
-    return _force_change(task, load, F_after, outcome.jump), TorqueChange(
+    return _force_change(task, load, F_after, jump), TorqueChange(
         before=read_only(before),
         after=read_only(after),
         total_before=read_only(before + rnea.before) if known else None,

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ftforce.batch.arm_report import CONFIDENCE
 from ftforce.comparison_words import KEY, comparison_sentence
-from ftforce.document_parts import Document, finite
+from ftforce.document_parts import (
+    Document,
+    Row,
+    estimate_part,
+    finite,
+    interval_columns,
+    listed,
+    rows_of,
+)
 
 if TYPE_CHECKING:
     from ftforce.batch.arm_report import ArmReport, SizeReport
     from ftforce.batch.comparison import Comparison
     from ftforce.batch.criticality import Estimate
     from ftforce.batch.result import SweepSetting
-
-    Row = tuple[Any, ...]
 
 
 def comparison_document(comparison: Comparison) -> Document:
@@ -47,8 +53,8 @@ def _question(asked: SweepSetting) -> Document:
         "length": asked.length if _has_moments(asked) else None,
         "mode": asked.mode,
         "faults": asked.largest,
-        "force": None if asked.force is None else list(asked.force),
-        "direction": None if asked.direction is None else list(asked.direction),
+        "force": listed(asked.force),
+        "direction": listed(asked.direction),
         "limits_count": asked.limits is not None,
         "gravity": list(asked.gravity),
         "payload": asked.payload,
@@ -74,16 +80,16 @@ def _arm(arm: ArmReport) -> Document:
         "postures": {"count": arm.postures, "source": setting.postures},
         "limits": setting.limits,
         "unknown_limits": list(setting.unknown_limits),
-        "tolerated": _estimate(arm.tolerated),
-        "every": _estimate(arm.every),
+        "tolerated": estimate_part(arm.tolerated),
+        "every": estimate_part(arm.every),
         "full_rank": arm.full_rank,
-        "worst_rho": _estimate(arm.worst_rho),
+        "worst_rho": estimate_part(arm.worst_rho),
         "evenness": finite(arm.evenness),
         "critical_joint": {
             "joint": setting.joints[critical.joint],
             "number": critical.joint + 1,
             "tolerated": arm.critical_tolerated,
-            "not_tolerated": _estimate(critical.not_tolerated),
+            "not_tolerated": estimate_part(critical.not_tolerated),
             "borderline": critical.borderline,
         },
         "sizes": [_size(one) for one in arm.sizes],
@@ -104,7 +110,7 @@ def _size(one: SizeReport) -> Document:
     return {
         "size": one.size,
         "sets": one.sets,
-        "tolerated": _estimate(one.tolerated),
+        "tolerated": estimate_part(one.tolerated),
         "borderline": one.borderline,
         "margin": _pair(one.margin, "q05", "q50"),
         "rho": _pair(one.rho, "q05", "q50"),
@@ -114,49 +120,65 @@ def _size(one: SizeReport) -> Document:
     }
 
 
-def _estimate(found: Estimate) -> Document:
-    """Return a number and its interval; ``None`` where undefined or without end."""
-    return {"value": finite(found.value), "low": finite(found.low), "high": finite(found.high)}
-
-
 def _pair(found: tuple[Estimate, Estimate] | None, first: str, second: str) -> Document | None:
-    return None if found is None else {first: _estimate(found[0]), second: _estimate(found[1])}
+    return (
+        None if found is None else {first: estimate_part(found[0]), second: estimate_part(found[1])}
+    )
 
 
 def comparison_rows(comparison: Comparison) -> list[Row]:
     """Return one row per arm and size of fault sets, best arm first, after the header."""
-    asked = comparison.question
-    unit = asked.capability_unit
-    header = (
-        "arm", "rank_first", "rank_last", "joints", "postures",
-        "tolerated", "tolerated_low", "tolerated_high", "every", "every_low", "every_high",
-        "full_rank", "critical_joint", "critical_tolerated", "worst_rho", "evenness",
-        "size", "sets", "size_tolerated", "size_low", "size_high", "size_borderline",
-        "margin_q05", "margin_q50", "rho_q05", "rho_q50", "rho_bound", "jump_q50", "jump_q95",
-        f"healthy_capability_q05 [{unit}]", f"healthy_capability_q50 [{unit}]",
-        f"capability_q05 [{unit}]", f"capability_q50 [{unit}]",
-        "reach [m]", "cell [m]", "visited [m³]", "survived [m³]", "some [m³]",
-        "axes", "task", "length [m]", "mode", "limits", "rtol", "wary",
-    )  # fmt: skip
-    return [header, *(_row(arm, one) for arm in comparison.arms for one in arm.sizes)]
+    unit = comparison.question.capability_unit
+    return rows_of(_columns(arm, one, unit) for arm in comparison.arms for one in arm.sizes)
 
 
-def _row(arm: ArmReport, one: SizeReport) -> Row:
+def _columns(arm: ArmReport, one: SizeReport, unit: str) -> Document:
     setting, place = arm.setting, arm.workspace
-    jump, healthy, after = one.jump, arm.healthy_capability, one.capability
-    return (
-        arm.name, arm.first, arm.last, setting.n, arm.postures,
-        *arm.tolerated, *arm.every,
-        arm.full_rank, setting.joints[arm.critical.joint], arm.critical_tolerated,
-        finite(arm.worst_rho.value), finite(arm.evenness),
-        one.size, one.sets, *one.tolerated, one.borderline,
-        *_values(one.margin), *_values(one.rho), finite(one.rho_bound), *_values(jump),
-        *_values(healthy), *_values(after),
-        place.reach, place.cell, place.visited, place.survived, place.some,
-        setting.axes, setting.task, setting.length if _has_moments(setting) else "",
-        setting.mode, setting.limits or "none", setting.rtol, setting.wary,
-    )  # fmt: skip
+    return {
+        "arm": arm.name,
+        "rank_first": arm.first,
+        "rank_last": arm.last,
+        "joints": setting.n,
+        "postures": arm.postures,
+        **interval_columns("tolerated", arm.tolerated),
+        **interval_columns("every", arm.every),
+        "full_rank": arm.full_rank,
+        "critical_joint": setting.joints[arm.critical.joint],
+        "critical_tolerated": arm.critical_tolerated,
+        "worst_rho": finite(arm.worst_rho.value),
+        "evenness": finite(arm.evenness),
+        "size": one.size,
+        "sets": one.sets,
+        "size_tolerated": one.tolerated.value,
+        "size_low": one.tolerated.low,
+        "size_high": one.tolerated.high,
+        "size_borderline": one.borderline,
+        **_quantiles("margin", one.margin),
+        **_quantiles("rho", one.rho),
+        "rho_bound": finite(one.rho_bound),
+        **_quantiles("jump", one.jump, ("q50", "q95")),
+        **_quantiles("healthy_capability", arm.healthy_capability, unit=f" [{unit}]"),
+        **_quantiles("capability", one.capability, unit=f" [{unit}]"),
+        "reach [m]": place.reach,
+        "cell [m]": place.cell,
+        "visited [m³]": place.visited,
+        "survived [m³]": place.survived,
+        "some [m³]": place.some,
+        "axes": setting.axes,
+        "task": setting.task,
+        "length [m]": setting.length if _has_moments(setting) else "",
+        "mode": setting.mode,
+        "limits": setting.limits or "none",
+        "rtol": setting.rtol,
+        "wary": setting.wary,
+    }
 
 
-def _values(pair: tuple[Estimate, Estimate] | None) -> tuple[float | None, float | None]:
-    return (None, None) if pair is None else (finite(pair[0].value), finite(pair[1].value))
+def _quantiles(
+    name: str,
+    pair: tuple[Estimate, Estimate] | None,
+    ends: tuple[str, str] = ("q05", "q50"),
+    unit: str = "",
+) -> Document:
+    values = (None, None) if pair is None else (finite(one.value) for one in pair)
+    return {f"{name}_{end}{unit}": x for end, x in zip(ends, values, strict=True)}

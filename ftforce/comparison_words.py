@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from ftforce.sweep_words import share
-from ftforce.words import NEGLIGIBLE, joined, number, size
+from ftforce.words import NEGLIGIBLE, joined, share, size, vector_in_words
 
 if TYPE_CHECKING:
     from ftforce.batch.arm_report import ArmReport
@@ -33,11 +33,6 @@ def fault_words(setting: SweepSetting) -> str:
     if setting.largest == 1:
         return f"one joint {state}"
     return f"up to {setting.largest} joints {state}"
-
-
-def direction_words(setting: SweepSetting) -> str:
-    """Say the direction of the capability."""
-    return f"({', '.join(number(x) for x in setting.direction or ())})"
 
 
 def critical_words(arm: ArmReport) -> str:
@@ -91,15 +86,11 @@ def _strongest(comparison: Comparison) -> list[str]:
     finite = [(x, arm) for x, arm in found if math.isfinite(x)]
     if not finite:
         return []
-    most, arm = max(finite, key=_first)
+    most, arm = max(finite, key=itemgetter(0))
     if most <= NEGLIGIBLE:
         return []
     unit = arm.setting.capability_unit
     known = "" if len(finite) == len(found) else " of those whose limits are known"
-    where = f"along {direction_words(arm.setting)}{known}"
+    where = f"along {vector_in_words(arm.setting.direction or ())}{known}"
     amount = f"{size(most, 0)} {unit}, the median after a single fault"
     return [f"{arm.name} can still command most {where}: {amount}."]
-
-
-def _first(pair: tuple[float, ArmReport]) -> float:
-    return pair[0]

@@ -13,16 +13,24 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from ftforce.arrays import Vector
+    from ftforce.batch.criticality import Estimate
+    from ftforce.batch.result import SweepSetting
     from ftforce.changes import ForceChange, Impact, RneaChange, TorqueChange, VelocityChange
     from ftforce.conditions import Conditions
     from ftforce.faults import FaultSet
     from ftforce.force_capability import Amount, Capability
     from ftforce.limits import Limits
     from ftforce.posture import Posture
+    from ftforce.replicate import Check
     from ftforce.robot import Robot
     from ftforce.task import Task
 
 Document: TypeAlias = dict[str, Any]
+Row: TypeAlias = tuple[Any, ...]
+
+POSITION_UNIT = "rad (m for prismatic joints)"
+TORQUE_UNIT = "N·m (N for prismatic joints)"
+GRAVITY_UNIT = "m/s², in the root's axes"
 
 MOST_DRAWN = 3  # dimensions: beyond them a polytope has thousands of corners
 
@@ -41,32 +49,40 @@ def arm_part(robot: Robot) -> Document:
 def conventions_part(task: Task, rtol: float, wary: float, conditions: Conditions) -> Document:
     """Return what the numbers mean."""
     payload = conditions.payload
+    units = {
+        "position": POSITION_UNIT,
+        "velocity": "rad/s (m/s for prismatic joints)",
+        "torque": TORQUE_UNIT,
+        "force": "N",
+        "moment": "N·m",
+        "length": "m",
+        "gravity": GRAVITY_UNIT,
+        "mass": "kg",
+        "tip_velocity": "m/s, rad/s",
+        "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
+        "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
+        "lost_directions": "unit vectors of the weighted force [f; moment / length]",
+    }
     return {
-        "axes": task.axes,
-        "task": str(task),
-        "components": list(task.components),
-        "length": task.length if task.moment_rows else None,
-        "sign": words.SIGN,
-        "units": {
-            "position": "rad (m for prismatic joints)",
-            "velocity": "rad/s (m/s for prismatic joints)",
-            "torque": "N·m (N for prismatic joints)",
-            "force": "N",
-            "moment": "N·m",
-            "length": "m",
-            "gravity": "m/s², in the root's axes",
-            "mass": "kg",
-            "tip_velocity": "m/s, rad/s",
-            "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
-            "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
-            "lost_directions": "unit vectors of the weighted force [f; moment / length]",
-        },
+        **task_part(task, units),
         "gravity": conditions.gravity.tolist(),
         "payload": None
         if payload is None
         else {"mass": payload.mass, "offset": payload.offset.tolist()},
         "rtol": rtol,
         "wary": wary,
+    }
+
+
+def task_part(task: Task, units: Document) -> Document:
+    """Return axes and components of a force, its sign, and the units of all that is written."""
+    return {
+        "axes": task.axes,
+        "task": str(task),
+        "components": list(task.components),
+        "length": task.length if task.moment_rows else None,
+        "sign": words.SIGN,
+        "units": units,
     }
 
 
@@ -158,9 +174,68 @@ def finite(x: float) -> float | None:
     return x if math.isfinite(x) else None
 
 
-def listed(vector: Vector | None) -> list[float] | None:
+def listed(vector: Vector | tuple[float, ...] | None) -> list[float] | None:
     """Return a vector as a list, or ``None``."""
-    return None if vector is None else vector.tolist()
+    if vector is None:
+        return None
+    return list(vector) if isinstance(vector, tuple) else vector.tolist()
+
+
+def estimate_part(one: Estimate) -> Document:
+    """Return a number and its interval; ``None`` where undefined or without end."""
+    return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
+
+
+def interval_columns(name: str, one: Estimate) -> Document:
+    """Return the columns of a number and its interval."""
+    return {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
+
+
+def setting_part(setting: SweepSetting) -> Document:
+    """Return the chain of a sweep."""
+    return {
+        "name": setting.robot,
+        "base": setting.base,
+        "tip": setting.tip,
+        "joints": list(setting.joints),
+    }
+
+
+def check_part(check: Check) -> Document:
+    """Return a printed number of the paper, and what it is compared with."""
+    return {
+        "table": check.table,
+        "row": check.row,
+        "column": check.column,
+        "printed": check.printed,
+        "computed": check.computed,
+        "outcome": check.outcome.value,
+        "erratum": check.erratum,
+    }
+
+
+def rows_of(records: Iterable[Document]) -> list[Row]:
+    """Return records as rows of a table, their keys before them; no rows at all of none."""
+    rows: list[Row] = []
+    for record in records:
+        if not rows:
+            rows.append(tuple(record))
+        rows.append(tuple(record.values()))
+    return rows
+
+
+def task_columns(task: Task) -> Document:
+    """Return the columns that say what vectors mean."""
+    return {
+        "axes": task.axes,
+        "task": str(task),
+        "length [m]": task.length if task.moment_rows else "",
+    }
+
+
+def limits_source(limits: Limits | None) -> str:
+    """Return where limits come from, ``none`` if none count."""
+    return "none" if limits is None else limits.source
 
 
 def by_name(names: Sequence[str], vector: Vector | None) -> dict[str, float | None] | None:

@@ -15,6 +15,7 @@ from ftforce.document_parts import (
     Document,
     arm_part,
     capability_part,
+    check_part,
     conventions_part,
     finite,
     force_part,
@@ -275,16 +276,7 @@ def _replication(result: Replication) -> Document:
     return {
         "successful": result.is_successful,
         "checks": [
-            {
-                "table": check.table,
-                "row": check.row,
-                "column": check.column,
-                "printed": check.printed,
-                "computed": check.computed,
-                "outcome": check.outcome.value,
-                "erratum": check.erratum or None,
-            }
-            for check in result.checks
+            {**check_part(check), "erratum": check.erratum or None} for check in result.checks
         ],
         "errata": [
             {"where": where, "printed": printed, "correct": correct}

@@ -34,9 +34,9 @@ def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
 def missing_masses(rnea: RneaChange) -> Iterator[str]:
     """Say that weight, or weight and motion, are unknown."""
     if not rnea.is_known:
-        what = "weight of the arm is" if rnea.motion_before is not None else (
-            "weight and motion of the arm are"
-        )  # fmt: skip
+        what = "weight and motion of the arm are"
+        if rnea.motion_before is not None:
+            what = "weight of the arm is"
         yield f"the URDF has no masses: {what} missing from the torques"
 
 
@@ -51,8 +51,7 @@ def unknown_impact(faults: FaultSet) -> Iterator[str]:
 
 def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
     """Name what limits would say if they counted: weak joints, and motors asked for too much."""
-    for number, name in _weak(robot, faults):
-        yield f"joint {number} {name} is weak, but no limits are counted: it counts as healthy"
+    yield from unjudged(robot, faults, None)
     if torque is None or torque.after is None:
         return
     needed = torque.after if torque.total_after is None else torque.total_after
@@ -65,11 +64,16 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
             )
 
 
-def unjudged(robot: Robot, faults: FaultSet, limits: Limits) -> Iterator[str]:
-    """Name the weak joints whose limit is unknown."""
-    for number, name in _weak(robot, faults):
-        if np.isnan(limits.effort[number - 1]):
-            yield f"joint {number} {name} is weak, but its limit is unknown: it counts as none"
+def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
+    """Name the weak joints whose limit is not known, or not counted."""
+    for fault in faults.faults:
+        if fault.mode is not FaultMode.WEAK or fault.has_no_torque:
+            continue
+        name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
+        if limits is None:
+            yield f"{name} no limits are counted: it counts as healthy"
+        elif np.isnan(limits.effort[fault.joint]):
+            yield f"{name} its limit is unknown: it counts as none"
 
 
 def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
@@ -79,9 +83,3 @@ def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
             f"weight and motion alone overload {listed(names)}: only the force at the tip keeps "
             "the arm still"
         )
-
-
-def _weak(robot: Robot, faults: FaultSet) -> Iterator[tuple[int, str]]:
-    for fault in faults.faults:
-        if fault.mode is FaultMode.WEAK and not fault.has_no_torque:
-            yield fault.joint + 1, robot.names[fault.joint]

@@ -231,10 +231,9 @@ def census(
     ray = direction_or_force(wanted, direction, F)
     if direction is not None and not by_capability:
         raise InputError("a direction is that of the capability: give it with rank_by='capability'")
-    case = SharedCase(
-        robot, wanted, place, conditions, counted, healthy, whole,
-        rnea_change(robot, place.q, conditions, nothing), F, by_capability, ray, rtol, wary,
-    )  # fmt: skip
+    rnea = rnea_change(robot, place.q, conditions, nothing)
+    asked = (F, by_capability, ray, rtol, wary)
+    case = SharedCase(robot, wanted, place, conditions, counted, healthy, whole, rnea, *asked)
     total = count_fault_sets(robot.n, faults)
     reports = []
     for done, fault_set in enumerate(fault_sets(robot.n, faults, how), start=1):
@@ -335,10 +334,8 @@ def _badness(report: SetReport) -> tuple[float, ...]:
     """Sort key: worst first; of equal jumps the one that takes fewer faults."""
     jump = round(report.relative_jump, 9)
     size = len(report.faults) if jump > 0.0 else 0
-    return (
-        _SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size,
-        round(report.margin, 9), *report.faults.joints,
-    )  # fmt: skip
+    worst = (_SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size)
+    return *worst, round(report.margin, 9), *report.faults.joints
 
 
 def _rank_joints(

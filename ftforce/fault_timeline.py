@@ -247,9 +247,15 @@ def timeline(
     counted = choose_limits(robot, limits)
     bearing = choose_limits(robot, URDF) if limits is None else counted
     start = start_of(
-        robot, trajectory, q, posture,
-        rate=rate, speed=speed, keep_orientation=keep_orientation, max_gap=max_gap,
-    )  # fmt: skip
+        robot,
+        trajectory,
+        q,
+        posture,
+        rate=rate,
+        speed=speed,
+        keep_orientation=keep_orientation,
+        max_gap=max_gap,
+    )
     sets = tuple(fault_sets(robot.n, faults, how))
     _check_count(len(start.times), robot, faults)
     ray = direction_or_force(wanted, direction, F)
@@ -319,10 +325,11 @@ class _Case:
         if self.F is not None:
             F = supported_force(whole, self.F)
             F = without_rounding(F, F, self.F)
+        place, rnea = Posture(q, "along the trajectory"), rnea_change(robot, q, moving, nothing)
+        asked = (F, False, self.ray, self.rtol, self.wary)
         return SharedCase(
-            robot, self.task, Posture(q, "along the trajectory"), moving, self.limits, healthy,
-            whole, rnea_change(robot, q, moving, nothing), F, False, self.ray, self.rtol, self.wary,
-        )  # fmt: skip
+            robot, self.task, place, moving, self.limits, healthy, whole, rnea, *asked
+        )
 
 
 def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:
@@ -389,7 +396,5 @@ def _check_count(instants: int, robot: Robot, faults: int) -> None:
 
 def _badness(instant: WorstInstant) -> tuple[float, ...]:
     jump = math.inf if math.isnan(instant.jump) else round(instant.jump, 9)
-    return (
-        -CODES[instant.verdict], -instant.not_tolerated, -jump,
-        round(instant.margin, 9), len(instant.faults), *instant.faults.joints,
-    )  # fmt: skip
+    worst = (-CODES[instant.verdict], -instant.not_tolerated, -jump, round(instant.margin, 9))
+    return *worst, len(instant.faults), *instant.faults.joints

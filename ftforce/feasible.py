@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ftforce.arrays import norm
 from ftforce.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -167,10 +168,10 @@ def feasible_forces(
     swinging = reduced.swinging
     F0, unbalanced = np.zeros(reduced.m), 0.0
     if swinging is not None:
-        weight = _norm(rnea)
-        if _norm(rnea[swinging.joints]) > _ROUNDING * weight:
+        weight = norm(rnea)
+        if norm(rnea[swinging.joints]) > _ROUNDING * weight:
             F0 = swinging.support(rnea)
-            unbalanced = _norm(swinging.unbalanced(rnea)) / weight
+            unbalanced = norm(swinging.unbalanced(rnea)) / weight
     if reading is Reading.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
@@ -184,10 +185,8 @@ def feasible_forces(
     # NaN is unknown; 0 is a joint without torque, which is in F0 and Z.
     joints = (largest > 0.0).nonzero()[0]
     weights, limit = rnea[joints], largest[joints]
-    return FeasibleForces(
-        F0, Z, reduced.J.T[joints], -limit - weights, limit - weights, joints.tolist(),
-        unbalanced, reduced.rtol, scale,
-    )  # fmt: skip
+    rows, bounds, names = reduced.J.T[joints], (-limit - weights, limit - weights), joints.tolist()
+    return FeasibleForces(F0, Z, rows, *bounds, names, unbalanced, reduced.rtol, scale)
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
@@ -206,11 +205,11 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     if most < least or not feasible.joints:
         return Reach(least, most)
     lever = feasible.rows.dot(d)
-    size = feasible.rtol * feasible.scale * _norm(d)
+    size = feasible.rtol * feasible.scale * norm(d)
     stops: tuple[int, ...] = ()
     ends = []
-    rows = zip(feasible.joints, lever.tolist(), feasible.lower.tolist(), feasible.upper.tolist(),
-               strict=True)  # fmt: skip
+    bounds = (feasible.lower.tolist(), feasible.upper.tolist())
+    rows = zip(feasible.joints, lever.tolist(), *bounds, strict=True)
     for joint, x, lower, upper in rows:
         if abs(x) <= size:  # the force does not load this joint: only its weight and motion do
             if lower > 0.0 or upper < 0.0:
@@ -276,19 +275,15 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
 def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
     """Return the interval of s for which ``s·d`` lies in the plane ``F₀ + Z z``."""
     Z, F0 = feasible.Z, feasible.F0
-    offset = _norm(F0)
+    offset = norm(F0)
     if Z.shape[1] == len(d) and offset == 0.0:
         return 0.0, math.inf
     beyond = d - Z.dot(d.dot(Z))
-    size = _norm(beyond)
-    if size <= feasible.rtol * _norm(d):
+    size = norm(beyond)
+    if size <= feasible.rtol * norm(d):
         return (0.0, math.inf) if offset == 0.0 else (0.0, -1.0)
     if offset == 0.0:
         return 0.0, 0.0
     s = float((F0 / size).dot(beyond / size))
-    miss = _norm(s * beyond - F0)
+    miss = norm(s * beyond - F0)
     return (s, s) if s >= 0.0 and miss <= feasible.rtol * offset else (0.0, -1.0)
-
-
-def _norm(x: Vector) -> float:
-    return math.hypot(*x.tolist())  # also where squares vanish or overflow

@@ -9,6 +9,7 @@ import numpy as np
 
 from ftforce.display import Displayed
 from ftforce.metrics import Verdict
+from ftforce.robot import JointUnits
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +23,7 @@ RUNS = ("healthy", "unremapped", "remapped")
 
 
 @dataclass(frozen=True, slots=True)
-class JointInfo:
+class JointInfo(JointUnits):
     """A joint, without its robot.
 
     Attributes
@@ -33,16 +34,6 @@ class JointInfo:
 
     name: str
     type: str
-
-    @property
-    def unit(self) -> str:
-        """Unit of its position."""
-        return "m" if self.type == "prismatic" else "rad"
-
-    @property
-    def torque_unit(self) -> str:
-        """Unit of its motor torque, or motor force if prismatic."""
-        return "N" if self.type == "prismatic" else "N·m"
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,9 +246,10 @@ def width(quantity: str, n: int, m: int) -> int | None:
     """
     if quantity in SCALARS:
         return None
-    sizes = {"position": 3, "orientation": 4, "path_error": 3, "orientation_error": 3,
-             "velocity_jump": 3, "force": m, "jump": m}  # fmt: skip
-    return sizes.get(quantity, n)
+    if quantity in ("force", "jump"):
+        return m
+    in_space = ("position", "path_error", "orientation_error", "velocity_jump")
+    return 4 if quantity == "orientation" else 3 if quantity in in_space else n
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce import words
 from ftforce.document_parts import (
+    GRAVITY_UNIT,
+    POSITION_UNIT,
+    TORQUE_UNIT,
     Document,
     arm_part,
     conventions_part,
@@ -16,6 +17,7 @@ from ftforce.document_parts import (
     limits_part,
     listed,
     modes_part,
+    task_part,
 )
 from ftforce.history_words import history_sentence, timeline_sentence, worst_verdict
 
@@ -37,21 +39,19 @@ def history_document(history: History) -> Document:
             "types": [joint.type for joint in setting.joints],
         },
         "conventions": {
-            "axes": task.axes,
-            "task": str(task),
-            "components": list(task.components),
-            "length": task.length if task.moment_rows else None,
-            "sign": words.SIGN,
-            "units": {
-                "time": "s",
-                "position": "rad (m for prismatic joints)",
-                "torque": "N·m (N for prismatic joints)",
-                "force": "N",
-                "moment": "N·m",
-                "path_error": "m",
-                "velocity_jump": "m/s, in the root's axes",
-                "gravity": "m/s², in the root's axes",
-            },
+            **task_part(
+                task,
+                {
+                    "time": "s",
+                    "position": POSITION_UNIT,
+                    "torque": TORQUE_UNIT,
+                    "force": "N",
+                    "moment": "N·m",
+                    "path_error": "m",
+                    "velocity_jump": "m/s, in the root's axes",
+                    "gravity": GRAVITY_UNIT,
+                },
+            ),
             "gravity": list(setting.gravity),
             "payload": setting.payload or None,
             "rtol": setting.rtol,
@@ -137,11 +137,7 @@ def timeline_document(timeline: Timeline) -> Document:
         "limits": None if limits is None else limits_part(names, limits),
         "capability_limits": None if bearing is None else limits_part(names, bearing),
         "sets": [
-            {
-                **modes_part(names, worst.faults),
-                **_worst(worst),
-            }
-            for worst in timeline.worst()
+            {**modes_part(names, worst.faults), **_worst(worst)} for worst in timeline.worst()
         ],
         "times": timeline.t.tolist(),
         "columns": [modes_part(names, faults) for faults in timeline.sets],
@@ -166,4 +162,4 @@ def _worst(worst: WorstInstant) -> Document:
 
 
 def _rows(values: Matrix) -> list[list[float | None]]:
-    return [[x if math.isfinite(x) else None for x in row] for row in values.tolist()]
+    return [[finite(x) for x in row] for row in values.tolist()]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.faults import FaultMode
+from ftforce.doubts import unjudged
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,7 +55,7 @@ def history_doubts(
                 f"the remap of the fault at {event.time:g} s would act at {acts:g} s, after the "
                 f"end at {history.t[-1]:g} s"
             )
-    yield from _unjudged(robot, limits, faults)
+    yield from unjudged(robot, faults, limits)
     if limits is None:
         yield from _beyond_effort(robot, history)
 
@@ -164,17 +164,6 @@ def _too_fast(robot: Robot, v: Matrix) -> Iterator[str]:
                 f"joint {joint.number} {joint.name} moves with up to {speed:.3g} {joint.unit}/s; "
                 f"its limit is {joint.velocity:g}"
             )
-
-
-def _unjudged(robot: Robot, limits: Limits | None, faults: FaultSet) -> Iterator[str]:
-    for fault in faults.faults:
-        if fault.mode is not FaultMode.WEAK or fault.has_no_torque:
-            continue
-        name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
-        if limits is None:
-            yield f"{name} no limits are counted: it counts as healthy"
-        elif np.isnan(limits.effort[fault.joint]):
-            yield f"{name} its limit is unknown: it counts as none"
 
 
 def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:

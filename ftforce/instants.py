@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce import metrics
-from ftforce.arrays import Vector, read_only
+from ftforce.arrays import Vector, over, read_only
 from ftforce.bounded import remap_inside
 from ftforce.closed_forms import (
     dynamically_exerted_force,
@@ -287,19 +287,19 @@ def _unaware(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> B
         most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
         motor = np.clip(motor, -most, most)
     moving = ~actual.locked
-    over = np.where(moving, motor - rnea, 0.0)  # for the force, at joints that no brake holds
-    F_after = _exerted(case, q, reduced, over)
-    unbalanced = np.where(moving, over - F_after.dot(J), 0.0)
+    rest = np.where(moving, motor - rnea, 0.0)  # for the force, at joints that no brake holds
+    F_after = _exerted(case, q, reduced, rest)
+    unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *meant.F.dot(J))
-    moved = _over(math.hypot(*unbalanced), scale)
+    moved = over(math.hypot(*unbalanced), scale, 0.0)
     if moved <= case.rtol:  # what is lost up to the tolerance moves nothing
         unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, meant.F, F_after, moved)
     return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
-def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> Vector:
+def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
     """Return the force that torques exert at a tip that what it presses on holds in place.
 
     With masses what is left of them accelerates the arm as it would; else the Euclidean inverse.
@@ -309,9 +309,9 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> V
     size = float(np.linalg.norm(K, 2))
     rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
     open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), rtol)
-    F = exerted_force(open_joints, over)
-    left = np.where(reduced.locked, 0.0, over - F.dot(reduced.J))
-    if math.hypot(*left) <= 1e-12 * math.hypot(*over) or not case.robot.mass:
+    F = exerted_force(open_joints, rest)
+    left = np.where(reduced.locked, 0.0, rest - F.dot(reduced.J))
+    if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:
         return F  # both inverses agree
     try:
         M = mass_matrix(case.robot, q, case.conditions.payload)
@@ -319,20 +319,17 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, over: Vector) -> V
         return F
     # A brake is an infinite inertia: its joint takes no part.
     M = np.where(reduced.locked[:, None] | reduced.locked, np.diag(np.diag(M)), M)
-    return dynamically_exerted_force(open_joints, over, M)
+    return dynamically_exerted_force(open_joints, rest, M)
 
 
 def _verdict(
     case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
 ) -> Verdict:
     """Judge torques that were not remapped: by the jump, and by the share that moves the arm."""
-    off = max(_over(math.hypot(*(F - F_after)), math.hypot(*F)), moved)
+    jump = math.hypot(*(F - F_after))
+    off = max(over(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
     if off > case.wary:
         return Verdict.NOT_TOLERATED
     if off > reduced.rtol:
         return Verdict.BORDERLINE
     return metrics.verdict(reduced, F, case.wary)
-
-
-def _over(x: float, scale: float) -> float:
-    return x / scale if scale > 0.0 else math.inf if x > 0.0 else 0.0

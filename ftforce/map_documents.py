@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ftforce import words
-from ftforce.document_parts import Document, finite
+from ftforce.batch.cells import AXES
+from ftforce.document_parts import Document, Row, finite, listed, setting_part
 from ftforce.map_words import map_sentence
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from ftforce.batch.cells import Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
-Row = tuple[Any, ...]
 EVERY = "every"
 """How a table names the postures that tolerate every set of the sweep."""
 
@@ -24,12 +24,7 @@ def map_document(found: WorkspaceMap) -> Document:
     sweep = found.sweep
     setting, located = sweep.setting, found.located
     return {
-        "robot": {
-            "name": setting.robot,
-            "base": setting.base,
-            "tip": setting.tip,
-            "joints": list(setting.joints),
-        },
+        "robot": setting_part(setting),
         "conventions": {
             "axes": setting.axes,
             "task": setting.task,
@@ -41,7 +36,7 @@ def map_document(found: WorkspaceMap) -> Document:
         },
         "postures": {"count": setting.count, "done": sweep.done, "random": setting.is_random},
         "mode": setting.mode,
-        "force": None if setting.force is None else list(setting.force),
+        "force": listed(setting.force),
         "plane": found.plane,
         "at": found.at,
         "edge": located.edge,
@@ -67,15 +62,14 @@ def map_document(found: WorkspaceMap) -> Document:
 
 def map_rows(found: WorkspaceMap) -> list[Row]:
     """Return a map as rows, the header first: one per fault set and cell that holds postures."""
-    header = (
-        "fault_set", "locked" if found.sweep.setting.mode == "locked" else "free",
-        "x [m]", "y [m]", "z [m]", "edge [m]", "postures", "tolerated", "share", "low", "high",
-    )  # fmt: skip
+    mode = "locked" if found.sweep.setting.mode == "locked" else "free"
+    lengths = (f"{name} [m]" for name in (*AXES, "edge"))
+    header: Row = ("fault_set", mode, *lengths, *found.located.cells._fields)
     names, rows = found.sweep.setting.joints, [header]
     for joints, one in _each(found):
         faults, which = EVERY, ""
         if joints is not None:
-            faults = "{" + ", ".join(map(str, joints)) + "}"
+            faults = words.set_of(i - 1 for i in joints)
             which = " ".join(names[i - 1] for i in joints)
         for place, *counts in zip(one.place.tolist(), *one.cells, strict=True):
             rows.append((faults, which, *place, one.edge, *map(_plain, counts)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector, read_only
+from ftforce.arrays import Matrix, Vector, over, read_only
 
 if TYPE_CHECKING:
     from ftforce.reduced import ReducedJacobian
@@ -28,8 +28,7 @@ class Verdict(StrEnum):
 
 def margin(reduced: ReducedJacobian) -> float:
     """Return σ_min(K) / σ_max(J): 0 where a direction is lost; 0 too for an arm with J = 0."""
-    largest = reduced.sigma_max
-    return reduced.damaged.s[-1] / largest if largest > 0.0 else 0.0
+    return over(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
 
 
 def relative_manipulability(reduced: ReducedJacobian) -> float:
@@ -162,21 +161,19 @@ def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vec
     """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, each joint's share in the tip's force (Table 2), shape (n,)."""
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
-    return _over(_norm(np.array(columns), axis=1) * np.abs(tau), float(_norm(F)))
+    shares = _norms(np.array(columns), axis=1) * np.abs(tau)
+    return read_only(over(shares, float(_norms(F)), np.zeros_like(shares)))
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
     """Return ‖J_k v_k‖/‖J v‖, each joint's share in the tip's velocity (Table 2), shape (n,)."""
-    return _over(_norm(J * v, axis=0), float(_norm(J @ v)))
+    shares = _norms(J * v, axis=0)
+    return read_only(over(shares, float(_norms(J @ v)), np.zeros_like(shares)))
 
 
-def _norm(A: Matrix, axis: int | None = None) -> Vector:
+def _norms(A: Matrix, axis: int | None = None) -> Vector:
     """Return the norm; a power of two, which rounds nothing, keeps the squares in range."""
     _, exponents = np.frexp(np.abs(A).max(axis=axis, keepdims=True))
     scaled = np.asarray(np.linalg.norm(np.ldexp(A, -exponents), axis=axis))
     norms: Vector = np.ldexp(scaled, exponents.reshape(scaled.shape))
     return norms
-
-
-def _over(values: Vector, scale: float) -> Vector:
-    return read_only(values / scale if scale > 0.0 else np.zeros_like(values))

@@ -56,18 +56,27 @@ PRINTED_SETS = {
 
 ERRATA = (
     ("(29), (37), (39)", "U = (ᔆJᵀ)†{…}", "U = ᔆJᵀ (Jᵀ)† τ, as in (42)"),
-    ("(18), (27), (28)", "F = (Jᵀ)†τ + (I - Jᵀ(Jᵀ)†) z",
-     "dimensions do not match; the free part is τ_N = (I - J†J) τ"),
+    (
+        "(18), (27), (28)",
+        "F = (Jᵀ)†τ + (I - Jᵀ(Jᵀ)†) z",
+        "dimensions do not match; the free part is τ_N = (I - J†J) τ",
+    ),
     ("(19)", "(JJᵀ)⁻¹J", "only for full row rank"),
-    ("after (33)", "F belongs to the null space of ᵏJᵀ",
-     "F in range(ᵏJ): no component in that null space"),
-    ("Table 2", "torque contribution ‖(Jᵀ)†_k τ_k‖/‖F‖",
-     "the printed numbers are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"),
+    (
+        "after (33)",
+        "F belongs to the null space of ᵏJᵀ",
+        "F in range(ᵏJ): no component in that null space",
+    ),
+    (
+        "Table 2",
+        "torque contribution ‖(Jᵀ)†_k τ_k‖/‖F‖",
+        "the printed numbers are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖",
+    ),
     ("section IV", "Ẋ in cm/sec", "m/s"),
     ("Tables 4, 5", "captions: joint velocities, rad/sec", "torques, N·m"),
     ("second (34), (35)", "J and ¹J of the case study", "belong between (40) and (42)"),
     ("Appendix A", "K(KᵀK)⁻¹Kᵀ", "K K†: KᵀK is singular when n - f > m"),
-)  # fmt: skip
+)
 """Where, what is printed, what is correct."""
 
 _SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"

@@ -25,8 +25,25 @@ if TYPE_CHECKING:
 BUILT_IN_POSTURES = ("mid-range", "zero", "sample")
 
 
+class JointUnits:
+    """Units of a joint of some type."""
+
+    __slots__ = ()
+    type: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of its position."""
+        return "m" if self.type == "prismatic" else "rad"
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of its motor torque, or motor force if prismatic."""
+        return "N" if self.type == "prismatic" else "N·m"
+
+
 @dataclass(frozen=True, slots=True)
-class Joint:
+class Joint(JointUnits):
     """One joint of the chain.
 
     Attributes
@@ -55,16 +72,6 @@ class Joint:
     effort: float | None
     velocity: float | None
     followers: tuple[str, ...] = ()
-
-    @property
-    def unit(self) -> str:
-        """Unit of its position."""
-        return "m" if self.type == "prismatic" else "rad"
-
-    @property
-    def torque_unit(self) -> str:
-        """Unit of its motor torque, or motor force if prismatic."""
-        return "N" if self.type == "prismatic" else "N·m"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import math
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ftforce import words
 from ftforce.analysis import Analysis
+from ftforce.arrays import over
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.comparison_documents import comparison_rows
-from ftforce.document_parts import finite
+from ftforce.document_parts import (
+    Document,
+    Row,
+    check_part,
+    finite,
+    limits_source,
+    rows_of,
+    task_columns,
+)
 from ftforce.errors import InputError
 from ftforce.fault_census import Census
 from ftforce.fault_timeline import Timeline
@@ -31,10 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ftforce.arrays import Vector
-    from ftforce.limits import Limits
     from ftforce.set_reports import SetReport
-
-Row: TypeAlias = tuple[Any, ...]
 
 
 @singledispatch
@@ -60,109 +66,95 @@ def _analysis(analysis: Analysis) -> list[Row]:
 
 @to_rows.register(Census)
 def _census(census: Census) -> list[Row]:
-    task = census.task
-    header = (
-        "fault_set", "locked", "free", "size", "verdict", "jump_norm [N]", "moment_jump_norm [N·m]",
-        *(f"jump_{name} [{unit}]" for name, unit in zip(task.components, task.units, strict=True)),
-        "margin", "relative_manipulability", "rank_after", "rank_lost",
-        "can_stand_still", "share", "binding", "commanded", "held", "least",
-        "end", "held_end",
-        "axes", "task", "length [m]", "limits", "rtol", "wary",
-    )  # fmt: skip
-    conventions = (task.axes, str(task), task.length if task.moment_rows else "",
-                   _source(census.limits),
-                   census.rtol, census.wary)  # fmt: skip
-    names = census.robot.names
-    rows = [
-        (
-            str(report.faults),
-            " ".join(names[i] for i in report.faults.in_mode(FaultMode.LOCKED)),
-            " ".join(names[i] for i in report.faults.in_mode(FaultMode.FREE)),
-            len(report.faults),
-            report.verdict.value,
-            report.jump_norm,
-            report.moment_jump_norm,
-            *([""] * task.m if report.jump is None else report.jump.tolist()),
-            report.margin,
-            finite(report.relative_manipulability),
-            report.rank_after,
-            report.rank_lost,
-            report.can_stand_still,
-            report.share,
-            " ".join(names[j] for j in report.binding),
-            *_capability_cells(report),
-            *conventions,
-        )
-        for report in census.sets
-    ]
-    return [header, *rows]
+    return rows_of(_set(census, report) for report in census.sets)
 
 
-def _source(limits: Limits | None) -> str:
-    return "none" if limits is None else limits.source
-
-
-def _capability_cells(report: SetReport) -> tuple[Any, ...]:
-    if report.capability is None:
-        return ("",) * 5
+def _set(census: Census, report: SetReport) -> Document:
+    task, names, faults = census.task, census.robot.names, report.faults
+    jump = [""] * task.m if report.jump is None else report.jump.tolist()
+    jumps = zip(task.components, task.units, jump, strict=True)
     found = report.capability
-    amounts = (finite(x) for x in (found.commanded, found.held, found.least))
-    return *amounts, found.end.value, found.held_end.value
+    return {
+        "fault_set": str(faults),
+        "locked": " ".join(names[i] for i in faults.in_mode(FaultMode.LOCKED)),
+        "free": " ".join(names[i] for i in faults.in_mode(FaultMode.FREE)),
+        "size": len(faults),
+        "verdict": report.verdict.value,
+        "jump_norm [N]": report.jump_norm,
+        "moment_jump_norm [N·m]": report.moment_jump_norm,
+        **{f"jump_{name} [{unit}]": x for name, unit, x in jumps},
+        "margin": report.margin,
+        "relative_manipulability": finite(report.relative_manipulability),
+        "rank_after": report.rank_after,
+        "rank_lost": report.rank_lost,
+        "can_stand_still": report.can_stand_still,
+        "share": report.share,
+        "binding": " ".join(names[j] for j in report.binding),
+        "commanded": "" if found is None else finite(found.commanded),
+        "held": "" if found is None else finite(found.held),
+        "least": "" if found is None else finite(found.least),
+        "end": "" if found is None else found.end.value,
+        "held_end": "" if found is None else found.held_end.value,
+        **task_columns(task),
+        "limits": limits_source(census.limits),
+        "rtol": census.rtol,
+        "wary": census.wary,
+    }
 
 
 @to_rows.register(Capability)
 def _capability(capability: Capability) -> list[Row]:
-    analysis, task = capability.analysis, capability.analysis.task
-    names = analysis.robot.names
-    header = (
-        "quantity", "unit", "when", "reading", "most", "least", "end", "stops",
-        *(f"direction_{name}" for name in task.components),
-        "fault_set", "axes", "task", "length [m]", "limits",
-    )  # fmt: skip
-    conventions = (str(analysis.faults), task.axes, str(task),
-                   task.length if task.moment_rows else "", _source(analysis.limits))  # fmt: skip
-
-    def row(name: str, unit: str, when: str, reading: str, amount: Amount) -> Row:
-        stops = " ".join(names[j] for j in amount.stops)
-        direction = amount.direction.tolist()
-        if not direction or (name == capability.weakest.name and not math.isfinite(amount.most)):
-            direction = [""] * task.m
-        most, least = finite(amount.most), finite(amount.least)
-        return (name, unit, when, reading, most, least, amount.end.value, stops, *direction,
-                *conventions)  # fmt: skip
-
     reports = [(report, report.unit) for report in capability.directions]
-    reports.append((capability.weakest, words.unit_of_size(task)))
-    rows = [
-        row(report.name, unit, when, reading.value, amounts[reading])
+    reports.append((capability.weakest, words.unit_of_size(capability.analysis.task)))
+    found = [
+        ((report.name, unit, when, reading.value), amounts[reading])
         for report, unit in reports
         for when, amounts in (("before", report.before), ("after", report.after))
         for reading in Reading
     ]
     loads = zip(("before", "after"), capability.payload, strict=True)
-    rows += [row("payload", "kg", when, "held", amount) for when, amount in loads]
-    return [header, *rows]
+    found += [(("payload", "kg", when, "held"), amount) for when, amount in loads]
+    return rows_of(_amount(capability, *one) for one in found)
+
+
+def _amount(capability: Capability, about: tuple[str, str, str, str], amount: Amount) -> Document:
+    analysis, task = capability.analysis, capability.analysis.task
+    names, direction = analysis.robot.names, amount.direction.tolist()
+    if not direction or (about[0] == capability.weakest.name and not math.isfinite(amount.most)):
+        direction = [""] * task.m
+    return {
+        **dict(zip(("quantity", "unit", "when", "reading"), about, strict=True)),
+        "most": finite(amount.most),
+        "least": finite(amount.least),
+        "end": amount.end.value,
+        "stops": " ".join(names[j] for j in amount.stops),
+        **{f"direction_{axis}": x for axis, x in zip(task.components, direction, strict=True)},
+        "fault_set": str(analysis.faults),
+        **task_columns(task),
+        "limits": limits_source(analysis.limits),
+    }
 
 
 @to_rows.register(Timeline)
 def _timeline(timeline: Timeline) -> list[Row]:
     names, task = timeline.robot.names, timeline.task
     unit = words.unit_of_size(task, timeline.direction)
-    jump_unit = task.size_unit
-    header = ("t [s]", "fault_set", "joints", f"jump [{jump_unit}]", "margin",
-              f"capability [{unit}]", "verdict", "axes", "task", "length [m]", "limits",
-              "capability_limits", "rtol", "wary")  # fmt: skip
-    conventions = (task.axes, str(task), task.length if task.moment_rows else "",
-                   _source(timeline.limits), _source(timeline.capability_limits),
-                   timeline.rtol, timeline.wary)  # fmt: skip
-    rows: list[Row] = [header]
+    conventions = {
+        **task_columns(task),
+        "limits": limits_source(timeline.limits),
+        "capability_limits": limits_source(timeline.capability_limits),
+        "rtol": timeline.rtol,
+        "wary": timeline.wary,
+    }
+    quantities = (f"jump [{task.size_unit}]", "margin", f"capability [{unit}]", "verdict")
+    rows: list[Row] = [("t [s]", "fault_set", "joints", *quantities, *conventions)]
     for j, faults in enumerate(timeline.sets):
         about = (str(faults), " ".join(names[i] for i in faults.joints))
         arrays = (timeline.jump, timeline.margin, timeline.capability)
         columns = ([finite(x) for x in array[:, j].tolist()] for array in arrays)
         verdicts = (VERDICTS[code].value for code in timeline.verdict[:, j].tolist())
         cells = zip(timeline.t.tolist(), *columns, verdicts, strict=True)
-        rows += [(t, *about, *values, *conventions) for t, *values in cells]
+        rows += [(t, *about, *values, *conventions.values()) for t, *values in cells]
     return rows
 
 
@@ -173,56 +165,51 @@ to_rows.register(Sweep, sweep_rows)
 
 @to_rows.register(Robot)
 def _robot(robot: Robot) -> list[Row]:
-    header = ("number", "joint", "type", "lower", "upper", "unit", "effort", "effort_unit", "speed")
-    return [
-        header,
-        *(
-            (joint.number, joint.name, joint.type, finite(joint.lower), finite(joint.upper),
-             joint.unit, joint.effort, joint.torque_unit, joint.velocity)
-            for joint in robot.joints
-        ),
-    ]  # fmt: skip
+    return rows_of(
+        {
+            "number": joint.number,
+            "joint": joint.name,
+            "type": joint.type,
+            "lower": finite(joint.lower),
+            "upper": finite(joint.upper),
+            "unit": joint.unit,
+            "effort": joint.effort,
+            "effort_unit": joint.torque_unit,
+            "speed": joint.velocity,
+        }
+        for joint in robot.joints
+    )
 
 
 @to_rows.register(Replication)
 def _replication(result: Replication) -> list[Row]:
-    header = ("table", "row", "column", "printed", "computed", "outcome", "erratum")
-    return [
-        header,
-        *(
-            (check.table, check.row, check.column, check.printed, check.computed,
-             check.outcome.value, check.erratum)
-            for check in result.checks
-        ),
-    ]  # fmt: skip
+    return rows_of(map(check_part, result.checks))
 
 
 def _convention_rows(analysis: Analysis) -> list[Row]:
-    task, reduced, limits = analysis.task, analysis.reduced, analysis.limits
-    gravity, payload = analysis.conditions.gravity.tolist(), analysis.conditions.payload
+    task, reduced, conditions = analysis.task, analysis.reduced, analysis.conditions
+    healthy = over(reduced.healthy.s[-1], reduced.sigma_max, 0.0)
+    gravity = zip("xyz", conditions.gravity.tolist(), strict=True)
+    said = [
+        ("robot", "", analysis.robot.name),
+        ("tip", "", analysis.robot.tip),
+        ("axes", "", task.axes),
+        ("task", "", str(task)),
+        ("length", "m", task.length if task.moment_rows else ""),
+        ("limits", "", limits_source(analysis.limits)),
+        *((f"gravity_{axis}", "m/s²", x) for axis, x in gravity),
+        ("payload", "kg", 0.0 if conditions.payload is None else conditions.payload.mass),
+        ("rtol", "", reduced.rtol),
+        ("wary", "", analysis.wary),
+    ]
+    rho = finite(analysis.relative_manipulability)
     return [
-        ("convention", "robot", "", analysis.robot.name, "", ""),
-        ("convention", "tip", "", analysis.robot.tip, "", ""),
-        ("convention", "axes", "", task.axes, "", ""),
-        ("convention", "task", "", str(task), "", ""),
-        ("convention", "length", "m", task.length if task.moment_rows else "", "", ""),
-        ("convention", "limits", "", _source(limits), "", ""),
-        *(("convention", f"gravity_{axis}", "m/s²", g, "", "")
-          for axis, g in zip("xyz", gravity, strict=True)),
-        ("convention", "payload", "kg", 0.0 if payload is None else payload.mass, "", ""),
-        ("convention", "rtol", "", reduced.rtol, "", ""),
-        ("convention", "wary", "", analysis.wary, "", ""),
+        *(("convention", name, unit, value, "", "") for name, unit, value in said),
         ("verdict", "verdict", "", "", analysis.verdict.value, ""),
         ("jacobian", "rank", "", reduced.rank, reduced.rank_after, ""),
-        ("jacobian", "margin", "", _healthy_margin(analysis), analysis.margin, ""),
-        ("jacobian", "relative_manipulability", "", 1.0,
-         finite(analysis.relative_manipulability), ""),
-    ]  # fmt: skip
-
-
-def _healthy_margin(analysis: Analysis) -> float:
-    largest = analysis.reduced.sigma_max
-    return analysis.reduced.healthy.s[-1] / largest if largest > 0.0 else 0.0
+        ("jacobian", "margin", "", healthy, analysis.margin, ""),
+        ("jacobian", "relative_manipulability", "", 1.0, rho, ""),
+    ]
 
 
 def _joint_rows(analysis: Analysis) -> list[Row]:
@@ -252,8 +239,8 @@ def _joint_rows(analysis: Analysis) -> list[Row]:
         units = [f"{joint.unit}/s" for joint in robot.joints]
         rows += _changes("velocity", robot.names, units, velocity.before, velocity.after)
         if (impact := analysis.impact) is not None:
-            rows += _changes("velocity at impact", robot.names, units, velocity.before,
-                             impact.after)  # fmt: skip
+            name = "velocity at impact"
+            rows += _changes(name, robot.names, units, velocity.before, impact.after)
     return rows
 
 
@@ -286,7 +273,7 @@ def _tip_rows(analysis: Analysis) -> list[Row]:
     if (velocity := analysis.velocity) is not None:
         names, units = task.velocity_components, task.velocity_units
         rows += _changes("tip velocity", names, units, velocity.tip_before, velocity.tip_after)
-    if velocity is not None and (impact := analysis.impact) is not None:
-        rows += _changes("tip velocity at impact", names, units, velocity.tip_before,
-                         impact.tip_after)  # fmt: skip
+        if (impact := analysis.impact) is not None:
+            name = "tip velocity at impact"
+            rows += _changes(name, names, units, velocity.tip_before, impact.tip_after)
     return rows

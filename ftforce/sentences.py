@@ -12,13 +12,13 @@ from ftforce.words import (
     is_noticeable,
     joined,
     lost_directions,
-    number,
     percent,
     ratio,
     size,
     torque_of,
     unit_of_size,
     vector_in_words,
+    with_units,
 )
 
 if TYPE_CHECKING:
@@ -31,15 +31,11 @@ if TYPE_CHECKING:
 def verdict_sentence(analysis: Analysis) -> str:
     """Say the verdict in one plain sentence, or a few."""
     about = _about(analysis)
-    sentence = f"{_headline(analysis.verdict)}: {faults_in_words(analysis)}, {about}."
+    sentence = f"{analysis.verdict.value.capitalize()}: {faults_in_words(analysis)}, {about}."
     if analysis.force is not None and is_noticeable(analysis.force.unsupported):
         missing = amounts(analysis.task, analysis.force.unsupported)
         sentence += f" Even the healthy arm cannot exert {missing} of the request here."
     return sentence
-
-
-def _headline(verdict: Verdict) -> str:
-    return verdict.value.capitalize()
 
 
 def faults_in_words(analysis: Analysis) -> str:
@@ -209,8 +205,7 @@ def _support(analysis: Analysis) -> str:
     support = task.unweigh_force(bounded.F_after)
     if not is_noticeable(support):
         return ""
-    parts = zip(support.tolist(), task.components, task.units, strict=True)
-    listed = ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)
+    listed = with_units(task.components, support.tolist(), task.units)
     overload = overload_in_words(analysis)
     return (
         f"; {f'{overload}; ' if overload else ''}the arm stands still only while the tip presses "

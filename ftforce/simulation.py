@@ -132,26 +132,29 @@ def simulate(
     asked = as_vector(force, wanted.m, "force", f"{names} of the task '{wanted}'")
     events = read_events(robot, faults)
     start = start_of(
-        robot, trajectory, q, posture,
-        rate=rate, speed=speed, keep_orientation=keep_orientation, max_gap=max_gap,
-    )  # fmt: skip
+        robot,
+        trajectory,
+        q,
+        posture,
+        rate=rate,
+        speed=speed,
+        keep_orientation=keep_orientation,
+        max_gap=max_gap,
+    )
     _check_times(events, start)
     weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
     meant = limits_for(next(weak, FaultSet()), limits)  # also if it locks later
-    case = Case(
-        robot, wanted, Conditions.of(robot, gravity=gravity, payload=payload),
-        read_only(wanted.weigh_force(asked)), choose_limits(robot, meant), rtol, wary,
-    )  # fmt: skip
+    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
+    F, counted = read_only(wanted.weigh_force(asked)), choose_limits(robot, meant)
+    case = Case(robot, wanted, conditions, F, counted, rtol, wary)
     scene = _Scene(case, start, events, _tip_path(start), _counted(progress, start, remap=remap))
     wait = float(delay) if remap else NEVER
     healthy, unremapped, remapped, arrivals = _runs(scene, wait)
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
-    history = History(
-        _setting(scene, asked, reports, wait),
-        start.times, scene.path.x, healthy, unremapped, remapped,
-    )  # fmt: skip
+    setting = _setting(scene, asked, reports, wait)
+    history = History(setting, start.times, scene.path.x, healthy, unremapped, remapped)
     if wait == 0.0:  # the table of the faults and that of the instants say the same
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
@@ -264,17 +267,21 @@ def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
         fault.joint + 1: fault.factor for fault in faults.faults if fault.mode is FaultMode.WEAK
     }
     return analyze(
-        robot, state.q,
+        robot,
+        state.q,
         locked=by_mode[FaultMode.LOCKED],
         free=by_mode[FaultMode.FREE],
         weak=weak,
         force=task.unweigh_force(F),
-        velocity=state.v, acceleration=state.a,
+        velocity=state.v,
+        acceleration=state.a,
         gravity=None if conditions.is_model_gravity else conditions.gravity,
         payload=conditions.payload,
         limits=NONE if limits is None else limits,
-        task=task, rtol=rtol, wary=wary,
-    )  # fmt: skip
+        task=task,
+        rtol=rtol,
+        wary=wary,
+    )
 
 
 def _velocity_jumps(

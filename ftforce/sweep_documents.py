@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ftforce import words
-from ftforce.document_parts import Document, finite
+from ftforce.document_parts import (
+    Document,
+    Row,
+    estimate_part,
+    finite,
+    interval_columns,
+    listed,
+    rows_of,
+    setting_part,
+)
 from ftforce.sweep_words import sweep_sentence
 
 if TYPE_CHECKING:
-    from ftforce.batch.criticality import Estimate, JointCriticality
+    from ftforce.batch.criticality import JointCriticality
     from ftforce.batch.result import Sweep
     from ftforce.batch.set_summaries import SetSummary
 
@@ -20,12 +29,7 @@ def sweep_document(sweep: Sweep) -> Document:
     setting = sweep.setting
     names = setting.joints
     return {
-        "robot": {
-            "name": setting.robot,
-            "base": setting.base,
-            "tip": setting.tip,
-            "joints": list(names),
-        },
+        "robot": setting_part(setting),
         "conventions": _conventions(sweep),
         "postures": {
             "source": setting.postures,
@@ -35,12 +39,12 @@ def sweep_document(sweep: Sweep) -> Document:
         },
         "faults": setting.largest,
         "mode": setting.mode,
-        "force": _listed(setting.force),
-        "direction": _listed(setting.direction),
+        "force": listed(setting.force),
+        "direction": listed(setting.direction),
         "limits": None
         if setting.limits is None
         else {"source": setting.limits, "unknown": list(setting.unknown_limits)},
-        "every_set_tolerated": _estimate(sweep.every_set),
+        "every_set_tolerated": estimate_part(sweep.every_set),
         "workspace": _workspace(sweep),
         "sets": [_set(names, one) for one in sweep.ranked],
         "joints": [_joint(names, one) for one in sweep.joints],
@@ -82,22 +86,14 @@ def _workspace(sweep: Sweep) -> Document:
     }
 
 
-def _listed(vector: tuple[float, ...] | None) -> list[float] | None:
-    return None if vector is None else list(vector)
-
-
-def _estimate(one: Estimate) -> Document:
-    return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
-
-
 def _set(names: tuple[str, ...], one: SetSummary) -> Document:
     jump = one.jump or (math.nan,) * 3
     capability = one.capability or (math.nan,) * 2
     return {
         "joints": [names[i] for i in one.faults.joints],
-        "tolerated": _estimate(one.tolerated),
-        "borderline": _estimate(one.borderline),
-        "not_tolerated": _estimate(one.not_tolerated),
+        "tolerated": estimate_part(one.tolerated),
+        "borderline": estimate_part(one.borderline),
+        "not_tolerated": estimate_part(one.not_tolerated),
         "loses_rank": finite(one.loses_rank),
         "falls": finite(one.falls),
         "margin": _quantiles(("5", "50"), one.margin),
@@ -115,36 +111,52 @@ def _joint(names: tuple[str, ...], one: JointCriticality) -> Document:
     return {
         "joint": names[one.joint],
         "sets": one.sets,
-        "not_tolerated": _estimate(one.not_tolerated),
+        "not_tolerated": estimate_part(one.not_tolerated),
         "borderline": finite(one.borderline),
-        "alone": _estimate(one.alone),
-        "margin": {"5": _estimate(one.margin[0]), "50": _estimate(one.margin[1])},
-        "relative_manipulability": {"5": _estimate(one.rho[0]), "50": _estimate(one.rho[1])},
-        "capability": None if one.capability is None else _estimate(one.capability),
+        "alone": estimate_part(one.alone),
+        "margin": {"5": estimate_part(one.margin[0]), "50": estimate_part(one.margin[1])},
+        "relative_manipulability": {
+            "5": estimate_part(one.rho[0]),
+            "50": estimate_part(one.rho[1]),
+        },
+        "capability": None if one.capability is None else estimate_part(one.capability),
     }
 
 
-def sweep_rows(sweep: Sweep) -> list[tuple[Any, ...]]:
+def sweep_rows(sweep: Sweep) -> list[Row]:
     """Return one row per fault set, worst first, the header before them."""
-    setting, unit = sweep.setting, sweep.setting.size_unit
-    of_capability = setting.capability_unit
-    header = (
-        "fault_set", "joints", "postures", "tolerated", "tolerated_low", "tolerated_high",
-        "borderline", "not_tolerated", "not_tolerated_low", "not_tolerated_high", "loses_rank",
-        "falls", "margin_5", "margin_50", "rho_5", "rho_50", f"jump_50 [{unit}]",
-        f"jump_95 [{unit}]", f"jump_most [{unit}]", f"capability_5 [{of_capability}]",
-        f"capability_50 [{of_capability}]", "axes", "task", "length [m]", "limits", "rtol", "wary",
-    )  # fmt: skip
+    return rows_of(_columns(sweep, one) for one in sweep.ranked)
+
+
+def _columns(sweep: Sweep, one: SetSummary) -> Document:
+    setting = sweep.setting
     has_moments = any(name[0] == "m" for name in setting.components)
-    conventions = (setting.axes, setting.task, setting.length if has_moments else "",
-                   setting.limits or "none", setting.rtol, setting.wary)  # fmt: skip
-    rows: list[tuple[Any, ...]] = [header]
-    for one in sweep.ranked:
-        numbers = (
-            *one.tolerated, one.borderline.value, *one.not_tolerated, one.loses_rank, one.falls,
-            *one.margin, *one.rho, *(one.jump or (math.nan,) * 3),
-            *(one.capability or (math.nan,) * 2),
-        )  # fmt: skip
-        about = (str(one.faults), " ".join(setting.joints[i] for i in one.faults.joints))
-        rows.append((*about, sweep.done, *map(finite, numbers), *conventions))
-    return rows
+    jump, capability = one.jump or (math.nan,) * 3, one.capability or (math.nan,) * 2
+    numbers = {
+        **interval_columns("tolerated", one.tolerated),
+        "borderline": one.borderline.value,
+        **interval_columns("not_tolerated", one.not_tolerated),
+        "loses_rank": one.loses_rank,
+        "falls": one.falls,
+        "margin_5": one.margin[0],
+        "margin_50": one.margin[1],
+        "rho_5": one.rho[0],
+        "rho_50": one.rho[1],
+        f"jump_50 [{setting.size_unit}]": jump[0],
+        f"jump_95 [{setting.size_unit}]": jump[1],
+        f"jump_most [{setting.size_unit}]": jump[2],
+        f"capability_5 [{setting.capability_unit}]": capability[0],
+        f"capability_50 [{setting.capability_unit}]": capability[1],
+    }
+    return {
+        "fault_set": str(one.faults),
+        "joints": " ".join(setting.joints[i] for i in one.faults.joints),
+        "postures": sweep.done,
+        **{name: finite(x) for name, x in numbers.items()},
+        "axes": setting.axes,
+        "task": setting.task,
+        "length [m]": setting.length if has_moments else "",
+        "limits": setting.limits or "none",
+        "rtol": setting.rtol,
+        "wary": setting.wary,
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ftforce.words import joined, number, percent
+from ftforce.words import joined, percent, share, vector_in_words, with_units
 
 if TYPE_CHECKING:
     from ftforce.batch.criticality import Estimate, JointCriticality
@@ -73,35 +73,16 @@ def force_in_words(setting: SweepSetting) -> str:
     """Say which force is asked for."""
     if setting.force is None:
         return "every direction (none given)"
-    return _components(setting, setting.force)
+    units = ("N" if name[0] == "f" else "N·m" for name in setting.components)
+    return with_units(setting.components, setting.force, units)
 
 
 def direction_in_words(setting: SweepSetting) -> str:
     """Say which capability is asked for, and inside which limits."""
     if setting.direction is None or setting.limits is None:
         return "not asked (no force or direction)"
-    axis = ", ".join(number(x) for x in setting.direction)
-    return f"the largest force commanded along ({axis}), limits: {setting.limits}"
-
-
-def _components(setting: SweepSetting, vector: tuple[float, ...]) -> str:
-    units = ("N" if name[0] == "f" else "N·m" for name in setting.components)
-    parts = zip(setting.components, vector, units, strict=True)
-    return ", ".join(f"{name} {number(x)} {unit}" for name, x, unit in parts)
-
-
-def share(x: float) -> str:
-    """Write a share in percent so that neither 0 nor all of it is claimed wrongly."""
-    if math.isnan(x):
-        return "–"
-    x *= 100.0
-    if x in {0.0, 100.0}:
-        return f"{x:.0f}"
-    if x < 0.01:
-        return "<0.01"
-    if x > 99.99:
-        return ">99.99"
-    return f"{x:.2f}" if x < 10.0 or x > 99.0 else f"{x:.1f}"
+    axis = vector_in_words(setting.direction)
+    return f"the largest force commanded along {axis}, limits: {setting.limits}"
 
 
 def interval(one: Estimate) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from ftforce.arrays import norm
 from ftforce.bounded import nearest_force
 from ftforce.feasible import feasible_forces
 from ftforce.metrics import Verdict, tolerance_that_loses, verdict
@@ -102,14 +103,10 @@ def _relative_jump(
     if F_after is None:
         return math.inf
     F, rnea = bounded.nearest.F, bounded.rnea
-    jump = _norm(F - F_after)
+    jump = norm(F - F_after)
     if jump == 0.0:
         return 0.0
-    if size := _norm(F):
+    if size := norm(F):
         return jump / size
-    weight = _norm(rnea)
+    weight = norm(rnea)
     return jump * feasible.scale / weight if weight > 0.0 else math.inf
-
-
-def _norm(x: Vector) -> float:
-    return math.hypot(*x.tolist())  # also where squares vanish or overflow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from ftforce.arrays import Vector
+    from ftforce.batch.result import SweepSetting
     from ftforce.robot import Robot
     from ftforce.task import Task
 
@@ -45,7 +47,7 @@ def joined(words: Iterable[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def axes_in_words(task: Task) -> str:
+def axes_in_words(task: Task | SweepSetting) -> str:
     """Say which axes vectors are given in."""
     return "the tool frame" if task.axes == "tool" else "the world (the robot's root), at the tip"
 
@@ -84,9 +86,9 @@ def amounts(task: Task, vector: Vector) -> str:
     return " and ".join(parts)
 
 
-def vector_in_words(vector: Vector) -> str:
+def vector_in_words(vector: Iterable[float]) -> str:
     """Write a vector's components, two decimals each."""
-    return f"({', '.join(number(x) for x in vector.tolist())})"
+    return f"({', '.join(map(number, vector))})"
 
 
 def unit_of_size(task: Task, direction: Vector | None = None) -> str:
@@ -107,6 +109,32 @@ def percent(share: float) -> str:
         return "<1e-7%"
     text = f"{100.0 * share:.3g}%" if share < 1.0 else f"{share:.0%}"
     return ">99.9%" if text == "100%" and share < 1.0 else text
+
+
+def share(x: float, *, short: bool = False) -> str:
+    """Write a share in percent, likewise, for a column [%]; or short, beside a mark in a plot."""
+    if math.isnan(x):
+        return "–"
+    x *= 100.0
+    low, high = (0.001, 99.9) if short else (0.01, 99.99)
+    if x <= 0.0 or x >= 100.0:
+        return f"{x:.0f}"
+    if x < low or x > high:
+        return f"<{low:g}" if x < low else f">{high:g}"
+    if short:
+        return f"{x:.2g}" if x < 1.0 else f"{x:.3g}"
+    return f"{x:.2f}" if x < 10.0 or x > 99.0 else f"{x:.1f}"
+
+
+def with_units(names: Iterable[str], values: Iterable[float], units: Iterable[str]) -> str:
+    """Write numbers with their names and units: ``fx 80.00 N, fy 50.00 N``."""
+    parts = zip(names, values, units, strict=True)
+    return ", ".join(f"{name} {number(x)} {unit}" for name, x, unit in parts)
+
+
+def set_of(joints: Iterable[int]) -> str:
+    """Write joints (indices from 0) as a set of numbers from 1: ``{2, 4}``."""
+    return "{" + ", ".join(str(joint + 1) for joint in joints) + "}"
 
 
 def torque_of(robot: Robot, joint: int, torque: float) -> str:

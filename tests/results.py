@@ -6,13 +6,16 @@ import csv
 import io
 import json
 import math
+from functools import cache
 
 import numpy as np
 import pytest
 
 import ftforce
+from ftforce.batch.mechanism import mechanism_of
+from ftforce.batch.plan import Plan, faults_of, question_of
 from ftforce.files import to_text
-from urdfs import LINKS, arm, link, load
+from urdfs import LINKS, arm, followed, j2, link, load
 
 INF = math.inf
 
@@ -35,9 +38,10 @@ def number(cell):
     return math.nan if cell == "" else float(cell)
 
 
-def analysis_of(case):
-    """Analyse a case: a robot's name and options, in which motion is a seed."""
-    name, options = case
+@cache
+def analysed(case):
+    """Return the analysis of a case of `CASES`, or of `CAPABLE`."""
+    name, options = ALL[case]
     robot = ftforce.load_robot(name)
     options = dict(options)
     for key in ("velocity", "acceleration"):
@@ -46,8 +50,38 @@ def analysis_of(case):
     return ftforce.analyze(robot, **options)
 
 
+@cache
+def capable_of(case):
+    """Return the capability of a case with limits, and in a direction."""
+    analysis = analysed(case)
+    direction = np.arange(1.0, analysis.task.m + 1.0)
+    return ftforce.force_capability.capability_of(analysis, direction)
+
+
+def answers_of(robot, q, sets, task, *, rtol=1e-6, wary=1e-2, gravity=None, payload=None, **asked):
+    """Return the block of answers that the kernels give for postures, shape (k, n)."""
+    asked = {"force": None, "direction": None, "limits": None} | asked
+    question = question_of(task, robot.n, **asked, rtol=rtol, wary=wary, weighs=True)
+    both = asked["force"] is not None and bool(task.force_rows and task.moment_rows)
+    mechanism = mechanism_of(robot, gravity=gravity, payload=payload)
+    plan = Plan(mechanism, faults_of(sets, robot.n), question, robot.n, both)
+    with np.errstate(all="ignore"):  # plain Python warns where compiled code does not
+        return plan.evaluator()(np.ascontiguousarray(q))
+
+
+# Arms whose joints are none of the known robots': they follow, turn on and on, or slide.
+OTHER_ARMS = {
+    "mimic": arm(j3=followed(3, "j1", -0.7, 0.3)),
+    "continuous": j2("continuous", limit='<limit effort="10" velocity="3"/>'),
+    "prismatic": j2("prismatic", axis="0.6 0 0.8"),
+    "sliding follower": arm(j3=followed(3, "j1", 0.5, kind="prismatic")),
+}
+
+
 MIXED = {"locked": [2], "free": [4], "weak": {3: 0.5}}
 MOVING = {"velocity": 1, "acceleration": 2, "payload": (1.5, (0.1, 0.0, 0.2))}
+URDF = {"limits": "urdf"}
+WRENCH = {"task": "wrench", "length": 0.3, **URDF}
 CASES = {
     "healthy": ("dh5", {"force": [8, 5, 1]}),
     "locked": ("dh5", {"locked": [2, 4, 5], "force": [80, 50, 10]}),
@@ -58,25 +92,31 @@ CASES = {
     "limits": ("panda", {"locked": [1], "force": [50, 80, 90], "limits": "urdf"}),
     "all": ("panda", {**MIXED, **MOVING, "force": [5, 8, 9], "limits": "urdf", "axes": "world"}),
     "torques": ("panda", {"free": [2], "torque": [1, 2, 3, 4, 5, 6, 7], "inverse": "dynamic"}),
-    "wrench": ("ur5", {"locked": [2], "force": [8, 5, 1, 1, 2, 3], "task": "wrench", "length": 0.3,
-                       "limits": "urdf"}),
+    "wrench": ("ur5", {**WRENCH, "locked": [2], "force": [8, 5, 1, 1, 2, 3]}),
     "sliding": ("tiago", {**MOVING, "locked": [1], "weak": {4: 0.9}, "force": [1, 2, 3]}),
     "continuous": ("kinova", {**MOVING, "free": [1], "locked": [3], "force": [1, 2, 3]}),
     "weightless": ("panda", {"free": [2], "force": [1, 2, 3], "gravity": [0, 0, 0]}),
     "unknown limits": ("so101", {"weak": {2: 0.5}, "locked": [1], "force": [1, 2, 3]}),
-}  # fmt: skip
-CAPABLE = {
-    "locked": ("panda", {"locked": [2, 4], "limits": "urdf"}),
-    "free": ("dh5", {"free": [3], "limits": "urdf"}),
-    "weak": ("tiago", {"weak": {1: 0.1}, "limits": "urdf", "payload": (0.5, (0.0, 0.1, 0.0))}),
-    "mixed": ("panda", {"locked": [1], "weak": {2: 0.5}, "limits": "urdf", "axes": "world"}),
-    "overloaded": ("dh5", {"weak": {3: 0.05}, "limits": "urdf"}),
-    "moving": ("dh5", {**MOVING, "locked": [4], "limits": "urdf"}),
-    "plane": ("kinova", {"locked": [2], "limits": "urdf", "task": "fx,fz"}),
-    "moment": ("panda", {"locked": [2], "limits": "urdf", "task": "moment", "length": 0.3}),
-    "wrench": ("ur5", {"locked": [2], "limits": "urdf", "task": "wrench", "length": 0.3}),
-    "unknown": ("so101", {"locked": [2], "limits": "urdf"}),
 }
+CAPABLE = {
+    "locked with limits": ("panda", {"locked": [2, 4], **URDF}),
+    "free with limits": ("dh5", {"free": [3], **URDF}),
+    "weak with limits": (
+        "tiago",
+        {"weak": {1: 0.1}, **URDF, "payload": (0.5, (0.0, 0.1, 0.0))},
+    ),
+    "mixed with limits": (
+        "panda",
+        {"locked": [1], "weak": {2: 0.5}, **URDF, "axes": "world"},
+    ),
+    "overloaded": ("dh5", {"weak": {3: 0.05}, **URDF}),
+    "moving with limits": ("dh5", {**MOVING, "locked": [4], **URDF}),
+    "plane": ("kinova", {"locked": [2], **URDF, "task": "fx,fz"}),
+    "moment": ("panda", {"locked": [2], **URDF, "task": "moment", "length": 0.3}),
+    "wrench with limits": ("ur5", {**WRENCH, "locked": [2]}),
+    "unknown": ("so101", {"locked": [2], **URDF}),
+}
+ALL = CASES | CAPABLE
 
 
 def bounds(document, when="after"):

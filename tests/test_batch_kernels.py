@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -22,26 +23,15 @@ from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.kinematics import task_jacobian, tip_pose
 from ftforce.limits import Limits
 from ftforce.task import Task
-from helpers import KNOWN
+from helpers import KNOWN, campaign
+from results import OTHER_ARMS, answers_of
 
 pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 WORDS = ("tolerated", "borderline", "not tolerated")
 TASKS = (("force", None), ("wrench", 0.3), ("fx,fz", None), ("my", None), ("fz,mx,fx", 0.5))
 RTOL, WARY = 1e-6, 1e-2
-
-
-def answer(robot, q, sets, task, *, force=None, direction=None, limits=None, gravity=None,
-           payload=None, rtol=RTOL, wary=WARY):  # fmt: skip
-    """Return the block of answers for postures, shape (k, n)."""
-    mechanism = mechanism_of(robot, gravity=gravity, payload=payload)
-    question = question_of(
-        task, robot.n, force=force, direction=direction, limits=limits, rtol=rtol, wary=wary,
-        weighs=True,
-    )  # fmt: skip
-    both = force is not None and bool(task.force_rows) and bool(task.moment_rows)
-    plan = Plan(mechanism, faults_of(sets, robot.n), question, robot.n, both)
-    return plan.evaluator()(np.ascontiguousarray(q))
+LOCKED, FREE = FaultMode.LOCKED, FaultMode.FREE
 
 
 def postures_of(robot, k, seed=0):
@@ -79,7 +69,7 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
     kernel = {k: v for k, v in options.items() if k in ("gravity", "payload")}
     if direction is not None:
         kernel |= {"direction": direction, "limits": limits}
-    block = answer(robot, q, sets, task, force=force, **kernel)
+    block = answers_of(robot, q, sets, task, force=force, **kernel)
     more = {k: options[k] for k in ("gravity", "payload") if k in options}
     for at, one in enumerate(q):
         reports = {
@@ -123,7 +113,7 @@ def test_locked_faults_equal_the_census(robots, name, words, length):
     axes = "world" if KNOWN.index(name) % 2 else "tool"
     task = Task.parse(words, axes, length)
     force = np.arange(1.0, task.m + 1.0) * 10.0
-    check_census(robots[name], postures_of(robots[name], 6), task, force=force)
+    check_census(robots[name], postures_of(robots[name], campaign(6, 3)), task, force=force)
 
 
 @pytest.mark.parametrize("axes", ["tool", "world"])
@@ -138,14 +128,15 @@ def test_pairs_of_locked_joints_without_a_force(robots, words, axes):
 @pytest.mark.parametrize(
     ("name", "faults", "mode"),
     [
-        ("ur5", 1, "locked"), ("ur5", 2, "locked"), ("panda", 1, "locked"),
-        ("panda", 2, "locked"), ("panda", 1, "free"), ("ur5", 1, "free"),
+        *itertools.product(("ur5", "panda"), (1, 2), ("locked",)),
+        *itertools.product(("ur5", "panda"), (1,), ("free",)),
     ],
-)  # fmt: skip
+)
 def test_wrenches_equal_the_census(robots, name, faults, mode, asks):
     task, robot = Task.parse("wrench", "tool", 0.3), robots[name]
     force = np.array([10.0, -20.0, 30.0, 3.0, 2.0, -1.0]) if asks else None
-    check_census(robot, postures_of(robot, 40, 11), task, faults=faults, mode=mode, force=force)
+    q = postures_of(robot, campaign(40, 12), 11)
+    check_census(robot, q, task, faults=faults, mode=mode, force=force)
 
 
 @pytest.mark.parametrize("components", ["fx,fz", "fx,fy,fz,my,mz"])
@@ -165,20 +156,22 @@ def test_pairs_of_free_joints(robots, words):
 @pytest.mark.parametrize(
     "case",
     [
-        ("panda", "force", 1, "locked", 0.001), ("panda", "force", 2, "locked", 0.002),
-        ("panda", "wrench", 1, "locked", 0.01), ("panda", "wrench", 2, "locked", 0.02),
-        ("ur5", "wrench", 1, "locked", 0.02), ("ur5", "wrench", 2, "locked", 0.02),
-        ("panda", "force", 1, "free", 0.01), ("ur5", "wrench", 1, "free", 0.02),
+        ("panda", "force", 1, "locked", 0.001),
+        ("panda", "force", 2, "locked", 0.002),
+        ("panda", "wrench", 1, "locked", 0.01),
+        ("panda", "wrench", 2, "locked", 0.02),
+        ("ur5", "wrench", 1, "locked", 0.02),
+        ("ur5", "wrench", 2, "locked", 0.02),
+        ("panda", "force", 1, "free", 0.01),
+        ("ur5", "wrench", 1, "free", 0.02),
     ],
-)  # fmt: skip
+)
 def test_the_fast_part_answers_nearly_all(robots, case):
     name, words, faults, mode, share = case
     robot, task = robots[name], Task.parse(words, "tool", 0.3)
     sets = tuple(fault_sets(robot.n, faults, FaultMode.parse(mode)))
-    question = question_of(
-        task, robot.n, force=np.ones(task.m), direction=None, limits=None, rtol=RTOL, wary=WARY,
-        weighs=True,
-    )  # fmt: skip
+    asked = {"force": np.ones(task.m), "direction": None, "limits": None}
+    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=WARY, weighs=True)
     plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
     q = postures_of(robot, 2000, 14)
     answers = empty_answers(plan, len(q))
@@ -204,7 +197,7 @@ def test_a_force_whose_jump_is_near_a_tolerance(robots, mode, bound):
             force = 50.0 * (math.sqrt(1.0 - jump**2) * along + jump * lost)
             faulty = FaultSet((Fault(k, FaultMode.parse(mode)),))
             # without weight, which a free joint would ask the force to carry
-            block = answer(robot, one[None], [faulty], task, force=force, gravity=np.zeros(3))
+            block = answers_of(robot, one[None], [faulty], task, force=force, gravity=np.zeros(3))
             report = analyze(
                 robot, one, force=force, task=task, gravity=np.zeros(3), **{mode: [k + 1]}
             )
@@ -220,10 +213,8 @@ def test_free_faults_with_weight_equal_the_census(robots, name, axes):
     payload = Payload.of(1.5, (0.1, 0.02, -0.05))
     gravity = np.array([1.0, 2.0, -9.0])
     for given_force in (force, None):
-        check_census(
-            robot, postures_of(robot, 5, 2), task, mode="free", force=given_force,
-            gravity=gravity, payload=payload,
-        )  # fmt: skip
+        options = {"force": given_force, "gravity": gravity, "payload": payload}
+        check_census(robot, postures_of(robot, 5, 2), task, mode="free", **options)
 
 
 @pytest.mark.parametrize("axes", ["tool", "world"])
@@ -235,7 +226,7 @@ def test_capability_equals_the_census(robots, name, axes, mode):
     effort[1], brake[2] = math.nan, math.nan
     limits, d = Limits.of(effort, brake), np.array([0.6, 0.0, -0.8])
     q, sets = postures_of(robot, 6, 3), list(fault_sets(robot.n, 1, FaultMode.parse(mode)))
-    block = answer(robot, q, sets, task, direction=d, limits=limits)
+    block = answers_of(robot, q, sets, task, direction=d, limits=limits)
     seen = set()
     for at, one in enumerate(q):
         found = census(
@@ -254,9 +245,9 @@ def test_the_number_of_postures_changes_no_answer(robots, k):
     robot, task = robots["panda"], Task.parse("wrench", length=0.3)
     sets, force = list(fault_sets(7, 1)), np.arange(1.0, 7.0)
     q = postures_of(robot, k, 4)
-    whole = answer(robot, q, sets, task, force=force)
+    whole = answers_of(robot, q, sets, task, force=force)
     for at in {0, k // 2, k - 1}:
-        one = answer(robot, q[at : at + 1], sets, task, force=force)
+        one = answers_of(robot, q[at : at + 1], sets, task, force=force)
         for name in ("verdict", "rank_lost", "margin", "rho", "jump", "moment_jump"):
             got, wanted = getattr(whole, name)[:, at], getattr(one, name)[:, 0]
             np.testing.assert_array_equal(got, wanted, err_msg=name)
@@ -287,8 +278,8 @@ def postures_near(robot, task, faulty, margins):
     def between(is_before, low, high):
         for _ in range(100):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if is_before((1.0 - middle) * start + middle * end) else (
-                low, middle)  # fmt: skip
+            is_low = is_before((1.0 - middle) * start + middle * end)
+            low, high = (middle, high) if is_low else (low, middle)
         return high
 
     lost = between(lambda q: np.linalg.det(K(q)) * sign > 0.0, 0.0, 1.0)
@@ -305,7 +296,7 @@ def test_postures_near_a_tolerance(robots, words, bound):
     shifts = [s * 10.0**-e for e in exponents for s in (-1.0, 1.0)]
     margins = [bound * (1.0 + x) for x in shifts]
     q = postures_near(robot, task, faulty, margins)
-    block = answer(robot, q, [faulty], task)
+    block = answers_of(robot, q, [faulty], task)
     for at, one in enumerate(q):
         report = analyze(robot, one, locked=faulty.mask(robot.n), task=task)
         assert abs(report.margin / margins[at] - 1.0) <= 0.5 * abs(shifts[at])
@@ -324,7 +315,7 @@ def test_a_force_whose_share_along_the_lost_direction_is_near_the_margin(robots,
         K[:, faulty.mask(7)] = 0.0
         U = np.linalg.svd(K)[0]
         force = U[:, 0] + turn * margin * U[:, 2]
-        got = answer(robot, q, [faulty], task, force=force).verdict[0, 0]
+        got = answers_of(robot, q, [faulty], task, force=force).verdict[0, 0]
         wanted = analyze(robot, q[0], locked=faulty.mask(7), force=force, task=task).verdict
         assert WORDS[got] == wanted.value
 
@@ -334,36 +325,20 @@ def test_a_force_whose_share_along_the_lost_direction_is_near_the_margin(robots,
     seed=st.integers(0, 1000),
     asks=st.booleans(),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=campaign(60, 20), deadline=None)
 def test_random_faults_of_both_modes(faulty, seed, asks):
     robot, task = load_robot("panda"), Task.parse("force")
     faults = [Fault(j, FaultMode.parse(mode)) for j, mode in enumerate(faulty) if mode != "sound"]
     one = FaultSet(tuple(faults))
     force = np.array([5.0, -7.0, 3.0]) if asks else None
     q = postures_of(robot, 3, seed)[2:]
-    block = answer(robot, q, [one], task, force=force)
-    free = list(one.swinging)
-    locked = [j for j in one.joints if j not in free]
-    report = analyze(
-        robot,
-        q[0],
-        locked=[j + 1 for j in locked],
-        free=[j + 1 for j in free],
-        force=force,
-        task=task,
-    )
+    block = answers_of(robot, q, [one], task, force=force)
+    failed = {str(mode): [j + 1 for j in one.in_mode(mode)] for mode in (LOCKED, FREE)}
+    report = analyze(robot, q[0], **failed, force=force, task=task)
     assert WORDS[block.verdict[0, 0]] == report.verdict.value
     assert block.rank_lost[0, 0] == report.reduced.rank - report.reduced.rank_after
     assert abs(block.margin[0, 0] - report.margin) <= 3e-8 * max(report.margin, 1e-6)
     assert abs(block.rho[0, 0] - report.relative_manipulability) <= 5e-8
-
-
-ARMS = {
-    "mimic": urdfs.arm(j3=urdfs.followed(3, "j1", -0.7, 0.3)),
-    "continuous": urdfs.j2("continuous", limit='<limit effort="10" velocity="3"/>'),
-    "prismatic": urdfs.j2("prismatic", axis="0.6 0 0.8"),
-    "sliding follower": urdfs.arm(j3=urdfs.followed(3, "j1", 0.5, kind="prismatic")),
-}
 
 
 @njit
@@ -376,9 +351,8 @@ def place(mechanism, question, q, work):
 def placed(robot, q, task, payload=None, gravity=None):
     """Return the workspace after kinematics and weight of up to LANES postures."""
     mechanism = mechanism_of(robot, payload=payload, gravity=gravity)
-    question = question_of(
-        task, robot.n, force=None, direction=None, limits=None, rtol=RTOL, wary=WARY, weighs=True
-    )
+    asked = dict.fromkeys(("force", "direction", "limits"))
+    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=WARY, weighs=True)
     work = lanes.workspace(mechanism.parent.size, robot.n, task.m)
     work.chosen[:] = np.minimum(np.arange(LANES), len(q) - 1)
     place(mechanism, question, q, work)
@@ -406,15 +380,15 @@ def test_kinematics_and_weight_of_known_robots(robots, name, axes):
     check_kinematics(robots[name], postures_of(robots[name], 5, 6), axes)
 
 
-@pytest.mark.parametrize("kind", ARMS)
+@pytest.mark.parametrize("kind", OTHER_ARMS)
 def test_kinematics_and_weight_of_other_joints(tmp_path, kind):
-    robot = urdfs.load(tmp_path, ARMS[kind])
+    robot = urdfs.load(tmp_path, OTHER_ARMS[kind])
     check_kinematics(robot, postures_of(robot, 5, 7))
 
 
-@pytest.mark.parametrize("kind", ARMS)
+@pytest.mark.parametrize("kind", OTHER_ARMS)
 def test_other_joints_equal_the_census(tmp_path, kind):
-    robot = urdfs.load(tmp_path, ARMS[kind])
+    robot = urdfs.load(tmp_path, OTHER_ARMS[kind])
     task = Task.parse("fx,fz")
     check_census(robot, postures_of(robot, 5, 8), task, force=np.array([4.0, 3.0]))
 

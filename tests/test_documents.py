@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import ftforce
-from helpers import load_text, serial_urdf
+from helpers import campaign, load_text, serial_urdf
 from results import (
     CAPABLE,
     CASES,
     INF,
-    analysis_of,
+    analysed,
     bounds,
+    capable_of,
     json_of,
     massless,
     read,
@@ -21,17 +22,14 @@ from results import (
 )
 
 
-@pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
+@pytest.fixture(params=CASES)
 def result(request):
-    return analysis_of(request.param)
+    return analysed(request.param)
 
 
-@pytest.fixture(scope="module", params=CAPABLE.values(), ids=CAPABLE)
-def capable(request):
-    """Return an analysis with limits, and its capability in a direction."""
-    analysis = analysis_of(request.param)
-    direction = np.arange(1.0, analysis.task.m + 1.0)
-    return analysis, ftforce.force_capability.capability_of(analysis, direction)
+@pytest.fixture(params=CAPABLE)
+def capability(request):
+    return capable_of(request.param)
 
 
 def state_masks(document):
@@ -192,7 +190,7 @@ def test_without_masses_and_gravity_nothing_is_unknown(tmp_path):
 
 
 def test_modes_and_factors():
-    document = json_of(analysis_of(CASES["mixed"]))
+    document = json_of(analysed("mixed"))
     assert document["locked"] == ["joint2"]
     assert document["modes"] == {"joint2": "locked", "joint3": "weak", "joint4": "free"}
     assert document["weak_factors"] == {"joint3": 0.5}
@@ -214,10 +212,7 @@ def test_limits_that_count(result):
     unknown = [name for name, most in zip(names, largest, strict=True) if most == INF]
     assert limits["unknown"] == unknown
     torque = document["torque"]
-    given = np.array([
-        torque["brake_load"].get(name, total)
-        for name, total in torque["total"]["after"].items()
-    ])  # fmt: skip
+    given = values(torque["total"]["after"] | torque["brake_load"])
     assert (np.abs(given) <= largest + 1e-6).all()
     full = np.isclose(np.abs(given), largest, rtol=1e-9) & (largest > 0.0)
     assert limits["binding"] == [name for name, at in zip(names, full, strict=True) if at]
@@ -315,8 +310,8 @@ def test_residuals_are_small(result):
 # ---- capability ------------------------------------------------------------------------------
 
 
-def test_the_largest_force_in_a_direction(capable):
-    analysis, capability = capable
+def test_the_largest_force_in_a_direction(capability):
+    analysis = capability.analysis
     document, found = json_of(analysis), json_of(capability)["capability"]
     m = analysis.task.m
     signs = [f"{sign}{name}" for name in analysis.task.components for sign in "+-"]
@@ -350,8 +345,8 @@ def check_end(document, amount, d, when):
         np.testing.assert_allclose(abs(torque[i]), largest[i], rtol=1e-6)
 
 
-def test_no_direction_is_weaker_than_the_weakest(capable):
-    analysis, capability = capable
+def test_no_direction_is_weaker_than_the_weakest(capability):
+    analysis = capability.analysis
     document, found = json_of(analysis), json_of(capability)["capability"]["weakest"]
     task, rng = analysis.task, np.random.default_rng(5)
     mixed = bool(task.force_rows and task.moment_rows)
@@ -368,16 +363,16 @@ def test_no_direction_is_weaker_than_the_weakest(capable):
             weighted = d / (1.0 if task.weights is None else task.weights) * scale
             np.testing.assert_allclose(np.linalg.norm(weighted), 1.0)
             np.testing.assert_allclose(interval(document, d, when, reading)[1], got[1], atol=1e-5)
-            for draw in rng.normal(size=(100, task.m)):
+            for draw in rng.normal(size=(campaign(100), task.m)):
                 other = draw / np.linalg.norm(draw)  # weighted
                 plain = other * (1.0 if task.weights is None else task.weights) / scale
                 if got[1] > 0.0:
                     assert interval(document, plain, when, reading)[1] >= got[1] * (1.0 - 1e-9)
 
 
-def test_the_largest_payload(capable):
+def test_the_largest_payload(capability):
     """With it a motor, or a brake, is at its limit; the weight of more would be too much."""
-    analysis, capability = capable
+    analysis = capability.analysis
     payload = json_of(capability)["capability"]["payload"]
     assert payload["unit"] == "kg"
     present = analysis.conditions.payload
@@ -386,12 +381,10 @@ def test_the_largest_payload(capable):
         amount = payload[when]
         if amount["end"] != "limit":
             continue
-        options = {
-            "limits": "urdf", "axes": analysis.task.axes,
-            "payload": (mass + amount["most"], offset),
-            "velocity": analysis.conditions.velocity,
-            "acceleration": analysis.conditions.acceleration,
-        }  # fmt: skip
+        conditions = analysis.conditions
+        options = {"limits": "urdf", "axes": analysis.task.axes}
+        options |= {"velocity": conditions.velocity, "acceleration": conditions.acceleration}
+        options["payload"] = (mass + amount["most"], offset)
         if when == "after":
             faults = analysis.faults.faults
             options["locked"] = [f.joint + 1 for f in faults if f.mode == "locked"]
@@ -404,8 +397,8 @@ def test_the_largest_payload(capable):
         np.testing.assert_allclose(used.max(), 1.0)
 
 
-def test_corners_of_the_polytope(capable):
-    analysis, capability = capable
+def test_corners_of_the_polytope(capability):
+    analysis = capability.analysis
     document, found = json_of(analysis), json_of(capability)["polytope"]
     if analysis.task.m > 3:
         assert found is None
@@ -423,17 +416,14 @@ def test_corners_of_the_polytope(capable):
     assert isinstance(found["before"]["held"]["is_bounded"], bool)
 
 
-def test_an_analysis_holds_its_capability(capable):
-    analysis, _ = capable
+def test_an_analysis_holds_its_capability(capability):
+    analysis = capability.analysis
     whole = json_of(ftforce.force_capability.capability_of(analysis))
     assert json_of(analysis)["capability"] == whole["capability"]
-    assert list(whole) == [
-        "robot", "conventions", "posture", "locked", "modes", "weak_factors", "limits",
-        "capability", "polytope", "summary", "warnings",
-    ]  # fmt: skip
     document = json_of(analysis)
-    keys = ("robot", "conventions", "posture", "locked", "modes", "weak_factors", "warnings")
-    assert {key: whole[key] for key in keys} == {key: document[key] for key in keys}
+    keys = ["robot", "conventions", "posture", "locked", "modes", "weak_factors"]
+    assert list(whole) == [*keys, "limits", "capability", "polytope", "summary", "warnings"]
+    assert all(whole[key] == document[key] for key in (*keys, "warnings"))
     counted = ("source", "effort", "brake", "unknown")
     assert whole["limits"] == {key: document["limits"][key] for key in counted}
 

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.history_words import (
-    history_sentence,
-    peak,
-    timeline_sentence,
-    worst_verdict,
-)
+from ftforce.history_words import history_sentence, peak, timeline_sentence, worst_verdict
 from ftforce.section_v import END, START
 from ftforce.trajectory import Path
 from urdfs import joint, link, load, robot
@@ -53,6 +48,8 @@ def test_a_lock_with_and_without_the_remap(dh5):
 
 def test_a_force_that_jumps(dh5):
     history = simulated(dh5, faults="free:4@1")
+    assert worst_verdict(history.healthy).value == "tolerated"
+    assert worst_verdict(history.remapped).value == "not tolerated"
     jump = history.jump_norm(history.remapped)
     sentence = history_sentence(history)
     assert sentence.startswith("Not tolerated: after 4 joint4 free at 1 s, from 1 s on the whole")
@@ -79,22 +76,14 @@ def test_nothing_holds_the_arm(dh5):
 def test_borderline_says_why(dh5):
     # From this start the wrist stays nearly in line with the forearm.
     start = np.deg2rad([-4.51, 8.73, -13.78, 12.31, -13.05])
-    history = ftforce.simulate(
-        dh5, Path.through([START, END], speed=0.015), start,
-        force=[80, 50, 10], faults="3@50", rate=1,
-    )  # fmt: skip
+    line, force = Path.through([START, END], speed=0.015), [80, 50, 10]
+    history = ftforce.simulate(dh5, line, start, force=force, faults="3@50", rate=1)
     assert worst_verdict(history.answer).value == "borderline"
     sentence = history_sentence(history)
     first = history.t[np.argmax(history.answer.margin < 1e-2)]
     assert sentence.startswith("Borderline")
     assert f"after 3 joint3 locked at 50 s, from {first:g} s on it depends" in sentence
     assert f"(smallest margin {history.answer.margin.min():.3g})" in sentence
-
-
-def test_worst_verdict_is_of_all_instants(dh5):
-    history = simulated(dh5, faults="free:4@1")
-    assert worst_verdict(history.healthy).value == "tolerated"
-    assert worst_verdict(history.remapped).value == "not tolerated"
 
 
 def test_timelines(dh5):
@@ -116,12 +105,12 @@ def test_peak():
 
 
 PLANE = robot(
-    link("a"), link("b"), link("c"), link("d"), link("e"),
+    *map(link, "abcde"),
     joint("one", "a", "b", axis="0 1 0"),
     joint("two", "b", "c", axis="0 1 0", xyz="0.4 0 0", rpy="0 0 0"),
     joint("three", "c", "d", axis="0 1 0", xyz="0.4 0 0", rpy="0 0 0"),
     joint("end", "d", "e", "fixed", xyz="0.3 0 0", rpy="0 0 0"),
-)  # fmt: skip
+)
 
 
 def test_a_force_that_no_arm_exerts_is_not_kept(tmp_path):

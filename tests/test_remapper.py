@@ -31,7 +31,17 @@ from ftforce.history import VERDICTS
 from ftforce.kinematics import task_jacobian
 from ftforce.reduced import RTOL, WARY
 from ftforce.task import Task
-from helpers import KNOWN, arms, assert_close, load_text, serial_urdf, stretched, without_masses
+from helpers import (
+    KNOWN,
+    arms,
+    assert_close,
+    campaign,
+    load_text,
+    serial_urdf,
+    stretched,
+    without_masses,
+)
+from results import OTHER_ARMS
 
 IS_PLAIN = bool(config.DISABLE_JIT)
 pytestmark = [pytest.mark.plain, pytest.mark.thorough]
@@ -39,10 +49,8 @@ if not IS_PLAIN:
     pytestmark.append(pytest.mark.no_cover)  # what is watched is the plain run
 
 ARMS = ("panda", "dh5") if IS_PLAIN else KNOWN
-TASKS = {
-    "fz": 1.0, "my": 1.0, "fx,fz": 1.0, "force": 1.0, "fz,mx,fx,my": 0.4, "fx,fy,mz,my,mx": 0.3,
-    "wrench": 0.2,
-}  # fmt: skip
+TASKS = dict.fromkeys(("fz", "my", "fx,fz", "force"), 1.0)
+TASKS |= {"fz,mx,fx,my": 0.4, "fx,fy,mz,my,mx": 0.3, "wrench": 0.2}
 LOCKED, FREE = FaultMode.LOCKED, FaultMode.FREE
 
 
@@ -78,10 +86,7 @@ def postures_of(robot, k, seed=0):
 
 
 def faults_in(one):
-    return {
-        "locked": [j + 1 for j in one.in_mode(LOCKED)],
-        "free": [j + 1 for j in one.swinging],
-    }
+    return {str(mode): [j + 1 for j in one.in_mode(mode)] for mode in (LOCKED, FREE)}
 
 
 def check(result, s, report, *, scale):
@@ -139,13 +144,9 @@ def scale_of(report):
 def test_torques_as_analyze_has_them(robots, name, words):
     robot, axes = robots[name], ("tool", "world")[len(words) % 2]
     options = {"task": words, "length": TASKS[words], "axes": axes}
-    remapper = Remapper(robot, sets_of(robot), **options)
-    for i, q in enumerate(postures_of(robot, 3 if IS_PLAIN else 4, seed=len(words))):
+    for i, q in enumerate(postures_of(robot, campaign(4, 3), seed=len(words))):
         tau = 20.0 * np.random.default_rng(i).normal(size=robot.n)
-        result = remapper(q, tau)
-        for s, one in enumerate(remapper.sets):
-            report = analyze(robot, q, **faults_in(one), torque=tau, **options)
-            check(result, s, report, scale=scale_of(report))
+        check_all(robot, sets_of(robot), q, tau, **options)
 
 
 @pytest.mark.parametrize("words", ["force", "wrench", "fz,mx,fx,my"])
@@ -169,24 +170,16 @@ def test_the_weight_of_free_joints(robots, name):
         assert not np.allclose(still.U[0], result.U[1 + robot.n + 1], atol=1e-3)
 
 
-OTHERS = {
-    "mimic": urdfs.arm(j3=urdfs.followed(3, "j1", -0.7, 0.3)),
-    "continuous": urdfs.j2("continuous", limit='<limit effort="10" velocity="3"/>'),
-    "prismatic": urdfs.j2("prismatic", axis="0.6 0 0.8"),
-    "sliding follower": urdfs.arm(j3=urdfs.followed(3, "j1", 0.5, kind="prismatic")),
-}
-
-
-@pytest.mark.parametrize("kind", OTHERS)
+@pytest.mark.parametrize("kind", OTHER_ARMS)
 def test_other_joints(tmp_path, kind):
-    robot = urdfs.load(tmp_path, OTHERS[kind])
+    robot = urdfs.load(tmp_path, OTHER_ARMS[kind])
     for q in postures_of(robot, 3, seed=4):
         tau = np.linspace(9.0, -5.0, robot.n)
         check_all(robot, sets_of(robot), q, tau, task="fx,fz", axes="world", payload=0.7)
 
 
 @given(case=arms(), seed=st.integers(0, 999), words=st.sampled_from(["force", "fx,fz", "wrench"]))
-@settings(max_examples=5 if IS_PLAIN else 60, deadline=None)
+@settings(max_examples=5 if IS_PLAIN else campaign(60, 20), deadline=None)
 def test_random_arms_near_singular_postures(case, seed, words):
     robot, q = case
     rng = np.random.default_rng(seed)
@@ -271,7 +264,7 @@ def margins(A, line, margin):
 def test_smallest_eigenvalues(m):
     rng = np.random.default_rng(m)
     worst = 0.0
-    for case in range(3 if IS_PLAIN else 200):
+    for case in range(3 if IS_PLAIN else campaign(200, 30)):
         wanted = np.sort(10.0 ** rng.uniform(-5, 0, (single.SIDE, m)))
         if case % 3 == 1:  # twice the same, or nearly
             gaps = np.resize([0.0, 1e-14, 1e-9, 1e-4], single.SIDE)
@@ -292,7 +285,7 @@ def test_smallest_eigenvalues(m):
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 def test_no_eigenvalue_is_passed(m, scale):
     rng = np.random.default_rng(m)
-    for case in range(3 if IS_PLAIN else 300):  # K Kᵀ that lacks ranks
+    for case in range(3 if IS_PLAIN else campaign(300, 30)):  # K Kᵀ that lacks ranks
         K = rng.normal(size=(single.SIDE, m, m - 1 - case % (m - 1)))
         K *= scale ** rng.random((single.SIDE, m, 1))
         K *= rng.random((single.SIDE, m, 1)) > 0.2 * (case % 2)  # and has zeros
@@ -307,7 +300,7 @@ def test_no_eigenvalue_is_passed(m, scale):
 
 @pytest.mark.skipif(IS_PLAIN, reason="plain Python allocates numbers")
 @pytest.mark.parametrize("faults", [1, [[2, 4], [1, 3, 5, 7]]])
-def test_ten_thousand_calls_allocate_nothing(robots, faults):
+def test_thousands_of_calls_allocate_nothing(robots, faults):
     robot = robots["panda"]
     q, tau = np.array(robot.postures["default"]), np.linspace(9.0, -5.0, 7)
     F = np.array([10.0, 5.0, -3.0])
@@ -327,7 +320,7 @@ def test_ten_thousand_calls_allocate_nothing(robots, faults):
         calls(10)
         tracemalloc.reset_peak()
         start, _ = tracemalloc.get_traced_memory()
-        calls(10_000)
+        calls(campaign(10_000))
         end, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert rtsys.get_allocation_stats() == before
@@ -374,9 +367,13 @@ def test_any_numbers_will_do(robots):
     frozen.setflags(write=False)
     swapped = columns.T.astype(">f8")
     for one, tau in (
-        (q.tolist(), list(range(7))), (tuple(q), np.arange(7)), (columns[:, 0], columns[:, 1]),
-        tuple(frozen), tuple(swapped), (q.astype(np.float32), np.arange(7.0)),
-    ):  # fmt: skip
+        (q.tolist(), list(range(7))),
+        (tuple(q), np.arange(7)),
+        (columns[:, 0], columns[:, 1]),
+        frozen,
+        swapped,
+        (q.astype(np.float32), np.arange(7.0)),
+    ):
         remapper(np.zeros(7), np.zeros(7))
         for got, expected in zip(remapper(one, tau), wanted, strict=True):
             np.testing.assert_array_equal(got, expected) if got is not None else None
@@ -474,12 +471,8 @@ def test_fault_sets_of_every_form(robots):
 @pytest.mark.parametrize(
     ("faults", "error", "words"),
     [
-        ("2,4", InputError, "list of sets"),
-        (None, InputError, "list of sets"),
-        (1.5, InputError, "list of sets"),
-        (True, InputError, "from 1 to 7"),
-        (0, InputError, "from 1 to 7"),
-        (8, InputError, "from 1 to 7"),
+        *((faults, InputError, "list of sets") for faults in ("2,4", None, 1.5)),
+        *((faults, InputError, "from 1 to 7") for faults in (True, 0, 8)),
         ([], InputError, "at least one set"),
         ([[9]], InputError, "joint"),
         ([["elbow"]], UnknownNameError, "no joint 'elbow'"),
@@ -496,10 +489,13 @@ def test_fault_sets_that_are_none(robots, faults, error, words):
 def test_options_are_checked(robots):
     robot = robots["panda"]
     for options, words in (
-        ({"mode": "weak"}, "locked or free"), ({"task": "fq"}, "task component"),
-        ({"rtol": 0.5, "wary": 0.1}, "wary"), ({"axes": "tip"}, "axes"),
-        ({"gravity": [0, 0]}, "gravity"), ({"payload": -1.0}, "payload"),
-    ):  # fmt: skip
+        ({"mode": "weak"}, "locked or free"),
+        ({"task": "fq"}, "task component"),
+        ({"rtol": 0.5, "wary": 0.1}, "wary"),
+        ({"axes": "tip"}, "axes"),
+        ({"gravity": [0, 0]}, "gravity"),
+        ({"payload": -1.0}, "payload"),
+    ):
         with pytest.raises(InputError, match=words):
             Remapper(robot, 1, **options)
 

@@ -16,8 +16,9 @@ from results import (
     CAPABLE,
     CASES,
     INF,
-    analysis_of,
+    analysed,
     bounds,
+    capable_of,
     csv_of,
     json_of,
     massless,
@@ -28,17 +29,14 @@ from results import (
 from urdfs import arm, joint, load
 
 
-@pytest.fixture(scope="module", params=CASES.values(), ids=CASES)
+@pytest.fixture(params=CASES)
 def result(request):
-    return analysis_of(request.param)
+    return analysed(request.param)
 
 
-@pytest.fixture(scope="module", params=CAPABLE.values(), ids=CAPABLE)
-def capable(request):
-    """Return an analysis with limits, and its capability in a direction."""
-    analysis = analysis_of(request.param)
-    direction = np.arange(1.0, analysis.task.m + 1.0)
-    return analysis, ftforce.force_capability.capability_of(analysis, direction)
+@pytest.fixture(params=CAPABLE)
+def capability(request):
+    return capable_of(request.param)
 
 
 # ---- CSV -------------------------------------------------------------------------------------
@@ -50,10 +48,7 @@ def test_csv_of_an_analysis_is_its_json(result):
     table = {}
     for row in rows:
         table.setdefault(row["quantity"], {})[row["name"]] = row
-    parts = {
-        "torque": torque, "gravity": torque["gravity"], "motion": torque["motion"],
-        "total": torque["total"],
-    }  # fmt: skip
+    parts = {name: torque[name] for name in ("gravity", "motion", "total")} | {"torque": torque}
     for quantity, part in parts.items():
         for when in ("before", "after"):
             got = [number(table[quantity][name][when]) for name in part[when]]
@@ -117,8 +112,8 @@ def test_csv_of_velocities_is_their_json():
         assert [row["unit"] for row in own] == ["m/s"] * 3 + ["rad/s"] * 3
 
 
-def test_csv_of_a_capability_is_its_json(capable):
-    analysis, capability = capable
+def test_csv_of_a_capability_is_its_json(capability):
+    analysis = capability.analysis
     found, rows = json_of(capability)["capability"], csv_of(capability)
     reports = {one["name"]: one for one in found["directions"]} | {"weakest": found["weakest"]}
     assert len(rows) == 4 * len(reports) + 2
@@ -211,8 +206,8 @@ def test_the_table_of_torques_is_the_json(result):
             assert used == f"{100 * abs(given) / largest[i - 1]:.0f}"
 
 
-def test_the_tables_of_a_capability_are_the_json(capable):
-    analysis, capability = capable
+def test_the_tables_of_a_capability_are_the_json(capability):
+    analysis = capability.analysis
     found, text = json_of(capability)["capability"], to_table(capability)
     lines = [line.split() for line in text.splitlines()]
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.batch.jit import kernel
+from ftforce.batch.layout import CELL_BINS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
-CELL_BINS = 32  # of the histograms per cell
 ABOVE = 1.0 + 1e-9  # times the last edge: what lies below is the last edge, rounded
 TILE = 256  # postures whose columns are turned into rows at a time
 

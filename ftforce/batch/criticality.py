@@ -41,6 +41,9 @@ class Estimate(NamedTuple):
     high: float
 
 
+UNKNOWN = Estimate(math.nan, math.nan, math.nan)
+
+
 class Survival(NamedTuple):
     """Share of the postures of each cell that tolerate a fault set; NaN in empty cells.
 
@@ -178,14 +181,20 @@ def _of_joint(
     )
 
 
+def share_of(count: float, postures: int, confidence: float) -> Estimate:
+    """Return a share of the postures with Wilson's interval."""
+    if not postures:
+        return UNKNOWN
+    low, high = wilson(count, postures, confidence)
+    return Estimate(count / postures, float(low), float(high))
+
+
 def _share(summary: Summary, sets: list[int], verdict: int, confidence: float) -> Estimate:
     """Return the share of postures x sets; as many trials as postures: correlated sets add none."""
-    postures = int(summary.postures)
-    if not (sets and postures):
-        return Estimate(math.nan, math.nan, math.nan)
+    if not sets:
+        return UNKNOWN
     mean = int(summary.verdicts[sets, verdict].sum()) / len(sets)
-    low, high = wilson(mean, postures, confidence)
-    return Estimate(mean / postures, float(low), float(high))
+    return share_of(mean, int(summary.postures), confidence)
 
 
 def _quantile(counts: Counts, edges: Vector, p: float, confidence: float) -> Estimate:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.jit import inner
-from ftforce.batch.layout import room
+from ftforce.batch.layout import room, rooms
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
 
 _SWEEPS = 40
@@ -44,11 +44,9 @@ class Scratch(NamedTuple):
 
 def scratch(m, n):
     """Return a workspace of one posture."""
-    return Scratch(
-        room(1, np.int64), room((m, n)), room((m, m)), room(m), room(m),
-        room(m), room(n), room((m, n)), room((m, m)), room(m), room(m),
-        room((m, n)), room(m), room(n), room(n),
-    )  # fmt: skip
+    posture = [(m, n), (m, m), m, m, m, n]
+    fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
+    return Scratch(room(1, np.int64), *rooms([*posture, *fault_set]))
 
 
 @inner
@@ -116,21 +114,6 @@ def norm(x):
     for i in range(x.size):
         total += x[i] * x[i]
     return math.sqrt(total)
-
-
-@inner
-def copy(source, target):
-    """Copy a vector, or a matrix element by element: slices would allocate."""
-    for i in range(target.shape[0]):
-        target[i] = source[i]
-
-
-@inner
-def copy_matrix(source, target):
-    """Copy a matrix."""
-    for i in range(target.shape[0]):
-        for k in range(target.shape[1]):
-            target[i, k] = source[i, k]
 
 
 @inner

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch import lanes, lost, secular, spectrum, three
 from ftforce.batch.jit import inner, kernel
-from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, room
+from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, rooms
 from ftforce.batch.results import TOLERATED
 
 if TYPE_CHECKING:
@@ -53,15 +53,11 @@ class Bench(NamedTuple):
 
 def bench(joints, n, m):
     """Return a workspace."""
-    lane = Lane(
-        room((3, 3, LANES)), room((3, 3, LANES)), room(LANES), room(LANES),
-        room(LANES), room((2, LANES)), room((n, 4, LANES)), room(LANES),
-        room(LANES), room(LANES),
-    )  # fmt: skip
-    return Bench(
-        lanes.workspace(joints, n, m), lane, spectrum.spectrum(m, n), secular.secular(m, n),
-        lost.lost(m, n),
-    )  # fmt: skip
+    rows, line = [(3, 3, LANES), (3, 3, LANES)], (LANES,)
+    ends = [(2, LANES), (n, 4, LANES), line, line, line]
+    lane = Lane(*rooms([*rows, line, line, line, *ends]))
+    parts = (spectrum.spectrum(m, n), secular.secular(m, n), lost.lost(m, n))
+    return Bench(lanes.workspace(joints, n, m), lane, *parts)
 
 
 def evaluate(mechanism, faults, question, q, answers, work):

@@ -15,20 +15,18 @@ if TYPE_CHECKING:
 _FUSED = {"contract"}
 
 
-def kernel(function: Callable[..., Any]) -> Any:
+def kernel(function: Callable[..., Any], **options: bool) -> Any:
     """Compile a function of numbers and arrays; division by zero gives infinity or NaN."""
-    compiled = njit(function, cache=True, nogil=True, error_model="numpy", fastmath=_FUSED)
+    compile_: Any = njit  # its annotations leave out some options
+    compiled = compile_(
+        function, cache=True, nogil=True, error_model="numpy", fastmath=_FUSED, **options
+    )
     return keyed(compiled)
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """Compile a function that only kernels call: without the door for Python, which costs time."""
-    compile_: Any = njit  # its annotations leave out the last three
-    compiled = compile_(
-        function, cache=True, nogil=True, error_model="numpy", fastmath=_FUSED,
-        no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False,
-    )  # fmt: skip
-    return keyed(compiled)
+    return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
 def keyed(compiled: Any) -> Any:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.jit import inner
-from ftforce.batch.layout import LANES, room
+from ftforce.batch.layout import LANES, room, rooms
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
@@ -52,12 +52,10 @@ class Work(NamedTuple):
 
 def workspace(joints, n, m):
     """Return a workspace."""
-    return Work(
-        room(LANES, np.int64), room((joints, LANES)), room(LANES),
-        room(LANES), room((joints, 12, LANES)), room((12, LANES)),
-        room((6, LANES)), room((m, n, LANES)), room((n, LANES)),
-        room((joints, 3, LANES)), room(joints), room((6, LANES)), room((6, LANES)),
-    )  # fmt: skip
+    line, row, each = (LANES,), (6, LANES), (joints, LANES)
+    kinematics = [each, line, line, (joints, 12, LANES), (12, LANES), row]
+    loads = [(m, n, LANES), (n, LANES), (joints, 3, LANES), (joints,), row, row]
+    return Work(room(LANES, np.int64), *rooms([*kinematics, *loads]))
 
 
 @inner

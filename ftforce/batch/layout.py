@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from ftforce.arrays import Mask, Matrix, Vector
 
 LANES = 128
 """Postures that the kernels answer side by side."""
+
+CELL_BINS = 32
+"""Bins of margin and ρ, 0 to 1, in a cell of the workspace, and of a posture's smallest ρ."""
 
 UNDECIDED = -1
 """Verdict, or rank, that is left to the accurate part."""
@@ -26,15 +31,29 @@ Codes = NDArray[np.int8]
 _LINE = 64  # bytes of a line of the caches
 
 
+def aligned(
+    shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
+) -> NDArray[Any]:
+    """Return an empty array that begins some bytes after a multiple of so many."""
+    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
+    raw = np.empty(size + 2 * multiple, np.uint8)
+    first = -raw.ctypes.data % multiple + offset % multiple
+    return raw[first : first + size].view(kind).reshape(shape)
+
+
 def room(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
     """Return zeros that begin at a line of the caches, for a workspace.
 
     Workspaces are made by Python: to compile what makes them takes longer than all they are for.
     """
-    numbers = math.prod(shape if isinstance(shape, tuple) else (shape,))
-    raw = np.zeros(numbers * np.dtype(kind).itemsize + _LINE, np.uint8)
-    first = -raw.ctypes.data % _LINE
-    return raw[first : raw.size - _LINE + first].view(kind).reshape(shape)
+    zeros = aligned(shape, kind)
+    zeros.fill(0)
+    return zeros
+
+
+def rooms(shapes: Iterable[int | tuple[int, ...]]) -> list[NDArray[Any]]:
+    """Return zeros of these shapes, likewise."""
+    return [room(shape) for shape in shapes]
 
 
 class Mechanism(NamedTuple):

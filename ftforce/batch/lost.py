@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.jit import inner
-from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, room
+from ftforce.batch.layout import CLEAR, LANES, UNDECIDED, rooms
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ class Lost(NamedTuple):
 
 def lost(m, n):
     """Return a workspace."""
-    lines = (room(LANES) for _ in range(7))
-    return Lost(room((n, m, LANES)), room((m, m, LANES)), room((m, LANES)), *lines)
+    return Lost(*rooms([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
 
 
 @inner
@@ -63,12 +62,7 @@ def prepare(W, sigma, V, one):
 @inner
 def add_to_basis(size, one):
     """Make row ``size`` of the basis a unit vector orthogonal to the earlier ones."""
-    row, before, after, along = (
-        one.basis[size],
-        one.a,
-        one.relative,
-        one.forces,
-    )
+    row, before, after, along = one.basis[size], one.a, one.relative, one.forces
     m, retained = row.shape[0], one.retained
     add_squares(row, before)
     for j in range(2 * size):  # twice

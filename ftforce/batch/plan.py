@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ftforce.arrays import read_only
-from ftforce.batch.layout import Answers, Faults, Mechanism, Question
+from ftforce.batch.layout import Answers, Faults, Mechanism, Question, aligned
 from ftforce.batch.results import Block
 
 if TYPE_CHECKING:
@@ -106,20 +105,14 @@ def empty_answers(plan: Plan, k: int) -> Answers:
         "relative_jump": ((S, k) if asks else (0, 0), np.float64),
         "capability": ((S, k) if moves else (0, 0), np.float64),
     }
-    arrays = {name: _aligned(*size, at) for at, (name, size) in enumerate(sizes.items())}
+    # A vector that lies across two lines of the caches takes twice as long to write. And where
+    # lines have the same place in their pages, the processor takes what is read for what was just
+    # written.
+    arrays = {
+        name: aligned(shape, kind, _PAGE, at * _APART)
+        for at, (name, (shape, kind)) in enumerate(sizes.items())
+    }
     return Answers(**arrays)
-
-
-def _aligned(shape: tuple[int, ...], kind: type, at: int) -> NDArray[Any]:
-    """Return an empty array that begins at a cache line of its own.
-
-    A vector that lies across two lines takes twice as long to write. And where lines have the same
-    place in their pages, the processor takes what is read for what was just written.
-    """
-    size = math.prod(shape) * np.dtype(kind).itemsize
-    room = np.empty(size + 2 * _PAGE, np.uint8)
-    first = (-room.ctypes.data) % _PAGE + at * _APART % _PAGE
-    return room[first : first + size].view(kind).reshape(shape)
 
 
 def as_block(answers: Answers) -> Block:

@@ -156,18 +156,16 @@ class Remapper:
         self._task = Task.parse(task, axes, length)
         self._sets = _fault_sets(robot, faults, checked_mode(mode))
         conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-        self._options: dict[str, Any] = {
-            "gravity": gravity, "payload": payload, "task": self._task, "rtol": rtol, "wary": wary,
-        }  # fmt: skip
+        tolerances: dict[str, Any] = {"rtol": rtol, "wary": wary}
+        loads: dict[str, Any] = {"gravity": gravity, "payload": payload}
+        self._options = {**loads, "task": self._task, **tolerances}
         answer = _kernel()
         failed = faults_of(self._sets, robot.n)
         weighs = bool(failed.swings.any())
         own = None if conditions.is_model_gravity else conditions.gravity
         mechanism = mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs)
-        question = question_of(
-            self._task, robot.n, force=None, direction=None, limits=None, rtol=rtol, wary=wary,
-            weighs=weighs,
-        )  # fmt: skip
+        asked: dict[str, Any] = dict.fromkeys(("force", "direction", "limits"))
+        question = question_of(self._task, robot.n, **asked, **tolerances, weighs=weighs)
         constants = _constants(mechanism, question, failed)
         work, self._result = _workspace(len(mechanism.parent), self._task, robot.n, len(self._sets))
         self._by_torque = partial(answer, False, *constants, *work)
@@ -322,9 +320,8 @@ def _constants(
     )
     tree[E, :3] = mechanism.tip_parent, question.in_tool, question.weighs
     body = np.zeros((E + 1, single.BODY))
-    body[:E] = np.column_stack([
-        mechanism.placement, mechanism.ratio, mechanism.offset, mechanism.mass, mechanism.centre
-    ])  # fmt: skip
+    frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
+    body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
     body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
     task = np.zeros((3, max(m, 2)))
     task[0, :m], task[1, :m] = question.rows, question.weights
@@ -350,10 +347,14 @@ def _workspace(
     number = np.full((4, sets), np.nan)
     code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
     work = (
-        np.zeros((joints + 1, single.FRAME)), np.zeros((single.MATRICES, m, n)), square,
-        np.zeros((single.VECTORS, m)), np.zeros((m, m, single.SIDE)),
-        np.zeros((single.LINES, single.SIDE)), torque, force, number, code,
-    )  # fmt: skip
+        np.zeros((joints + 1, single.FRAME)),
+        np.zeros((single.MATRICES, m, n)),
+        square,
+        np.zeros((single.VECTORS, m)),
+        np.zeros((m, m, single.SIDE)),
+        np.zeros((single.LINES, single.SIDE)),
+        *(torque, force, number, code),
+    )
     return work, Remapped(
         U=_view(torque[single.TORQUES :]),
         self_motion=_view(torque[single.TORQUES - 1]),

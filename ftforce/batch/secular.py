@@ -15,7 +15,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.jit import inner
-from ftforce.batch.layout import CLEAR, LANES, room
+from ftforce.batch.layout import CLEAR, LANES, rooms
 
 if TYPE_CHECKING:
     import numpy as np
@@ -49,11 +49,8 @@ class Secular(NamedTuple):
 
 def secular(m, n):
     """Return a workspace."""
-    lines = (room(LANES) for _ in range(8))
-    return Secular(
-        room((n, m, LANES)), room((n, n, LANES)), room((n, LANES)), room((n, LANES)),
-        room((m, LANES)), room((m, LANES)), *lines,
-    )  # fmt: skip
+    joints = [(n, m, LANES), (n, n, LANES), (n, LANES), (n, LANES)]
+    return Secular(*rooms([*joints, (m, LANES), (m, LANES), *[LANES] * 8]))
 
 
 @inner

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ftforce.batch.criticality import Estimate, capability_counts
+from ftforce.batch.criticality import Estimate, capability_counts, share_of
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
-from ftforce.batch.statistics import quantile, wilson
+from ftforce.batch.statistics import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,14 +85,14 @@ def set_summaries(
 
 def tolerating_every_set(summary: Summary, confidence: float = 0.95) -> Estimate:
     """Return the share of the postures that tolerate every fault set of the sweep."""
-    return _share(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
+    return share_of(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
 
 
 def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> SetSummary:
     postures = int(summary.postures)
 
     def share(code: int) -> Estimate:
-        return _share(int(summary.verdicts[s, code]), postures, confidence)
+        return share_of(int(summary.verdicts[s, code]), postures, confidence)
 
     return SetSummary(
         faults=faults,
@@ -106,13 +106,6 @@ def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> Se
         falls=_falls(summary, s, postures),
         capability=_capability(summary, s),
     )
-
-
-def _share(count: int, postures: int, confidence: float) -> Estimate:
-    if not postures:
-        return Estimate(math.nan, math.nan, math.nan)
-    low, high = wilson(count, postures, confidence)
-    return Estimate(count / postures, float(low), float(high))
 
 
 def _quantiles(counts: Counts, edges: Vector) -> tuple[float, float]:

@@ -32,10 +32,8 @@ class Pairs(NamedTuple):
 
 def pairs(m, n):
     """Return a workspace."""
-    return Pairs(
-        room((m, n, LANES)), spectrum.spectrum(m, n), room(LANES, np.int64),
-        room(LANES, np.int64), exact.scratch(m, n),
-    )  # fmt: skip
+    pair = (room(LANES, np.int64), room(LANES, np.int64))
+    return Pairs(room((m, n, LANES)), spectrum.spectrum(m, n), *pair, exact.scratch(m, n))
 
 
 def settle(mechanism, faults, question, q, answers, work, group):

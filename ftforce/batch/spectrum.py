@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.jit import inner
-from ftforce.batch.layout import LANES, room
+from ftforce.batch.layout import LANES, rooms
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,10 +42,8 @@ class Spectrum(NamedTuple):
 
 def spectrum(m, n):
     """Return a workspace."""
-    return Spectrum(
-        room((m, n, LANES)), room((m, m, LANES)), room((m, LANES)),
-        room((m, LANES)), room(LANES), room(LANES), room(LANES), room(LANES),
-    )  # fmt: skip
+    rows = [(m, n, LANES), (m, m, LANES), (m, LANES), (m, LANES)]
+    return Spectrum(*rooms([*rows, *[LANES] * 4]))
 
 
 @inner

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.batch.bins import LINEAR_BINS
+from ftforce.batch.layout import CELL_BINS
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 LARGEST_SUMMARY = 1_000_000_000  # bytes
 VERDICTS, RANKS = 3, 7
-_CELL_BINS = 32
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -233,7 +233,7 @@ def _shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
         shapes["capability_unlimited"] = (sets,)
     shapes |= {f"cell_{name}": (cells,) for name in ("postures", "tolerates_all")}
     shapes |= {f"cell_{name}": (cells, sets) for name in ("tolerated", "min_margin")}
-    shapes |= {f"cell_worst_{name}": (cells, _CELL_BINS) for name in ("margin", "rho")}
+    shapes |= {f"cell_worst_{name}": (cells, CELL_BINS) for name in ("margin", "rho")}
     return shapes
 
 

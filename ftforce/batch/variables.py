@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.batch.job import PER_SET
+from ftforce.batch.layout import CELL_BINS
 from ftforce.batch.result import SweepSetting, sets_to_lists
 from ftforce.batch.summary import RANKS
 
@@ -195,9 +196,14 @@ def _codes(
 def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Variable]]:
     """Return the lower edge of every bin, and both edges as the CF conventions have them."""
     infinite = [np.inf]
+    cell_edges = np.arange(CELL_BINS + 1) / CELL_BINS
     edges = {
         "share_bin": (bins.share, "1", "margin or relative manipulability"),
-        "cell_bin": (np.arange(33) / 32.0, "1", "margin or relative manipulability"),
+        "cell_bin": (
+            np.arange(CELL_BINS + 1) / CELL_BINS,
+            "1",
+            "margin or relative manipulability",
+        ),
     }
     force, capability = (
         unit.replace("·", " ") for unit in (setting.size_unit, setting.capability_unit)

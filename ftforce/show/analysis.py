@@ -8,6 +8,7 @@ import numpy as np
 from rich.text import Text
 
 from ftforce import sentences, words
+from ftforce.analysis import load_without_force
 from ftforce.errors import listed, printable
 from ftforce.faults import FaultMode
 from ftforce.show.joints import (
@@ -24,18 +25,19 @@ from ftforce.show.tables import (
     TitledTable,
     defined,
     facts,
+    listing,
     spaced,
-    table,
     vectors,
     warning_lines,
 )
 from ftforce.words import number, ratio
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import RenderableType
 
     from ftforce.analysis import Analysis
-    from ftforce.arrays import Vector
     from ftforce.bounded import BoundedRemap
     from ftforce.changes import ForceChange
     from ftforce.conditions import Conditions
@@ -64,19 +66,38 @@ def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableTyp
 
 def situation(analysis: Analysis) -> list[tuple[str, str]]:
     """Return what was asked: robot, axes, task, posture, faults, conditions."""
-    robot, task = analysis.robot, analysis.task
-    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
+    robot = analysis.robot
     return [
-        ("Robot", f"{robot.name}: {robot.n} joints, {robot.base} → {robot.tip}"),
+        arm_fact(robot.name, robot.n, robot.base, robot.tip),
         ("Tip", f"{robot.tip} ({robot.tip_source})"),
-        ("Axes", f"{task.axes}: vectors are in the axes of {words.axes_in_words(task)}"),
-        ("Task", f"{task} ({', '.join(task.components)}){length}"),
+        *task_facts(analysis.task),
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
         *conditions_facts(analysis.conditions),
         ("Limits", _limits(analysis)),
         ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
     ]
+
+
+def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:
+    """Return which arm it is, from where to where."""
+    return "Robot", f"{name}: {n} joints, {base} → {tip}"
+
+
+def task_facts(task: Task, vectors: str = "vectors") -> list[tuple[str, str]]:
+    """Return axes and components of a task."""
+    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
+    return [
+        ("Axes", f"{task.axes}: {vectors} are in the axes of {words.axes_in_words(task)}"),
+        ("Task", f"{task} ({', '.join(task.components)}){length}"),
+    ]
+
+
+def force_fact(task: Task, force: Iterable[float] | None) -> tuple[str, str]:
+    """Return which force is asked for."""
+    if force is None:
+        return "Force", "every direction (none given)"
+    return "Force", words.with_units(task.components, force, task.units)
 
 
 def _limits(analysis: Analysis) -> str:
@@ -132,20 +153,22 @@ def _tip(task: Task, force: ForceChange) -> TitledTable:
 def _unit_tip(analysis: Analysis) -> TitledTable:
     task = analysis.task
     sizes = [("jump\n[N]", task.force_rows), ("jump\n[N·m]", task.moment_rows)]
-    sizes = [(title, rows) for title, rows in sizes if rows]
-    result = table(
-        "Force at the tip after the fault, for each unit force",
-        "asked", *task.components, *(title for title, _ in sizes),
-    )  # fmt: skip
+    rows = []
     for (force, _), name, unit in zip(
         analysis.unit_forces, task.components, task.units, strict=True
     ):
         beyond = "*" if words.is_noticeable(force.unsupported) else ""
         assert force.after is not None  # weight and limits are apart
         assert force.jump is not None
-        after = [number(x, 3) for x in force.after.tolist()]
-        jumps = [number(float(np.linalg.norm(force.jump[list(rows)])), 3) for _, rows in sizes]
-        result.add_row(f"{name} 1 {unit}{beyond}", *after, *jumps)
+        after = (number(x, 3) for x in force.after.tolist())
+        jumps = (
+            (title, number(float(np.linalg.norm(force.jump[list(own)])), 3))
+            for title, own in sizes
+            if own
+        )
+        asked = ("asked", f"{name} 1 {unit}{beyond}")
+        rows.append([asked, *zip(task.components, after, strict=True), *jumps])
+    result = listing("Force at the tip after the fault, for each unit force", rows)
     if any(words.is_noticeable(force.unsupported) for force, _ in analysis.unit_forces):
         result.caption = "* partly beyond even the healthy arm; that part is no jump"
     return result
@@ -164,8 +187,7 @@ def _measures(analysis: Analysis) -> list[tuple[str, str]]:
     ]
     if (bounded := analysis.bounded) is not None and bounded.F_after is not None:
         measures += _limit_measures(analysis, bounded)
-    measures += _load_measures(analysis)
-    return measures
+    return [*measures, *_load_measures(analysis)]
 
 
 def _limit_measures(analysis: Analysis, bounded: BoundedRemap) -> list[tuple[str, str]]:
@@ -200,14 +222,6 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
         note = f"norm; exerts no force; {analysis.inverse} inverse"
         measures.append(("Torque into self-motion", f"{moved} ({note})"))
     return measures
-
-
-def load_without_force(analysis: Analysis) -> Vector:
-    """Return what holds the arm if no force is asked for, N·m (N), shape (n,)."""
-    bounded, load = analysis.bounded, analysis.rnea.after
-    if bounded is not None and bounded.F_after is not None:
-        load = load + bounded.F_after.dot(analysis.reduced.J)  # it supports joints without torque
-    return load
 
 
 def _force_error(analysis: Analysis) -> str:

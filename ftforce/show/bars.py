@@ -9,11 +9,22 @@ import numpy as np
 
 from ftforce import words
 from ftforce.metrics import Verdict
-from ftforce.show.canvas import BLACK, NOTHING, ROW, SKY, VERMILION, YELLOW, canvas, head
+from ftforce.show.canvas import (
+    BLACK,
+    NOTHING,
+    ROW,
+    SKY,
+    VERMILION,
+    YELLOW,
+    Options,
+    canvas,
+    grid,
+    head,
+)
 from ftforce.show.heat import MARGIN, capability_words, cut, jump_words, set_labels
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from matplotlib.axes import Axes
 
@@ -57,7 +68,9 @@ def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
         axes.set_ylim(len(sets) - 0.4, -0.6)
         axes.set_xlabel(label)
         axes.set_ylabel(f"{result.mode.value} joints")
-        head(axes, title + cut(len(sets), len(result.sets)), _verdict_key(sets))
+        head(
+            axes, title + cut(len(sets), len(result.sets)), verdict_key(one.verdict for one in sets)
+        )
     return axes
 
 
@@ -82,16 +95,13 @@ def _draw(ax: Axes, values: Vector, sets: Sequence[SetReport]) -> None:
     lengths = np.where(np.isfinite(values), values, 0.0)
     top = float(lengths.max())
     ax.set_xlim(0.0, 1.15 * top if top > words.NEGLIGIBLE else 1.0)
-    ax.grid(axis="x", color="0.9", linewidth=0.5)
-    ax.set_axisbelow(True)
+    grid(ax, "x")
     bars = ax.barh(range(len(sets)), lengths, height=0.72)
     for row, (bar, report) in enumerate(zip(bars, sets, strict=True)):
-        colour, hatch = LOOKS[report.verdict]
-        bar.set(facecolor=colour, hatch=hatch, edgecolor=BLACK, linewidth=0.5)
-        ax.annotate(
-            _in_words(float(values[row])), (float(lengths[row]), row), (3.0, 0.0),
-            textcoords="offset points", va="center_baseline",
-        )  # fmt: skip
+        bar.set(**look(report.verdict))
+        place: Options = {"textcoords": "offset points", "va": "center_baseline"}
+        end = (float(lengths[row]), row)
+        ax.annotate(_in_words(float(values[row])), end, (3.0, 0.0), **place)
 
 
 def _in_words(value: float) -> str:
@@ -102,12 +112,15 @@ def _in_words(value: float) -> str:
     return "0" if value <= words.NEGLIGIBLE else f"{value:.3g}"
 
 
-def _verdict_key(sets: Sequence[SetReport]) -> list[Any]:
+def look(verdict: Verdict) -> dict[str, Any]:
+    """Return how a verdict's bar is drawn."""
+    colour, hatch = LOOKS[verdict]
+    return {"facecolor": colour, "hatch": hatch, "edgecolor": BLACK, "linewidth": 0.5}
+
+
+def verdict_key(verdicts: Iterable[Verdict]) -> list[Any]:
+    """Return what the legend has to say of verdicts, the worst first."""
     from matplotlib.patches import Patch
 
-    found = {report.verdict for report in sets}
-    return [
-        Patch(facecolor=colour, hatch=hatch, edgecolor=BLACK, linewidth=0.5, label=verdict.value)
-        for verdict, (colour, hatch) in LOOKS.items()
-        if verdict in found
-    ]
+    found = set(verdicts)
+    return [Patch(**look(verdict), label=verdict.value) for verdict in LOOKS if verdict in found]

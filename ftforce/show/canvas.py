@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,9 +15,13 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
-    from ftforce.arrays import Matrix
+    from ftforce.arrays import Matrix, Vector
     from ftforce.history import History
+
+Options: TypeAlias = dict[str, Any]
+"""Keyword arguments of matplotlib."""
 
 WIDTH = 180.0 / 25.4  # in; two columns of a journal, or a page of A4
 SMALL, TITLE = 7.0, 8.0  # pt; the smallest text, and titles
@@ -42,6 +46,7 @@ SOLID, DASHED, DOTTED = (0, ()), (0, (5, 2.5)), (0, (0.1, 2.4))
 DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
 
 NOTHING = "nothing holds the arm"
+HIGHEST = 9.6  # in; a page of A4 with its caption
 ROW = 0.16  # in; height of a row of text
 LONGEST_NAME = 24  # letters of a joint's name
 
@@ -62,9 +67,12 @@ class Stroke(NamedTuple):
     def options(self, colour: str | None = None) -> dict[str, Any]:
         """Return options of a line, in the run's colour if none is given."""
         return {
-            "color": colour or self.colour, "linestyle": self.dashes, "linewidth": self.width,
-            "alpha": self.alpha, "dash_capstyle": "round" if self.dashes == DOTTED else "butt",
-        }  # fmt: skip
+            "color": colour or self.colour,
+            "linestyle": self.dashes,
+            "linewidth": self.width,
+            "alpha": self.alpha,
+            "dash_capstyle": "round" if self.dashes == DOTTED else "butt",
+        }
 
 
 STROKES = {
@@ -141,6 +149,33 @@ def canvas(ax: Axes | None, height: float, *, solid: bool = False) -> Iterator[A
         fit_ticks(figure)
 
 
+def grid(ax: Axes, axis: Literal["both", "x"] = "both") -> None:
+    """Draw pale lines behind everything."""
+    ax.grid(axis=axis, color="0.9", linewidth=0.5)
+    ax.set_axisbelow(True)
+
+
+def mark(marker: str, colour: str, size: float, label: str, **options: Any) -> Line2D:
+    """Return a marker with a black border, as a legend shows it."""
+    from matplotlib.lines import Line2D
+
+    look: Options = {"markeredgecolor": BLACK, "markeredgewidth": 0.8} | options
+    face: Options = {"marker": marker, "markerfacecolor": colour, "markersize": size}
+    return Line2D([], [], linestyle="none", label=label, **face, **look)
+
+
+def cube(ax: Any, low: Vector, high: Vector, half: float, **ticks: Any) -> None:
+    """Give axes of three dimensions one scale: a cube of twice the half around low to high, m."""
+    from matplotlib.ticker import MaxNLocator
+
+    for name, middle in zip("xyz", (0.5 * (low + high)).tolist(), strict=True):
+        getattr(ax, f"set_{name}lim")(middle - half, middle + half)
+        getattr(ax, f"set_{name}label")(f"{name} [m]")
+        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(**ticks))
+        getattr(ax, f"{name}axis").labelpad = -2.0
+    ax.tick_params(pad=-1.0)
+
+
 def fit_ticks(figure: Figure) -> None:
     """Give numbers at the axes the size for print: they are made later, outside of the style."""
     for ax in figure.axes:
@@ -158,26 +193,28 @@ def key(ax: Axes, handles: Sequence[Any] | None = None, *, gap: bool = False) ->
         found.append(Line2D([], [], linestyle="none", label=f"gap: {NOTHING}"))
     if not found:  # matplotlib would warn
         return
-    ax.legend(
-        handles=found, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.3,
-        frameon=False, handlelength=3.4, labelspacing=0.3,
-    )  # fmt: skip
+    place: Options = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.3}
+    ax.legend(handles=found, **place, frameon=False, handlelength=3.4, labelspacing=0.3)
 
 
 def wrapped(ax: Axes, lines: Sequence[str]) -> str:
     """Return lines of a title, broken where the axes end."""
     from textwrap import wrap
 
-    letters = int(_width(ax) / (_LETTER * TITLE))
+    letters = int(width_of(ax) / (_LETTER * TITLE))
     return "\n".join(part for line in lines for part in wrap(line, max(letters, 20)))
 
 
 def head(ax: Axes, title: str, handles: Sequence[Any]) -> None:
     """Put a title above the axes, and the legend between the two."""
-    ax.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles),
-        frameon=False, borderpad=0.0, borderaxespad=0.4, handlelength=1.8, columnspacing=1.6,
-    )  # fmt: skip
+    place: Options = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": len(handles)}
+    space: Options = {
+        "borderpad": 0.0,
+        "borderaxespad": 0.4,
+        "handlelength": 1.8,
+        "columnspacing": 1.6,
+    }
+    ax.legend(handles=handles, **place, **space, frameon=False)
     lift_titles(ax, 1)
     ax.set_title(title)
 
@@ -212,8 +249,7 @@ def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
     """Give axes over time their labels, grid and fault marks, and the title above these."""
     ax.set_xlabel("time [s]")
     ax.set_ylabel(ylabel)
-    ax.grid(color="0.9", linewidth=0.5)
-    ax.set_axisbelow(True)
+    grid(ax)
     first, last = float(history.t[0]), float(history.t[-1])
     ax.set_xlim(first, last if last > first else first + 1.0)
     lift_titles(ax, mark_faults(ax, history))
@@ -222,7 +258,7 @@ def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
 
 def mark_faults(ax: Axes, history: History) -> int:
     """Draw a dashed line at each fault and name it above; return how many rows of names it took."""
-    size, room = _size(), max(int(_ROOM * _width(ax) / (_LETTER * _size())), 1)  # letters
+    size, room = _size(), max(int(_ROOM * width_of(ax) / (_LETTER * _size())), 1)  # letters
     start, end = ax.get_xlim()
     taken: list[list[tuple[float, float]]] = []
     for time, at in _in_order(history, start, end):
@@ -231,14 +267,19 @@ def mark_faults(ax: Axes, history: History) -> int:
         length = (len(label) + 1) / room
         row = _first_free(taken, at, (at, at + length) if at < 0.5 else (at - length, at))
         side = 0.0 if at < 0.5 else 1.0
-        leader = {"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0,
-                  "relpos": (side, 0.0)}  # fmt: skip
+        leader: Options = {"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0}
         ax.annotate(
-            label, (time, 1.0), (0.0, 2.0 + ROW_OF_TEXT * size * row),
-            xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=size,
-            ha="right" if side else "left", va="bottom", annotation_clip=False,
-            arrowprops=leader if row else None,
-        )  # fmt: skip
+            label,
+            (time, 1.0),
+            (0.0, 2.0 + ROW_OF_TEXT * size * row),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            fontsize=size,
+            ha="right" if side else "left",
+            va="bottom",
+            annotation_clip=False,
+            arrowprops={**leader, "relpos": (side, 0.0)} if row else None,
+        )
     return len(taken)
 
 
@@ -250,12 +291,11 @@ def _in_order(history: History, start: float, end: float) -> list[tuple[float, f
     """
     times = {event.time for event in history.setting.events}
     places = [(time, (time - start) / (end - start)) for time in times]
-    return sorted(places, key=_from_middle)
 
+    def from_middle(place: tuple[float, float]) -> tuple[bool, float]:
+        return place[1] >= 0.5, abs(place[1] - 0.5)
 
-def _from_middle(place: tuple[float, float]) -> tuple[bool, float]:
-    at = place[1]
-    return at >= 0.5, abs(at - 0.5)
+    return sorted(places, key=from_middle)
 
 
 def _first_free(
@@ -307,7 +347,7 @@ def _size() -> float:
     return FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
 
 
-def _width(ax: Axes) -> float:
+def width_of(ax: Axes) -> float:
     """Return the width of axes, pt."""
     figure = ax.get_figure(root=True)
     assert figure is not None

@@ -12,10 +12,13 @@ from ftforce.capability_words import is_point
 from ftforce.document_parts import MOST_DRAWN
 from ftforce.feasible import Reading
 from ftforce.show.analysis import situation
-from ftforce.show.tables import TitledTable, facts, spaced, table, warning_lines
+from ftforce.show.tables import TitledTable, facts, listing, spaced, table, warning_lines
+from ftforce.show.tables import amount as in_words
 from ftforce.words import size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
     from ftforce.force_capability import Amount, Capability, DirectionReport
@@ -42,11 +45,10 @@ def _direction(capability: Capability) -> list[tuple[str, str]]:
 
 
 def _directions(capability: Capability) -> TitledTable:
-    result = table(
-        "Largest force at the tip: commanded by the motors, or held with the locks' help",
-        "direction", "unit", "before\ncommanded", "\nheld", "after\ncommanded", "\nheld",
-        "after, commanded:\nends at", left=2, folded=(6,),
-    )  # fmt: skip
+    title = "Largest force at the tip: commanded by the motors, or held with the locks' help"
+    each = ("before\ncommanded", "\nheld", "after\ncommanded", "\nheld")
+    end = "after, commanded:\nends at"
+    result = table(title, "direction", "unit", *each, end, left=2, folded=(6,))
     for report in capability.directions:
         end = capability_words.end_in_words(capability.analysis, report.after[Reading.COMMANDED])
         name = "asked for" if report.name == "direction" else report.name
@@ -66,31 +68,34 @@ def _amounts(report: DirectionReport) -> list[Amount]:
 
 
 def _cell(amount: Amount, digits: int = 1) -> str:
-    if math.isnan(amount.most):
-        return "–"
-    most = "no limit" if math.isinf(amount.most) else size(amount.most, digits)
-    if amount.least <= words.NEGLIGIBLE:
+    most = in_words(amount.most, digits)
+    if math.isnan(amount.most) or amount.least <= words.NEGLIGIBLE:
         return most
     return f"only {most}" if is_point(amount) else f"{size(amount.least, digits)} to {most}"
 
 
 def _weakest(capability: Capability) -> TitledTable:
     task, report = capability.analysis.task, capability.weakest
-    result = table(
-        "Weakest direction: the one in which the least force can be held",
-        "when", "force", f"largest\n[{words.unit_of_size(task)}]", *task.components, "ends at",
-        left=2, folded=(3 + task.m,),
-    )  # fmt: skip
-    for when, amounts in (("before", report.before), ("after", report.after)):
-        for reading in Reading:
-            amount = amounts[reading]
-            parts = ["–"] * task.m  # none is weaker than another if none has an end
-            if math.isfinite(amount.most):
-                parts = [words.number(x) for x in amount.direction.tolist()]
-            late = when == "after"
-            end = capability_words.end_in_words(capability.analysis, amount, after=late)
-            result.add_row(when, reading.value, _cell(amount), *parts, end)
-    return result
+    rows = [
+        _weakest_row(capability, when, reading, amounts[reading])
+        for when, amounts in (("before", report.before), ("after", report.after))
+        for reading in Reading
+    ]
+    title = "Weakest direction: the one in which the least force can be held"
+    return listing(title, rows, left=2, folded=(3 + task.m,))
+
+
+def _weakest_row(
+    capability: Capability, when: str, reading: Reading, amount: Amount
+) -> Iterator[tuple[str, str]]:
+    analysis, task = capability.analysis, capability.analysis.task
+    yield "when", when
+    yield "force", reading.value
+    yield f"largest\n[{words.unit_of_size(task)}]", _cell(amount)
+    for name, x in zip(task.components, amount.direction.tolist() or [0.0] * task.m, strict=True):
+        # no direction is weaker than another if none has an end
+        yield name, words.number(x) if math.isfinite(amount.most) else "–"
+    yield "ends at", capability_words.end_in_words(analysis, amount, after=when == "after")
 
 
 def _payload(capability: Capability) -> TitledTable:

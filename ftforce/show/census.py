@@ -11,23 +11,32 @@ from ftforce import sentences, words
 from ftforce.errors import listed
 from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
-from ftforce.show.analysis import conditions_facts, limits_in_words
+from ftforce.show.analysis import (
+    arm_fact,
+    conditions_facts,
+    force_fact,
+    limits_in_words,
+    task_facts,
+)
 from ftforce.show.tables import (
     TitledTable,
+    amount,
     defined,
     facts,
+    listing,
     spaced,
-    table,
     verdict_text,
     warning_lines,
 )
-from ftforce.words import number, ratio, size
+from ftforce.words import ratio, size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
-    from ftforce.fault_census import Census
-    from ftforce.set_reports import SetReport
+    from ftforce.fault_census import Census, JointReport
+    from ftforce.set_reports import SetCapability, SetReport
 
 MOST_SETS = 40
 """How many fault sets a census table shows, worst first."""
@@ -46,21 +55,15 @@ def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
 
 
 def _census_situation(census: Census) -> list[tuple[str, str]]:
-    robot, task = census.robot, census.task
-    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
-    force = "every direction (none given)"
-    if census.before is not None:
-        parts = zip(census.before.tolist(), task.components, task.units, strict=True)
-        force = ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)
+    robot = census.robot
     return [
-        ("Robot", f"{robot.name}: {robot.n} joints, {robot.base} → {robot.tip}"),
+        arm_fact(robot.name, robot.n, robot.base, robot.tip),
         ("Joints", robot.numbered()),
-        ("Axes", f"{task.axes}: vectors are in the axes of {words.axes_in_words(task)}"),
-        ("Task", f"{task} ({', '.join(task.components)}){length}"),
+        *task_facts(census.task),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
         ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
-        ("Force", force),
+        force_fact(census.task, census.before),
         ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
     ]
 
@@ -80,49 +83,40 @@ def _unknown_brakes(census: Census) -> str:
 
 
 def _sets(census: Census, most: int) -> TitledTable:
-    task, forced = census.task, census.before is not None
-    jumps = []
-    if forced and task.force_rows:
-        jumps.append("jump\n[N]")
-    if forced and task.moment_rows:
-        jumps.append("jump\n[N·m]")
-    shared = forced and any(report.share is not None for report in census.sets)
-    ranked = [r.value for r in Reading] if census.rank_by == "capability" else []
-    order = "least capability first" if ranked else "worst first"
-    result = table(
+    order = "least capability first" if census.rank_by == "capability" else "worst first"
+    result = listing(
         f"Fault sets, {census.mode}, {order} ({len(census.sets)} of 1 to {census.largest} joints)",
-        census.mode.value, "verdict", *jumps, *(["share\n[%]"] if shared else []), *ranked,
-        "margin", "ρ", "rank\nlost", left=2,
-    )  # fmt: skip
-    for report in census.sets[:most]:
-        norms = [report.jump_norm] * bool(forced and task.force_rows)
-        norms += [report.moment_jump_norm] * bool(forced and task.moment_rows)
-        share = "–" if report.share is None else f"{100.0 * report.share:.0f}"
-        falls = "" if report.can_stand_still else "*"
-        result.add_row(
-            "{" + ", ".join(str(i + 1) for i in report.faults.joints) + "}" + falls,
-            verdict_text(report.verdict),
-            *("–" if norm is None else size(norm) for norm in norms),
-            *([share] if shared else []),
-            *_capability_cells(report),
-            ratio(report.margin),
-            defined(report.relative_manipulability),
-            str(report.rank_lost),
-        )
+        [_set(census, report) for report in census.sets[:most]],
+        left=2,
+    )
     result.caption = _caption(census, most)
     return result
 
 
-def _capability_cells(report: SetReport) -> list[str]:
-    found = report.capability
-    if found is None:
-        return []
+def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
+    falls = "" if report.can_stand_still else "*"
+    yield census.mode.value, words.set_of(report.faults.joints) + falls
+    yield "verdict", verdict_text(report.verdict)
+    if census.before is not None and census.task.force_rows:
+        yield "jump\n[N]", _jump(report.jump_norm)
+    if census.before is not None and census.task.moment_rows:
+        yield "jump\n[N·m]", _jump(report.moment_jump_norm)
+    if census.before is not None and any(one.share is not None for one in census.sets):
+        yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
+    if report.capability is not None:
+        yield from zip(map(str, Reading), _capability_cells(report.capability), strict=True)
+    yield "margin", ratio(report.margin)
+    yield "ρ", defined(report.relative_manipulability)
+    yield "rank\nlost", str(report.rank_lost)
+
+
+def _jump(norm: float | None) -> str:
+    return "–" if norm is None else size(norm)
+
+
+def _capability_cells(found: SetCapability) -> tuple[str, str]:
     mark = "!" if found.least > words.NEGLIGIBLE else ""
-    return [_amount(found.commanded) + mark, _amount(found.held)]
-
-
-def _amount(x: float) -> str:
-    return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, 1)
+    return amount(found.commanded) + mark, amount(found.held)
 
 
 def _caption(census: Census, most: int) -> str:
@@ -152,27 +146,8 @@ def _caption(census: Census, most: int) -> str:
 def _critical_joints(census: Census) -> TitledTable:
     ranked = census.rank_by == "capability"
     order = "least capability first" if ranked else "most critical first"
-    measures = ["com-\nmanded", "\nheld", "least\nof all", "margin"] if ranked else ["margin", "ρ"]
-    result = table(
-        f"Joints, {order}", "#", "joint", "fails alone", *measures,
-        "sets not\ntolerated", "border-\nline", *([] if ranked else ["mean jump\n[%]"]),
-        left=3, folded=(1,),
-    )  # fmt: skip
-    for report in census.joints:
-        alone, least = report.alone, report.least_capability
-        rho = [] if ranked else [defined(alone.relative_manipulability)]
-        result.add_row(
-            str(report.joint + 1),
-            census.robot.names[report.joint],
-            verdict_text(alone.verdict),
-            *_capability_cells(alone),
-            *([_amount(least)] if least is not None else []),
-            ratio(alone.margin),
-            *rho,
-            f"{report.not_tolerated} of {report.sets}",
-            str(report.borderline),
-            *([] if ranked else [f"{100.0 * report.mean_relative_jump:.1f}"]),
-        )
+    rows = [_joint(census, report) for report in census.joints]
+    result = listing(f"Joints, {order}", rows, left=3, folded=(1,))
     result.caption = "mean jump: jump over force, averaged over the sets that hold the joint"
     if census.before is None:
         full = "a lost direction counts as 100%"
@@ -182,6 +157,24 @@ def _critical_joints(census: Census) -> TitledTable:
     elif not all(report.can_stand_still for report in census.sets):
         result.caption += "\nan arm that cannot stand still counts as a jump of 100%"
     return result
+
+
+def _joint(census: Census, report: JointReport) -> Iterator[tuple[str, str | Text]]:
+    alone, least = report.alone, report.least_capability
+    yield "#", str(report.joint + 1)
+    yield "joint", census.robot.names[report.joint]
+    yield "fails alone", verdict_text(alone.verdict)
+    if alone.capability is not None and least is not None:
+        headings = ("com-\nmanded", "\nheld")
+        yield from zip(headings, _capability_cells(alone.capability), strict=True)
+        yield "least\nof all", amount(least)
+    yield "margin", ratio(alone.margin)
+    if least is None:
+        yield "ρ", defined(alone.relative_manipulability)
+    yield "sets not\ntolerated", f"{report.not_tolerated} of {report.sets}"
+    yield "border-\nline", str(report.borderline)
+    if least is None:
+        yield "mean jump\n[%]", f"{100.0 * report.mean_relative_jump:.1f}"
 
 
 def _bounds(census: Census) -> list[tuple[str, str]]:

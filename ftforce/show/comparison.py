@@ -7,23 +7,27 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from ftforce.batch.bins import LINEAR_BINS
+from ftforce.batch.layout import CELL_BINS
 from ftforce.comparison_words import (
     comparison_sentence,
     critical_words,
-    direction_words,
     fault_words,
     ranks,
 )
-from ftforce.show.tables import facts, spaced, table, warning_lines
-from ftforce.sweep_words import force_in_words, share
-from ftforce.words import ratio, size
+from ftforce.show.tables import amount, defined, facts, listing, spaced, warning_lines
+from ftforce.sweep_words import force_in_words
+from ftforce.words import ratio, share, vector_in_words
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
     from ftforce.batch.arm_report import ArmReport, SizeReport
     from ftforce.batch.comparison import Comparison
     from ftforce.batch.criticality import Estimate
+    from ftforce.batch.result import SweepSetting
     from ftforce.show.tables import TitledTable
 
 _AXES = {"tool": "the tool frame", "world": "the world (each robot's root), at the tip"}
@@ -72,22 +76,8 @@ def _limits(comparison: Comparison) -> str:
 
 
 def _ranking(comparison: Comparison) -> TitledTable:
-    result = table(
-        f"Arms, best first ({len(comparison.arms)})", "rank", "arm", "n", "tolerated\n[%]",
-        "interval\n[%]", "every\nset [%]", "critical\njoint", "with it\n[%]",
-        left=2, folded=(1, 6),
-    )  # fmt: skip
-    for arm in comparison.arms:
-        result.add_row(
-            ranks(arm),
-            arm.name + "*" * (not arm.is_whole),
-            str(arm.setting.n),
-            share(arm.tolerated.value),
-            f"{share(arm.tolerated.low)}–{share(arm.tolerated.high)}",
-            share(arm.every.value),
-            critical_words(arm) if arm.critical_tolerated < 1.0 else "–",
-            share(arm.critical_tolerated),
-        )
+    rows = map(_rank, comparison.arms)
+    result = listing(f"Arms, best first ({len(comparison.arms)})", rows, left=2, folded=(1, 6))
     result.caption = (
         "tolerated: of postures x fault sets, more is better; borderline is not tolerated\n"
         "interval: 95 % confidence; arms whose intervals overlap share their ranks\n"
@@ -100,31 +90,51 @@ def _ranking(comparison: Comparison) -> TitledTable:
     return result
 
 
+def _rank(arm: ArmReport) -> Iterator[tuple[str, str]]:
+    yield "rank", ranks(arm)
+    yield "arm", arm.name + "*" * (not arm.is_whole)
+    yield "n", str(arm.setting.n)
+    yield "tolerated\n[%]", share(arm.tolerated.value)
+    yield "interval\n[%]", f"{share(arm.tolerated.low)}–{share(arm.tolerated.high)}"
+    yield "every\nset [%]", share(arm.every.value)
+    yield "critical\njoint", critical_words(arm) if arm.critical_tolerated < 1.0 else "–"
+    yield "with it\n[%]", share(arm.critical_tolerated)
+
+
 def _distances(comparison: Comparison, i: int) -> TitledTable:
     """Return margin and ρ of the sets of one size."""
     asked = comparison.question
-    several, is_last, is_locked = asked.largest > 1, i == asked.largest - 1, asked.mode == "locked"
+    is_last, is_locked = i == asked.largest - 1, asked.mode == "locked"
     joints = "a single joint" if i == 0 else f"{i + 1} joints"
-    columns = ["tolerated\n[%]"] * several + ["margin\n5 %", "\n50 %", "ρ\n5 %", "\n50 %"]
-    columns += ["mean\nρ"] * is_locked + ["worst ρ\n50 %"] * is_last
-    columns += ["even\n[%]"] * (is_last and is_locked)
-    result = table(f"How far from losing a direction: sets of {joints}", "arm", *columns)
-    for arm in comparison.arms:
-        one = arm.sizes[i]
-        cells = [share(one.tolerated.value)] * several
-        cells += [_quantile(x, 1e-3) for x in (*one.margin, *one.rho)]
-        cells += [_mean_rho(one)] * is_locked + [_quantile(arm.worst_rho, 1 / 32)] * is_last
-        cells += [_evenness(arm, one)] * (is_last and is_locked)
-        result.add_row(arm.name, *cells)
+    rows = [_distance(asked, arm, i) for arm in comparison.arms]
+    result = listing(f"How far from losing a direction: sets of {joints}", rows)
     notes = ["5 %, 50 %: of postures x sets, that many lie below; more is better"]
-    notes += ["mean ρ: root of the mean square, by n alone: the same at (nearly) every posture"] * (
-        is_locked
-    )
-    notes += ["worst ρ: a posture's smallest, the median"] * is_last
+    if is_locked:
+        same = "the same at (nearly) every posture"
+        notes.append(f"mean ρ: root of the mean square, by n alone: {same}")
+    if is_last:
+        notes.append("worst ρ: a posture's smallest, the median")
     if is_last and is_locked:
         notes.append("even: worst over mean ρ, which it cannot exceed; more is better")
     result.caption = "\n".join(notes)
     return result
+
+
+def _distance(asked: SweepSetting, arm: ArmReport, i: int) -> Iterator[tuple[str, str]]:
+    one = arm.sizes[i]
+    is_last, is_locked = i == asked.largest - 1, asked.mode == "locked"
+    yield "arm", arm.name
+    if asked.largest > 1:
+        yield "tolerated\n[%]", share(one.tolerated.value)
+    for name, (low, middle) in {"margin": one.margin, "ρ": one.rho}.items():
+        yield f"{name}\n5 %", _quantile(low, LINEAR_BINS)
+        yield "\n50 %", _quantile(middle, LINEAR_BINS)
+    if is_locked:
+        yield "mean\nρ", _mean_rho(one)
+    if is_last:
+        yield "worst ρ\n50 %", _quantile(arm.worst_rho, CELL_BINS)
+    if is_last and is_locked:
+        yield "even\n[%]", _evenness(arm, one)
 
 
 def _mean_rho(one: SizeReport) -> str:
@@ -132,18 +142,16 @@ def _mean_rho(one: SizeReport) -> str:
     return "–" if unknown else ratio(one.rho_bound)
 
 
-def _quantile(found: Estimate, bin_width: float) -> str:
+def _quantile(found: Estimate, bins: int) -> str:
     """Write a quantile; in the lowest bin nothing tells it from 0."""
-    if math.isnan(found.value):
-        return "–"
-    return f"<{bin_width:.2g}" if found.value < bin_width else ratio(found.value)
+    return f"<{1 / bins:.2g}" if found.value < 1 / bins else defined(found.value)
 
 
 def _evenness(arm: ArmReport, one: SizeReport) -> str:
     if math.isnan(arm.evenness):
         return "–"
-    if arm.worst_rho.value < 1 / 32:
-        return f"<{100.0 / 32 / one.rho_bound:.0f}"
+    if arm.worst_rho.value < 1 / CELL_BINS:
+        return f"<{100.0 / CELL_BINS / one.rho_bound:.0f}"
     return f"{100.0 * arm.evenness:.0f}"
 
 
@@ -152,23 +160,20 @@ def _force(comparison: Comparison) -> TitledTable | None:
     forced, capable = asked.force is not None, asked.direction is not None
     if not (forced or capable):
         return None
-    unit = asked.capability_unit
-    jumps = ("jump\n50 %", "[%]\n95 %") * forced
-    amounts = (f"before\n5 % [{unit}]", "\n50 %", f"after\n5 % [{unit}]", "\n50 %", "kept\n[%]")
-    result = table(
-        "Force after a single fault", "arm", *jumps, *(amounts if capable else ()),
-    )  # fmt: skip
-    for arm in comparison.arms:
-        one = arm.sizes[0]
-        result.add_row(
-            arm.name,
-            *(() if one.jump is None else map(_jump, one.jump)),
-            *(_capability_cells(arm, one) if capable else ()),
-        )
+    rows = [
+        [
+            ("arm", arm.name),
+            *zip(("jump\n50 %", "[%]\n95 %"), map(_jump, arm.sizes[0].jump or ()), strict=False),
+            *(_capability_cells(arm, asked.capability_unit) if capable else ()),
+        ]
+        for arm in comparison.arms
+    ]
+    result = listing("Force after a single fault", rows)
     notes = ["jump: share of the force that is lost; less is better"] * forced
     if capable:
+        where = vector_in_words(asked.direction or ())
         notes += [
-            f"before, after: largest commanded force along {direction_words(asked)}",
+            f"before, after: largest commanded force along {where}",
             "kept: median after over median before; –: unknown, or nothing before",
         ]
     if capable and asked.mode == "locked":
@@ -181,37 +186,31 @@ def _jump(found: Estimate) -> str:
     return "≥100" if math.isinf(found.value) else share(found.value)
 
 
-def _capability_cells(arm: ArmReport, one: SizeReport) -> list[str]:
-    pairs = (arm.healthy_capability, one.capability)
-    cells = [_amount(pair, k) for pair in pairs for k in (0, 1)]
+def _capability_cells(arm: ArmReport, unit: str) -> Iterator[tuple[str, str]]:
+    pairs = {"before": arm.healthy_capability, "after": arm.sizes[0].capability}
+    for when, pair in pairs.items():
+        low, middle = ("–", "–") if pair is None else (amount(one.value) for one in pair)
+        yield f"{when}\n5 % [{unit}]", low
+        yield "\n50 %", middle
     kept = arm.capability_kept
-    return [*cells, f"{100.0 * kept:.0f}" if math.isfinite(kept) else "–"]
-
-
-def _amount(pair: tuple[Estimate, Estimate] | None, k: int) -> str:
-    if pair is None:
-        return "–"
-    return "no limit" if math.isinf(pair[k].value) else size(pair[k].value, 1)
+    yield "kept\n[%]", f"{100.0 * kept:.0f}" if math.isfinite(kept) else "–"
 
 
 def _workspace(comparison: Comparison) -> TitledTable:
-    result = table(
-        "Workspace", "arm", "reach\n[m]", "visited\n[m³]", "survived\n[m³]", "\n[%]",
-        "some\n[m³]", "cell\n[m]",
-    )  # fmt: skip
-    for arm in comparison.arms:
-        place = arm.workspace
-        volumes = (place.visited, place.survived)
-        result.add_row(
-            arm.name,
-            f"{place.reach:.2f}",
-            *(f"{x:.3g}" for x in volumes),
-            f"{100.0 * place.share:.1f}",
-            f"{place.some:.3g}",
-            f"{place.cell:.3f}",
-        )
+    result = listing("Workspace", map(_place, comparison.arms))
     result.caption = (
         f"survived: cells in which {100.0 * comparison.enough:g}% of the postures or more tolerate "
         "every set\n[%]: of the visited ones; some: cells in which at least one posture does"
     )
     return result
+
+
+def _place(arm: ArmReport) -> Iterator[tuple[str, str]]:
+    place = arm.workspace
+    yield "arm", arm.name
+    yield "reach\n[m]", f"{place.reach:.2f}"
+    yield "visited\n[m³]", f"{place.visited:.3g}"
+    yield "survived\n[m³]", f"{place.survived:.3g}"
+    yield "\n[%]", f"{100.0 * place.share:.1f}"
+    yield "some\n[m³]", f"{place.some:.3g}"
+    yield "cell\n[m]", f"{place.cell:.3f}"

@@ -11,12 +11,14 @@ from ftforce.comparison_words import fault_words, ranks
 from ftforce.errors import UnknownNameError
 from ftforce.show.canvas import (
     BLUE,
+    HIGHEST,
     LONGEST_NAME,
     ROW,
     TITLE,
     VERMILION,
     WIDTH,
     canvas,
+    grid,
     head,
     shortened,
 )
@@ -40,7 +42,13 @@ _TITLES = {
     "rho": ("ρ", "w(K) / w(J)"),
     "margin": ("Margin", "σ_min(K) / σ_max(J)"),
 }
-_HIGHEST = 9.6  # in; a page of A4 with its caption
+_BOUND: Any = {
+    "linestyle": "none",
+    "marker": "|",
+    "color": VERMILION,
+    "markersize": 7.0,
+    "markeredgewidth": 1.4,
+}
 
 
 class Marks(NamedTuple):
@@ -136,14 +144,10 @@ def _row(arm: ArmReport, shown: str) -> tuple[float, float, float, float]:
 
 def _draw(ax: Axes, marks: Marks) -> None:
     rows = np.arange(len(marks.value))
-    ax.grid(color="0.9", linewidth=0.5)
-    ax.set_axisbelow(True)
+    grid(ax)
     ax.hlines(rows, marks.low, marks.high, color=BLUE, linewidth=1.6)
     ax.plot(marks.value, rows, linestyle="none", marker="o", color=BLUE, clip_on=False, zorder=3)
-    ax.plot(
-        marks.bound, rows, linestyle="none", marker="|", color=VERMILION, markersize=7.0,
-        markeredgewidth=1.4, zorder=4,
-    )  # fmt: skip
+    ax.plot(marks.bound, rows, **_BOUND, zorder=4)
     if not np.isfinite(marks.value).any():
         ax.set_xlim(0.0, 1.0)
 
@@ -154,10 +158,7 @@ def _key(marks: Marks, *, is_share: bool) -> list[Any]:
     words = "share, 95 % interval" if is_share else "median, from the 5 % quantile"
     found = [Line2D([], [], color=BLUE, marker="o", linewidth=1.6, label=words)]
     if np.isfinite(marks.bound).any():
-        found.append(
-            Line2D([], [], linestyle="none", marker="|", color=VERMILION, markersize=7.0,
-                   markeredgewidth=1.4, label="root mean square")
-        )  # fmt: skip
+        found.append(Line2D([], [], **_BOUND, label="root mean square"))
     return found
 
 
@@ -172,7 +173,7 @@ def lay_out(drawn: Figure, result: Comparison) -> None:
         The arms.
     """
     arms = result.arms[:MOST]
-    height = min(1.3 + ROW * max(len(arms), 4), _HIGHEST)
+    height = min(1.3 + ROW * max(len(arms), 4), HIGHEST)
     drawn.set_size_inches(WIDTH, height)
     axes = drawn.subplots(1, len(SHOWN), sharey=True)
     for ax, shown in zip(axes, SHOWN, strict=True):
@@ -180,15 +181,15 @@ def lay_out(drawn: Figure, result: Comparison) -> None:
         ax.set_title(_title(result, shown))
         if shown == "rho":
             handles = _key(marks, is_share=False)
-    words = ("shares: 95 % interval; ρ and margin: from the 5 % quantile to the median",
-             "ρ: root mean square of every posture, which its worst cannot exceed")  # fmt: skip
+    words = (
+        "shares: 95 % interval; ρ and margin: from the 5 % quantile to the median",
+        "ρ: root mean square of every posture, which its worst cannot exceed",
+    )
     for handle, label in zip(handles, words, strict=False):
         handle.set_label(label)
     drawn.legend(handles=handles, loc="outside lower center", ncols=1, frameon=False)
     asked = result.question
     force = "" if asked.force is None else ", one force"
-    drawn.suptitle(
-        f"{fault_words(asked).capitalize()}{force}; beside each name its ranks"
-        + _cut(len(arms), len(result.arms)),
-        x=0.01, ha="left", fontsize=TITLE,
-    )  # fmt: skip
+    title = f"{fault_words(asked).capitalize()}{force}; beside each name its ranks"
+    title += _cut(len(arms), len(result.arms))
+    drawn.suptitle(title, x=0.01, ha="left", fontsize=TITLE)

@@ -18,7 +18,7 @@ from ftforce.fault_timeline import Timeline
 from ftforce.force_capability import Capability
 from ftforce.history import History
 from ftforce.show import plots
-from ftforce.show.canvas import PRINT, ROW, WIDTH, fit_ticks, needs_matplotlib
+from ftforce.show.canvas import HIGHEST, PRINT, ROW, WIDTH, Options, fit_ticks, needs_matplotlib
 from ftforce.show.comparison_plot import lay_out
 from ftforce.show.map_figure import draw_map, draw_sweep
 from ftforce.source import write_whole
@@ -36,7 +36,6 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
     "svg": {"Date": None, "Creator": None},
 }
-_HIGHEST = 9.6  # in; a page of A4 with its caption
 _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; what a plot needs besides its rows
 
@@ -123,7 +122,7 @@ def _of_history(drawn: Figure, history: History) -> None:
     kinds: list[plots.Kind] = ["force"] if task.force_rows else []
     kinds += ["moment"] if task.moment_rows else []
     heights = [1.6, 1.6, *(1.5 for _ in kinds), 1.2, 1.2]
-    drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), _HIGHEST))
+    drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), HIGHEST))
     grid = drawn.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(1.0, 1.0))
     answer = "unremapped" if history.remapped is None else "remapped"
     plots.torques(history, "healthy", ax=drawn.add_subplot(grid[0, :]))
@@ -140,7 +139,7 @@ def _of_history(drawn: Figure, history: History) -> None:
 def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
     quantities: list[Quantity] = ["margin"] if timeline.force is None else ["jump", "margin"]
     quantities += ["capability"] if np.isfinite(timeline.capability).any() else []
-    most = int((_HIGHEST / len(quantities) - _TITLE_AND_AXIS) / ROW)
+    most = int((HIGHEST / len(quantities) - _TITLE_AND_AXIS) / ROW)
     rows = min(most, len(timeline.sets))
     drawn.set_size_inches(WIDTH, len(quantities) * (_TITLE_AND_AXIS + ROW * max(rows, 4)))
     axes = drawn.subplots(len(quantities), squeeze=False)
@@ -179,10 +178,8 @@ def _one_legend(drawn: Figure) -> None:
         legend = ax.get_legend()
         if legend is not None:
             legend.remove()
-    drawn.legend(
-        list(found.values()), list(found), loc="outside lower center", ncols=len(found),
-        frameon=False,
-    )  # fmt: skip
+    place: Options = {"loc": "outside lower center", "ncols": len(found)}
+    drawn.legend(list(found.values()), list(found), **place, frameon=False)
 
 
 _LAYOUTS: dict[type[Any], Any] = {

@@ -9,7 +9,7 @@ import numpy as np
 from ftforce import words
 from ftforce.arrays import read_only
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.show.canvas import NOTHING, ROW, canvas, head, shortened
+from ftforce.show.canvas import NOTHING, ROW, Options, canvas, head, mark, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -151,10 +151,9 @@ def set_labels(robot: Robot, sets: Sequence[FaultSet]) -> list[str]:
     if max(map(len, named)) <= LONGEST_LABEL:
         return named
     return [
-        shortened(name, LONGEST_LABEL) if len(one) == 1
-        else ", ".join(str(j + 1) for j in one.joints)
+        shortened(name, LONGEST_LABEL) if len(one) == 1 else words.set_of(one.joints).strip("{}")
         for name, one in zip(named, sets, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def cut(shown: int, sets: int) -> str:
@@ -172,18 +171,15 @@ def _paint(ax: Axes, cells: Cells, *, high_is_bad: bool) -> None:
     top = float(values[finite].max(initial=0.0))
     ax.set_facecolor("0.8")
     ax.patch.set(hatch="////", edgecolor="0.3", linewidth=0.0)
-    painted = ax.pcolormesh(
-        edges, rows, np.ma.masked_where(~finite, values), vmin=0.0,
-        vmax=top if top > words.NEGLIGIBLE else 1.0,
-        cmap="cividis_r" if high_is_bad else "cividis", rasterized=True,
-    )  # fmt: skip
+    colours = "cividis_r" if high_is_bad else "cividis"
+    scale: Options = {"vmin": 0.0, "vmax": top if top > words.NEGLIGIBLE else 1.0, "cmap": colours}
+    shown = np.ma.masked_where(~finite, values)
+    painted = ax.pcolormesh(edges, rows, shown, **scale, rasterized=True)
     if np.isinf(values).any():
         white = np.ma.masked_where(~np.isinf(values), np.zeros_like(values))
         ax.pcolormesh(edges, rows, white, cmap="gray_r", vmin=0.0, vmax=1.0, rasterized=True)
-    ax.scatter(
-        cells.marks, np.arange(len(cells.rows)), s=14.0, marker="D", facecolor="white",
-        edgecolor="black", linewidth=0.8, zorder=4, clip_on=False,
-    )  # fmt: skip
+    diamond: Options = {"marker": "D", "facecolor": "white", "edgecolor": "black", "linewidth": 0.8}
+    ax.scatter(cells.marks, np.arange(len(cells.rows)), s=14.0, **diamond, zorder=4, clip_on=False)
     figure = ax.get_figure(root=False)
     if finite.any() and figure is not None:
         figure.colorbar(painted, ax=ax, label=cells.label, pad=0.02, fraction=0.05)
@@ -191,13 +187,9 @@ def _paint(ax: Axes, cells: Cells, *, high_is_bad: bool) -> None:
 
 def _notes(cells: Cells) -> list[Any]:
     """Return what the legend has to explain."""
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    found: list[Any] = [
-        Line2D([], [], linestyle="none", marker="D", markersize=4.0, markerfacecolor="white",
-               markeredgecolor="black", markeredgewidth=0.8, label="worst instant")
-    ]  # fmt: skip
+    found: list[Any] = [mark("D", "white", 4.0, "worst instant", markeredgecolor="black")]
     if np.isnan(cells.values).any():
         found.append(Patch(facecolor="0.8", edgecolor="0.3", hatch="//////", label=NOTHING))
     if np.isinf(cells.values).any():

@@ -10,17 +10,22 @@ import numpy as np
 from ftforce.batch.statistics import quantile, wilson
 from ftforce.batch.workspace_map import check_quantity
 from ftforce.metrics import Verdict
-from ftforce.show.bars import LOOKS
+from ftforce.show.bars import look, verdict_key
 from ftforce.show.canvas import (
     BLACK,
     LONGEST_NAME,
     SKY,
     VERMILION,
+    Options,
     canvas,
+    grid,
     head,
+    mark,
     shortened,
+    width_of,
     wrapped,
 )
+from ftforce.words import share
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -156,17 +161,7 @@ def _bad(quantity: str) -> float:
 
 
 def _shares(notes: dict[str, int], total: int) -> list[str]:
-    return [f"{words}: {_percent(n / total)} %" for words, n in notes.items() if n]
-
-
-def _percent(share: float) -> str:
-    """Write a share in few letters, and never what is not all as 100 or what is some as 0."""
-    x = 100.0 * share
-    if x > 99.9:
-        return "100" if x >= 100.0 else ">99.9"
-    if 0.0 < x < 0.001:
-        return "<0.001"
-    return f"{x:.2g}" if x < 1.0 else f"{x:.3g}"
+    return [f"{words}: {share(n / total, short=True)} %" for words, n in notes.items() if n]
 
 
 def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
@@ -178,22 +173,35 @@ def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
     for row, one in enumerate(rows):
         peak = max(int(one.counts.max(initial=0)), 1)
         base = row + 0.5
-        ax.stairs(base - _PEAK * one.counts / peak, one.edges, baseline=base, fill=True,
-                  facecolor=SKY, edgecolor=BLACK, linewidth=0.6, zorder=2)  # fmt: skip
+        steps = base - _PEAK * one.counts / peak
+        bars: Options = {"facecolor": SKY, "edgecolor": BLACK, "linewidth": 0.6}
+        ax.stairs(steps, one.edges, baseline=base, fill=True, **bars, zorder=2)
         ax.axhline(base, color="0.6", linewidth=0.5, zorder=1)
         for x, height, marker, colour, size in (
-            (one.median, 0.45, "D", "white", 14.0), (one.bad, 0.06, "^", VERMILION, 20.0),
-        ):  # fmt: skip
+            (one.median, 0.45, "D", "white", 14.0),
+            (one.bad, 0.06, "^", VERMILION, 20.0),
+        ):
             if math.isfinite(x) and low <= x <= high:  # marks that coincide stand above each other
-                ax.scatter([x], [base - height], s=size, marker=marker, facecolor=colour,
-                           edgecolor=BLACK, linewidth=0.7, zorder=4, clip_on=False)  # fmt: skip
+                look: Options = {
+                    "marker": marker,
+                    "facecolor": colour,
+                    "edgecolor": BLACK,
+                    "linewidth": 0.7,
+                }
+                ax.scatter([x], [base - height], s=size, **look, zorder=4, clip_on=False)
         if one.notes:
-            ax.annotate("\n".join(one.notes), (1.0, row), (3.0, 0.0), va="center",
-                        xycoords=("axes fraction", "data"), textcoords="offset points",
-                        annotation_clip=False, linespacing=0.95)  # fmt: skip
+            ax.annotate(
+                "\n".join(one.notes),
+                (1.0, row),
+                (3.0, 0.0),
+                va="center",
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                annotation_clip=False,
+                linespacing=0.95,
+            )
     ax.set_ylim(len(rows) - 0.4, -0.55)
-    ax.grid(axis="x", color="0.9", linewidth=0.5)
-    ax.set_axisbelow(True)
+    grid(ax, "x")
 
 
 def _window(rows: list[Histogram], *, logarithmic: bool) -> tuple[float, float]:
@@ -208,16 +216,9 @@ def _window(rows: list[Histogram], *, logarithmic: bool) -> tuple[float, float]:
 
 def mark_key(quantity: str) -> list[Any]:
     """Return what the legend of histograms has to explain."""
-    from matplotlib.lines import Line2D
-
     worst = "95 %" if quantity == "jump" else "5 %"
-    return [
-        Line2D([], [], linestyle="none", marker=marker, markerfacecolor=colour, markersize=size,
-               markeredgecolor=BLACK, markeredgewidth=0.7, label=label)
-        for marker, colour, size, label in (
-            ("^", VERMILION, 4.5, worst), ("D", "white", 4.0, "median"),
-        )
-    ]  # fmt: skip
+    looks = (("^", VERMILION, 4.5, worst), ("D", "white", 4.0, "median"))
+    return [mark(*look, markeredgewidth=0.7) for look in looks]
 
 
 def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
@@ -286,23 +287,19 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
     doubtful = 100.0 * np.nan_to_num([one.borderline for one in joints])
     low, high = (100.0 * x for x in wilson(0.01 * (lost + doubtful) * postures, postures))
     rows = np.arange(len(joints), dtype=np.float64)
-    for verdict, left, width in (
-        (Verdict.NOT_TOLERATED, np.zeros(len(rows)), lost), (Verdict.BORDERLINE, lost, doubtful),
-    ):  # fmt: skip
-        colour, hatch = LOOKS[verdict]
-        ax.barh(rows, width, left=left, height=0.62, facecolor=colour, hatch=hatch,
-                edgecolor=BLACK, linewidth=0.5)  # fmt: skip
+    ax.barh(rows, lost, left=np.zeros(len(rows)), height=0.62, **look(Verdict.NOT_TOLERATED))
+    ax.barh(rows, doubtful, left=lost, height=0.62, **look(Verdict.BORDERLINE))
     ends = np.array([[one.not_tolerated.low, one.not_tolerated.high] for one in joints])
     _whiskers(ax, rows + 0.16, lost, 100.0 * ends.T)
     _whiskers(ax, rows - 0.16, lost + doubtful, np.array([low, high]))
     _window_of_shares(ax, float(np.nanmax(high, initial=0.0)))
     for row, total, start, end in zip(rows, lost + doubtful, low, high, strict=True):
-        words = f"{_percent(0.01 * total)} ({_percent(0.01 * start)}–{_percent(0.01 * end)})"
-        ax.annotate(words, (end, row), (4.0, 0.0), textcoords="offset points",
-                    va="center_baseline")  # fmt: skip
+        value, low_end, high_end = (share(0.01 * x, short=True) for x in (total, start, end))
+        words = f"{value} ({low_end}–{high_end})"
+        place: Options = {"textcoords": "offset points", "va": "center_baseline"}
+        ax.annotate(words, (end, row), (4.0, 0.0), **place)
     ax.set_ylim(len(rows) - 0.4, -0.55)
-    ax.grid(axis="x", color="0.9", linewidth=0.5)
-    ax.set_axisbelow(True)
+    grid(ax, "x")
     what = "postures" if sweep.setting.largest == 1 else "cases"
     ax.set_xlabel(f"share of the {what} [%] (95 % interval)" + _none(sweep))
 
@@ -312,7 +309,7 @@ def _none(sweep: Sweep) -> str:
     if any(one.not_tolerated.value > 0.0 for one in sweep.joints):
         return ""
     most = max(one.not_tolerated.high for one in sweep.joints)
-    return f"\nnot tolerated: none (at most {_percent(most)} %)"
+    return f"\nnot tolerated: none (at most {share(most, short=True)} %)"
 
 
 def _window_of_shares(ax: Axes, top: float) -> None:
@@ -325,25 +322,12 @@ def _window_of_shares(ax: Axes, top: float) -> None:
     ax.xaxis.set_major_locator(FixedLocator(ticks))
 
 
-def width_of(ax: Axes) -> float:
-    """Return the width of axes, pt."""
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    return float(72.0 * ax.bbox.width / figure.dpi)
-
-
 def _whiskers(ax: Axes, rows: Values, values: Values, ends: Any) -> None:
     reach = np.abs(np.nan_to_num(ends - values))
-    ax.errorbar(values, rows, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=0.8, capsize=1.6,
-                capthick=0.8, zorder=4)  # fmt: skip
+    look: Options = {"ecolor": BLACK, "elinewidth": 0.8, "capsize": 1.6, "capthick": 0.8}
+    ax.errorbar(values, rows, xerr=reach, fmt="none", **look, zorder=4)
 
 
 def ranking_key() -> list[Any]:
     """Return what the legend of a ranking has to explain."""
-    from matplotlib.patches import Patch
-
-    return [
-        Patch(facecolor=LOOKS[verdict][0], hatch=LOOKS[verdict][1], edgecolor=BLACK,
-              linewidth=0.5, label=verdict.value)
-        for verdict in (Verdict.NOT_TOLERATED, Verdict.BORDERLINE)
-    ]  # fmt: skip
+    return verdict_key((Verdict.NOT_TOLERATED, Verdict.BORDERLINE))

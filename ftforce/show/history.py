@@ -11,15 +11,13 @@ from rich.text import Text
 from ftforce import words
 from ftforce.history import VERDICTS
 from ftforce.history_doubts import length_in_words
-from ftforce.history_words import (
-    history_sentence,
-    peak,
-    worst_verdict,
-)
+from ftforce.history_words import history_sentence, peak, worst_verdict
+from ftforce.show.analysis import arm_fact, force_fact, task_facts
 from ftforce.show.tables import (
     VERDICT_STYLE,
     TitledTable,
     facts,
+    listing,
     spaced,
     table,
     verdict_text,
@@ -28,7 +26,7 @@ from ftforce.show.tables import (
 from ftforce.words import number, ratio, size
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rich.console import RenderableType
 
@@ -49,7 +47,7 @@ def history_view(history: History) -> RenderableType:
         _runs(history),
         _joints(history),
         _instants(history),
-        _notes(history.setting),
+        facts([("Assumed", note) for note in notes]) if (notes := history.setting.notes) else None,
         warning_lines(history.warnings),
         Text(history_sentence(history), style=VERDICT_STYLE[verdict]),
     )
@@ -57,26 +55,18 @@ def history_view(history: History) -> RenderableType:
 
 def _situation(history: History) -> list[tuple[str, str]]:
     setting, task = history.setting, history.setting.task
-    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
-    parts = zip(setting.force, task.components, task.units, strict=True)
-    steps = len(history.t)
     return [
-        ("Robot", f"{setting.robot}: {len(setting.joints)} joints, {setting.base} → {setting.tip}"),
-        ("Axes", f"{task.axes}: forces are in the axes of {words.axes_in_words(task)}"),
-        ("Task", f"{task} ({', '.join(task.components)}){length}"),
-        ("Force", ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)),
+        arm_fact(setting.robot, len(setting.joints), setting.base, setting.tip),
+        *task_facts(task, "forces"),
+        force_fact(task, setting.force),
         ("Path", f"{setting.course} (points in the root's axes)"),
         ("Start", f"{setting.start}: q {_positions(history)}"),
         ("Faults", "; ".join(f"{e.faults} at {e.time:g} s" for e in setting.events) or "none"),
         ("Remap", _remap(history)),
         ("Loads", _loads(setting)),
         ("Limits", "none are counted" if setting.limits == "none" else setting.limits),
-        ("Samples", f"{steps:,} from 0 to {history.t[-1]:g} s"),
+        ("Samples", f"{len(history.t):,} from 0 to {history.t[-1]:g} s"),
     ]
-
-
-def _notes(setting: Setting) -> RenderableType | None:
-    return facts([("Assumed", note) for note in setting.notes]) if setting.notes else None
 
 
 def _positions(history: History) -> str:
@@ -102,19 +92,20 @@ def _loads(setting: Setting) -> str:
 
 
 def _events(history: History) -> TitledTable:
-    task = history.setting.task
-    unit = task.size_unit
+    unit = history.setting.task.size_unit
     leaves = "after the remap" if history.remapped is not None else "that a remap would leave"
-    result = table(
-        "At the faults: jumps of the tip's velocity, and of the force " + leaves,
-        "time", "joints", "at impact", "remapped", "force", "verdict", left=2, folded=(1, 5),
-    )  # fmt: skip
+    title = "At the faults: jumps of the tip's velocity, and of the force " + leaves
+    headings = ("time", "joints", "at impact", "remapped", "force", "verdict")
+    result = table(title, *headings, left=2, folded=(1, 5))
     for event in history.setting.events:
-        force = "–" if event.force_jump is None else f"{size(event.force_jump)} {unit}"
         result.add_row(
-            f"{event.time:g} s", event.faults, _speed(event.impact_jump),
-            _speed(event.velocity_jump), force, verdict_text(event.verdict),
-        )  # fmt: skip
+            f"{event.time:g} s",
+            event.faults,
+            _speed(event.impact_jump),
+            _speed(event.velocity_jump),
+            "–" if event.force_jump is None else f"{size(event.force_jump)} {unit}",
+            verdict_text(event.verdict),
+        )
     return result
 
 
@@ -123,25 +114,21 @@ def _speed(jump: tuple[float, ...]) -> str:
 
 
 def _runs(history: History) -> TitledTable:
-    task = history.setting.task
-    unit = task.size_unit
-    result = table(
-        "The histories, at their worst",
-        "", "off path", f"force jump [{unit}]", "margin", "unbalanced", "limit used", "verdict",
-        folded=(0, 6),
-    )  # fmt: skip
-    for name, run in history.runs.items():
-        result.add_row(
-            RUN_NAMES[name],
-            _off_path(run),
-            _largest(history.jump_norm(run)[run.until_fall], "nothing holds"),
-            ratio(float(run.margin.min())),
-            _largest(np.abs(run.unbalanced[run.until_fall]).max(axis=1), "–"),
-            _used(run),
-            verdict_text(worst_verdict(run)),
-        )
+    rows = [_run(history, name, run) for name, run in history.runs.items()]
+    result = listing("The histories, at their worst", rows, folded=(0, 6))
     result.caption = "unbalanced: torque that nothing balances and that moves the arm, N·m (N)"
     return result
+
+
+def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Text]]:
+    here, unit = run.until_fall, history.setting.task.size_unit
+    yield "", RUN_NAMES[name]
+    yield "off path", _off_path(run)
+    yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "nothing holds")
+    yield "margin", ratio(float(run.margin.min()))
+    yield "unbalanced", _largest(np.abs(run.unbalanced[here]).max(axis=1), "–")
+    yield "limit used", _used(run)
+    yield "verdict", verdict_text(worst_verdict(run))
 
 
 def _off_path(run: Run) -> str:
@@ -162,45 +149,42 @@ def _used(run: Run) -> str:
 
 
 def _joints(history: History) -> TitledTable:
-    runs = history.runs
-    result = table(
-        "Motor torques, largest absolute values over time",
-        "#", "joint", "unit", *(RUN_NAMES[name] for name in runs), "brake", "limit",
-        left=3, folded=(1,),
-    )  # fmt: skip
-    answer, setting = history.answer, history.setting
-    for i, joint in enumerate(setting.joints):
-        limit = setting.effort[i]
-        load = answer.brake[answer.until_fall, i]
-        brake = peak(load) if load.any() else ""
-        result.add_row(
-            str(i + 1), joint.name, joint.torque_unit,
-            *(peak(run.motor[run.until_fall, i]) for run in runs.values()),
-            brake, "unknown" if math.isnan(limit) else f"{limit:g}",
-        )  # fmt: skip
-    return result
+    rows = [_joint(history, i) for i in range(len(history.setting.joints))]
+    return listing("Motor torques, largest absolute values over time", rows, left=3, folded=(1,))
+
+
+def _joint(history: History, i: int) -> Iterator[tuple[str, str]]:
+    joint, limit, answer = history.setting.joints[i], history.setting.effort[i], history.answer
+    yield "#", str(i + 1)
+    yield "joint", joint.name
+    yield "unit", joint.torque_unit
+    for name, run in history.runs.items():
+        yield RUN_NAMES[name], peak(run.motor[run.until_fall, i])
+    load = answer.brake[answer.until_fall, i]
+    yield "brake", peak(load) if load.any() else ""
+    yield "limit", "unknown" if math.isnan(limit) else f"{limit:g}"
 
 
 def _instants(history: History) -> TitledTable:
     """Return the answer's force and path at the start, around each fault and at the end."""
-    task, run = history.setting.task, history.answer
-    columns = _force_columns(task)
-    result = table(
-        f"Instants, {RUN_NAMES['unremapped' if history.remapped is None else 'remapped']}",
-        "time", *columns, "jump", "off path", "margin", "verdict",
-        folded=(0, len(columns) + 4),
-    )  # fmt: skip
-    jump = history.jump_norm(run)
-    for label, i in _shown(history, history.setting.events):
-        result.add_row(
-            label,
-            *(_force_cell(rows, run.force[i]) for rows in columns.values()),
-            "–" if math.isnan(jump[i]) else size(float(jump[i])),
-            "–" if math.isnan(jump[i]) else length_in_words(float(run.path_error_norm[i])),
-            ratio(float(run.margin[i])),
-            verdict_text(VERDICTS[run.verdict[i]]),
-        )
-    return result
+    columns = _force_columns(history.setting.task)
+    rows = [_instant(history, columns, i) for i in _shown(history, history.setting.events)]
+    name = RUN_NAMES["unremapped" if history.remapped is None else "remapped"]
+    return listing(f"Instants, {name}", rows, folded=(0, len(columns) + 4))
+
+
+def _instant(
+    history: History, columns: dict[str, list[int]], i: int
+) -> Iterator[tuple[str, str | Text]]:
+    run, jump = history.answer, float(history.jump_norm(history.answer)[i])
+    falls = math.isnan(jump)
+    yield "time", f"{history.t[i]:g} s"
+    for heading, rows in columns.items():
+        yield heading, _force_cell(rows, run.force[i])
+    yield "jump", "–" if falls else size(jump)
+    yield "off path", "–" if falls else length_in_words(float(run.path_error_norm[i]))
+    yield "margin", ratio(float(run.margin[i]))
+    yield "verdict", verdict_text(VERDICTS[run.verdict[i]])
 
 
 def _force_columns(task: Task) -> dict[str, list[int]]:
@@ -217,8 +201,8 @@ def _force_cell(rows: list[int], force: Vector) -> str:
     return "–" if math.isnan(x) else number(x)
 
 
-def _shown(history: History, events: Sequence[EventReport]) -> list[tuple[str, int]]:
-    """Return the instants that are shown, each once, with their times in words."""
+def _shown(history: History, events: Sequence[EventReport]) -> list[int]:
+    """Return the indices of the instants that are shown, each once."""
     last = len(history.t) - 1
     indices = {0, last}
     for event in events:
@@ -230,4 +214,4 @@ def _shown(history: History, events: Sequence[EventReport]) -> list[tuple[str, i
     worst = history.jump_norm(history.answer)
     if not np.isnan(worst).any() and worst.max() > 0.0:
         indices.add(int(worst.argmax()))
-    return [(f"{history.t[i]:g} s", i) for i in sorted(indices)]
+    return sorted(indices)

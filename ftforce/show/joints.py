@@ -8,49 +8,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce import words
-from ftforce.show.tables import Components, TitledTable, fault_text, spaced, table, vectors
+from ftforce.analysis import shown_limits
+from ftforce.show.tables import (
+    Components,
+    TitledTable,
+    fault_text,
+    listing,
+    spaced,
+    table,
+    vectors,
+)
 from ftforce.words import number
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
+    from rich.text import Text
 
     from ftforce.analysis import Analysis
     from ftforce.arrays import Vector
-    from ftforce.changes import TorqueChange
-    from ftforce.faults import Fault
-    from ftforce.robot import Robot
+    from ftforce.changes import TorqueChange, VelocityChange
+    from ftforce.robot import Joint, Robot
 
 
 def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> TitledTable:
     """Return the torques before and after: force part, weight and motion, and their sum."""
-    moves = analysis.conditions.moves
-    angle = "deg" if degrees else "rad"
-    result = table(
-        f"Motor torque [N·m] = force part JᵀF + weight{' and motion' if moves else ''}",
-        "#", "joint", "state", f"q\n[{angle}]", "force\nbefore", "part\nafter",
-        "weight\n+motion" if moves else "\nweight", "motor\nafter", "\nlimit", "used\n[%]",
-        left=3, folded=(1,),
-    )  # fmt: skip
-    largest = _limits(analysis)
-    positions = shown_positions(analysis.robot, analysis.posture.q, degrees=degrees)
-    for i, joint in enumerate(analysis.robot.joints):
-        fault = faults_by_joint(analysis).get(i)
-        unit = " N" if joint.type == "prismatic" else ""
-        load, limit = _load(analysis, torque, i), float(largest[i])
-        weight = analysis.rnea.after[i] if analysis.rnea.is_known else math.nan
-        is_locked = bool(analysis.reduced.locked[i])
-        result.add_row(
-            str(joint.number),
-            joint.name,
-            fault_text(fault),
-            positions[i],
-            number(float(torque.before[i])) + unit,
-            _shown(torque.after, i, unit),
-            "?" if math.isnan(weight) else number(float(weight)) + unit,
-            "brake" if is_locked else _shown(torque.total_after, i, unit),
-            "unknown" if math.isnan(limit) else f"{limit:g}{unit}",
-            _used(load, limit),
-        )
+    positions = _positions(analysis, degrees=degrees)
+    rows = [_torque_row(analysis, torque, i, x) for i, x in enumerate(positions)]
+    part = f"weight{' and motion' if analysis.conditions.moves else ''}"
+    result = listing(f"Motor torque [N·m] = force part JᵀF + {part}", rows, left=3, folded=(1,))
     notes = []
     if not analysis.rnea.is_known:
         notes.append("? unknown: the URDF has no masses; used: of the force part")
@@ -60,11 +47,32 @@ def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> 
     return result
 
 
-def _limits(analysis: Analysis) -> Vector:
-    """Return the limits that are shown: those that count, or the URDF's motors'."""
-    if analysis.limits is None:
-        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
-    return analysis.limits.largest_torques(analysis.faults)
+def _torque_row(
+    analysis: Analysis, torque: TorqueChange, i: int, position: tuple[str, str]
+) -> Iterator[tuple[str, str | Text]]:
+    rnea, unit = analysis.rnea, _unit(analysis.robot.joints[i])
+    load, limit = _load(analysis, torque, i), float(shown_limits(analysis)[i])
+    yield from _joint(analysis, i)
+    yield position
+    yield "force\nbefore", _shown(torque.before, i, unit)
+    yield "part\nafter", _shown(torque.after, i, unit)
+    heading = "weight\n+motion" if analysis.conditions.moves else "\nweight"
+    yield heading, _shown(rnea.after if rnea.is_known else None, i, unit, unknown="?")
+    held = bool(analysis.reduced.locked[i])
+    yield "motor\nafter", "brake" if held else _shown(torque.total_after, i, unit)
+    yield "\nlimit", "unknown" if math.isnan(limit) else f"{limit:g}{unit}"
+    yield "used\n[%]", _used(load, limit)
+
+
+def _joint(analysis: Analysis, i: int) -> list[tuple[str, str | Text]]:
+    joint = analysis.robot.joints[i]
+    fault = next((fault for fault in analysis.faults.faults if fault.joint == i), None)
+    return [("#", str(joint.number)), ("joint", joint.name), ("state", fault_text(fault))]
+
+
+def _unit(joint: Joint) -> str:
+    """Return what a cell adds to the heading's N·m."""
+    return " N" if joint.type == "prismatic" else ""
 
 
 def _load(analysis: Analysis, torque: TorqueChange, i: int) -> float:
@@ -76,8 +84,10 @@ def _load(analysis: Analysis, torque: TorqueChange, i: int) -> float:
     return float((torque.after if torque.total_after is None else torque.total_after)[i])
 
 
-def _shown(torque: Vector | None, i: int, unit: str) -> str:
-    return "–" if torque is None else number(float(torque[i])) + unit
+def _shown(torque: Vector | None, i: int, unit: str, unknown: str = "–") -> str:
+    if torque is None or math.isnan(torque[i]):
+        return unknown
+    return number(float(torque[i])) + unit
 
 
 def _used(load: float, limit: float) -> str:
@@ -91,15 +101,12 @@ def motion_table(analysis: Analysis) -> TitledTable | None:
     rnea = analysis.rnea
     if not analysis.conditions.moves or rnea.motion_before is None or rnea.motion_after is None:
         return None
-    result = table(
-        "Weight and motion [N·m]: what rnea(q, v, a) is made of",
-        "#", "joint", "\nweight", "motion\nbefore", "\nafter", "sum\nbefore", "\nafter",
-        left=2, folded=(1,),
-    )  # fmt: skip
+    headings = ("#", "joint", "\nweight", "motion\nbefore", "\nafter", "sum\nbefore", "\nafter")
+    title = "Weight and motion [N·m]: what rnea(q, v, a) is made of"
+    result = table(title, *headings, left=2, folded=(1,))
     columns = (rnea.gravity, rnea.motion_before, rnea.motion_after, rnea.before, rnea.after)
     for i, joint in enumerate(analysis.robot.joints):
-        unit = " N" if joint.type == "prismatic" else ""
-        cells = (_shown(column, i, unit) for column in columns)
+        cells = (_shown(column, i, _unit(joint)) for column in columns)
         result.add_row(str(joint.number), joint.name, *cells)
     result.caption = "after: v and a of locked joints are zero, those of the others as before"
     return result
@@ -113,24 +120,24 @@ def unit_torque_tables(analysis: Analysis, *, degrees: bool) -> RenderableType:
 
 
 def _unit_torque_table(analysis: Analysis, axes: range, *, degrees: bool) -> TitledTable:
-    task, gravity = analysis.task, analysis.rnea.gravity
-    angle = "deg" if degrees else "rad"
-    result = table(
-        "Motor torque [N·m] for each unit force: before, → after where it changes",
-        "#", "joint", "state", f"q\n[{angle}]",
-        *(f"{task.components[k]}\n1 {task.units[k]}" for k in axes), "\nweight",
-        left=3, folded=(1,),
-    )  # fmt: skip
-    positions = shown_positions(analysis.robot, analysis.posture.q, degrees=degrees)
-    faults = faults_by_joint(analysis)
-    for i, joint in enumerate(analysis.robot.joints):
-        unit = " N" if joint.type == "prismatic" else ""
-        cells = [_unit_cell(analysis.unit_forces[k][1], i) + unit for k in axes]
-        weight = "?" if gravity is None else number(float(gravity[i])) + unit
-        state = fault_text(faults.get(i))
-        result.add_row(str(joint.number), joint.name, state, positions[i], *cells, weight)
+    positions = _positions(analysis, degrees=degrees)
+    rows = [_unit_torque_row(analysis, axes, i, x) for i, x in enumerate(positions)]
+    title = "Motor torque [N·m] for each unit force: before, → after where it changes"
+    result = listing(title, rows, left=3, folded=(1,))
     result.caption = "weight comes on top of each"
     return result
+
+
+def _unit_torque_row(
+    analysis: Analysis, axes: range, i: int, position: tuple[str, str]
+) -> Iterator[tuple[str, str | Text]]:
+    task, unit = analysis.task, _unit(analysis.robot.joints[i])
+    yield from _joint(analysis, i)
+    yield position
+    for k in axes:
+        cell = _unit_cell(analysis.unit_forces[k][1], i)
+        yield f"{task.components[k]}\n1 {task.units[k]}", cell + unit
+    yield "\nweight", _shown(analysis.rnea.gravity, i, unit, unknown="?")
 
 
 def _unit_cell(torque: TorqueChange, i: int) -> str:
@@ -144,21 +151,13 @@ def _unit_cell(torque: TorqueChange, i: int) -> str:
 
 def velocity_tables(analysis: Analysis) -> RenderableType | None:
     """Return joint and tip velocities before, at the impact and after the remap."""
-    velocity, shares, impact = analysis.velocity, analysis.velocity_contributions, analysis.impact
-    if velocity is None or shares is None:
+    velocity, impact = analysis.velocity, analysis.impact
+    if velocity is None:
         return None
-    hit = ["at\nimpact"] if impact is not None else []
-    joints = table(
-        "Joint velocities: Appendix A's remap" + (", and right after the lock" if hit else ""),
-        "#", "joint", "\nunit", "\nbefore", *hit, "after\nremap", "\nchange",
-        "share of\ntip velocity", left=3, folded=(1,),
-    )  # fmt: skip
-    for i, joint in enumerate(analysis.robot.joints):
-        b, a = float(velocity.before[i]), float(velocity.after[i])
-        struck = [float(impact.after[i])] if impact is not None else []
-        cells = (number(x, 4) for x in (b, *struck, a, a - b))
-        name, share = joint.name, number(float(shares[i]))
-        joints.add_row(str(joint.number), name, f"{joint.unit}/s", *cells, share)
+    rows = [_velocity_row(analysis, velocity, i) for i in range(analysis.robot.n)]
+    title = "Joint velocities: Appendix A's remap"
+    title += "" if impact is None else ", and right after the lock"
+    joints = listing(title, rows, left=3, folded=(1,))
     if analysis.reduced.swinging is not None:
         joints.caption = "a joint without torque is taken to keep its velocity"
     task = analysis.task
@@ -171,20 +170,36 @@ def velocity_tables(analysis: Analysis) -> RenderableType | None:
     return spaced(joints, vectors("Tip velocity", components, columns, digits=5))
 
 
-def shown_positions(robot: Robot, q: Vector, *, degrees: bool) -> list[str]:
-    """Return joint positions as text, sliding ones with their unit."""
+def _velocity_row(
+    analysis: Analysis, velocity: VelocityChange, i: int
+) -> Iterator[tuple[str, str]]:
+    joint, shares, impact = (
+        analysis.robot.joints[i],
+        analysis.velocity_contributions,
+        analysis.impact,
+    )
+    before, after = float(velocity.before[i]), float(velocity.after[i])
+    yield "#", str(joint.number)
+    yield "joint", joint.name
+    yield "\nunit", f"{joint.unit}/s"
+    yield "\nbefore", number(before, 4)
+    if impact is not None:
+        yield "at\nimpact", number(float(impact.after[i]), 4)
+    yield "after\nremap", number(after, 4)
+    yield "\nchange", number(after - before, 4)
+    assert shares is not None  # there is a velocity
+    yield "share of\ntip velocity", number(float(shares[i]))
+
+
+def _positions(analysis: Analysis, *, degrees: bool) -> list[tuple[str, str]]:
+    """Return joint positions under their heading, sliding ones with their unit."""
     shown = []
-    for joint, value in zip(robot.joints, q.tolist(), strict=True):
+    for joint, value in zip(analysis.robot.joints, analysis.posture.q.tolist(), strict=True):
         if joint.type == "prismatic":
             shown.append(f"{number(value, 3)} m")
         else:
             shown.append(number(math.degrees(value), 2) if degrees else number(value, 3))
-    return shown
-
-
-def faults_by_joint(analysis: Analysis) -> dict[int, Fault]:
-    """Return the faults by index of their joint."""
-    return {fault.joint: fault for fault in analysis.faults.faults}
+    return [(f"q\n[{'deg' if degrees else 'rad'}]", text) for text in shown]
 
 
 def by_joint(robot: Robot, torque: Vector, joints: tuple[int, ...]) -> str:

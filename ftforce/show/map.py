@@ -8,20 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.text import Text
 
-from ftforce.batch.cells import Cells, pooled
+from ftforce.batch.cells import AXES, Cells, pooled
 from ftforce.batch.criticality import Estimate
 from ftforce.batch.statistics import quantile
 from ftforce.map_words import cells_in_words, faults_in_words, map_sentence
 from ftforce.show.survival import UNSURE
 from ftforce.show.sweep import joints_table, sweep_facts
-from ftforce.show.tables import TitledTable, facts, spaced, table, warning_lines
+from ftforce.show.tables import TitledTable, facts, listing, spaced, warning_lines
 from ftforce.sweep_words import interval
 from ftforce.words import NEGLIGIBLE, number, ratio, size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
-    from ftforce.batch.cells import Flat
+    from ftforce.batch.cells import Flat, Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
 MOST_CELLS = 8
@@ -110,27 +112,26 @@ def _legend(edge: float, found: WorkspaceMap) -> str:
 def _worst(found: WorkspaceMap, most: int) -> TitledTable:
     blocks = found.blocks
     cells = blocks.cells
-    worst = found.worst(most)
     what = "cells" if blocks.edge < 1.5 * found.located.edge else "blocks"
-    result = table(
-        f"{what.capitalize()} of {blocks.edge:g} m, surely worst first",
-        "x [m]", "y [m]", "z [m]", "postures", "tolerated", "[%] (95 % interval)",
-        left=0, folded=(),
-    )  # fmt: skip
-    for i in worst:
-        share = Estimate(float(cells.share[i]), float(cells.low[i]), float(cells.high[i]))
-        result.add_row(
-            *(number(x, 3) for x in blocks.place[i].tolist()),
-            f"{int(cells.postures[i]):,}",
-            f"{int(cells.tolerated[i]):,}",
-            interval(share),
-        )
+    rows = [_worst_row(blocks, i) for i in found.worst(most)]
+    title = f"{what.capitalize()} of {blocks.edge:g} m, surely worst first"
+    result = listing(title, rows, left=0, folded=())
     bad = int((cells.tolerated < cells.postures).sum())
     result.caption = (
         f"middles of {what}, by the interval's upper end: few postures prove little\n"
         f"{bad:,} of {len(cells.postures):,} {what} hold postures that do not tolerate it"
     )
     return result
+
+
+def _worst_row(blocks: Located, i: int) -> Iterator[tuple[str, str]]:
+    cells = blocks.cells
+    for axis, x in zip(AXES, blocks.place[i].tolist(), strict=True):
+        yield f"{axis} [m]", number(x, 3)
+    yield "postures", f"{int(cells.postures[i]):,}"
+    yield "tolerated", f"{int(cells.tolerated[i]):,}"
+    share = Estimate(float(cells.share[i]), float(cells.low[i]), float(cells.high[i]))
+    yield "[%] (95 % interval)", interval(share)
 
 
 _NAMES = {
@@ -146,13 +147,7 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
     units = {"jump": sweep.setting.size_unit, "capability": sweep.setting.capability_unit}
     unit = f" [{units[quantity]}]" if quantity in units else ""
     is_jump = quantity == "jump"
-    edge = ["most"] if is_jump else ["least"]
-    columns = [f"{100.0 * p:g} %" for p in _SHARES]
-    result = table(
-        f"{_NAMES[quantity]}{unit} when the joint fails alone, quantiles over the postures",
-        "#", "joint", *([] if is_jump else edge), *columns, *(edge if is_jump else []),
-        left=2, folded=(1,),
-    )  # fmt: skip
+    rows = []
     counts = np.asarray(getattr(summary, quantity))
     edges = np.asarray(getattr(summary.bins, quantity if unit else "share"))
     extremes = getattr(summary, f"{'max' if is_jump else 'min'}_{quantity}")
@@ -170,11 +165,17 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
         above = f">{ratio(float(edges[-1]))}" if is_jump else "no limit"
         cells = [_written(x, least, above, amount=bool(unit)) for x in values]
         last = _written(extreme, 0.0, "–", amount=bool(unit))
-        result.add_row(
-            str(one.joint + 1), sweep.setting.joints[one.joint],
-            *([*cells, last] if is_jump else [last, *cells]),
-        )  # fmt: skip
-    return result
+        quantiles = [(f"{100.0 * p:g} %", cell) for p, cell in zip(_SHARES, cells, strict=True)]
+        end = ("most" if is_jump else "least", last)
+        rows.append(
+            [
+                ("#", str(one.joint + 1)),
+                ("joint", sweep.setting.joints[one.joint]),
+                *([*quantiles, end] if is_jump else [end, *quantiles]),
+            ]
+        )
+    title = f"{_NAMES[quantity]}{unit} when the joint fails alone, quantiles over the postures"
+    return listing(title, rows, left=2, folded=(1,))
 
 
 def _written(x: float, least: float, above: str, *, amount: bool) -> str:

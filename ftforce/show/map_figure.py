@@ -8,7 +8,7 @@ from ftforce.batch.cells import AXES, PLANES
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.map_words import depth_in_words, faults_in_words
 from ftforce.show import histograms
-from ftforce.show.canvas import WIDTH, head
+from ftforce.show.canvas import HIGHEST, WIDTH, Options, head
 from ftforce.show.survival import (
     colour_bar,
     map_key,
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 _PANELS = 5.0  # in; width of the maps without numbers and colour bar
 _MAP_HEAD, _ROWS_HEAD = 1.2, 1.1  # in; titles, legend, numbers
 _SINGLE, _SOLID = 3.2, 3.8  # in; height of a map that stands alone
-_HIGHEST = 9.6  # in; a page of A4 with its caption
 _LONGEST = 20  # letters of a joint's name
 _SHORT = {"rho": "ρ", "margin": "Margin", "jump": "Jump", "capability": "Capability"}
 _BESIDE = 2  # histograms beside the ranking
@@ -46,7 +45,7 @@ def draw_map(drawn: Figure, found: WorkspaceMap) -> None:
     rows = [row for i, row in enumerate(rows) if row or i == 0]
     top = _MAP_HEAD + _height(found)
     each = _ROWS_HEAD + histograms.ROW_HEIGHT * len(found.sweep.joints)
-    each = min(each, (_HIGHEST - top) / len(rows))
+    each = min(each, (HIGHEST - top) / len(rows))
     heights = [top, *(each for _ in rows)]
     drawn.set_size_inches(WIDTH, sum(heights))
     parts = drawn.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
@@ -94,10 +93,9 @@ def _draw_flat(part: SubFigure, found: WorkspaceMap) -> None:
         paint_flat(ax, found, flat, one)
         ax.set_title(depth_in_words(found, flat))
     colour_bar(axes[-1], list(axes), one, aspect=16.0)
-    part.legend(
-        handles=map_key([flat.cells for flat in flats]),
-        loc="outside lower left", ncols=3, frameon=False, handlelength=1.8,
-    )  # fmt: skip
+    handles = map_key([flat.cells for flat in flats])
+    place: Options = {"loc": "outside lower left", "ncols": 3}
+    part.legend(handles=handles, **place, frameon=False, handlelength=1.8)
 
 
 def _draw_solid(part: SubFigure, found: WorkspaceMap) -> None:

@@ -19,7 +19,9 @@ from ftforce.show.canvas import (
     LONGEST_NAME,
     MARKERS,
     STROKES,
+    Options,
     canvas,
+    cube,
     fit,
     frame,
     key,
@@ -171,11 +173,15 @@ def _marker(history: History, run: str, i: int) -> dict[str, Any]:
 def _force_key(history: History, rows: Sequence[int]) -> list[Any]:
     from matplotlib.lines import Line2D
 
-    components = [
-        Line2D([], [], color=LINE_COLOURS[i], marker=MARKERS[i], linewidth=4.0, alpha=0.6,
-               label=history.setting.task.components[row])
-        for i, row in enumerate(rows)
-    ]  # fmt: skip
+    components = []
+    for i, row in enumerate(rows):
+        look: Options = {
+            "color": LINE_COLOURS[i],
+            "marker": MARKERS[i],
+            "linewidth": 4.0,
+            "alpha": 0.6,
+        }
+        components.append(Line2D([], [], **look, label=history.setting.task.components[row]))
     runs = [
         Line2D([], [], label=STROKES[name].words, **STROKES[name].options("0.2"))
         for name in history.runs
@@ -227,9 +233,12 @@ def path_error(history: History, *, ax: Axes | None = None) -> Axes:
 
 
 def _of_runs(
-    history: History, values: dict[str, Vector], words: tuple[str, str], least: float,
+    history: History,
+    values: dict[str, Vector],
+    words: tuple[str, str],
+    least: float,
     ax: Axes | None,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw a size over time of all runs: what is smaller than the least is only rounding."""
     with canvas(ax, 1.8) as axes:
         for name, line in values.items():
@@ -266,12 +275,8 @@ def path(history: History, *, ax: Axes | None = None) -> Axes:
         for place, marker, words in _places(history):
             options = {"color": BLACK, "markerfacecolor": "white", "markersize": 5.0}
             solid.plot(*tip[place].T, linestyle="none", marker=marker, label=words, **options)
-        _cube(
-            solid,
-            np.vstack(
-                [history.path, *(run.position[run.until_fall] for run in history.runs.values())]
-            ),
-        )
+        drawn = (run.position[run.until_fall] for run in history.runs.values())
+        _look_at(solid, np.vstack([history.path, *drawn]))
         axes.set_title("Path of the tip")
         axes.legend(loc="upper right", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.0)
     return axes
@@ -287,16 +292,10 @@ def _places(history: History) -> list[tuple[list[int], str, str]]:
     return [*found, (faults, "X", "fault")] if faults else found
 
 
-def _cube(ax: Any, points: Matrix) -> None:
-    """Give the axes one scale: a cube around the points."""
+def _look_at(ax: Any, points: Matrix) -> None:
+    """Show a cube around points, from their side."""
     low, high = points.min(axis=0), points.max(axis=0)
-    half = 0.55 * max(float((high - low).max()), 1e-3)
-    for axis, middle in zip("xyz", (0.5 * (low + high)).tolist(), strict=True):
-        getattr(ax, f"set_{axis}lim")(middle - half, middle + half)
-        getattr(ax, f"set_{axis}label")(f"{axis} [m]")
-        getattr(ax, f"{axis}axis").set_major_locator(_few_ticks())
-        getattr(ax, f"{axis}axis").labelpad = -2.0
-    ax.tick_params(pad=-1.0)
+    cube(ax, low, high, 0.55 * max(float((high - low).max()), 1e-3), nbins=3)
     ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.9)  # its numbers and names need room
     ax.view_init(elev=25.0, azim=_azimuth(points))
 
@@ -305,14 +304,8 @@ def _azimuth(points: Matrix) -> float:
     """Return the direction, degrees, from which a path is seen from its side, not from its end."""
     main = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
     side = math.degrees(math.atan2(main[1], main[0])) + 70.0
-    return min((side, side + 180.0), key=_from_usual)
 
+    def from_usual(azimuth: float) -> float:
+        return abs((azimuth + 60.0 + 180.0) % 360.0 - 180.0)
 
-def _from_usual(azimuth: float) -> float:
-    return abs((azimuth + 60.0 + 180.0) % 360.0 - 180.0)
-
-
-def _few_ticks() -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(3)
+    return min((side, side + 180.0), key=from_usual)

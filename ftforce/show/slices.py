@@ -12,7 +12,7 @@ from ftforce.errors import InputError, UnknownNameError
 from ftforce.faults import FaultMode
 from ftforce.feasible import Reading
 from ftforce.polytope import Polytope, force_polytope
-from ftforce.show.canvas import BLACK, NOTHING, SKY, VERMILION, canvas, key, wrapped
+from ftforce.show.canvas import BLACK, NOTHING, SKY, VERMILION, Options, canvas, key, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,10 +94,9 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
     """Return the forces in the plane of two components, before and after."""
     faults, weights = result.analysis.faults, result.analysis.task.weights
     found = []
+    locked = faults.in_mode(FaultMode.LOCKED)
     for when, label, after, reading, look in _LOOKS:
-        if (after and not faults) or (
-            reading is Reading.HELD and not faults.in_mode(FaultMode.LOCKED)
-        ):
+        if (after and not faults) or (reading is Reading.HELD and not locked):
             continue
         feasible = result.feasible(after=after, reading=reading)
         found.append(Slice(when, label, plane_slice(feasible, rows, weights), look))
@@ -106,13 +105,28 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
 
 # Wide below narrow: where the sets are the same, all outlines show.
 _LOOKS: tuple[tuple[str, str, bool, Reading, dict[str, Any]], ...] = (
-    ("before", "before the fault", False, Reading.COMMANDED,
-     {"facecolor": "#D9EEF9", "edgecolor": SKY, "linewidth": 2.4}),
-    ("after", "after, commanded by motors", True, Reading.COMMANDED,
-     {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.4, "hatch": "////"}),
-    ("with locks", "after, held with locks", True, Reading.HELD,
-     {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.0, "linestyle": (0, (4, 2))}),
-)  # fmt: skip
+    (
+        "before",
+        "before the fault",
+        False,
+        Reading.COMMANDED,
+        {"facecolor": "#D9EEF9", "edgecolor": SKY, "linewidth": 2.4},
+    ),
+    (
+        "after",
+        "after, commanded by motors",
+        True,
+        Reading.COMMANDED,
+        {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.4, "hatch": "////"},
+    ),
+    (
+        "with locks",
+        "after, held with locks",
+        True,
+        Reading.HELD,
+        {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.0, "linestyle": (0, (4, 2))},
+    ),
+)
 
 
 def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = None) -> Polytope:
@@ -223,11 +237,12 @@ def _draw(ax: Axes, corners: Matrix, one: Slice) -> None:
     if len(corners) > 2:
         ax.add_patch(Polygon(corners, closed=True, label=one.words, **look))
     elif len(corners):
-        ax.plot(
-            *corners.T, label=one.words, color=look["edgecolor"], marker="X", markersize=6.0,
-            linewidth=1.5 * look["linewidth"], linestyle=look.get("linestyle", "-"),
-            zorder=3,
-        )  # fmt: skip
+        style: Options = {
+            "linewidth": 1.5 * look["linewidth"],
+            "linestyle": look.get("linestyle", "-"),
+        }
+        points: Options = {"color": look["edgecolor"], "marker": "X", "markersize": 6.0}
+        ax.plot(*corners.T, label=one.words, **points, **style, zorder=3)
 
 
 def _window(ax: Axes, corners: Matrix, *, same_unit: bool) -> None:

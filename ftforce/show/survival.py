@@ -9,7 +9,7 @@ import numpy as np
 from ftforce.batch.cells import AXES, window_of
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.map_words import cells_in_words, faults_in_words
-from ftforce.show.canvas import BLACK, canvas, head, wrapped
+from ftforce.show.canvas import BLACK, Options, canvas, cube, head, mark, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ftforce.arrays import Vector
-    from ftforce.batch.cells import Cells, Flat, Located, Values
+    from ftforce.batch.cells import Cells, Flat, Located
     from ftforce.batch.result import Sweep
     from ftforce.batch.workspace_map import WorkspaceMap
 
@@ -134,17 +134,18 @@ def _is_sure(cells: Cells) -> Any:
 
 def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
     """Paint a map's cells, with the border of the workspace, the origin and doubtful cells."""
+    from matplotlib.ticker import MaxNLocator
+
     cells = flat.cells
     empty = cells.postures == 0
     u, v = flat.edges
-    ax.pcolormesh(
-        u, v, np.ma.masked_where(empty, cells.share).T, vmin=one.floor, vmax=1.0, cmap=_COLOURS,
-        rasterized=True,
-    )  # fmt: skip
+    shown = np.ma.masked_where(empty, cells.share).T
+    ax.pcolormesh(u, v, shown, vmin=one.floor, vmax=1.0, cmap=_COLOURS, rasterized=True)
     _draw_border(ax, flat, ~empty)
     _mark_unsure(ax, flat, one)
-    ax.plot(0.0, 0.0, linestyle="none", marker="P", markersize=5.5, markerfacecolor="white",
-            markeredgecolor=BLACK, markeredgewidth=0.8, zorder=4)  # fmt: skip
+    origin: Options = {"marker": "P", "markersize": 5.5, "markerfacecolor": "white"}
+    edge: Options = {"markeredgecolor": BLACK, "markeredgewidth": 0.8}
+    ax.plot(0.0, 0.0, linestyle="none", **origin, **edge, zorder=4)
     spans = window_of(found.grid.postures)
     borders = [_border(found, axis) for axis in range(3)]
     fits: tuple[Any, ...] = (ax.set_xlim, ax.set_ylim)
@@ -157,7 +158,7 @@ def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
     ax.set_xlabel(f"{flat.plane[0]} [m]")
     ax.set_ylabel(f"{flat.plane[1]} [m]")
     for scale in (ax.xaxis, ax.yaxis):
-        scale.set_major_locator(_few_ticks(5))
+        scale.set_major_locator(MaxNLocator(5))
 
 
 def _border(found: WorkspaceMap, axis: int) -> Vector:
@@ -206,14 +207,11 @@ def map_key(maps: Sequence[Cells]) -> list[Any]:
 
     found: list[Any] = [
         Patch(facecolor="white", edgecolor="0.3", linewidth=0.7, label="no posture"),
-        Line2D([], [], linestyle="none", marker="P", markersize=5.5, markerfacecolor="white",
-               markeredgecolor=BLACK, markeredgewidth=0.8, label="origin of the root's axes"),
-    ]  # fmt: skip
+        mark("P", "white", 5.5, "origin of the root's axes"),
+    ]
     if any(((cells.postures > 0) & ~_is_sure(cells)).any() for cells in maps):
-        found.append(
-            Line2D([], [], linestyle="none", marker="o", markersize=1.8, color=BLACK,
-                   label=UNSURE_WORDS)
-        )  # fmt: skip
+        dot: Options = {"linestyle": "none", "marker": "o", "markersize": 1.8, "color": BLACK}
+        found.append(Line2D([], [], **dot, label=UNSURE_WORDS))
     return found
 
 
@@ -256,27 +254,18 @@ def paint_solid(ax: Any, blocks: Located, one: Scale, points: float | None = Non
     place, edge = blocks.place, blocks.edge
     badness = np.clip((1.0 - blocks.cells.share) / (1.0 - one.floor), 0.0, 1.0)
     colours = colormaps[_COLOURS](1.0 - badness)
-    colours[:, 3] = _opacity(badness)
+    colours[:, 3] = _FAINTEST + (1.0 - _FAINTEST) * badness**1.5
     low, high = place.min(axis=0) - 0.5 * edge, place.max(axis=0) + 0.5 * edge
     side = 0.5 * float((high - low).max())
     size = _OF_HEIGHT * (_points(ax) if points is None else points) * edge / (2.0 * side)
     sizes = np.where(_is_sure(blocks.cells), size, 0.4 * size)
-    ax.scatter(*place.T, s=sizes**2, c=colours, marker="s", linewidth=0.0, depthshade=False,
-               rasterized=True)  # fmt: skip
-    ax.plot([0.0], [0.0], [0.0], linestyle="none", marker="P", markersize=6.0,
-            markerfacecolor="white", markeredgecolor=BLACK)  # fmt: skip
-    for name, middle in zip(AXES, (0.5 * (low + high)).tolist(), strict=True):
-        getattr(ax, f"set_{name}lim")(middle - side, middle + side)
-        getattr(ax, f"set_{name}label")(f"{name} [m]")
-        getattr(ax, f"{name}axis").set_major_locator(_few_ticks(5, prune="both"))
-        getattr(ax, f"{name}axis").labelpad = -2.0
-    ax.tick_params(pad=-1.0)
+    square: Options = {"marker": "s", "linewidth": 0.0, "depthshade": False}
+    ax.scatter(*place.T, s=sizes**2, c=colours, **square, rasterized=True)
+    origin: Options = {"marker": "P", "markersize": 6.0, "markerfacecolor": "white"}
+    ax.plot([0.0], [0.0], [0.0], linestyle="none", **origin, markeredgecolor=BLACK)
+    cube(ax, low, high, side, nbins=5, prune="both")
     ax.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
     ax.view_init(elev=22.0, azim=-55.0)
-
-
-def _opacity(badness: Values) -> Values:
-    return np.asarray(_FAINTEST + (1.0 - _FAINTEST) * badness**1.5)
 
 
 def _points(ax: Axes) -> float:
@@ -284,9 +273,3 @@ def _points(ax: Axes) -> float:
     figure = ax.get_figure(root=True)
     assert figure is not None
     return float(72.0 / figure.dpi * min(ax.bbox.width, ax.bbox.height))
-
-
-def _few_ticks(most: int, **options: Any) -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(most, **options)

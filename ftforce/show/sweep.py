@@ -9,17 +9,14 @@ from rich.text import Text
 
 from ftforce.batch.bins import LINEAR_BINS
 from ftforce.batch.statistics import quantile as quantile_of
-from ftforce.show.tables import defined, facts, spaced, table, warning_lines
-from ftforce.sweep_words import (
-    direction_in_words,
-    force_in_words,
-    interval,
-    share,
-    sweep_sentence,
-)
-from ftforce.words import NEGLIGIBLE, ratio, size
+from ftforce.show.analysis import arm_fact
+from ftforce.show.tables import amount, defined, facts, listing, spaced, warning_lines
+from ftforce.sweep_words import direction_in_words, force_in_words, interval, sweep_sentence
+from ftforce.words import NEGLIGIBLE, axes_in_words, ratio, set_of, share
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
     from ftforce.batch.criticality import JointCriticality
@@ -52,18 +49,16 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
     has_moments = any(name[0] == "m" for name in setting.components)
     length = f", characteristic length {setting.length:g} m" if has_moments else ""
     numbered = ", ".join(f"{i} {name}" for i, name in enumerate(setting.joints, start=1))
-    axes = (
-        "the tool frame" if setting.axes == "tool" else "the world (the robot's root), at the tip"
-    )
     sizes = "1 joint" if setting.largest == 1 else f"1 to {setting.largest} joints"
     gravity = ", ".join(f"{g:g}" for g in setting.gravity)
-    weight = [("Weight", f"gravity ({gravity}) m/s² in the root's axes{_payload(sweep)}")]
+    payload = "" if setting.payload is None else f"; payload {setting.payload}"
+    weight = [("Weight", f"gravity ({gravity}) m/s² in the root's axes{payload}")]
     weighs = setting.direction is not None or setting.mode == "free"
     stored = [] if sweep.path is None else [("Stored", f"{sweep.path} (kept: {setting.keep})")]
     return [
-        ("Robot", f"{setting.robot}: {setting.n} joints, {setting.base} → {setting.tip}"),
+        arm_fact(setting.robot, setting.n, setting.base, setting.tip),
         ("Joints", numbered),
-        ("Axes", f"{setting.axes}: vectors are in the axes of {axes}"),
+        ("Axes", f"{setting.axes}: vectors are in the axes of {axes_in_words(setting)}"),
         ("Task", f"{setting.task} ({', '.join(setting.components)}){length}"),
         ("Postures", setting.postures),
         ("Faults", f"{len(sweep.sets)} sets of {sizes}, {setting.mode}"),
@@ -75,23 +70,12 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
     ]
 
 
-def _payload(sweep: Sweep) -> str:
-    return "" if sweep.setting.payload is None else f"; payload {sweep.setting.payload}"
-
-
 def joints_table(sweep: Sweep) -> TitledTable:
     """Return the joints, most critical first, with 95 % confidence intervals."""
-    setting, joints = sweep.setting, sweep.joints
-    several = setting.largest > 1
-    capable = any(joint.capability is not None for joint in joints)
-    result = table(
-        "Joints, most critical first",
-        "#", "joint", "not tolerated\n[%] (95 % interval)", "border-\nline [%]",
-        *(["alone\n[%]"] if several else []), "margin\n5 %", "\n50 %", "ρ\n5 %", "\n50 %",
-        *([f"force\n[{setting.capability_unit}]"] if capable else []), left=3, folded=(1,),
-    )  # fmt: skip
-    for joint in joints:
-        result.add_row(*_joint(sweep, joint, several=several, capable=capable))
+    several = sweep.setting.largest > 1
+    capable = any(joint.capability is not None for joint in sweep.joints)
+    rows = [_joint(sweep, joint, capable=capable) for joint in sweep.joints]
+    result = listing("Joints, most critical first", rows, left=3, folded=(1,))
     notes = ["margin, ρ: quantiles over the postures when the joint fails alone"]
     if several:
         notes.insert(0, "not tolerated: of all cases, postures × sets that hold the joint")
@@ -103,19 +87,22 @@ def joints_table(sweep: Sweep) -> TitledTable:
 
 
 def _joint(
-    sweep: Sweep, joint: JointCriticality, *, several: bool, capable: bool
-) -> tuple[str | Text, ...]:
-    amount = "–" if joint.capability is None else _amount(joint.capability.value)
-    style = "bold red" if joint.not_tolerated.value > 0.0 else ""
-    return (
-        str(joint.joint + 1),
-        sweep.setting.joints[joint.joint],
-        Text(interval(joint.not_tolerated), style=style),
-        share(joint.borderline),
-        *([share(joint.alone.value)] if several else []),
-        *(quantile(one.value) for one in (*joint.margin, *joint.rho)),
-        *([amount] if capable else []),
-    )
+    sweep: Sweep, joint: JointCriticality, *, capable: bool
+) -> Iterator[tuple[str, str | Text]]:
+    setting, lost = sweep.setting, joint.not_tolerated
+    yield "#", str(joint.joint + 1)
+    yield "joint", setting.joints[joint.joint]
+    style = "bold red" if lost.value > 0.0 else ""
+    yield "not tolerated\n[%] (95 % interval)", Text(interval(lost), style=style)
+    yield "border-\nline [%]", share(joint.borderline)
+    if setting.largest > 1:
+        yield "alone\n[%]", share(joint.alone.value)
+    for name, (low, middle) in {"margin": joint.margin, "ρ": joint.rho}.items():
+        yield f"{name}\n5 %", quantile(low.value)
+        yield "\n50 %", quantile(middle.value)
+    if capable:
+        median = "–" if joint.capability is None else amount(joint.capability.value)
+        yield f"force\n[{setting.capability_unit}]", median
 
 
 def quantile(x: float) -> str:
@@ -123,33 +110,13 @@ def quantile(x: float) -> str:
     return f"<{_BIN:g}" if x < _BIN else defined(x)
 
 
-def _amount(x: float) -> str:
-    return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, 1)
-
-
 def _sets(sweep: Sweep, most: int) -> TitledTable:
     setting, ranked = sweep.setting, sweep.ranked
     jumps = any(one.jump is not None for one in ranked)
     capable = any(one.capability is not None for one in ranked)
     falls = any(one.falls > 0.0 for one in ranked)
-    unit = setting.size_unit
-    result = table(
-        f"Fault sets, {setting.mode}, worst first",
-        setting.mode, "not tol.\n[%]", "border-\nline [%]", *(["falls\n[%]"] if falls else []),
-        *([f"jump 50 %\n[{unit}]", "\n95 %", "\nmost"] if jumps else []), "margin\n5 %", "ρ\n5 %",
-        *([f"force 5 %\n[{setting.capability_unit}]", "\n50 %"] if capable else []), folded=(),
-    )  # fmt: skip
-    for one in ranked[:most]:
-        result.add_row(
-            "{" + ", ".join(str(i + 1) for i in one.faults.joints) + "}",
-            share(one.not_tolerated.value),
-            share(one.borderline.value),
-            *([share(one.falls)] if falls else []),
-            *(_jumps(sweep, one) if jumps else ()),
-            quantile(one.margin[0]),
-            quantile(one.rho[0]),
-            *(map(_amount, one.capability) if one.capability is not None else ()),
-        )
+    rows = [_set(sweep, one, falls=falls, jumps=jumps) for one in ranked[:most]]
+    result = listing(f"Fault sets, {setting.mode}, worst first", rows, folded=())
     notes = ["falls: nothing holds the arm"] if falls else []
     if jumps:
         notes.append("jump: quantiles over the postures, and the largest")
@@ -161,21 +128,39 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
     return result
 
 
+def _set(sweep: Sweep, one: SetSummary, *, falls: bool, jumps: bool) -> Iterator[tuple[str, str]]:
+    setting = sweep.setting
+    yield setting.mode, set_of(one.faults.joints)
+    yield "not tol.\n[%]", share(one.not_tolerated.value)
+    yield "border-\nline [%]", share(one.borderline.value)
+    if falls:
+        yield "falls\n[%]", share(one.falls)
+    if jumps:
+        headings = (f"jump 50 %\n[{setting.size_unit}]", "\n95 %", "\nmost")
+        yield from zip(headings, _jumps(sweep, one), strict=True)
+    yield "margin\n5 %", quantile(one.margin[0])
+    yield "ρ\n5 %", quantile(one.rho[0])
+    if one.capability is not None:
+        yield f"force 5 %\n[{setting.capability_unit}]", amount(one.capability[0])
+        yield "\n50 %", amount(one.capability[1])
+
+
 def _jumps(sweep: Sweep, one: SetSummary) -> tuple[str, ...]:
     """Return the jump's quantiles and its largest; what lies in the first bin may be nothing."""
     edges = sweep.summary.bins.jump
     if one.jump is None or edges is None:
         return ("–", "–", "–")
     *quantiles, most = one.jump
-    nothing = most <= NEGLIGIBLE
-    cells = ["0" if nothing else _jump(x, float(edges[1]), float(edges[-1])) for x in quantiles]
-    return (*cells, "0" if nothing else "–" if math.isnan(most) else size(most, 1))
+    if most <= NEGLIGIBLE:
+        return ("0", "0", "0")
+    cells = (_jump(x, float(edges[1]), float(edges[-1])) for x in quantiles)
+    return (*cells, amount(most))
 
 
 def _jump(x: float, first: float, last: float) -> str:
     if math.isinf(x):
         return f">{ratio(last)}"
-    return f"<{ratio(first)}" if x < first else _amount(x)
+    return f"<{ratio(first)}" if x < first else amount(x)
 
 
 def _shares(sweep: Sweep) -> list[tuple[str, str]]:

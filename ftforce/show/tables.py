@@ -72,6 +72,21 @@ def table(title: str, *columns: str, left: int = 1, folded: Sequence[int] = (0,)
     return TitledTable(title, body)
 
 
+def listing(
+    title: str,
+    rows: Iterable[Iterable[tuple[str, str | Text]]],
+    *,
+    left: int = 1,
+    folded: Sequence[int] = (0,),
+) -> TitledTable:
+    """Return a table of rows that are pairs of a heading and a cell, headings alike in all."""
+    all_rows = [tuple(row) for row in rows] or [()]
+    result = table(title, *(heading for heading, _ in all_rows[0]), left=left, folded=folded)
+    for row in all_rows:
+        result.add_row(*(cell for _, cell in row))
+    return result
+
+
 def spaced(*parts: RenderableType | None) -> Group:
     """Put an empty line between the parts."""
     shown: list[RenderableType] = []
@@ -141,6 +156,11 @@ def fault_text(fault: Fault | None) -> Text:
 def state_text(locked: bool) -> Text:
     """Return the state of a joint that is locked or healthy in words and colour."""
     return fault_text(Fault(0) if locked else None)
+
+
+def amount(x: float, digits: int = 1) -> str:
+    """Write how much can be held: a dash for nothing, and in words where no limit ends it."""
+    return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, digits)
 
 
 def defined(x: float) -> str:

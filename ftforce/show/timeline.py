@@ -9,11 +9,13 @@ from rich.text import Text
 
 from ftforce import words
 from ftforce.history_words import timeline_sentence
-from ftforce.show.analysis import conditions_facts
-from ftforce.show.tables import facts, spaced, table, verdict_text, warning_lines
-from ftforce.words import number, ratio, size
+from ftforce.show.analysis import arm_fact, conditions_facts, force_fact, task_facts
+from ftforce.show.tables import amount, facts, listing, spaced, verdict_text, warning_lines
+from ftforce.words import ratio, size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import RenderableType
 
     from ftforce.fault_timeline import Timeline, WorstInstant
@@ -34,12 +36,7 @@ def timeline_view(timeline: Timeline, *, most: int = MOST_SETS) -> RenderableTyp
 
 
 def _situation(timeline: Timeline) -> list[tuple[str, str]]:
-    robot, task = timeline.robot, timeline.task
-    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
-    force = "every direction (none given)"
-    if timeline.force is not None:
-        parts = zip(timeline.force.tolist(), task.components, task.units, strict=True)
-        force = ", ".join(f"{name} {number(x)} {unit}" for x, name, unit in parts)
+    robot = timeline.robot
     where = "in the weakest direction"
     if timeline.direction is not None:
         where = f"along {words.vector_in_words(timeline.direction)}"
@@ -48,13 +45,12 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
     if bearing is not None and timeline.limits is None:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
-        ("Robot", f"{robot.name}: {robot.n} joints, {robot.base} → {robot.tip}"),
+        arm_fact(robot.name, robot.n, robot.base, robot.tip),
         ("Joints", robot.numbered()),
-        ("Axes", f"{task.axes}: vectors are in the axes of {words.axes_in_words(task)}"),
-        ("Task", f"{task} ({', '.join(task.components)}){length}"),
+        *task_facts(timeline.task),
         ("Path", f"{timeline.course} (points in the root's axes)"),
         ("Start", timeline.start),
-        ("Force", force),
+        force_fact(timeline.task, timeline.force),
         ("Capability", f"the largest force that can be commanded {where}"),
         *conditions_facts(timeline.conditions),
         ("Limits", counted),
@@ -64,31 +60,28 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
 
 def _sets(timeline: Timeline, most: int) -> TitledTable:
     unit = words.unit_of_size(timeline.task, timeline.direction)
-    of_jump = timeline.task.size_unit
     instants = timeline.worst()
-    result = table(
+    result = listing(
         f"The worst instant of each fault set ({timeline.mode}), worst set first",
-        "set", "joints", "at", f"jump [{of_jump}]", "margin", "verdict",
-        f"least [{unit}]", "at ", left=2, folded=(1, 5),
-    )  # fmt: skip
-    for worst in instants[:most]:
-        result.add_row(*_row(timeline, worst))
+        [_row(timeline, worst, unit) for worst in instants[:most]],
+        left=2,
+        folded=(1, 5),
+    )
     result.caption = f"least: smallest capability over time, {unit}"
     if len(instants) > most:
         result.caption += f"; {len(instants) - most} more sets are not shown (--top)"
     return result
 
 
-def _row(timeline: Timeline, worst: WorstInstant) -> tuple[str | Text, ...]:
-    names = ", ".join(timeline.robot.names[i] for i in worst.faults.joints)
+def _row(timeline: Timeline, worst: WorstInstant, unit: str) -> Iterator[tuple[str, str | Text]]:
+    names = timeline.robot.names
+    yield "set", words.set_of(worst.faults.joints)
+    yield "joints", ", ".join(names[i] for i in worst.faults.joints)
+    yield "at", f"{worst.time:g} s"
     jump = "–" if math.isnan(worst.jump) else size(worst.jump)
-    least = size(worst.capability)
-    if math.isnan(worst.capability):
-        least = "falls"
-    elif math.isinf(worst.capability):
-        least = "no limit"
-    numbers = "{" + ", ".join(str(i + 1) for i in worst.faults.joints) + "}"
-    return (
-        numbers, names, f"{worst.time:g} s", jump, ratio(worst.margin),
-        verdict_text(worst.verdict), least, f"{worst.capability_time:g} s",
-    )  # fmt: skip
+    yield f"jump [{timeline.task.size_unit}]", jump
+    yield "margin", ratio(worst.margin)
+    yield "verdict", verdict_text(worst.verdict)
+    least = "falls" if math.isnan(worst.capability) else amount(worst.capability, 2)
+    yield f"least [{unit}]", least
+    yield "at ", f"{worst.capability_time:g} s"

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis import Analysis, analyze
+from ftforce.analysis import Analysis, analyze, load_without_force, shown_limits
 from ftforce.errors import FtforceError
 from ftforce.fault_census import Census, census
 from ftforce.faults import Fault, FaultMode
 from ftforce.feasible import Reading
 from ftforce.force_capability import Amount, Capability, capability_of
-from ftforce.show.analysis import load_without_force
 from ftforce.words import NEGLIGIBLE
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Vector
     from ftforce.robot import Robot
     from ftforce.view.state import State
 
@@ -173,7 +171,7 @@ def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
         elif analysis.can_stand_still:
             brake = load_without_force(analysis)
             after = np.where(analysis.reduced.commanding, brake, 0.0)
-    limits, faults = _limits(analysis), {f.joint: f for f in analysis.faults.faults}
+    limits, faults = shown_limits(analysis), {f.joint: f for f in analysis.faults.faults}
     rows = []
     for i, joint in enumerate(robot.joints):
         is_locked = bool(analysis.reduced.locked[i])
@@ -201,10 +199,3 @@ def _share(load: float, limit: float) -> float:
     if limit == 0.0:
         return math.inf if abs(load) > NEGLIGIBLE else 0.0
     return abs(load) / limit
-
-
-def _limits(analysis: Analysis) -> Vector:
-    """Return the limits that are shown: those that count, or the URDF's motors', (n,)."""
-    if analysis.limits is None:
-        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
-    return analysis.limits.largest_torques(analysis.faults)
