@@ -38,9 +38,6 @@ def campaign(full: int, quick: int | None = None) -> int:
     return max(1, full // 10) if quick is None else quick
 
 
-CAMPAIGN = os.environ.get("FTFORCE_CAMPAIGN") == "1"
-
-
 def assert_close(got, wanted, *, scale=None, tol=TOL):
     """Compare within ``tol`` of ``scale``; without it, of the largest number that is wanted."""
     wanted = np.asarray(wanted, dtype=float)

@@ -199,11 +199,7 @@ def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Va
     cell_edges = np.arange(CELL_BINS + 1) / CELL_BINS
     edges = {
         "share_bin": (bins.share, "1", "margin or relative manipulability"),
-        "cell_bin": (
-            np.arange(CELL_BINS + 1) / CELL_BINS,
-            "1",
-            "margin or relative manipulability",
-        ),
+        "cell_bin": (cell_edges, "1", "margin or relative manipulability"),
     }
     force, capability = (
         unit.replace("·", " ") for unit in (setting.size_unit, setting.capability_unit)
