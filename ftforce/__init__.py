@@ -12,66 +12,66 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ftforce.version import __version__ as __version__
+from ftforce.__version__ import __version__ as __version__
 
 if TYPE_CHECKING:
-    from ftforce.analysis import Analysis, analyze
+    from ftforce.analysis.analyze import Analysis, analyze
+    from ftforce.analysis.capability import capability
+    from ftforce.analysis.census import Census, census
     from ftforce.batch.comparison import Comparison, compare
     from ftforce.batch.remapper import Remapper
     from ftforce.batch.result import Sweep
-    from ftforce.batch.store import open_sweep
+    from ftforce.batch.store.store import open_sweep
     from ftforce.batch.sweep import sweep
-    from ftforce.closed_forms import Remap, remap
-    from ftforce.dh import DHTable
+    from ftforce.core.faults import Fault, FaultMode, FaultSet
+    from ftforce.core.measures import Verdict
+    from ftforce.core.remap import Remap, remap
+    from ftforce.core.task import Task
     from ftforce.documents import to_dict
     from ftforce.errors import FtforceError
-    from ftforce.fault_census import Census, census
-    from ftforce.fault_timeline import Timeline, timeline
-    from ftforce.faults import Fault, FaultMode, FaultSet
-    from ftforce.files import save
-    from ftforce.force_capability import capability
-    from ftforce.generate import write_robot
-    from ftforce.history import History
-    from ftforce.history_files import load_history
-    from ftforce.load import load_robot
-    from ftforce.metrics import Verdict
-    from ftforce.registry import known_robots
-    from ftforce.robot import Robot
-    from ftforce.simulation import simulate
-    from ftforce.task import Task
+    from ftforce.report.files import save
+    from ftforce.robot.formats.dh import DHTable
+    from ftforce.robot.formats.dh_to_urdf import write_robot
+    from ftforce.robot.known_robots import known_robots
+    from ftforce.robot.load import load_robot
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import History
+    from ftforce.trajectory.history_files import load_history
+    from ftforce.trajectory.simulate import simulate
+    from ftforce.trajectory.timeline import Timeline, timeline
 
 _HOMES = {
-    "Analysis": "analysis",
-    "Census": "fault_census",
+    "Analysis": "analysis.analyze",
+    "Census": "analysis.census",
     "Comparison": "batch.comparison",
-    "DHTable": "dh",
-    "Fault": "faults",
-    "FaultMode": "faults",
-    "FaultSet": "faults",
+    "DHTable": "robot.formats.dh",
+    "Fault": "core.faults",
+    "FaultMode": "core.faults",
+    "FaultSet": "core.faults",
     "FtforceError": "errors",
-    "History": "history",
-    "Remap": "closed_forms",
+    "History": "trajectory.history",
+    "Remap": "core.remap",
     "Remapper": "batch.remapper",
-    "Robot": "robot",
+    "Robot": "robot.robot",
     "Sweep": "batch.result",
-    "Task": "task",
-    "Timeline": "fault_timeline",
-    "Verdict": "metrics",
-    "analyze": "analysis",
-    "capability": "force_capability",
-    "census": "fault_census",
+    "Task": "core.task",
+    "Timeline": "trajectory.timeline",
+    "Verdict": "core.measures",
+    "analyze": "analysis.analyze",
+    "capability": "analysis.capability",
+    "census": "analysis.census",
     "compare": "batch.comparison",
-    "known_robots": "registry",
-    "load_history": "history_files",
-    "load_robot": "load",
-    "open_sweep": "batch.store",
-    "remap": "closed_forms",
-    "save": "files",
-    "simulate": "simulation",
+    "known_robots": "robot.known_robots",
+    "load_history": "trajectory.history_files",
+    "load_robot": "robot.load",
+    "open_sweep": "batch.store.store",
+    "remap": "core.remap",
+    "save": "report.files",
+    "simulate": "trajectory.simulate",
     "sweep": "batch.sweep",
-    "timeline": "fault_timeline",
+    "timeline": "trajectory.timeline",
     "to_dict": "documents",
-    "write_robot": "generate",
+    "write_robot": "robot.formats.dh_to_urdf",
 }
 
 __all__ = [

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ftforce.batch.arm_report import CONFIDENCE
-from ftforce.comparison_words import KEY, comparison_sentence
-from ftforce.document_parts import (
+from ftforce.report.comparison import KEY, comparison_sentence
+from ftforce.report.parts import (
     Document,
     Row,
     estimate_part,
@@ -19,8 +19,8 @@ from ftforce.document_parts import (
 if TYPE_CHECKING:
     from ftforce.batch.arm_report import ArmReport, SizeReport
     from ftforce.batch.comparison import Comparison
-    from ftforce.batch.criticality import Estimate
     from ftforce.batch.result import SweepSetting
+    from ftforce.batch.summary.criticality import Estimate
 
 
 def comparison_document(comparison: Comparison) -> Document:

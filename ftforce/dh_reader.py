@@ -1,4 +1,4 @@
-"""DH tables from TOML files; `ftforce.dh` checks the values, and knows no file."""
+"""DH tables from TOML files; `ftforce.robot.formats.dh` checks the values, and knows no file."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 from reprlib import repr as brief
 from typing import TYPE_CHECKING, Any, Literal
 
-from ftforce.dh import DHRow, DHTable, MassModel, check_choice, check_number
 from ftforce.errors import DHTableError, InputError, UnknownNameError, listed
-from ftforce.source import read_text
+from ftforce.io.text import read_text
+from ftforce.robot.formats.dh import DHRow, DHTable, MassModel, check_choice, check_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

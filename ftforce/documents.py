@@ -5,13 +5,22 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import TYPE_CHECKING
 
-from ftforce import capability_words, metrics, sentences
-from ftforce.analysis import Analysis
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import Capability, capability_of
+from ftforce.analysis.census import Census
+from ftforce.analysis.paper import ERRATA, Replication
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.comparison_documents import comparison_document
-from ftforce.document_parts import (
+from ftforce.core import measures
+from ftforce.core.faults import FaultMode
+from ftforce.errors import InputError
+from ftforce.history_documents import history_document, timeline_document
+from ftforce.map_documents import map_document
+from ftforce.report import analysis as sentences
+from ftforce.report import capability as capability_words
+from ftforce.report.parts import (
     Document,
     arm_part,
     capability_part,
@@ -29,22 +38,15 @@ from ftforce.document_parts import (
     total_part,
     velocity_part,
 )
-from ftforce.errors import InputError
-from ftforce.fault_census import Census
-from ftforce.fault_timeline import Timeline
-from ftforce.faults import FaultMode
-from ftforce.force_capability import Capability, capability_of
-from ftforce.history import History
-from ftforce.history_documents import history_document, timeline_document
-from ftforce.map_documents import map_document
-from ftforce.replicate import ERRATA, Replication
-from ftforce.robot import Robot
+from ftforce.robot.robot import Robot
 from ftforce.sweep_documents import sweep_document
+from ftforce.trajectory.history import History
+from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ftforce.set_reports import SetReport
+    from ftforce.analysis.fault_set import SetReport
 
 
 @singledispatch
@@ -76,7 +78,7 @@ def _analysis(analysis: Analysis) -> Document:
             "sigma_min": reduced.healthy.s[-1],
             "sigma_min_after": reduced.damaged.s[-1],
             "margin": analysis.margin,
-            "condition_number_after": finite(metrics.condition_number(reduced)),
+            "condition_number_after": finite(measures.condition_number(reduced)),
             "relative_manipulability": finite(analysis.relative_manipulability),
             "lost_directions": analysis.lost_directions.tolist(),
             "force_error_per_torque": finite(analysis.force_error),

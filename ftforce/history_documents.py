@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.document_parts import (
+from ftforce.report.history import history_sentence, timeline_sentence, worst_verdict
+from ftforce.report.parts import (
     GRAVITY_UNIT,
     POSITION_UNIT,
     TORQUE_UNIT,
@@ -19,12 +20,11 @@ from ftforce.document_parts import (
     modes_part,
     task_part,
 )
-from ftforce.history_words import history_sentence, timeline_sentence, worst_verdict
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Matrix, Vector
-    from ftforce.fault_timeline import Timeline, WorstInstant
-    from ftforce.history import EventReport, History, Run
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.trajectory.history import EventReport, History, Run
+    from ftforce.trajectory.timeline import Timeline, WorstInstant
 
 
 def history_document(history: History) -> Document:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ftforce import words
-from ftforce.batch.cells import AXES
-from ftforce.document_parts import Document, Row, finite, listed, setting_part
-from ftforce.map_words import map_sentence
+from ftforce.batch.summary.cells import AXES
+from ftforce.report import text
+from ftforce.report.map import map_sentence
+from ftforce.report.parts import Document, Row, finite, listed, setting_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ftforce.batch.cells import Located
+    from ftforce.batch.summary.cells import Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
 EVERY = "every"
@@ -29,7 +29,7 @@ def map_document(found: WorkspaceMap) -> Document:
             "axes": setting.axes,
             "task": setting.task,
             "components": list(setting.components),
-            "sign": words.SIGN,
+            "sign": text.SIGN,
             "units": {"place": "m", "force": "N (N·m)"},
             "place": "middle of a cell, in the root's axes",
             "intervals": "95 %",
@@ -69,7 +69,7 @@ def map_rows(found: WorkspaceMap) -> list[Row]:
     for joints, one in _each(found):
         faults, which = EVERY, ""
         if joints is not None:
-            faults = words.set_of(i - 1 for i in joints)
+            faults = text.set_of(i - 1 for i in joints)
             which = " ".join(names[i - 1] for i in joints)
         for place, *counts in zip(one.place.tolist(), *one.cells, strict=True):
             rows.append((faults, which, *place, one.edge, *map(_plain, counts)))

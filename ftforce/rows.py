@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce import words
-from ftforce.analysis import Analysis
-from ftforce.arrays import over
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import Amount, Capability
+from ftforce.analysis.census import Census
+from ftforce.analysis.paper import Replication
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.comparison_documents import comparison_rows
-from ftforce.document_parts import (
+from ftforce.core.arrays import over
+from ftforce.core.faults import FaultMode
+from ftforce.core.feasible_forces import Reading
+from ftforce.errors import InputError
+from ftforce.map_documents import map_rows
+from ftforce.report import text
+from ftforce.report.parts import (
     Document,
     Row,
     check_part,
@@ -24,23 +31,16 @@ from ftforce.document_parts import (
     rows_of,
     task_columns,
 )
-from ftforce.errors import InputError
-from ftforce.fault_census import Census
-from ftforce.fault_timeline import Timeline
-from ftforce.faults import FaultMode
-from ftforce.feasible import Reading
-from ftforce.force_capability import Amount, Capability
-from ftforce.history import VERDICTS
-from ftforce.map_documents import map_rows
-from ftforce.replicate import Replication
-from ftforce.robot import Robot
+from ftforce.robot.robot import Robot
 from ftforce.sweep_documents import sweep_rows
+from ftforce.trajectory.history import VERDICTS
+from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ftforce.arrays import Vector
-    from ftforce.set_reports import SetReport
+    from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.arrays import Vector
 
 
 @singledispatch
@@ -105,7 +105,7 @@ def _set(census: Census, report: SetReport) -> Document:
 @to_rows.register(Capability)
 def _capability(capability: Capability) -> list[Row]:
     reports = [(report, report.unit) for report in capability.directions]
-    reports.append((capability.weakest, words.unit_of_size(capability.analysis.task)))
+    reports.append((capability.weakest, text.unit_of_size(capability.analysis.task)))
     found = [
         ((report.name, unit, when, reading.value), amounts[reading])
         for report, unit in reports
@@ -138,7 +138,7 @@ def _amount(capability: Capability, about: tuple[str, str, str, str], amount: Am
 @to_rows.register(Timeline)
 def _timeline(timeline: Timeline) -> list[Row]:
     names, task = timeline.robot.names, timeline.task
-    unit = words.unit_of_size(task, timeline.direction)
+    unit = text.unit_of_size(task, timeline.direction)
     conventions = {
         **task_columns(task),
         "limits": limits_source(timeline.limits),

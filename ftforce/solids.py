@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.dh import DHTable, cos_sin
 from ftforce.errors import DHTableError
+from ftforce.robot.formats.dh import DHTable, cos_sin
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Matrix
-    from ftforce.dh import MassModel
+    from ftforce.core.arrays import Matrix
+    from ftforce.robot.formats.dh import MassModel
 
 Triple: TypeAlias = tuple[float, float, float]
 ZERO = (0.0, 0.0, 0.0)

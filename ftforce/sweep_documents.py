@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ftforce import words
-from ftforce.document_parts import (
+from ftforce.report import text
+from ftforce.report.parts import (
     Document,
     Row,
     estimate_part,
@@ -16,12 +16,12 @@ from ftforce.document_parts import (
     rows_of,
     setting_part,
 )
-from ftforce.sweep_words import sweep_sentence
+from ftforce.report.sweep import sweep_sentence
 
 if TYPE_CHECKING:
-    from ftforce.batch.criticality import JointCriticality
     from ftforce.batch.result import Sweep
     from ftforce.batch.set_summaries import SetSummary
+    from ftforce.batch.summary.criticality import JointCriticality
 
 
 def sweep_document(sweep: Sweep) -> Document:
@@ -62,7 +62,7 @@ def _conventions(sweep: Sweep) -> Document:
         "task": setting.task,
         "components": list(setting.components),
         "length": setting.length if has_moments else None,
-        "sign": words.SIGN,
+        "sign": text.SIGN,
         "units": {"jump": setting.size_unit, "capability": setting.capability_unit, "place": "m"},
         "quantiles": "of histograms, to one bin: 0.001 of margin and rho, 0.001 of the force for "
         "jumps, a hundredth of a decade for capabilities",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ftforce.errors import InputError, UnknownNameError, listed, printable
-from ftforce.urdf import MOVING
+from ftforce.robot.formats.tree import MOVING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ftforce.srdf import Srdf
-    from ftforce.urdf import UrdfJoint, UrdfTree
+    from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
+    from ftforce.robot.srdf import Srdf
 
 GIVEN = "given"
 

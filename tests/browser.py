@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ftforce.errors import FtforceError
-from ftforce.view.screenshot import find_browser
+from ftforce.view.server.screenshot import find_browser
 
 ARGS = (
     "--disable-background-networking",

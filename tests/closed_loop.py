@@ -29,8 +29,8 @@ from scipy.interpolate import CubicSpline
 
 import ftforce
 import physics
-from ftforce.fault_events import read_events
-from ftforce.faults import FaultMode
+from ftforce.core.faults import FaultMode
+from ftforce.trajectory.fault_events import read_events
 from physics import PIN_TIME, STEP, TIP
 
 if TYPE_CHECKING:
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce import Robot
-    from ftforce.arrays import Mask, Matrix, Vector
-    from ftforce.fault_events import Events
-    from ftforce.history import History, Run
+    from ftforce.core.arrays import Mask, Matrix, Vector
+    from ftforce.trajectory.fault_events import Events
+    from ftforce.trajectory.history import History, Run
 
 SETTLED = 0.2  # s after the start, a fault or its remap, in which forces may be off
 STIFFNESS = 400.0  # N·m/rad, of the controller's springs

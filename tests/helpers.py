@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ftforce import Robot, known_robots, load_robot, write_robot
-from ftforce.dh import DHRow, DHTable, MassModel
-from ftforce.kinematics import tip_pose
-from ftforce.paths import Path as TipPath
-from ftforce.posture import choose_posture
-from ftforce.reduced import RTOL, reduce
+from ftforce.core.reduced_jacobian import RTOL, reduce
+from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
+from ftforce.robot.kinematics import tip_pose
+from ftforce.robot.posture import choose_posture
+from ftforce.trajectory.path import Path as TipPath
 
 TOL = 1e-9
 KNOWN = tuple(known_robots())

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce import Robot
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.core.arrays import Matrix, Vector
 
 GRAVITY = (0.0, 0.0, -9.81)  # m/s², in the root's axes
 STEP = 5e-4  # s

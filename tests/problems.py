@@ -12,8 +12,8 @@ import numpy as np
 import quadprog
 from scipy.optimize import linprog
 
-from ftforce.bounded import bounded_remap
-from ftforce.reduced import RTOL
+from ftforce.core.bounded_remap import bounded_remap
+from ftforce.core.reduced_jacobian import RTOL
 
 INDEPENDENT = 1e-7  # of equations with unit normals: what is less independent says nothing new
 

@@ -14,7 +14,7 @@ import pytest
 import ftforce
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
-from ftforce.files import to_text
+from ftforce.report.files import to_text
 from urdfs import LINKS, arm, followed, j2, link, load
 
 INF = math.inf
@@ -55,7 +55,7 @@ def capable_of(case):
     """Return the capability of a case with limits, and in a direction."""
     analysis = analysed(case)
     direction = np.arange(1.0, analysis.task.m + 1.0)
-    return ftforce.force_capability.capability_of(analysis, direction)
+    return ftforce.analysis.capability.capability_of(analysis, direction)
 
 
 def answers_of(robot, q, sets, task, *, rtol=1e-6, wary=1e-2, gravity=None, payload=None, **asked):

@@ -10,9 +10,9 @@ import pytest
 
 import ftforce
 from ftforce import Task, Verdict, analyze
+from ftforce.core.limits import Limits
 from ftforce.errors import DimensionError, InputError, UnknownNameError
-from ftforce.kinematics import frame_jacobian, tip_pose
-from ftforce.limits import Limits
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from helpers import KNOWN, arrays_in, assert_close, eager_threads, load_text, serial_urdf, stretched
 
 FORCE = [80.0, 50.0, 10.0]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.arrays import Svd, as_vector, read_only
+from ftforce.core.arrays import Svd, as_vector, read_only
+from ftforce.core.reduced_jacobian import reduce
 from ftforce.errors import DimensionError, InputError
-from ftforce.reduced import reduce
 from helpers import RATIOS, assert_close, jacobians, with_singular_values
 
 SHAPES = [(1, 1), (1, 5), (3, 1), (3, 2), (3, 3), (3, 7), (6, 5), (6, 7), (2, 12)]

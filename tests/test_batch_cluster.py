@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.batch import cluster, folder, store
+from ftforce.__version__ import __version__
+from ftforce.batch import cluster
 from ftforce.batch.cluster import do_turn
+from ftforce.batch.store import folder, store
 from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
-from ftforce.version import __version__
 from sweeps import LONG, content, differences
 
 pytestmark = pytest.mark.thorough  # processes take seconds to start

@@ -13,16 +13,17 @@ from numba import njit
 
 import urdfs
 from ftforce import analyze, census, load_robot
-from ftforce.batch import eigenvalues, fast, lanes, secular, spectrum
-from ftforce.batch.layout import LANES, UNDECIDED
+from ftforce.batch import eigenvalues
+from ftforce.batch.kernels import fast, lanes, secular, spectrum
+from ftforce.batch.kernels.layout import LANES, UNDECIDED
+from ftforce.batch.kernels.three import LEAST_MARGIN
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, empty_answers, faults_of, question_of
-from ftforce.batch.three import LEAST_MARGIN
-from ftforce.dynamics import Payload, weight_torque
-from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
-from ftforce.kinematics import task_jacobian, tip_pose
-from ftforce.limits import Limits
-from ftforce.task import Task
+from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
+from ftforce.core.limits import Limits
+from ftforce.core.task import Task
+from ftforce.robot.dynamics import Payload, weight_torque
+from ftforce.robot.kinematics import task_jacobian, tip_pose
 from helpers import KNOWN, campaign
 from results import OTHER_ARMS, answers_of
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.batch.drawn import Drawn
-from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
-from ftforce.limits_reader import choose_limits
-from ftforce.task import Task
+from ftforce.analysis.limits_files import choose_limits
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
+from ftforce.core.task import Task
 from results import answers_of
 
 pytestmark = pytest.mark.plain

@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ftforce import csv_table
-from ftforce.batch import posture_csv
-from ftforce.batch.posture_files import postures_from_file
+from ftforce.batch.postures import csv
+from ftforce.batch.postures.files import postures_from_file
 from ftforce.errors import FtforceError, InputError, TrajectoryError
+from ftforce.io import csv_table
 from helpers import campaign, load_text, serial_urdf
 
 NAN, INF = math.nan, math.inf
@@ -45,7 +45,7 @@ def file(tmp_path):
 
 @pytest.fixture
 def small_pieces(monkeypatch):
-    monkeypatch.setattr(posture_csv, "PIECE", 64)
+    monkeypatch.setattr(csv, "PIECE", 64)
 
 
 def refused(arm, path, **options):
@@ -91,7 +91,7 @@ def test_blocks_are_parts_of_the_whole(arm, tmp_path_factory, form, data):
     q = np.random.default_rng(rows).normal(size=(rows, 2))
     folder = tmp_path_factory.mktemp("any")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(posture_csv, "PIECE", data.draw(st.integers(60, 5000)))
+        patch.setattr(csv, "PIECE", data.draw(st.integers(60, 5000)))
         postures = postures_from_file(arm, written(folder, form, q))
         assert (postures.count, postures.n) == (rows, 2)
         for _ in range(3):
@@ -201,7 +201,7 @@ def test_blocks_beyond(arm, tmp_path, form, block):
 @pytest.mark.parametrize("form", FORMS)
 def test_memory_is_bounded(arm, tmp_path, form, monkeypatch):
     """Opening and reading take far less than the 16 MB of the numbers."""
-    monkeypatch.setattr(posture_csv, "PIECE", 1 << 14)
+    monkeypatch.setattr(csv, "PIECE", 1 << 14)
     rows = 1_000_000 if form != "csv" else 60_000
     q = np.zeros((rows, 2))
     path = written(tmp_path, form, q)
@@ -332,7 +332,7 @@ SAME = {
 @pytest.mark.parametrize("piece", [64, 71, 1 << 18])
 @pytest.mark.parametrize("content", SAME.values(), ids=SAME)
 def test_forms_of_the_same_postures(arm, file, content, piece, monkeypatch):
-    monkeypatch.setattr(posture_csv, "PIECE", piece)
+    monkeypatch.setattr(csv, "PIECE", piece)
     postures = postures_from_file(arm, file(content))
     assert postures.count == 4
     for start in range(4):

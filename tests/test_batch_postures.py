@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scipy.stats import qmc
 
 from ftforce.batch import sobol
-from ftforce.batch.drawn import Drawn
-from ftforce.batch.postures import Grid, Listed
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.postures.postures import Grid, Listed
 from ftforce.batch.sobol import sobol_columns, sobol_integers
 from ftforce.errors import InputError, UnknownNameError
 from helpers import campaign, load_text, serial_urdf

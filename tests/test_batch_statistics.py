@@ -8,12 +8,12 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftforce.batch.bins import Bins, Workspace
-from ftforce.batch.criticality import criticality, survival
-from ftforce.batch.statistics import quantile, quantile_interval, wilson
-from ftforce.batch.summary import Summary
+from ftforce.batch.summary.bins import Bins, Workspace
+from ftforce.batch.summary.criticality import criticality, survival
+from ftforce.batch.summary.intervals import quantile, quantile_interval, wilson
+from ftforce.batch.summary.summary import Summary
+from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError
-from ftforce.faults import Fault, FaultMode, FaultSet
 
 EDGES = np.linspace(0.0, 1.0, 101)
 INF, NAN = math.inf, math.nan

@@ -17,8 +17,9 @@ import pytest
 import xarray as xr
 
 import ftforce
-from ftforce.batch import folder, runner, store, variables
-from ftforce.batch.summary import Summary
+from ftforce.batch import runner
+from ftforce.batch.store import folder, store, variables
+from ftforce.batch.summary.summary import Summary
 from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryError
 from helpers import campaign
@@ -29,7 +30,7 @@ pytestmark = pytest.mark.thorough  # processes take seconds to start
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 NEVER = 10**9  # a step that no process reaches
 SLOW = (  # a chunk takes a moment after it is written, which is when the test acts
-    "import ftforce.batch.store as s, time; w = s.write_samples; "
+    "import ftforce.batch.store.store as s, time; w = s.write_samples; "
     "s.write_samples = lambda *given: (w(*given), time.sleep(0.5))"
 )
 

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ftforce.batch.bins import Bins, Workspace
 from ftforce.batch.results import Block
-from ftforce.batch.summary import Summary
+from ftforce.batch.summary.bins import Bins, Workspace
+from ftforce.batch.summary.summary import Summary
 from ftforce.errors import InputError
 
 INF, NAN = math.inf, math.nan

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 
 from ftforce import remap
-from ftforce.bounded import bounded_remap, share_of
+from ftforce.core.bounded_remap import bounded_remap, share_of
+from ftforce.core.reduced_jacobian import RTOL
 from ftforce.errors import InputError, SolverError
-from ftforce.reduced import RTOL
 from helpers import assert_close, campaign, only, seeds
 from problems import (
     Problem,

@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 
 import ftforce
 from ftforce import cli
-from ftforce.cli import common, printing
+from ftforce.cli import options as common
+from ftforce.cli import printing
 from ftforce.errors import InputError
 from urdfs import full_device
 
@@ -195,7 +196,7 @@ def test_replicate():
 
 def test_replicate_fails_if_a_number_differs(monkeypatch):
     printed = ("-35.02", "-12.33", "26.85", "10.00", "4.00")
-    monkeypatch.setattr("ftforce.replicate.PRINTED_TORQUE", printed)
+    monkeypatch.setattr("ftforce.analysis.paper.PRINTED_TORQUE", printed)
     result = run("replicate", status=1)
     assert "1 fail" in result.stdout
     assert "-35.02 -35.01 ✗" in result.stdout
@@ -269,7 +270,7 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch):
     def fail(*_, **__):
         raise KeyError("elbow")
 
-    monkeypatch.setattr("ftforce.analysis.analyze", fail)
+    monkeypatch.setattr("ftforce.analysis.analyze.analyze", fail)
     result = run("analyze", DH5, status=1)
     assert result.stderr == (
         "error: a mistake in ftforce, please report it (KeyError('elbow')); "

@@ -17,7 +17,7 @@ import ftforce
 from ftforce import cli
 from ftforce.batch.comparison import compare
 from ftforce.batch.sweep import sweep
-from ftforce.comparison_words import comparison_sentence
+from ftforce.report.comparison import comparison_sentence
 
 pytestmark = pytest.mark.thorough
 

@@ -87,7 +87,7 @@ def test_files_hold_the_cells(stored, tmp_path):
     header, *found = csv.reader(io.StringIO((tmp_path / "map.csv").read_text("utf-8")))
     assert sum(int(row[header.index("postures")]) for row in found) == N
     document = json.loads(run(stored, "--format", "json").stdout)
-    opened = ftforce.batch.store.open_sweep(stored)
+    opened = ftforce.batch.store.store.open_sweep(stored)
     assert sum(document["cells"]["postures"]) == N
     assert document["sets"][0]["joints"] is None
     for one, wanted in zip(document["sets"][1:], opened.summary.cell_tolerated.T, strict=True):

@@ -282,7 +282,7 @@ def test_files_that_could_not_be_written_are_refused_before_the_work(monkeypatch
     def never(*_, **__):
         raise AssertionError("it was computed first")
 
-    monkeypatch.setattr(sys.modules["ftforce.simulation"], "simulate", never)
+    monkeypatch.setattr(sys.modules["ftforce.trajectory.simulate"], "simulate", never)
     result = run("simulate", "dh5", *LINE, *PUSH, *options, status=1)
     assert message in result.stderr
     assert result.stdout == ""
@@ -318,7 +318,7 @@ def test_tables_of_faults_and_of_instants_say_the_same():
     push = ["--force", "5,0,30", "--axes", "world", "--payload", "1.5"]
     found = document("simulate", "ur5", "--to", "0.4,0.3,0.4", "--speed", "0.2", *push, *flags)
     ur5 = ftforce.load_robot("ur5")
-    start = ftforce.trajectory.tip_at(ur5, None, None)
+    start = ftforce.trajectory.start.tip_at(ur5, None, None)
     line = Path.through([start, [0.4, 0.3, 0.4]], speed=0.2)
     options = {"force": [5, 0, 30], "axes": "world", "payload": 1.5}
     wanted = ftforce.simulate(ur5, line, faults=events, **options)

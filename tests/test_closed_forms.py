@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from ftforce import remap
-from ftforce.closed_forms import (
+from ftforce.core.reduced_jacobian import reduce
+from ftforce.core.remap import (
     dynamically_exerted_force,
     exerted_force,
     force_jump,
@@ -16,7 +17,6 @@ from ftforce.closed_forms import (
     velocity_remap,
 )
 from ftforce.errors import InputError
-from ftforce.reduced import reduce
 from helpers import assert_close, diagonal, only
 
 # Two planar directions; joint 2 serves both, so it alone can be replaced.

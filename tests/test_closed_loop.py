@@ -12,8 +12,8 @@ import pytest
 import closed_loop
 import ftforce
 from closed_loop import Loop
-from ftforce.kinematics import tip_pose
-from ftforce.posture import choose_posture
+from ftforce.robot.kinematics import tip_pose
+from ftforce.robot.posture import choose_posture
 from ftforce.trajectory import Path
 from helpers import CAMPAIGN, assert_close
 

@@ -17,15 +17,15 @@ from scipy.stats import binomtest, norm
 
 import ftforce
 from ftforce.batch.comparison import _ranked, compare
-from ftforce.batch.criticality import Estimate
-from ftforce.batch.drawn import Drawn
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.summary.criticality import Estimate
 from ftforce.batch.sweep import sweep
 from ftforce.comparison_documents import comparison_document, comparison_rows
-from ftforce.comparison_words import comparison_sentence
-from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import FileError, InputError, UnknownNameError
-from ftforce.files import _unsigned
-from ftforce.show.comparison import comparison_view
+from ftforce.report.comparison import comparison_sentence
+from ftforce.report.files import _unsigned
+from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
+from ftforce.show.tables.comparison import comparison_view
 from helpers import load_text, serial_urdf
 
 pytestmark = pytest.mark.thorough
@@ -522,7 +522,7 @@ def test_dots_stand_where_the_numbers_are(compared):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
 
-    from ftforce.show.comparison_plot import SHOWN, comparison, lay_out
+    from ftforce.show.plots.comparison import SHOWN, comparison, lay_out
 
     for shown in SHOWN:
         ax = Figure().subplots()

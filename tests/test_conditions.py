@@ -8,13 +8,13 @@ import pinocchio as pin
 import pytest
 
 import ftforce
-from ftforce.conditions import Conditions, read_payload, rnea_change, tip_load
-from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.analysis.conditions import Conditions, read_payload, rnea_change, tip_load
+from ftforce.core.limits import Limits
+from ftforce.core.reduced_jacobian import reduce
+from ftforce.core.task import Task
 from ftforce.errors import InputError
-from ftforce.kinematics import task_jacobian
-from ftforce.limits import Limits
-from ftforce.reduced import reduce
-from ftforce.task import Task
+from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.robot.kinematics import task_jacobian
 from helpers import assert_close, load_text, serial_urdf, without_masses
 
 MOON = [0.0, 0.0, -1.6]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ftforce.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian
 from helpers import assert_close, load_text, serial_urdf
 
 CHAIN = (

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from ftforce.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 
 PLAIN = "t,j1,j2\n0.1,1,-2.5\n0.2,3,4e1\n"
 SAME = {

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import DimensionError, InputError
+from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
 from helpers import campaign, dh_tables, toolbox_arm
 
 DH5 = Path(__file__).parents[1] / "robots" / "dh5.toml"

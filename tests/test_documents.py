@@ -418,7 +418,7 @@ def test_corners_of_the_polytope(capability):
 
 def test_an_analysis_holds_its_capability(capability):
     analysis = capability.analysis
-    whole = json_of(ftforce.force_capability.capability_of(analysis))
+    whole = json_of(ftforce.analysis.capability.capability_of(analysis))
     assert json_of(analysis)["capability"] == whole["capability"]
     document = json_of(analysis)
     keys = ["robot", "conventions", "posture", "locked", "modes", "weak_factors"]
@@ -467,7 +467,7 @@ def test_sets_of_a_census_are_analyses(mode, force):
         assert entry["binding"] == whole["limits"]["binding"]
         assert entry["share"] == pytest.approx(whole["limits"]["share"])
         assert entry["verdict"] == whole["verdict"]
-        capability = json_of(ftforce.force_capability.capability_of(analysis, direction))
+        capability = json_of(ftforce.analysis.capability.capability_of(analysis, direction))
         found = capability["capability"]
         after = found["weakest" if force is None else "directions"]
         after = after["after"] if force is None else after[-1]["after"]

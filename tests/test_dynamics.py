@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 
 import ftforce
-from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.errors import InputError
-from ftforce.kinematics import tip_pose
+from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.robot.kinematics import tip_pose
 from helpers import (
     KNOWN,
     arms,

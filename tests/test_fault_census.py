@@ -10,10 +10,10 @@ import pytest
 
 import ftforce
 from ftforce import Verdict, analyze, census
+from ftforce.core.feasible_forces import End, Reading
+from ftforce.core.limits import Limits
 from ftforce.errors import InputError
-from ftforce.feasible import End, Reading
-from ftforce.kinematics import tip_pose
-from ftforce.limits import Limits
+from ftforce.robot.kinematics import tip_pose
 from helpers import (
     CAMPAIGN,
     arrays_in,

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError
-from ftforce.fault_events import FaultEvent, Phase, phases, read_events
-from ftforce.faults import Fault, FaultMode, FaultSet
+from ftforce.trajectory.fault_events import FaultEvent, Phase, phases, read_events
 from helpers import campaign
 from urdfs import arm, joint, load
 

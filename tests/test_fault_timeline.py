@@ -8,11 +8,11 @@ import pytest
 
 import ftforce
 from ftforce.errors import FtforceError, InputError
-from ftforce.fault_timeline import timeline
-from ftforce.history import VERDICTS
-from ftforce.kinematics import frame_jacobian
-from ftforce.simulation import simulate
+from ftforce.robot.kinematics import frame_jacobian
 from ftforce.trajectory import Path, Recording
+from ftforce.trajectory.history import VERDICTS
+from ftforce.trajectory.simulate import simulate
+from ftforce.trajectory.timeline import timeline
 from helpers import assert_close, straight
 from results import massless
 
@@ -116,7 +116,7 @@ def test_capability_along_a_direction_is_a_ratio(name):
     for i in range(len(found.t)):
         for j, faults in enumerate(found.sets):
             stop = [k not in faults.joints for k in range(robot.n)]
-            rnea = ftforce.dynamics.rnea_torque(
+            rnea = ftforce.robot.dynamics.rnea_torque(
                 robot, run.q[i], run.v[i] * stop, run.a[i] * stop
             )  # fmt: skip
             wanted = ray_of(robot, run.q[i], rnea, faults.joints, d)
@@ -133,7 +133,7 @@ def test_the_force_s_own_direction_and_the_weakest(dh5):
     run, rng = moving(dh5, path, 2), np.random.default_rng(0)
     i, j = 3, 0  # joint 1 locks
     still = np.array([0.0, 1.0, 1.0, 1.0, 1.0])
-    rnea = ftforce.dynamics.rnea_torque(dh5, run.q[i], run.v[i] * still, run.a[i] * still)
+    rnea = ftforce.robot.dynamics.rnea_torque(dh5, run.q[i], run.v[i] * still, run.a[i] * still)
     directions = rng.normal(size=(500, 3))
     rays = [ray_of(dh5, run.q[i], rnea, (0,), d / np.linalg.norm(d))
             for d in directions]  # fmt: skip

@@ -8,8 +8,8 @@ from math import comb
 import numpy as np
 import pytest
 
+from ftforce.core.faults import Fault, FaultMode, FaultSet, count_fault_sets, fault_sets
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.faults import Fault, FaultMode, FaultSet, count_fault_sets, fault_sets
 
 FREE, WEAK = FaultMode.FREE, FaultMode.WEAK
 

@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.bounded import overloaded
+from ftforce.core.bounded_remap import overloaded
+from ftforce.core.feasible_forces import (
+    NOTHING,
+    Reach,
+    Reading,
+    feasible_forces,
+    reach,
+    weakest_direction,
+)
+from ftforce.core.reduced_jacobian import RTOL, reduce
 from ftforce.errors import UnknownNameError
-from ftforce.feasible import NOTHING, Reach, Reading, feasible_forces, reach, weakest_direction
-from ftforce.reduced import RTOL, reduce
 from helpers import CAMPAIGN, assert_close, campaign, seeds
 from problems import draw_problem, ray_by_highs, space_of
 

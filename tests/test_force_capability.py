@@ -8,11 +8,11 @@ import pytest
 
 import ftforce
 from ftforce import Verdict, analyze, capability
-from ftforce.dynamics import Payload
+from ftforce.analysis.capability import capability_of
+from ftforce.core.feasible_forces import End, Reading, reach
+from ftforce.core.limits import Limits
 from ftforce.errors import InputError
-from ftforce.feasible import End, Reading, reach
-from ftforce.force_capability import capability_of
-from ftforce.limits import Limits
+from ftforce.robot.dynamics import Payload
 from helpers import (
     CAMPAIGN,
     QUARTER,

@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from ftforce import generate
 from ftforce.cli.dh import dh
-from ftforce.dh import DHRow, DHTable, MassModel
 from ftforce.errors import DHTableError, OutputError, URDFError
-from ftforce.generate import to_srdf, to_urdf, write_robot
+from ftforce.robot.formats import dh_to_urdf
+from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
+from ftforce.robot.formats.dh_to_urdf import to_srdf, to_urdf, write_robot
 from helpers import campaign
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -292,7 +292,7 @@ def _limit_without_upper(self, effort=None, velocity=None, lower=None, upper=Non
 
 
 def test_a_text_with_another_tip_is_not_returned(monkeypatch):
-    monkeypatch.setattr(generate.Body, "end", generate.Origin((0.1, 0.2, 0.3)))
+    monkeypatch.setattr(dh_to_urdf.Body, "end", dh_to_urdf.Origin((0.1, 0.2, 0.3)))
     with pytest.raises(URDFError, match="its tip is not where the DH table has it"):
         to_urdf(table_of(row(0.1)))
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.history_doubts import length_in_words
 from ftforce.trajectory import Path, Recording
+from ftforce.trajectory.warnings import length_in_words
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
 PUSH = {"force": [80, 50, 10], "rate": 10}
@@ -83,7 +83,7 @@ def test_torques_beyond_the_urdf_s(dh5):
 def test_weak_joints_without_a_limit(dh5):
     (found,) = warnings(dh5, LINE, faults="weak:3:0.5@1", limits="none")
     assert found == "joint 3 joint3 is weak, but no limits are counted: it counts as healthy"
-    unknown = ftforce.limits.Limits.of([150, 150, np.nan, 40, 20])
+    unknown = ftforce.core.limits.Limits.of([150, 150, np.nan, 40, 20])
     (found,) = warnings(dh5, LINE, faults="weak:3:0.5@1", limits=unknown)
     assert found == "joint 3 joint3 is weak, but its limit is unknown: it counts as none"
 

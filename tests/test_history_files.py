@@ -14,9 +14,9 @@ import pytest
 
 import ftforce
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
-from ftforce.history import QUANTITIES, History
-from ftforce.history_files import FORMATS, columns_of, history_bytes
 from ftforce.trajectory import Path
+from ftforce.trajectory.history import QUANTITIES, History
+from ftforce.trajectory.history_files import FORMATS, columns_of, history_bytes
 from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
@@ -294,7 +294,7 @@ def test_every_field_of_a_run_is_written(history):
 def test_what_was_simulated_is_plain_json(tmp_path, history):
     """Unknown limits and a remap that never acts are null, not NaN and Infinity."""
     dh5 = ftforce.load_robot("dh5")
-    unknown = ftforce.limits.Limits.of([150, np.nan, 80, 40, 20])
+    unknown = ftforce.core.limits.Limits.of([150, np.nan, 80, 40, 20])
     written = ftforce.simulate(
         dh5, LINE, force=[1, 2, 3], faults="3@1", remap=False, limits=unknown, rate=5
     )

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.history_words import history_sentence, peak, timeline_sentence, worst_verdict
-from ftforce.section_v import END, START
+from ftforce.report.history import history_sentence, peak, timeline_sentence, worst_verdict
 from ftforce.trajectory import Path
+from ftforce.trajectory.section_v import END, START
 from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
@@ -117,8 +117,8 @@ def test_a_force_that_no_arm_exerts_is_not_kept(tmp_path):
     """What an arm in a plane is asked to push out of it, it cannot."""
     arm = load(tmp_path, PLANE, tip="e")
     q = [0.3, 0.6, 0.4]
-    x = ftforce.trajectory.tip_at(arm, q, None)
-    J = ftforce.kinematics.frame_jacobian(arm, np.array(q), "world")[:3]
+    x = ftforce.trajectory.start.tip_at(arm, q, None)
+    J = ftforce.robot.kinematics.frame_jacobian(arm, np.array(q), "world")[:3]
     across = np.linalg.svd(J)[0][:, -1]
     along = J[:, 0] / np.linalg.norm(J[:, 0])
     line = Path.through([x, x + 0.05 * along], speed=0.1)
@@ -155,7 +155,7 @@ def test_verdicts_that_come_and_go_are_said_with_their_share(dh5):
 
 def test_a_tip_that_turns_is_said_to():
     ur5 = ftforce.load_robot("ur5")
-    x = ftforce.trajectory.tip_at(ur5, None, None)
+    x = ftforce.trajectory.start.tip_at(ur5, None, None)
     line = Path.through([x, x + np.array([0.1, 0.1, -0.1])], speed=0.1, keep_orientation=True)
     history = ftforce.simulate(ur5, line, force=[0, 0, 0], faults="6@0.5", rate=20)
     turn = np.rad2deg(history.remapped.orientation_error_norm.max())

@@ -33,11 +33,11 @@ def command(*arguments: str) -> str:
 
 
 def test_libraries_are_loaded_when_they_are_needed():
-    core = "from ftforce.closed_forms import remap; ftforce.remap"
+    core = "from ftforce.core.remap import remap; ftforce.remap"
     first, then = loaded_by("import ftforce", core)
     assert not first & {"numpy", "pinocchio", "rich", "typer", *HEAVY}
     assert "numpy" in then
-    assert not then & {"pinocchio", "rich", "typer", "ftforce.robot", *HEAVY}
+    assert not then & {"pinocchio", "rich", "typer", "ftforce.robot.robot", *HEAVY}
 
 
 def test_commands_load_nothing_heavy():
@@ -47,7 +47,7 @@ def test_commands_load_nothing_heavy():
     assert not shown & {"numpy", "pinocchio", *HEAVY}
     for loaded in modules:
         assert "pinocchio" in loaded
-        assert not loaded & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.files"}
+        assert not loaded & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.report.files"}
 
 
 def test_the_public_names_are_there():

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 
 import ftforce
-from ftforce.dh import DHTable
 from ftforce.errors import InputError
-from ftforce.inverse_kinematics import REACHED, posture_at
-from ftforce.kinematics import tip_pose
+from ftforce.robot.formats.dh import DHTable
+from ftforce.robot.inverse_kinematics import REACHED, posture_at
+from ftforce.robot.kinematics import tip_pose
 from helpers import arms, assert_close, campaign, load_text, serial_urdf, toolbox_arm
 from urdfs import arm, followed, j2, load
 

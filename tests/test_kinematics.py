@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.kinematics import frame_jacobian, task_jacobian, tip_pose
-from ftforce.task import Task
+from ftforce.core.task import Task
+from ftforce.robot.kinematics import frame_jacobian, task_jacobian, tip_pose
 from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
 
 PLANAR = serial_urdf(

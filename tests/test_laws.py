@@ -9,11 +9,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ftforce
-from ftforce.closed_forms import force_jump, supported_force, velocity_remap
-from ftforce.feasible import Reading, feasible_forces, reach
-from ftforce.kinematics import tip_pose
-from ftforce.metrics import Verdict, relative_manipulability, worst_manipulability_bound
-from ftforce.reduced import RTOL, reduce
+from ftforce.core.feasible_forces import Reading, feasible_forces, reach
+from ftforce.core.measures import Verdict, relative_manipulability, worst_manipulability_bound
+from ftforce.core.reduced_jacobian import RTOL, reduce
+from ftforce.core.remap import force_jump, supported_force, velocity_remap
+from ftforce.robot.kinematics import tip_pose
 from helpers import (
     KNOWN,
     arms,

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.limits import Limits, checked_limits
 from ftforce.errors import DimensionError, InputError
-from ftforce.faults import Fault, FaultMode, FaultSet
-from ftforce.limits import Limits, checked_limits
 
 UNKNOWN = float("nan")
 WEAK, FREE = FaultMode.WEAK, FaultMode.FREE

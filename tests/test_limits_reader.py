@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.analysis.limits_files import choose_limits, read_limits
+from ftforce.core.limits import Limits
 from ftforce.errors import DimensionError, InputError, LimitsError
-from ftforce.limits import Limits
-from ftforce.limits_reader import choose_limits, read_limits
 from urdfs import arm, joint, load
 
 NAN = math.nan
@@ -144,7 +144,7 @@ def test_limits_are_taken_as_they_are(dh5):
 
 @pytest.mark.parametrize("limits", ["", 3, 2.5, [1, 2, 3, 4, 5], b"urdf", True], ids=repr)
 def test_what_no_limits_are(dh5, limits):
-    wanted = "limits are 'urdf', 'none', a TOML or CSV file or ftforce.limits.Limits, got "
+    wanted = "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits, got "
     with pytest.raises(InputError) as caught:
         choose_limits(dh5, limits)
     assert str(caught.value) == wanted + repr(limits)

@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 
 from ftforce import known_robots, load_robot
-from ftforce.chain import MOST_JOINTS
 from ftforce.errors import InputError, UnknownNameError, URDFError
-from ftforce.kinematics import frame_jacobian, tip_pose
-from ftforce.posture import choose_posture
+from ftforce.robot.chain import MOST_JOINTS
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
+from ftforce.robot.posture import choose_posture
 from helpers import differences, load_text, srdf_of
 from urdfs import (
     LINKS,

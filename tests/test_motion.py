@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import ftforce
-from ftforce.courses import PathCourse
-from ftforce.fault_events import phases, read_events
-from ftforce.faults import FaultSet
-from ftforce.motion import GAIN, LIMIT_GAIN, advance, rates_law
-from ftforce.trajectory import Path, Recording, start_of
+from ftforce.core.faults import FaultSet
+from ftforce.trajectory.fault_events import phases, read_events
+from ftforce.trajectory.motion import GAIN, LIMIT_GAIN, advance, rates_law
+from ftforce.trajectory.reference import PathCourse
+from ftforce.trajectory.start import Path, Recording, start_of
 from helpers import (
     CAMPAIGN,
     LINES,

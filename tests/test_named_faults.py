@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.analysis.fault_names import named_faults
+from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.faults import Fault, FaultMode, FaultSet
-from ftforce.named_faults import named_faults
 from helpers import joint, load_text, serial_urdf, urdf_of
 
 FREE, WEAK = FaultMode.FREE, FaultMode.WEAK

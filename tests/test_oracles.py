@@ -15,11 +15,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ftforce
-from ftforce.closed_forms import supported_force, velocity_remap
-from ftforce.dynamics import Payload, mass_matrix, rnea_torque, weight_torque
-from ftforce.kinematics import frame_jacobian, tip_pose
-from ftforce.metrics import margin
-from ftforce.reduced import RTOL, reduce
+from ftforce.core.measures import margin
+from ftforce.core.reduced_jacobian import RTOL, reduce
+from ftforce.core.remap import supported_force, velocity_remap
+from ftforce.robot.dynamics import Payload, mass_matrix, rnea_torque, weight_torque
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from helpers import (
     CAMPAIGN,
     KNOWN,

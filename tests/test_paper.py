@@ -1,6 +1,6 @@
 """Every number of the paper's case study (section IV), through the public interface.
 
-The numbers are written out here once more, so that a slip in ftforce/replicate.py shows.
+The numbers are written out here once more, so that a slip in ftforce/analysis/paper.py shows.
 """
 
 import numpy as np
@@ -8,9 +8,9 @@ import pytest
 
 import ftforce
 from ftforce import Verdict
-from ftforce.dh import DHTable
-from ftforce.registry import robots_folder
-from ftforce.replicate import Check, Outcome, replicate
+from ftforce.analysis.paper import Check, Outcome, replicate
+from ftforce.robot.formats.dh import DHTable
+from ftforce.robot.known_robots import robots_folder
 from helpers import assert_close, load_table
 
 FORCE = [80, 50, 10]

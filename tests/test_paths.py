@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from scipy.interpolate import BPoly
 
 from ftforce.errors import InputError
-from ftforce.paths import PEAK, Path
+from ftforce.trajectory.path import PEAK, Path
 from helpers import assert_close, campaign, seeds
 
 law = settings(deadline=None, max_examples=campaign(60, 30))

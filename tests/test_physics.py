@@ -14,9 +14,9 @@ import pytest
 
 import ftforce
 import physics
-from ftforce.dynamics import Payload, mass_matrix, motion_torque, weight_torque
-from ftforce.kinematics import frame_jacobian, tip_pose
-from ftforce.limits import Limits
+from ftforce.core.limits import Limits
+from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from helpers import CAMPAIGN, KNOWN, assert_close, campaign, serial_urdf
 from urdfs import joint, link, load
 

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 import ftforce
+from ftforce.core.feasible_forces import Reading, feasible_forces, reach
+from ftforce.core.limits import Limits
+from ftforce.core.polytope import force_polytope
+from ftforce.core.reduced_jacobian import reduce
 from ftforce.errors import InputError
-from ftforce.feasible import Reading, feasible_forces, reach
-from ftforce.limits import Limits
-from ftforce.polytope import force_polytope
-from ftforce.reduced import reduce
 from helpers import assert_close, campaign, load_text, seeds, serial_urdf, with_singular_values
 
 with warnings.catch_warnings():
@@ -371,7 +371,7 @@ def test_too_many_joints_are_refused_at_once():
 def test_many_planes_are_worked_through_in_parts(monkeypatch):
     J, limits, rnea = random_case(6, 3, 7)
     whole = polytope_of(J, limits, rnea)
-    monkeypatch.setattr("ftforce.polytope._CHUNK", 4)
+    monkeypatch.setattr("ftforce.core.polytope._CHUNK", 4)
     assert math.comb(7, 3) % 4
     parts = polytope_of(J, limits, rnea)
     np.testing.assert_array_equal(parts.vertices, whole.vertices)

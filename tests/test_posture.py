@@ -8,8 +8,8 @@ import pytest
 
 import ftforce
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.kinematics import frame_jacobian
-from ftforce.posture import (
+from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.posture import (
     SAMPLES,
     Posture,
     best_sample,

@@ -7,7 +7,7 @@ import pytest
 
 import ftforce
 from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryError
-from ftforce.recordings import Recording, Sheet
+from ftforce.trajectory.recording import Recording, Sheet
 from helpers import assert_close, serial_urdf
 from urdfs import arm, joint, load
 

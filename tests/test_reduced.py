@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from ftforce.arrays import Svd
-from ftforce.errors import DimensionError, InputError
-from ftforce.reduced import (
+from ftforce.core.arrays import Svd
+from ftforce.core.reduced_jacobian import (
     RTOL,
     WARY,
     check_core_input,
@@ -14,6 +13,7 @@ from ftforce.reduced import (
     reduce,
     reduce_decomposed,
 )
+from ftforce.errors import DimensionError, InputError
 from helpers import assert_close, diagonal
 
 J = np.random.default_rng(5).normal(size=(3, 6))

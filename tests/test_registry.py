@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from ftforce import load_robot, registry
+from ftforce import load_robot
 from ftforce.errors import FtforceError, UnknownNameError
-from ftforce.registry import find_robot, known_robots, robots_folder
+from ftforce.robot import known_robots as registry
+from ftforce.robot.known_robots import find_robot, known_robots, robots_folder
 from urdfs import arm, write
 
 WANTED = {

@@ -22,15 +22,15 @@ from numba.core.runtime import _nrt_python, rtsys
 
 import urdfs
 from ftforce import analyze, load_robot
-from ftforce.batch import single
+from ftforce.batch.kernels import single
 from ftforce.batch.remapper import Remapper
-from ftforce.dynamics import Payload
+from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
+from ftforce.core.reduced_jacobian import RTOL, WARY
+from ftforce.core.task import Task
 from ftforce.errors import DimensionError, FtforceError, InputError, UnknownNameError
-from ftforce.faults import Fault, FaultMode, FaultSet, fault_sets
-from ftforce.history import VERDICTS
-from ftforce.kinematics import task_jacobian
-from ftforce.reduced import RTOL, WARY
-from ftforce.task import Task
+from ftforce.robot.dynamics import Payload
+from ftforce.robot.kinematics import task_jacobian
+from ftforce.trajectory.history import VERDICTS
 from helpers import (
     KNOWN,
     arms,
@@ -501,8 +501,8 @@ def test_options_are_checked(robots):
 
 
 def test_without_numba(robots, monkeypatch):
-    monkeypatch.delitem(sys.modules, "ftforce.batch.single")
-    monkeypatch.delattr("ftforce.batch.single")
+    monkeypatch.delitem(sys.modules, "ftforce.batch.kernels.single")
+    monkeypatch.delattr("ftforce.batch.kernels.single")
     monkeypatch.setitem(sys.modules, "numba", None)
     with pytest.raises(FtforceError, match=r"numba: install the extra .*ftforce\[sweep\]"):
         Remapper(robots["panda"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ftforce.errors import InputError
-from ftforce.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian
 from urdfs import arm, followed, hand, joint, link, load, robot, state
 
 

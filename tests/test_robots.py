@@ -11,13 +11,13 @@ import pinocchio as pin
 import pytest
 
 from ftforce import known_robots, load_robot
+from ftforce.core.reduced_jacobian import WARY
 from ftforce.errors import FtforceError, InputError, URDFError
-from ftforce.kinematics import frame_jacobian
-from ftforce.model import full_model, restore_names
-from ftforce.posture import choose_posture, is_singular
-from ftforce.reduced import WARY
+from ftforce.robot.formats.urdf import read_urdf
+from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.model import full_model, restore_names
+from ftforce.robot.posture import choose_posture, is_singular
 from ftforce.tips import tip_candidates
-from ftforce.urdf_reader import read_urdf
 from helpers import CAMPAIGN
 
 KNOWN = tuple(known_robots())

@@ -9,7 +9,7 @@ import pytest
 
 import ftforce
 from ftforce.errors import InputError
-from ftforce.files import to_text
+from ftforce.report.files import to_text
 from ftforce.rows import to_rows
 from ftforce.show.export import to_text as to_table
 from results import (
@@ -171,7 +171,7 @@ def test_nothing_has_a_negative_zero_or_no_number(result):
         text = to_text(result, form)
         assert "-0.0," not in text.replace("\n", ",")
         assert "nan" not in text.lower().replace("nan-", "")
-    capability = ftforce.force_capability.capability_of(result)
+    capability = ftforce.analysis.capability.capability_of(result)
     assert "-0.0," not in to_text(capability, "csv")
 
 

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 import ftforce
-from ftforce.kinematics import tip_pose
-from ftforce.section_v import END, FORCE, SPEED, START, section_v
+from ftforce.robot.kinematics import tip_pose
+from ftforce.trajectory.section_v import END, FORCE, SPEED, START, section_v
 from helpers import assert_close
 
 

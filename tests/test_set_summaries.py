@@ -11,11 +11,11 @@ import pytest
 from scipy.stats import binomtest
 
 import ftforce
-from ftforce.batch.criticality import Estimate
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
-from ftforce.files import to_text
+from ftforce.batch.summary.criticality import Estimate
+from ftforce.report.files import to_text
+from ftforce.report.sweep import force_in_words, interval, share, sweep_sentence
 from ftforce.show.export import to_text as to_table
-from ftforce.sweep_words import force_in_words, interval, share, sweep_sentence
 from results import csv_of
 
 pytestmark = pytest.mark.thorough
@@ -203,7 +203,7 @@ def test_the_sentence_names_the_critical_joint(swept, swinging):
 
 def fake(sweep, shares, borderline=(), largest=1):
     """Return a sweep of other counts: shares of 1000 postures not tolerated when joints fail."""
-    from ftforce.batch.summary import Summary
+    from ftforce.batch.summary.summary import Summary
 
     n = len(shares)
     summary = Summary.empty(n, sweep.summary.bins, sweep.summary.workspace)

@@ -11,16 +11,18 @@ import pytest
 from rich.text import Text
 
 import ftforce
-from ftforce import capability_words, sentences, words
-from ftforce.feasible import End
-from ftforce.force_capability import Amount
-from ftforce.metrics import Verdict
-from ftforce.registry import known_robots
-from ftforce.replicate import replicate
-from ftforce.show.analysis import analysis_view
+from ftforce.analysis.capability import Amount
+from ftforce.analysis.paper import replicate
+from ftforce.core.feasible_forces import End
+from ftforce.core.measures import Verdict
+from ftforce.core.task import Task
+from ftforce.report import analysis as sentences
+from ftforce.report import capability as capability_words
+from ftforce.report import text as words
+from ftforce.robot.known_robots import known_robots
 from ftforce.show.export import to_html, to_svg, to_text
 from ftforce.show.render import render
-from ftforce.task import Task
+from ftforce.show.tables.analysis import analysis_view
 from helpers import CAMPAIGN
 from results import massless
 

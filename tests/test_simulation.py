@@ -11,15 +11,15 @@ from scipy.interpolate import CubicSpline
 
 import ftforce
 import physics
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.limits import Limits
 from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryError
-from ftforce.fault_events import phases, read_events
-from ftforce.faults import FaultMode, FaultSet
-from ftforce.history import QUANTITIES, VERDICTS
-from ftforce.kinematics import tip_pose
-from ftforce.limits import Limits
-from ftforce.posture import choose_posture
-from ftforce.simulation import simulate
+from ftforce.robot.kinematics import tip_pose
+from ftforce.robot.posture import choose_posture
 from ftforce.trajectory import Path, Recording
+from ftforce.trajectory.fault_events import phases, read_events
+from ftforce.trajectory.history import QUANTITIES, VERDICTS
+from ftforce.trajectory.simulate import simulate
 from helpers import CAMPAIGN, SLIDING, assert_close, campaign, serial_urdf, straight
 from results import massless
 from urdfs import arm, followed, load
@@ -374,7 +374,7 @@ def test_without_masses_there_is_the_force_part_alone(tmp_path):
     run = history.unremapped
     assert not run.rnea.any()
     for i in (3, 5):
-        J = ftforce.kinematics.frame_jacobian(robot, run.q[i], "tool")[:3]
+        J = ftforce.robot.kinematics.frame_jacobian(robot, run.q[i], "tool")[:3]
         tau = J.T @ (5, 1, 2)
         tau[2] = 0.0
         assert_close(run.force[i], np.linalg.pinv(J.T) @ tau, tol=1e-9)

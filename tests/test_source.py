@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ftforce import source
 from ftforce.errors import OutputError, SRDFError, URDFError
-from ftforce.source import parse_xml, read_numbers, read_text, shortened, write_whole
+from ftforce.io import text as source
+from ftforce.io.text import parse_xml, read_numbers, read_text, shortened, write_whole
 from urdfs import full_device
 
 AS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0

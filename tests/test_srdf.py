@@ -3,7 +3,7 @@
 import pytest
 
 from ftforce.errors import SRDFError
-from ftforce.srdf import Srdf, read_srdf
+from ftforce.robot.srdf import Srdf, read_srdf
 from urdfs import arm, chain, end_effector, load, robot, state
 
 HOME = {"j1": 0.1, "j2": 0.2, "j3": 0.3, "j4": 0.4}

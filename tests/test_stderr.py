@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ftforce.stderr import captured_stderr
+from ftforce.robot.stderr import captured_stderr
 
 
 def test_what_is_printed_below_python_is_caught(capfd):

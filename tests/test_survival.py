@@ -14,15 +14,16 @@ from matplotlib.text import Text
 from scipy.stats import binomtest
 
 import ftforce
-from ftforce.batch.cells import PLANES, Cells, pooled
+from ftforce.batch.summary.cells import PLANES, Cells, pooled
 from ftforce.batch.sweep import sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.map_documents import map_document, map_rows
-from ftforce.map_words import map_sentence
-from ftforce.show import figures, plots, survival
+from ftforce.report.map import map_sentence
+from ftforce.show import figures, plots
 from ftforce.show.export import to_text
-from ftforce.show.map import map_view
+from ftforce.show.plots import workspace
+from ftforce.show.tables.map import map_view
 from helpers import CAMPAIGN, assert_close
 
 pytestmark = pytest.mark.thorough
@@ -118,7 +119,7 @@ def test_dots_mark_cells_whose_share_is_hardly_known(pairs):
     wanted = set()
     for i, j in np.argwhere(every > 0):
         found = binomtest(int(tolerated[i, j]), int(every[i, j])).proportion_ci(method="wilson")
-        if found.high - found.low > survival.UNSURE:
+        if found.high - found.low > workspace.UNSURE:
             wanted.add((i, j))
     assert 0 < len(wanted) < (every > 0).sum()
     grid = pairs.summary.workspace
@@ -137,7 +138,7 @@ def test_a_line_parts_bright_cells_from_white(pairs):
     borders = sum(int((np.diff(filled.astype(int), axis=axis) != 0).sum()) for axis in (0, 1))
     assert len(lines.get_segments()) == borders
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["no posture", "origin of the root's axes", survival.UNSURE_WORDS]
+    assert legend == ["no posture", "origin of the root's axes", workspace.UNSURE_WORDS]
 
 
 def bar_of(ax):
@@ -146,12 +147,12 @@ def bar_of(ax):
 
 def test_colours_are_as_fine_as_what_differs():
     postures = np.array([1000, 1000, 2, 0])
-    one = survival.scale_of(Cells.of(postures, np.array([995, 960, 0, 0])))
-    assert one == survival.Scale(0.95, reaches_below=True)  # the cell of two postures counts not
+    one = workspace.scale_of(Cells.of(postures, np.array([995, 960, 0, 0])))
+    assert one == workspace.Scale(0.95, reaches_below=True)  # the cell of two postures counts not
     sure = Cells.of(postures[:2], np.array([995, 960]))
-    assert survival.scale_of(sure) == survival.Scale(0.95, reaches_below=False)
+    assert workspace.scale_of(sure) == workspace.Scale(0.95, reaches_below=False)
     half = Cells.of(postures[:2], np.array([995, 300]))
-    assert survival.scale_of(sure, half) == survival.Scale(0.0, reaches_below=False)
+    assert workspace.scale_of(sure, half) == workspace.Scale(0.0, reaches_below=False)
 
 
 def changed(result, share):
@@ -193,7 +194,7 @@ def test_blocks_in_space_pool_the_samples(singles):
     blocks = ax.collections[0]
     assert_close(np.array(blocks._offsets3d).T, found.place)
     colours = blocks._facecolors  # in the order of the blocks, not of their depth
-    floor = survival.scale_of(found.cells).floor
+    floor = workspace.scale_of(found.cells).floor
     order = np.argsort(found.cells.share.clip(floor))
     assert (np.diff(colours[order, 3]) <= 1e-12).all()  # the more tolerated, the fainter
     assert np.ptp(colours[:, 3]) > 0.5
@@ -414,7 +415,7 @@ def test_a_sweep_that_is_not_complete_says_so(pairs):
     assert "4,096 of 8,192 postures" in to_text(map_view(workspace_map(part)))
     drawn = figures.figure(part)
     assert any("4,096 of 8,192 (not complete)" in t.get_text() for t in drawn.findobj(Text))
-    blank = ftforce.batch.summary.Summary.empty(
+    blank = ftforce.batch.summary.summary.Summary.empty(
         pairs.summary.n_sets, pairs.summary.bins, pairs.summary.workspace
     )
     with pytest.raises(InputError, match="no posture of the sweep is done yet"):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.core.task import Task
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.task import Task
 from helpers import assert_close
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.courses import PathCourse, RecordedCourse
 from ftforce.errors import FtforceError, InputError, TrajectoryError
-from ftforce.posture import Posture
-from ftforce.trajectory import MOST_SAMPLES, Path, Recording, start_of, tip_at
+from ftforce.robot.posture import Posture
+from ftforce.trajectory.reference import PathCourse, RecordedCourse
+from ftforce.trajectory.start import MOST_SAMPLES, Path, Recording, start_of, tip_at
 from helpers import assert_close
 
 NAN, INF = math.nan, math.inf
@@ -79,12 +79,12 @@ def test_the_posture_that_a_path_starts_near_is_named(dh5, path):
 def test_an_orientation_that_is_kept(dh5):
     kept = Path.through(POINTS, speed=0.05, keep_orientation=True)
     start = start_of(dh5, kept)
-    R = ftforce.kinematics.tip_pose(dh5, start.q)[0]
+    R = ftforce.robot.kinematics.tip_pose(dh5, start.q)[0]
     assert_close(start.course.orientation, R)
     assert start.words.endswith("5.625 s, orientation kept")
     # Later postures leave it alone.
     before = start.course.orientation.copy()
-    ftforce.kinematics.tip_pose(dh5, np.zeros(5))
+    ftforce.robot.kinematics.tip_pose(dh5, np.zeros(5))
     assert_close(start.course.orientation, before)
 
 

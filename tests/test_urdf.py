@@ -13,10 +13,10 @@ import pytest
 
 from ftforce import analyze, census, to_dict
 from ftforce.errors import URDFError
-from ftforce.load import load_robot
-from ftforce.model import full_model, restore_names
-from ftforce.urdf import MOMENTS, MOST_IN_A_ROW, UrdfTree
-from ftforce.urdf_reader import MOST_LINKS, read_urdf
+from ftforce.robot.formats.tree import MOMENTS, MOST_IN_A_ROW, UrdfTree
+from ftforce.robot.formats.urdf import MOST_LINKS, read_urdf
+from ftforce.robot.load import load_robot
+from ftforce.robot.model import full_model, restore_names
 from helpers import campaign, load_text, serial_urdf
 from urdfs import LIMIT, LINKS, arm, followed, j2, joint, link, mimic, parts_of_arm, robot, write
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.bounded import nearest_force, remap_inside
-from ftforce.feasible import feasible_forces
-from ftforce.metrics import Verdict, tolerance_that_loses, verdict
-from ftforce.reduced import RTOL, WARY, reduce
-from ftforce.verdicts import judge
+from ftforce.core.bounded_remap import nearest_force, remap_inside
+from ftforce.core.feasible_forces import feasible_forces
+from ftforce.core.measures import Verdict, tolerance_that_loses, verdict
+from ftforce.core.reduced_jacobian import RTOL, WARY, reduce
+from ftforce.core.verdict import judge
 from helpers import RATIOS, campaign, orthogonal, seeds, with_singular_values
 from problems import draw_problem
 

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 import ftforce
 from ftforce import cli
+from ftforce.core.faults import FaultMode
 from ftforce.documents import to_dict
 from ftforce.errors import InputError
-from ftforce.faults import FaultMode
-from ftforce.view.answer import answer
-from ftforce.view.state import Origin, initial_state
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import Origin, initial_state
 from helpers import assert_close
 from urdfs import arm
 
@@ -159,7 +159,7 @@ def test_what_the_census_cannot_take_leaves_the_answer(panda, monkeypatch):
     def refuse(*_arguments, **_options):
         raise InputError("too many sets")
 
-    monkeypatch.setattr("ftforce.view.answer.census", refuse)
+    monkeypatch.setattr("ftforce.view.model.answer.census", refuse)
     found = answer(panda, initial_state(panda))
     assert (found.census, found.census_problem) == (None, "too many sets")
     assert found.analysis.verdict.value == "tolerated"

@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from browser import chromium, recorded, red_box, reds, watched
 from ftforce.errors import FtforceError
-from ftforce.source import write_whole
-from ftforce.view.export import PANEL_WIDTH, record, scene_html
-from ftforce.view.server import open_server
+from ftforce.io.text import write_whole
+from ftforce.view.server.export import PANEL_WIDTH, record, scene_html
+from ftforce.view.server.server import open_server
 from ftforce.view.viser_private import NOTICES, TRIED
 
 ANSWER = Markup(

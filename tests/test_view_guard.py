@@ -12,9 +12,9 @@ import websockets
 from websockets.datastructures import Headers
 
 from ftforce.errors import FtforceError, InputError
-from ftforce.view import guard, server
-from ftforce.view.guard import Names, is_loopback, names_of, refusal
-from ftforce.view.server import exposure, open_server
+from ftforce.view.server import guard, server
+from ftforce.view.server.guard import Names, is_loopback, names_of, refusal
+from ftforce.view.server.server import exposure, open_server
 from ftforce.view.viser_private import protocol
 
 pytestmark = pytest.mark.thorough

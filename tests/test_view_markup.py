@@ -13,11 +13,10 @@ import pytest
 from markupsafe import Markup, escape
 
 import ftforce
-from ftforce.sentences import verdict_sentence
-from ftforce.view.answer import answer
-from ftforce.view.curves import Curve, chart
-from ftforce.view.elements import element
-from ftforce.view.markup import (
+from ftforce.report.analysis import verdict_sentence
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import Origin, command_line, initial_state
+from ftforce.view.page.answer import (
     answer_part,
     banner,
     census_part,
@@ -27,9 +26,10 @@ from ftforce.view.markup import (
     set_label,
     static_page,
 )
-from ftforce.view.picture import picture
-from ftforce.view.state import Origin, command_line, initial_state
-from ftforce.view.tables import bar, share_text
+from ftforce.view.page.curves import Curve, chart
+from ftforce.view.page.html import element
+from ftforce.view.page.tables import bar, share_text
+from ftforce.view.scene.picture import picture
 
 BAD = "<img src=x onerror=\"alert('1')\">&amp;"
 TABLES = {"table", "thead", "tbody", "tr", "th", "td"}
@@ -93,9 +93,9 @@ def test_texts_are_escaped_and_only_once():
 
 def test_without_markupsafe_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "markupsafe", None)
-    monkeypatch.delitem(sys.modules, "ftforce.view.elements")
+    monkeypatch.delitem(sys.modules, "ftforce.view.page.html")
     with pytest.raises(ftforce.FtforceError, match=r"pip install 'ftforce\[view\]'"):
-        importlib.import_module("ftforce.view.elements")
+        importlib.import_module("ftforce.view.page.html")
 
 
 def hostile(robot):

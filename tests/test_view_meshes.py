@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 
 from ftforce import known_robots, load_robot
 from ftforce.errors import FileError
-from ftforce.posture import choose_posture
-from ftforce.view import mesh_files, meshes, shapes
-from ftforce.view.mesh_files import read_mesh
-from ftforce.view.meshes import MOST_SHOWN, load_geometry
-from ftforce.view.visuals import read_visuals
+from ftforce.robot.posture import choose_posture
+from ftforce.view.geometry import mesh_files, meshes, shapes
+from ftforce.view.geometry.mesh_files import read_mesh
+from ftforce.view.geometry.meshes import MOST_SHOWN, load_geometry
+from ftforce.view.geometry.visuals import read_visuals
 from helpers import KNOWN, assert_close
 from urdfs import BODY, arm, link, write
 

@@ -16,15 +16,15 @@ from typer.testing import CliRunner
 import ftforce
 from browser import Watched, chromium, recorded
 from ftforce import cli
+from ftforce.core.faults import FaultSet
 from ftforce.errors import InputError
-from ftforce.faults import FaultSet
-from ftforce.sentences import verdict_sentence
-from ftforce.view.answer import answer
-from ftforce.view.meshes import Geometry, Part
+from ftforce.report.analysis import verdict_sentence
+from ftforce.view.geometry.meshes import Geometry, Part
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import Origin, command_line, initial_state
 from ftforce.view.modes import Mode, View
-from ftforce.view.picture import picture, rotation, scene_size
+from ftforce.view.scene.picture import picture, rotation, scene_size
 from ftforce.view.session import Session
-from ftforce.view.state import Origin, command_line, initial_state
 from helpers import KNOWN, assert_close
 from urdfs import arm, joint
 

@@ -9,15 +9,23 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.faults import FaultMode
-from ftforce.kinematics import tip_pose
-from ftforce.task import Task
-from ftforce.view.answer import answer
-from ftforce.view.arrow_nodes import along
-from ftforce.view.arrows import ARROW_KINDS, Scales, TipAxes, arrows_of, nice_scale, scales_for
-from ftforce.view.colours import FAULT_COLOURS, FIXED, NEUTRAL, RAMP, colour_of
-from ftforce.view.force_sets import ellipsoid, triangles
-from ftforce.view.picture import (
+from ftforce.core.faults import FaultMode
+from ftforce.core.task import Task
+from ftforce.robot.kinematics import tip_pose
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import initial_state
+from ftforce.view.scene.arrow_nodes import along
+from ftforce.view.scene.arrows import (
+    ARROW_KINDS,
+    Scales,
+    TipAxes,
+    arrows_of,
+    nice_scale,
+    scales_for,
+)
+from ftforce.view.scene.colours import FAULT_COLOURS, FIXED, NEUTRAL, RAMP, colour_of
+from ftforce.view.scene.force_sets import ellipsoid, triangles
+from ftforce.view.scene.picture import (
     _line,
     chain_joints,
     joint_poses,
@@ -27,8 +35,7 @@ from ftforce.view.picture import (
     rotation,
     scene_size,
 )
-from ftforce.view.stage import viewpoint
-from ftforce.view.state import initial_state
+from ftforce.view.scene.stage import viewpoint
 from helpers import KNOWN, assert_close
 from urdfs import arm, followed
 

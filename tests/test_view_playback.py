@@ -15,20 +15,20 @@ from typer.testing import CliRunner
 import ftforce
 from browser import chromium, recorded, watched
 from ftforce import cli
-from ftforce.faults import Fault, FaultMode, FaultSet
-from ftforce.history import JointInfo
-from ftforce.source import write_whole
+from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.io.text import write_whole
 from ftforce.trajectory import Path
-from ftforce.view.colours import FAULT_COLOURS, colour_of
-from ftforce.view.export import PANEL_WIDTH
-from ftforce.view.history_markup import charts
-from ftforce.view.history_stage import frame_times
-from ftforce.view.meshes import Geometry, Part
-from ftforce.view.picture import joint_poses, rotation
+from ftforce.trajectory.history import JointInfo
+from ftforce.view.animation import frame_times
+from ftforce.view.geometry.meshes import Geometry, Part
+from ftforce.view.model.state import initial_state
+from ftforce.view.page.history import charts
 from ftforce.view.playback import Playback, _mark, check_fits, playback
+from ftforce.view.scene.colours import FAULT_COLOURS, colour_of
+from ftforce.view.scene.picture import joint_poses, rotation
+from ftforce.view.scene.snapshots import faults_at, first_with, sentence, snapshot
+from ftforce.view.server.export import PANEL_WIDTH
 from ftforce.view.session import Session
-from ftforce.view.snapshots import faults_at, first_with, sentence, snapshot
-from ftforce.view.state import initial_state
 from helpers import assert_close
 
 pytestmark = pytest.mark.thorough
@@ -135,7 +135,7 @@ def test_what_is_shown_at_a_time_stands_in_the_arrays(page, dh5, history, words,
     assert f": {run.verdicts[i]}." in session.panel._banner.content
     for torque, j in zip(run.motor[i], range(5), strict=True):
         if failed.get(j) is not FaultMode.LOCKED:
-            assert f">{ftforce.words.number(float(torque))}<" in session.panel._answer.content
+            assert f">{ftforce.report.text.number(float(torque))}<" in session.panel._answer.content
 
 
 def test_faults_come_from_their_time_on(history):
@@ -165,7 +165,7 @@ def test_the_page_says_what_happens(page, history):
     assert "The remap acts at 0.6 s." in session.panel._banner.content
     mode.seek(mode.end)
     session.settle()
-    missing = ftforce.words.amounts(history.setting.task, history.remapped.jump[-1])
+    missing = ftforce.report.text.amounts(history.setting.task, history.remapped.jump[-1])
     assert f"{missing} of 94.87 N are missing" in session.panel._banner.content
     assert [_mark(history, at) for at in (0.5, 1.0, 1.3)] == ["3", "2", "4,5"]
     shown = [session.panel.handle(f"mode{i}").value for i in range(5)]
@@ -242,7 +242,7 @@ def test_nothing_is_analysed_while_it_plays(page, monkeypatch):
         raise AssertionError
 
     monkeypatch.setattr("ftforce.view.session.answer", fail)
-    monkeypatch.setattr("ftforce.view.answer.analyze", fail)
+    monkeypatch.setattr("ftforce.view.model.answer.analyze", fail)
     for at in np.linspace(0.0, 1.5, 20):
         mode.seek(float(at))
         session.settle()

@@ -14,9 +14,9 @@ import pytest
 
 from browser import needs_browser, red_box, reds
 from ftforce.errors import FtforceError, InputError
-from ftforce.view import screenshot as module
-from ftforce.view.screenshot import find_browser, render_png, screenshot
-from ftforce.view.server import open_server
+from ftforce.view.server import screenshot as module
+from ftforce.view.server.screenshot import find_browser, render_png, screenshot
+from ftforce.view.server.server import open_server
 
 
 @pytest.fixture(scope="module")

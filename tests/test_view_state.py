@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 import ftforce
 from ftforce import cli
+from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.documents import to_dict
-from ftforce.dynamics import Payload
 from ftforce.errors import DimensionError, InputError, UnknownNameError
-from ftforce.faults import Fault, FaultMode, FaultSet
-from ftforce.posture import choose_posture
-from ftforce.view.answer import answer
-from ftforce.view.state import (
+from ftforce.robot.dynamics import Payload
+from ftforce.robot.posture import choose_posture
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import (
     FIRST_FORCE,
     Origin,
     command_line,

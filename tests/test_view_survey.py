@@ -13,10 +13,10 @@ import ftforce
 from browser import chromium, watched
 from ftforce import cli
 from ftforce.batch.workspace_map import workspace_map
-from ftforce.history import VERDICTS
+from ftforce.trajectory.history import VERDICTS
+from ftforce.view.model.state import initial_state
+from ftforce.view.scene.stage import linear
 from ftforce.view.session import Session
-from ftforce.view.stage import linear
-from ftforce.view.state import initial_state
 from ftforce.view.survey import (
     RAMP,
     VERDICT_POINTS,
@@ -187,7 +187,7 @@ def test_a_page_that_is_taken_along_says_what_the_colours_mean(page):
 
 
 def test_an_arm_with_another_shape_does_not_fit(dh5, stored, monkeypatch):
-    monkeypatch.setattr("ftforce.view.fitting.tip_pose", lambda robot, q: (None, np.ones(3)))
+    monkeypatch.setattr("ftforce.view.model.fitting.tip_pose", lambda robot, q: (None, np.ones(3)))
     with pytest.raises(ftforce.FtforceError, match="another arm"):
         survey(dh5, initial_state(dh5), stored["all"])
 

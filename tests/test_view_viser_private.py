@@ -12,7 +12,7 @@ import websockets
 
 from ftforce.errors import FtforceError
 from ftforce.view import viser_private
-from ftforce.view.server import open_server
+from ftforce.view.server.server import open_server
 
 pytestmark = pytest.mark.thorough
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from ftforce.errors import URDFError
-from ftforce.view.visuals import find_mesh, read_visuals
+from ftforce.view.geometry.visuals import find_mesh, read_visuals
 from helpers import assert_close
 from urdfs import BODY, arm, link, write
 

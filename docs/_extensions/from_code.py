@@ -25,10 +25,10 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 import ftforce
+from ftforce.analysis.paper import replicate
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.cli import app as program
-from ftforce.paths import Path
-from ftforce.replicate import replicate
+from ftforce.trajectory.path import Path
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

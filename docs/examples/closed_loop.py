@@ -30,7 +30,7 @@ from closed_loop import SETTLED, Loop, press, seen_from
 
 if TYPE_CHECKING:
     from ftforce import Robot
-    from ftforce.history import History
+    from ftforce.trajectory.history import History
 
 START, END = np.array([1.150, -0.134, 0.034]), np.array([0.781, 0.509, 0.280])  # m
 POSTURE = np.deg2rad([-10.0, 18.0, -6.0, -5.0, -6.0])  # the arm is almost stretched there

@@ -16,7 +16,7 @@ import numpy as np
 import ftforce
 
 if TYPE_CHECKING:
-    from ftforce.force_capability import Capability
+    from ftforce.analysis.capability import Capability
 
 HERE = Path(__file__).resolve().parent
 PICTURE = HERE.parent / "pictures" / "fault-modes.svg"

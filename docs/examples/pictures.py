@@ -26,7 +26,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from ftforce.cli import app
-from ftforce.registry import known_robots
+from ftforce.robot.known_robots import known_robots
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -11,8 +11,8 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from ftforce.section_v import section_v
 from ftforce.show import plots
+from ftforce.trajectory.section_v import section_v
 
 
 def draw(path: Path) -> None:

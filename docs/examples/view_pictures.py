@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from ftforce.view.screenshot import find_browser
+from ftforce.view.server.screenshot import find_browser
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -1,1 +1,1 @@
-"""Many postures: kernels that know arrays only, and the sweep that runs them in chunks."""
+"""Many postures, all fault sets: sweeps, maps of the workspace, comparisons, the control loop."""

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.batch.bins import LINEAR_BINS
-from ftforce.batch.summary import RANKS, VERDICTS
+from ftforce.batch.summary.bins import LINEAR_BINS
+from ftforce.batch.summary.summary import RANKS, VERDICTS
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Matrix
     from ftforce.batch.results import Block
-    from ftforce.batch.summary import Summary
+    from ftforce.batch.summary.summary import Summary
+    from ftforce.core.arrays import Matrix
 
 _MEASURES = ("rank_lost", "margin", "rho", "jump", "capability")
 
@@ -49,7 +49,7 @@ def _check(summary: Summary, block: Block) -> None:
 
 
 def _add_healthy(summary: Summary, block: Block) -> None:
-    from ftforce.batch.counting import count_codes, count_linear
+    from ftforce.batch.kernels.counting import count_codes, count_linear
 
     count_codes(np.ascontiguousarray(block.rank)[None], summary.healthy_rank[None])
     margin = np.ascontiguousarray(block.healthy_margin)[None]
@@ -58,7 +58,7 @@ def _add_healthy(summary: Summary, block: Block) -> None:
 
 
 def _add_verdicts(summary: Summary, block: Block) -> None:
-    from ftforce.batch.counting import count_cells, count_codes
+    from ftforce.batch.kernels.counting import count_cells, count_codes
 
     verdict = np.ascontiguousarray(block.verdict)
     count_codes(verdict, summary.verdicts)
@@ -81,7 +81,7 @@ def _add_verdicts(summary: Summary, block: Block) -> None:
 
 
 def _add_measures(summary: Summary, block: Block, start: int) -> None:
-    from ftforce.batch.counting import count_linear
+    from ftforce.batch.kernels.counting import count_linear
 
     for name, extreme in (("margin", "min_margin"), ("rho", "min_rho"), ("jump", "max_jump")):
         if (counts := getattr(summary, name)) is None:
@@ -97,7 +97,7 @@ def _add_measures(summary: Summary, block: Block, start: int) -> None:
 
 
 def _add_capability(summary: Summary, values: Matrix) -> None:
-    from ftforce.batch.counting import count_logarithmic, leading_bits
+    from ftforce.batch.kernels.counting import count_logarithmic, leading_bits
 
     edges, guide = summary.bins.capability, summary.bins.capability_guide
     count_logarithmic(

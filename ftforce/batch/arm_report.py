@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.arrays import read_only
-from ftforce.batch.criticality import Estimate, capability_counts
 from ftforce.batch.results import BORDERLINE, TOLERATED
-from ftforce.batch.statistics import quantile, quantile_interval, wilson
-from ftforce.metrics import worst_manipulability_bound
+from ftforce.batch.summary.criticality import Estimate, capability_counts
+from ftforce.batch.summary.intervals import quantile, quantile_interval, wilson
+from ftforce.core.arrays import read_only
+from ftforce.core.measures import worst_manipulability_bound
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Vector
-    from ftforce.batch.criticality import JointCriticality
     from ftforce.batch.result import Sweep, SweepSetting
-    from ftforce.batch.summary import Summary
+    from ftforce.batch.summary.criticality import JointCriticality
+    from ftforce.batch.summary.summary import Summary
+    from ftforce.core.arrays import Vector
 
     Counts = NDArray[np.int64]
 

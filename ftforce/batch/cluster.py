@@ -14,18 +14,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ftforce.batch.folder import lock_of
-from ftforce.batch.postures import Listed
+from ftforce.__version__ import __version__
+from ftforce.batch.postures.postures import Listed
+from ftforce.batch.store.folder import lock_of
 from ftforce.errors import FtforceError, InputError, listed
-from ftforce.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
-    from ftforce.arrays import Matrix
     from ftforce.batch.job import Job, Samples
     from ftforce.batch.runner import Runner, Turn, Turns
-    from ftforce.batch.store import Opened
+    from ftforce.batch.store.store import Opened
+    from ftforce.core.arrays import Matrix
 
 AHEAD = 2
 """Turns that are given to each thread of the cluster beforehand."""
@@ -282,7 +282,7 @@ def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[i
         This worker has another ftforce, or something cannot be read or written.
     """
     from ftforce.batch.runner import do_chunks
-    from ftforce.batch.store import write_chunk
+    from ftforce.batch.store.store import write_chunk
 
     if version != __version__:  # a worker that came later
         raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")

@@ -11,24 +11,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ftforce.arrays import is_number
 from ftforce.batch.arm_report import ArmReport, arm_report
 from ftforce.batch.result import Sweep, SweepSetting
-from ftforce.display import Displayed
+from ftforce.core.arrays import is_number
+from ftforce.core.display import Displayed
 from ftforce.errors import InputError, listed, printable
-from ftforce.robot import Robot
+from ftforce.robot.robot import Robot
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
-    from ftforce.batch.drawn import Drawn
-    from ftforce.dynamics import Payload
-    from ftforce.fault_census import Progress
-    from ftforce.faults import FaultMode
-    from ftforce.limits_reader import LimitsLike
-    from ftforce.task import Axes, Task
+    from ftforce.analysis.census import Progress
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.batch.postures.drawn import Drawn
+    from ftforce.core.faults import FaultMode
+    from ftforce.core.task import Axes, Task
+    from ftforce.robot.dynamics import Payload
 
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 
@@ -213,19 +213,19 @@ def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _
 def _read(given: str | os.PathLike[str], tip: str | None, base: str | None) -> Robot | Sweep:
     path = Path(given)
     if path.suffix == ".zarr" or (path.is_dir() and not _is_known(given)):
-        from ftforce.batch.store import open_sweep
+        from ftforce.batch.store.store import open_sweep
 
         sweep = open_sweep(path)
         if not sweep.summary.postures:
             raise InputError(f"{printable(path)}: no posture of this sweep is done yet")
         return sweep
-    from ftforce.load import load_robot
+    from ftforce.robot.load import load_robot
 
     return load_robot(given, tip=tip, base=base)
 
 
 def _is_known(given: object) -> bool:
-    from ftforce.registry import known_robots
+    from ftforce.robot.known_robots import known_robots
 
     return given in known_robots()
 
@@ -282,9 +282,9 @@ class _Reports:
 
     def _drawn(self, name: str, robot: Robot) -> Drawn:
         """Return the postures of an arm, and check what may suit the others but not this one."""
-        from ftforce.batch.drawn import Drawn
-        from ftforce.fault_census import check_size
-        from ftforce.limits_reader import choose_limits
+        from ftforce.analysis.census import check_size
+        from ftforce.analysis.limits_files import choose_limits
+        from ftforce.batch.postures.drawn import Drawn
 
         asked = {key: self.asked[key] for key in ("method", "seed") if key in self.asked}
         with _naming(name):
@@ -295,7 +295,7 @@ class _Reports:
     def _swept(self, one: _Entry, robot: Robot, postures: Drawn) -> tuple[_Entry, Any]:
         from ftforce.batch.healthy import healthy_capability
         from ftforce.batch.sweep import sweep
-        from ftforce.kinematics import reach_bound
+        from ftforce.robot.kinematics import reach_bound
 
         before = self.done
 

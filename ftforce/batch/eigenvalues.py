@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ftforce.batch.jit import inner
-from ftforce.batch.layout import LANES
+from ftforce.batch.kernels.jit import inner
+from ftforce.batch.kernels.layout import LANES
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Vector
+    from ftforce.core.arrays import Vector
 
 DEGREE = 18  # 2e-15; the next even ones are no better, 16 has 1e-14
 _LEAST = 1e-300  # of three equal eigenvalues nothing is left to divide by

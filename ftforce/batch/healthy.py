@@ -6,22 +6,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ftforce.analysis.conditions import Conditions
+from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.batch.arm_report import capability_of
-from ftforce.batch.bins import Bins, Workspace
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.runner import threads_of
+from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.sweep import plan_of
-from ftforce.conditions import Conditions
-from ftforce.faults import FaultSet
-from ftforce.limits_reader import URDF, choose_limits
-from ftforce.task import Task
+from ftforce.core.faults import FaultSet
+from ftforce.core.task import Task
 
 if TYPE_CHECKING:
-    from ftforce.batch.criticality import Estimate
-    from ftforce.batch.drawn import Drawn
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.batch.postures.drawn import Drawn
     from ftforce.batch.result import SweepSetting
-    from ftforce.limits_reader import LimitsLike
-    from ftforce.robot import Robot
+    from ftforce.batch.summary.criticality import Estimate
+    from ftforce.robot.robot import Robot
 
 _ANYWHERE = Workspace((0.0, 0.0, 0.0), 1.0, (1, 1, 1))
 

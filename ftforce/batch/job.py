@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.batch.plan import Evaluator, as_block, empty_answers
-from ftforce.batch.summary import Summary
+from ftforce.batch.summary.summary import Summary
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Matrix
-    from ftforce.batch.bins import Bins, Workspace
-    from ftforce.batch.layout import Answers
+    from ftforce.batch.kernels.layout import Answers
     from ftforce.batch.plan import Plan
-    from ftforce.batch.postures import Postures
+    from ftforce.batch.postures.postures import Postures
     from ftforce.batch.results import Block
+    from ftforce.batch.summary.bins import Bins, Workspace
+    from ftforce.core.arrays import Matrix
 
     Samples = dict[str, NDArray[Any]]
 

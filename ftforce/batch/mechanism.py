@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from ftforce.arrays import read_only
-from ftforce.batch.layout import Mechanism
+from ftforce.batch.kernels.layout import Mechanism
+from ftforce.core.arrays import read_only
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Matrix, Vector
-    from ftforce.dynamics import Payload
-    from ftforce.robot import Robot
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.robot import Robot
 
 
 def mechanism_of(

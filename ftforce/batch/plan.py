@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.arrays import read_only
-from ftforce.batch.layout import Answers, Faults, Mechanism, Question, aligned
+from ftforce.batch.kernels.layout import Answers, Faults, Mechanism, Question, aligned
 from ftforce.batch.results import Block
+from ftforce.core.arrays import read_only
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Matrix, Vector
-    from ftforce.faults import FaultSet
-    from ftforce.limits import Limits
-    from ftforce.task import Task
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.core.task import Task
 
 _PAGE, _APART = 4096, 5 * 64  # bytes
 
@@ -59,7 +59,7 @@ class Evaluator:
     """
 
     def __init__(self, plan: Plan) -> None:
-        from ftforce.batch import fast, settle
+        from ftforce.batch.kernels import fast, settle
 
         self.plan = plan
         m = plan.question.rows.size
@@ -79,7 +79,7 @@ class Evaluator:
         return as_block(answers)
 
     def _fill(self, answers: Answers, q: Matrix) -> None:
-        from ftforce.batch import fast, settle
+        from ftforce.batch.kernels import fast, settle
 
         plan = self.plan
         given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)

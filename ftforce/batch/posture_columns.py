@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.arrays import read_only
-from ftforce.csv_table import POSITION_UNITS, find_columns
+from ftforce.core.arrays import read_only
 from ftforce.errors import InputError, listed
-from ftforce.source import LARGEST_NUMBER
+from ftforce.io.csv_table import POSITION_UNITS, find_columns
+from ftforce.io.text import LARGEST_NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ftforce.arrays import Matrix, Vector
-    from ftforce.robot import Robot
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.robot.robot import Robot
 
 ROWS = 1 << 16  # that are checked at a time
 

@@ -13,8 +13,8 @@ from ftforce.errors import FtforceError, InputError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ftforce.arrays import Matrix, Vector
-    from ftforce.robot import Robot
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

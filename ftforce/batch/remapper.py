@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.analysis.census import check_size, checked_mode
+from ftforce.analysis.conditions import Conditions
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import faults_of, question_of
-from ftforce.conditions import Conditions
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.core.faults import FaultMode, FaultSet, fault_sets
+from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.task import Axes, Task
 from ftforce.errors import FtforceError, InputError
-from ftforce.fault_census import check_size, checked_mode
-from ftforce.faults import FaultMode, FaultSet, fault_sets
-from ftforce.history import VERDICTS
-from ftforce.reduced import RTOL, WARY, check_tolerances
-from ftforce.task import Axes, Task
+from ftforce.trajectory.history import VERDICTS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from ftforce.batch.layout import Faults, Mechanism, Question, Whole
-    from ftforce.dynamics import Payload
-    from ftforce.metrics import Verdict
-    from ftforce.named_faults import Joints
-    from ftforce.robot import Robot
+    from ftforce.analysis.fault_names import Joints
+    from ftforce.batch.kernels.layout import Faults, Mechanism, Question, Whole
+    from ftforce.core.measures import Verdict
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.robot import Robot
 
 FaultSets: TypeAlias = "int | FaultSet | Iterable[FaultSet | Joints]"
 
@@ -43,7 +43,7 @@ class Remapped(NamedTuple):
     U :
         Motor torques meant for the force after the remap, N·m (N if prismatic), weight and motion
         apart, shape (S, n); 0 at locked joints. At a joint without torque it is what balances the
-        joint's weight, as in `ftforce.changes.TorqueChange`.
+        joint's weight, as in `ftforce.core.changes.TorqueChange`.
     self_motion :
         Part of the torques that exerts no static force but moves the arm, shape (n,).
     force_before :
@@ -63,7 +63,7 @@ class Remapped(NamedTuple):
     rank_lost :
         Rank of J less that of K, shape (S,).
     verdict :
-        Index in ``ftforce.history.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
+        Index in ``ftforce.trajectory.history.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 
@@ -273,7 +273,7 @@ class Remapper:
 
 def _kernel() -> Any:
     try:
-        from ftforce.batch.single import answer
+        from ftforce.batch.kernels.single import answer
     except ImportError as problem:
         if problem.name != "numba":
             raise
@@ -310,8 +310,8 @@ def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[Fault
 def _constants(
     mechanism: Mechanism, question: Question, faults: Faults
 ) -> tuple[NDArray[Any], ...]:
-    """Return tree, body, task, locked and free as `ftforce.batch.single.answer` takes them."""
-    from ftforce.batch import single
+    """Return tree, body, task, locked and free as `ftforce.batch.kernels.single.answer` takes them."""
+    from ftforce.batch.kernels import single
 
     E, m, n = len(mechanism.parent), len(question.rows), faults.locked.shape[1]
     tree = np.zeros((E + 1, 4), dtype=np.int64)
@@ -335,8 +335,8 @@ def _constants(
 def _workspace(
     joints: int, task: Task, n: int, sets: int
 ) -> tuple[tuple[NDArray[Any], ...], Remapped]:
-    """Return what `ftforce.batch.single.answer` writes to, and the part of it that it answers."""
-    from ftforce.batch import single
+    """Return what `ftforce.batch.kernels.single.answer` writes to, and the part of it that it answers."""
+    from ftforce.batch.kernels import single
 
     m = task.m
     square = np.zeros((single.SQUARES, m, m))

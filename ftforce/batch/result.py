@@ -6,19 +6,19 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from ftforce.batch.criticality import criticality, survival
 from ftforce.batch.set_summaries import set_summaries, tolerating_every_set
-from ftforce.display import Displayed
-from ftforce.faults import Fault, FaultMode, FaultSet
+from ftforce.batch.summary.criticality import criticality, survival
+from ftforce.core.display import Displayed
+from ftforce.core.faults import Fault, FaultMode, FaultSet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
 
-    from ftforce.batch.criticality import Estimate, JointCriticality, Survival
     from ftforce.batch.set_summaries import SetSummary
-    from ftforce.batch.summary import Summary
+    from ftforce.batch.summary.criticality import Estimate, JointCriticality, Survival
+    from ftforce.batch.summary.summary import Summary
 
 Keep = Literal["all", "worst", "summary"]
 KEEPS: tuple[str, ...] = get_args(Keep)

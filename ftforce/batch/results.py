@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ftforce.arrays import Matrix, Vector
+    from ftforce.core.arrays import Matrix, Vector
 
 Codes: TypeAlias = NDArray[np.int8]
 

@@ -10,17 +10,17 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from ftforce.batch import store
+from ftforce.batch.store import store
 from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
     from concurrent.futures import Future
 
+    from ftforce.analysis.census import Progress
     from ftforce.batch.job import Job, Samples
-    from ftforce.batch.store import Opened
-    from ftforce.batch.summary import Summary
-    from ftforce.fault_census import Progress
+    from ftforce.batch.store.store import Opened
+    from ftforce.batch.summary.summary import Summary
 
 SAVING = 5.0  # s between two writings of the progress file
 TURN = 1.0  # s that a thread counts into a summary of its own before it is added to the others

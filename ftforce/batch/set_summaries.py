@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ftforce.batch.criticality import Estimate, capability_counts, share_of
 from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
-from ftforce.batch.statistics import quantile
+from ftforce.batch.summary.criticality import Estimate, capability_counts, share_of
+from ftforce.batch.summary.intervals import quantile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Vector
-    from ftforce.batch.summary import Summary
-    from ftforce.faults import FaultSet
+    from ftforce.batch.summary.summary import Summary
+    from ftforce.core.arrays import Vector
+    from ftforce.core.faults import FaultSet
 
     Counts = NDArray[np.int64]
 

@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.arrays import Vector, as_vector, read_only
-from ftforce.batch.bins import Bins, Workspace
-from ftforce.batch.drawn import Drawn
+from ftforce.__version__ import __version__
+from ftforce.analysis.census import check_size, checked_mode, direction_or_force
+from ftforce.analysis.conditions import Conditions
+from ftforce.analysis.limits_files import NONE, URDF, choose_limits
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
-from ftforce.batch.posture_files import postures_from_file
-from ftforce.batch.postures import Listed, Postures, whole_number
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.postures.files import postures_from_file
+from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
-from ftforce.conditions import Conditions
+from ftforce.batch.summary.bins import Bins, Workspace
+from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.faults import FaultMode, fault_sets
+from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.task import Axes, Task
 from ftforce.errors import FtforceError, InputError, UnknownNameError
-from ftforce.fault_census import check_size, checked_mode, direction_or_force
-from ftforce.faults import FaultMode, fault_sets
-from ftforce.kinematics import reach_bound, tip_pose
-from ftforce.limits_reader import NONE, URDF, choose_limits
-from ftforce.reduced import RTOL, WARY, check_tolerances
-from ftforce.task import Axes, Task
-from ftforce.version import __version__
+from ftforce.robot.kinematics import reach_bound, tip_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.census import Progress
+    from ftforce.analysis.limits_files import LimitsLike
     from ftforce.batch.runner import Runner
-    from ftforce.dynamics import Payload
-    from ftforce.fault_census import Progress
-    from ftforce.faults import FaultSet
-    from ftforce.limits import Limits
-    from ftforce.limits_reader import LimitsLike
-    from ftforce.robot import Robot
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.robot import Robot
 
 CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes that a codec takes at once
@@ -99,7 +99,7 @@ def sweep(
     direction :
         Of the capability, in the task's axes, shape (m,); the force's if not given.
     limits :
-        Of the capability: ``urdf`` (if not given), a TOML or CSV file, `ftforce.limits.Limits`;
+        Of the capability: ``urdf`` (if not given), a TOML or CSV file, `ftforce.core.limits.Limits`;
         ``none`` asks for no capability. Verdict and jump do not count them.
     gravity, payload, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
@@ -362,8 +362,8 @@ def _run(
 ) -> Sweep:
     from contextlib import closing
 
-    from ftforce.batch import store
     from ftforce.batch.runner import run
+    from ftforce.batch.store import store
 
     asked = store.Asked(job, setting, sets, _identity(job, setting))
     with closing(store.create(path, asked)) as opened:

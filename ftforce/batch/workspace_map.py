@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.arrays import read_only
-from ftforce.batch.cells import (
+from ftforce.batch.summary.cells import (
     AXES,
     PLANES,
     Cells,
@@ -24,14 +23,15 @@ from ftforce.batch.cells import (
     pooled,
     window_of,
 )
-from ftforce.display import Displayed
+from ftforce.core.arrays import read_only
+from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ftforce.arrays import Vector
     from ftforce.batch.result import Sweep
+    from ftforce.core.arrays import Vector
 
 QUANTITIES = ("rho", "margin", "jump", "capability")
 USUAL = ("rho", "margin")

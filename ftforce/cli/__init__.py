@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from ftforce import __version__
-from ftforce.cli.common import guarded
+from ftforce.cli.options import guarded
 from ftforce.cli.printing import prepare_streams, reason_of, silence
 
 COMMANDS = (

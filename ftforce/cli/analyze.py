@@ -1,6 +1,6 @@
 """``ftforce analyze``: one posture, one fault set."""
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     Acceleration,
     AxesOption,
     Base,
@@ -63,9 +63,9 @@ def analyze(
     Without --force or --torque: the same for every unit force, and which directions are lost.
     """
     refuse_force_and_torque(force, torque)
-    from ftforce import analysis
-    from ftforce.posture import choose_posture
-    from ftforce.show.analysis import analysis_view
+    from ftforce.analysis import analyze as analysis
+    from ftforce.robot.posture import choose_posture
+    from ftforce.show.tables.analysis import analysis_view
 
     arm = load(robot, tip, base, posture)
     place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)

@@ -1,6 +1,6 @@
 """``ftforce capability``: which force and which payload can be held."""
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     Acceleration,
     AxesOption,
     Base,
@@ -57,9 +57,9 @@ def capability(
 
     Commanded: what the motors make. Held: a load that is there already, with the locks' help.
     """
-    from ftforce import force_capability
-    from ftforce.posture import choose_posture
-    from ftforce.show.capability import capability_view
+    from ftforce.analysis import capability as force_capability
+    from ftforce.robot.posture import choose_posture
+    from ftforce.show.tables.capability import capability_view
 
     arm = load(robot, tip, base, posture)
     place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)

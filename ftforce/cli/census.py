@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     Acceleration,
     AxesOption,
     Base,
@@ -77,9 +77,9 @@ def census(
     refuse_force_and_torque(force, torque)
     if direction is not None and rank_by == "jump":
         raise typer.BadParameter("--direction counts only with --rank-by capability")
-    from ftforce import fault_census
-    from ftforce.posture import choose_posture
-    from ftforce.show.census import census_view
+    from ftforce.analysis import census as fault_census
+    from ftforce.robot.posture import choose_posture
+    from ftforce.show.tables.census import census_view
 
     arm = load(robot, tip, base, posture)
     place = choose_posture(arm, numbers(q, "--q"), posture, degrees=deg)

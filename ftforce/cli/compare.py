@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     Direction,
     Force,
     FormatOption,
@@ -122,7 +122,7 @@ def compare(
     Every arm is asked the same; stored sweeps must have been.
     """
     from ftforce.batch import comparison
-    from ftforce.show.comparison import comparison_view
+    from ftforce.show.tables.comparison import comparison_view
 
     with rate_bar("postures") as progress:
         result = comparison.compare(

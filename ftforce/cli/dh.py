@@ -27,8 +27,8 @@ def dh(
 
     Existing files are replaced; if one of the two cannot be written, both stay as they were.
     """
-    from ftforce.dh import TIP, DHTable
-    from ftforce.generate import write_robot
+    from ftforce.robot.formats.dh import TIP, DHTable
+    from ftforce.robot.formats.dh_to_urdf import write_robot
 
     arm = DHTable.from_toml(table)
     urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))

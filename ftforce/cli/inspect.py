@@ -1,6 +1,6 @@
 """``ftforce inspect``: what a URDF holds."""
 
-from ftforce.cli.common import Base, FormatOption, Output, RobotArgument, Tip, emit, load
+from ftforce.cli.options import Base, FormatOption, Output, RobotArgument, Tip, emit, load
 
 
 def inspect(
@@ -11,7 +11,7 @@ def inspect(
     output: Output = None,
 ) -> None:
     """Show the chain: joints, limits, effort, mass, tip candidates and postures."""
-    from ftforce.show.robot import robot_view
+    from ftforce.show.tables.robot import robot_view
 
     arm = load(robot, tip, base, None)
     emit(

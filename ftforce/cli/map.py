@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.common import FormatOption, Output, PlotOption, emit
+from ftforce.cli.options import FormatOption, Output, PlotOption, emit
 
 
 def map(  # noqa: A001 # the command's name
@@ -50,9 +50,9 @@ def map(  # noqa: A001 # the command's name
 
     Shows the share of postures per cell, the worst cells, the critical joints, and quantiles.
     """
-    from ftforce.batch.store import open_sweep
+    from ftforce.batch.store.store import open_sweep
     from ftforce.batch.workspace_map import workspace_map
-    from ftforce.show.map import map_view
+    from ftforce.show.tables.map import map_view
 
     opened = open_sweep(sweep)
     found = workspace_map(

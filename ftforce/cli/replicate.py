@@ -2,7 +2,7 @@
 
 import typer
 
-from ftforce.cli.common import FormatOption, Output, emit
+from ftforce.cli.options import FormatOption, Output, emit
 
 
 def replicate(form: FormatOption = None, output: Output = None) -> None:
@@ -10,8 +10,8 @@ def replicate(form: FormatOption = None, output: Output = None) -> None:
 
     Differences that an erratum of the paper explains are shown and do not count.
     """
-    from ftforce.replicate import replicate as compute
-    from ftforce.show.replication import replication_view
+    from ftforce.analysis.paper import replicate as compute
+    from ftforce.show.tables.replication import replication_view
 
     result = compute()
     emit(

@@ -1,12 +1,12 @@
 """``ftforce robots``: the known names."""
 
-from ftforce.cli.common import FormatOption, Output, emit, load
+from ftforce.cli.options import FormatOption, Output, emit, load
 
 
 def robots(form: FormatOption = None, output: Output = None) -> None:
     """List the known robots with their number of joints, tip and postures."""
-    from ftforce.registry import known_robots
-    from ftforce.show.robot import robots_view
+    from ftforce.robot.known_robots import known_robots
+    from ftforce.show.tables.robot import robots_view
 
     arms = [(known, load(name, None, None, None)) for name, known in known_robots().items()]
     emit(

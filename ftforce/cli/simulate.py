@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.given import given_options
+from ftforce.cli.options import (
     AxesOption,
     Base,
     Degrees,
@@ -26,7 +27,6 @@ from ftforce.cli.common import (
     load,
     numbers,
 )
-from ftforce.cli.given import given_options
 from ftforce.cli.progress import progress_bar
 from ftforce.cli.trajectories import (
     From,
@@ -42,7 +42,7 @@ from ftforce.cli.trajectories import (
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
-    from ftforce.history import History
+    from ftforce.trajectory.history import History
 
 _BESIDE_PAPER = {"paper", "debug", "rate", "delay", "no_remap", "plot", "form", "output"}
 
@@ -123,7 +123,7 @@ def simulate(
             "which force does the tool exert? Give --force, e.g. 80,50,10; 0,0,0 is a free motion"
         )
     else:
-        from ftforce import simulation
+        from ftforce.trajectory import simulate as simulation
 
         arm = load(robot, tip, base, posture)
         place = place_of(arm, trajectory, q, posture, degrees=deg)
@@ -169,14 +169,14 @@ def _refuse_beside_paper(context: typer.Context) -> None:
 
 
 def _paper(rate: float | None, delay: float, *, remap: bool) -> "History":
-    from ftforce.section_v import section_v
+    from ftforce.trajectory.section_v import section_v
 
     with progress_bar("instants") as progress:
         return section_v(rate=rate, delay=delay, remap=remap, progress=progress)
 
 
 def _show(history: "History", plot: Path | None, form: FormatOption, output: Path | None) -> None:
-    from ftforce.show.history import history_view
+    from ftforce.show.tables.history import history_view
 
     emit(
         history_view(history),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     AxesOption,
     Base,
     Direction,
@@ -28,8 +28,8 @@ from ftforce.cli.common import (
 from ftforce.cli.progress import rate_bar
 
 if TYPE_CHECKING:
-    from ftforce.batch.postures import Postures
-    from ftforce.robot import Robot
+    from ftforce.batch.postures.postures import Postures
+    from ftforce.robot.robot import Robot
 
 
 def sweep(
@@ -121,7 +121,7 @@ def sweep(
     workspace survives, and which joint is the critical one.
     """
     from ftforce.batch import sweep as batch
-    from ftforce.show.sweep import sweep_view
+    from ftforce.show.tables.sweep import sweep_view
 
     arm = load(robot, tip, base, None)
     source = _source(arm, samples, postures, grid, deg=deg)
@@ -190,11 +190,11 @@ def _source(
     if deg and postures is None:
         raise typer.BadParameter("--deg is about --postures")
     if postures is not None:
-        from ftforce.batch.posture_files import postures_from_file
+        from ftforce.batch.postures.files import postures_from_file
 
         return postures_from_file(arm, postures, degrees=deg)
     if grid is not None:
-        from ftforce.batch.postures import Grid
+        from ftforce.batch.postures.postures import Grid
 
         counts = _counts(grid)
         return Grid.of(arm, counts[0] if len(counts) == 1 else counts)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.options import (
     AxesOption,
     Base,
     Degrees,
@@ -79,8 +79,8 @@ def timeline(
 
     The healthy arm moves; jump, margin and capability say how much each fault would take then.
     """
-    from ftforce import fault_timeline
-    from ftforce.show.timeline import timeline_view
+    from ftforce.show.tables.timeline import timeline_view
+    from ftforce.trajectory import timeline as fault_timeline
 
     arm = load(robot, tip, base, posture)
     place = place_of(arm, trajectory, q, posture, degrees=deg)

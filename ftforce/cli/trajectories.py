@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ftforce.cli.common import numbers
+from ftforce.cli.options import numbers
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
-    from ftforce.posture import Posture
-    from ftforce.robot import Robot
-    from ftforce.trajectory import Trajectory
+    from ftforce.robot.posture import Posture
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.start import Trajectory
 
 TrajectoryArgument = Annotated[
     str | None,
@@ -58,7 +58,7 @@ def place_of(
     """Return the posture near which a path begins; ``None`` where a file may say it itself."""
     if file is not None and q is None and posture is None:
         return None
-    from ftforce.posture import choose_posture
+    from ftforce.robot.posture import choose_posture
 
     return choose_posture(robot, numbers(q, "--q"), posture, degrees=degrees)
 
@@ -90,8 +90,8 @@ def trajectory_of(
         )
     if speed is None:
         raise InputError("how fast? Give --speed, the largest speed of the tip in m/s")
-    from ftforce.paths import Path
-    from ftforce.trajectory import tip_at
+    from ftforce.trajectory.path import Path
+    from ftforce.trajectory.start import tip_at
 
     points = [_point(corner, "--to") for corner in corners]
     first = tip_at(robot, place, None).tolist() if start is None else _point(start, "--from")

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ftforce.cli.common import (
+from ftforce.cli.given import given_options
+from ftforce.cli.options import (
     Acceleration,
     AxesOption,
     Base,
@@ -32,14 +33,13 @@ from ftforce.cli.common import (
     numbers,
     refuse_force_and_torque,
 )
-from ftforce.cli.given import given_options
 from ftforce.cli.printing import say
 from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
-    from ftforce.robot import Robot
+    from ftforce.robot.robot import Robot
+    from ftforce.view.model.state import Origin
     from ftforce.view.session import Session
-    from ftforce.view.state import Origin
 
 
 _LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
@@ -116,9 +116,9 @@ def view(
     if at is not None and history is None:
         raise typer.BadParameter("--at is a time of a --history; give one")
     _check_outputs(export, screenshot)
-    from ftforce.posture import choose_posture
+    from ftforce.robot.posture import choose_posture
+    from ftforce.view.model.state import Origin, initial_state
     from ftforce.view.session import Session
-    from ftforce.view.state import Origin, initial_state
 
     arm = load(robot, tip, base, posture)
     place = numbers(q, "--q")
@@ -200,7 +200,7 @@ def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
 
 
 def _write(session: "Session", export: Path | None, screenshot: Path | None) -> None:
-    from ftforce.source import write_whole
+    from ftforce.io.text import write_whole
 
     session.load_geometry()
     session.settle()

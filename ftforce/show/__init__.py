@@ -1,1 +1,1 @@
-"""Everything that people look at: tables, later plots and the 3D view."""
+"""Results in the terminal and in print."""

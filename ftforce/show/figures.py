@@ -9,26 +9,34 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ftforce.analysis.capability import Capability
+from ftforce.analysis.census import Census
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
-from ftforce.fault_census import Census
-from ftforce.fault_timeline import Timeline
-from ftforce.force_capability import Capability
-from ftforce.history import History
+from ftforce.io.text import write_whole
 from ftforce.show import plots
-from ftforce.show.canvas import HIGHEST, PRINT, ROW, WIDTH, Options, fit_ticks, needs_matplotlib
-from ftforce.show.comparison_plot import lay_out
-from ftforce.show.map_figure import draw_map, draw_sweep
-from ftforce.source import write_whole
+from ftforce.show.plots.canvas import (
+    HIGHEST,
+    PRINT,
+    ROW,
+    WIDTH,
+    Options,
+    fit_ticks,
+    needs_matplotlib,
+)
+from ftforce.show.plots.comparison import lay_out
+from ftforce.show.plots.workspace_page import draw_map, draw_sweep
+from ftforce.trajectory.history import History
+from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from os import PathLike
 
     from matplotlib.figure import Figure
 
-    from ftforce.show.heat import Quantity
+    from ftforce.show.plots.timeline import Quantity
 
 # What would make two files of one result differ: dates, and versions of libraries.
 _METADATA: dict[str, dict[str, Any]] = {
@@ -119,7 +127,7 @@ def _settle(drawn: Figure) -> None:
 
 def _of_history(drawn: Figure, history: History) -> None:
     task = history.setting.task
-    kinds: list[plots.Kind] = ["force"] if task.force_rows else []
+    kinds: list[trajectory.Kind] = ["force"] if task.force_rows else []
     kinds += ["moment"] if task.moment_rows else []
     heights = [1.6, 1.6, *(1.5 for _ in kinds), 1.2, 1.2]
     drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), HIGHEST))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ftforce.show.tables import facts, spaced, state_text, table
-from ftforce.words import number
+from ftforce.report.text import number
+from ftforce.show.tables.parts import facts, spaced, state_text, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from ftforce.closed_forms import Remap
+    from ftforce.core.remap import Remap
 
 
 def remap_view(result: Remap) -> RenderableType:

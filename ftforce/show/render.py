@@ -7,28 +7,28 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from ftforce.analysis import Analysis
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import Capability
+from ftforce.analysis.census import Census
+from ftforce.analysis.paper import Replication
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
-from ftforce.closed_forms import Remap
-from ftforce.fault_census import Census
-from ftforce.fault_timeline import Timeline
-from ftforce.force_capability import Capability
-from ftforce.history import History
-from ftforce.replicate import Replication
-from ftforce.robot import Robot
-from ftforce.show.analysis import analysis_view
-from ftforce.show.capability import capability_view
-from ftforce.show.census import census_view
-from ftforce.show.comparison import comparison_view
-from ftforce.show.history import history_view
-from ftforce.show.map import map_view
+from ftforce.core.remap import Remap
+from ftforce.robot.robot import Robot
 from ftforce.show.remap import remap_view
-from ftforce.show.replication import replication_view
-from ftforce.show.robot import robot_view
-from ftforce.show.sweep import sweep_view
-from ftforce.show.timeline import timeline_view
+from ftforce.show.tables.analysis import analysis_view
+from ftforce.show.tables.capability import capability_view
+from ftforce.show.tables.census import census_view
+from ftforce.show.tables.comparison import comparison_view
+from ftforce.show.tables.history import history_view
+from ftforce.show.tables.map import map_view
+from ftforce.show.tables.replication import replication_view
+from ftforce.show.tables.robot import robot_view
+from ftforce.show.tables.sweep import sweep_view
+from ftforce.show.tables.timeline import timeline_view
+from ftforce.trajectory.history import History
+from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -9,10 +9,10 @@ from markupsafe import Markup
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Picture
+    from ftforce.view.geometry.meshes import Geometry
+    from ftforce.view.model.state import State
+    from ftforce.view.scene.picture import Picture
     from ftforce.view.session import Session
-    from ftforce.view.state import State
 
 
 class View(NamedTuple):
@@ -23,7 +23,7 @@ class View(NamedTuple):
     picture :
         The scene.
     top, parts, below :
-        HTML of `ftforce.view.markup`: where the verdict, the tables and the legend are.
+        HTML of `ftforce.view.page.answer`: where the verdict, the tables and the legend are.
     more :
         Shows what else belongs to it, at the same time.
     """

@@ -12,24 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.errors import InputError, TrajectoryError
-from ftforce.history_files import load_history
-from ftforce.show.canvas import STROKES
-from ftforce.view import curves, markup
-from ftforce.view.controls import Control
-from ftforce.view.fitting import difference, displacement
-from ftforce.view.history_markup import charts, marks, tables
-from ftforce.view.history_stage import (
-    FRAME,
-    PLACES,
-    HealthyArm,
-    aim,
-    animated_page,
-    draw_path,
-    legend,
-)
+from ftforce.show.plots.canvas import STROKES
+from ftforce.trajectory.history_files import load_history
+from ftforce.view.animation import FRAME, PLACES, HealthyArm, aim, animated_page, draw_path, legend
+from ftforce.view.model.fitting import difference, displacement
+from ftforce.view.model.state import in_components
 from ftforce.view.modes import Mode, View
-from ftforce.view.picture import scene_size
-from ftforce.view.snapshots import (
+from ftforce.view.page import answer, curves
+from ftforce.view.page.controls import Control
+from ftforce.view.page.history import charts, marks, tables
+from ftforce.view.scene.picture import scene_size
+from ftforce.view.scene.snapshots import (
     ROUNDING,
     faults_at,
     first_with,
@@ -38,16 +31,15 @@ from ftforce.view.snapshots import (
     sentence,
     snapshot,
 )
-from ftforce.view.state import in_components
 
 if TYPE_CHECKING:
     import os
 
-    from ftforce.history import History
-    from ftforce.robot import Robot
-    from ftforce.view.meshes import Geometry
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import History
+    from ftforce.view.geometry.meshes import Geometry
+    from ftforce.view.model.state import State
     from ftforce.view.session import Session
-    from ftforce.view.state import State
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
 _PRINTED = 1e-5  # six digits of a time are enough to mean it
@@ -150,7 +142,7 @@ class Playback(Mode):
 
     @property
     def run(self) -> str:
-        """Name of the run that is shown, one of `ftforce.history.RUNS`."""
+        """Name of the run that is shown, one of `ftforce.trajectory.history.RUNS`."""
         with self._lock:
             return self._name
 
@@ -235,7 +227,7 @@ class Playback(Mode):
                 self._healthy.show(picture, now, place)
             self._cursor.content = str(curves.cursor(now.time / self.end if self.end else 0.0))
 
-        top = markup.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
+        top = answer.verdict_banner(now.verdict, sentence(history, name, now), history.warnings)
         below = legend(picture, name, place, self._session.panel.notes)
         return View(picture, top, tables(history, now), below, more)
 

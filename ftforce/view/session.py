@@ -13,25 +13,25 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from ftforce.errors import FtforceError
-from ftforce.view.answer import answer
-from ftforce.view.markup import static_page
+from ftforce.view.model.answer import answer
+from ftforce.view.model.state import HEALTHY, command_line
 from ftforce.view.modes import Mode
-from ftforce.view.panel import Panel
-from ftforce.view.picture import HAND, picture, pulled
-from ftforce.view.stage import Stage
-from ftforce.view.state import HEALTHY, command_line
+from ftforce.view.page.answer import static_page
+from ftforce.view.page.panel import Panel
+from ftforce.view.scene.picture import HAND, picture, pulled
+from ftforce.view.scene.stage import Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import viser
 
-    from ftforce.arrays import Vector
-    from ftforce.robot import Robot
-    from ftforce.view.answer import Answer
-    from ftforce.view.meshes import Geometry
-    from ftforce.view.picture import Picture
-    from ftforce.view.state import State
+    from ftforce.core.arrays import Vector
+    from ftforce.robot.robot import Robot
+    from ftforce.view.geometry.meshes import Geometry
+    from ftforce.view.model.answer import Answer
+    from ftforce.view.model.state import State
+    from ftforce.view.scene.picture import Picture
 
 _MISTAKE = "a mistake in ftforce, please report it"
 
@@ -74,7 +74,7 @@ class Session:
         port: int | None = None,
         mode: Mode | None = None,
     ) -> None:
-        from ftforce.view.server import open_server
+        from ftforce.view.server.server import open_server
 
         self.robot = robot
         self.mode = mode or Mode()
@@ -244,7 +244,7 @@ class Session:
 
     def load_geometry(self) -> None:
         """Load the arm's meshes and show them: seconds, so the page is up before."""
-        from ftforce.view.meshes import load_geometry
+        from ftforce.view.geometry.meshes import load_geometry
 
         self.set_geometry(load_geometry(self.robot))
 
@@ -295,7 +295,7 @@ class Session:
 
     def page(self) -> str:
         """Return the page as HTML that needs no server, and asks none for anything."""
-        from ftforce.view.export import scene_html
+        from ftforce.view.server.export import scene_html
 
         if (page := self.mode.page()) is not None:
             return page
@@ -316,7 +316,7 @@ class Session:
         FtforceError
             There is no browser, or it fails.
         """
-        from ftforce.view.screenshot import screenshot
+        from ftforce.view.server.screenshot import screenshot
 
         return screenshot(self.server, self.address)
 
@@ -326,7 +326,7 @@ class Session:
 
     def save_picture(self, client: Any) -> None:
         """Give a tab the scene as it sees it, as a PNG."""
-        from ftforce.view.screenshot import render_png
+        from ftforce.view.server.screenshot import render_png
 
         self._give(client, "png", lambda: render_png(client))
 

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.arrays import read_only
-from ftforce.batch.store import open_sweep
+from ftforce.batch.store.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
+from ftforce.core.arrays import read_only
 from ftforce.errors import SweepError
-from ftforce.history import VERDICTS
-from ftforce.view import markup
-from ftforce.view.colours import along_ramp
-from ftforce.view.fitting import difference, displacement
+from ftforce.report.text import percent
+from ftforce.trajectory.history import VERDICTS
+from ftforce.view.model.fitting import difference, displacement
+from ftforce.view.model.state import in_components
 from ftforce.view.modes import Mode
-from ftforce.view.picture import Line, scene_size
-from ftforce.view.stage import linear
-from ftforce.view.state import in_components
-from ftforce.words import percent
+from ftforce.view.page import answer
+from ftforce.view.scene.colours import along_ramp
+from ftforce.view.scene.picture import Line, scene_size
+from ftforce.view.scene.stage import linear
 
 if TYPE_CHECKING:
     import os
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from markupsafe import Markup
     from numpy.typing import NDArray
 
-    from ftforce.arrays import Matrix, Vector
     from ftforce.batch.result import Sweep
-    from ftforce.robot import Robot
-    from ftforce.view.colours import Colour
-    from ftforce.view.meshes import Geometry
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.robot.robot import Robot
+    from ftforce.view.geometry.meshes import Geometry
+    from ftforce.view.model.state import State
+    from ftforce.view.scene.colours import Colour
     from ftforce.view.session import Session
-    from ftforce.view.state import State
 
 MOST = 20_000  # points: a browser without a GPU still turns them
 EVERY = "every set"
@@ -76,7 +76,7 @@ class Points(NamedTuple):
     tip :
         In the root's axes, m, shape (k, 3).
     verdict :
-        Index in ``ftforce.history.VERDICTS``, of each fault set that can be chosen, shape (k, s).
+        Index in ``ftforce.trajectory.history.VERDICTS``, of each fault set that can be chosen, shape (k, s).
     worst :
         Index of the fault set that is worst in each posture, the first of several, shape (k,).
     total :
@@ -390,7 +390,7 @@ class Survey(Mode):
             notes[0] = f"{notes[0][:-1]}, and fails the set that is worst there."
         if self.sweep.setting.keep == "worst":
             notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
-        return markup.keys(pairs, [*notes, *self._notes()], "sweep")
+        return answer.keys(pairs, [*notes, *self._notes()], "sweep")
 
     def _cells_legend(self) -> Markup:
         told = (f"{share:.0%} of the postures tolerate it" for share in _SHARES)
@@ -399,7 +399,7 @@ class Survey(Mode):
             "Middles of the cells by the share of their postures. The sweep kept its summary "
             "alone: a click cannot take the arm to a posture (sweep with --keep all or worst)."
         )
-        return markup.keys(pairs, [note, *self._notes()], "sweep")
+        return answer.keys(pairs, [note, *self._notes()], "sweep")
 
     def _notes(self) -> list[str]:
         setting, what = self.sweep.setting, self._chosen

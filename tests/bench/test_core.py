@@ -8,7 +8,7 @@ import pytest
 
 import ftforce
 from effort import rounds
-from ftforce.registry import known_robots
+from ftforce.robot.known_robots import known_robots
 
 LOCKED = np.array([False, True, False, True, False, False, False])
 FORCE = np.array([80.0, 50.0, 10.0])

@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 import ftforce
-from ftforce.bounded import bounded_remap, remap_inside
-from ftforce.dynamics import weight_torque
-from ftforce.faults import FaultSet
-from ftforce.feasible import feasible_forces, reach
-from ftforce.force_capability import capability
-from ftforce.kinematics import frame_jacobian
-from ftforce.polytope import force_polytope
-from ftforce.reduced import reduce
+from ftforce.analysis.capability import capability
+from ftforce.core.bounded_remap import bounded_remap, remap_inside
+from ftforce.core.faults import FaultSet
+from ftforce.core.feasible_forces import feasible_forces, reach
+from ftforce.core.polytope import force_polytope
+from ftforce.core.reduced_jacobian import reduce
+from ftforce.robot.dynamics import weight_torque
+from ftforce.robot.kinematics import frame_jacobian
 
 with warnings.catch_warnings():  # it imports numpy.matlib, which is deprecated
     warnings.simplefilter("ignore")

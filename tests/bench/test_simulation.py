@@ -8,9 +8,9 @@ import pytest
 
 import ftforce
 from effort import rounds
-from ftforce.fault_timeline import timeline
-from ftforce.paths import Path
-from ftforce.section_v import END, FORCE, SPEED, START, section_v
+from ftforce.trajectory.path import Path
+from ftforce.trajectory.section_v import END, FORCE, SPEED, START, section_v
+from ftforce.trajectory.timeline import timeline
 
 RATE = 100.0
 LINE = Path.through([START, END], speed=SPEED)

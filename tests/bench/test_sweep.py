@@ -16,11 +16,11 @@ import pytest
 
 import ftforce
 from effort import QUICK, rounds
-from ftforce.batch.drawn import Drawn
 from ftforce.batch.mechanism import mechanism_of
 from ftforce.batch.plan import Plan, faults_of, question_of
-from ftforce.faults import FaultMode, fault_sets
-from ftforce.task import Task
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.core.faults import FaultMode, fault_sets
+from ftforce.core.task import Task
 
 K = 1000  # postures
 FORCE = np.array([80.0, 50.0, 10.0])
@@ -160,7 +160,7 @@ def test_loop(benchmark, arm, q, case):
 )
 @pytest.mark.benchmark(group=OTHER)
 def test_other_questions(benchmark, arm, q, words, options):
-    from ftforce.limits_reader import choose_limits
+    from ftforce.analysis.limits_files import choose_limits
 
     if "direction" in options:
         options = options | {"limits": choose_limits(arm, "urdf")}

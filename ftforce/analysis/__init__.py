@@ -1,0 +1,1 @@
+"""One posture: question in, answer out."""

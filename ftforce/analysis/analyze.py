@@ -1,0 +1,386 @@
+"""One posture, one fault set: where the robot meets the mathematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.fault_names import named_faults
+from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.analysis.warnings import (
+    beyond_limits,
+    lacking_rank,
+    missing_masses,
+    overload,
+    unjudged,
+    unknown_impact,
+)
+from ftforce.core import measures
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.core.changes import (
+    ForceChange,
+    Impact,
+    RneaChange,
+    TorqueChange,
+    VelocityChange,
+    change_of_load,
+    change_of_velocity,
+    changes_of_unit_forces,
+    impact_of_lock,
+)
+from ftforce.core.display import Displayed
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import RTOL, WARY, ReducedJacobian, check_tolerances, reduce
+from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
+from ftforce.core.task import Axes, Task
+from ftforce.errors import InputError
+from ftforce.robot.dynamics import Payload, mass_matrix
+from ftforce.robot.kinematics import task_jacobian
+from ftforce.robot.posture import Posture, choose_posture
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.core.bounded_remap import BoundedRemap
+    from ftforce.core.limits import Limits
+    from ftforce.core.measures import Verdict
+    from ftforce.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis(Displayed):
+    """What one fault set does to an arm in one posture.
+
+    Attributes
+    ----------
+    robot, task, posture, faults, conditions, limits, inverse :
+        What was analysed; ``limits`` is ``None`` if none are counted.
+    J :
+        Task Jacobian, unweighted, in the task's axes, shape (m, n).
+    reduced :
+        Weighted Jacobians before and after, with ranks.
+    wary :
+        Largest tolerance that was tried for the verdict.
+    rnea :
+        Torques for weight and motion.
+    force, torque :
+        Their change; ``None`` if neither a force nor torques were given.
+    unit_forces :
+        The change for a force of 1 N (1 N·m) along each task axis, and the torques for it (weight
+        and limits apart), if neither a force nor torques were given.
+    bounded :
+        The remap inside limits or with joints without torque, for the force or, if none was
+        given, for none at the tip; ``None`` where the closed form says all.
+    velocity :
+        Its change; ``None`` if none was given.
+    impact :
+        Velocities right after the lock; ``None`` without a velocity, a lock or possible masses.
+    verdict :
+        For the given force; for all forces if none was given.
+    """
+
+    robot: Robot
+    task: Task
+    posture: Posture
+    faults: FaultSet
+    conditions: Conditions
+    limits: Limits | None
+    inverse: Inverse
+    J: Matrix
+    reduced: ReducedJacobian
+    wary: float
+    rnea: RneaChange
+    force: ForceChange | None
+    torque: TorqueChange | None
+    unit_forces: tuple[tuple[ForceChange, TorqueChange], ...]
+    bounded: BoundedRemap | None
+    velocity: VelocityChange | None
+    impact: Impact | None
+    verdict: Verdict
+
+    @property
+    def locked(self) -> tuple[str, ...]:
+        """Names of the locked joints."""
+        return tuple(self.robot.names[i] for i in self.faults.in_mode(FaultMode.LOCKED))
+
+    @property
+    def modes(self) -> dict[str, FaultMode]:
+        """How each failed joint fails, by name."""
+        return {self.robot.names[fault.joint]: fault.mode for fault in self.faults.faults}
+
+    @property
+    def can_stand_still(self) -> bool:
+        """Whether motors, brakes and some force at the tip can hold the arm after the fault."""
+        return self.bounded is None or self.bounded.F_after is not None
+
+    @cached_property
+    def unknown_limits(self) -> tuple[int, ...]:
+        """Indices of the joints whose limit, of motor or of brake, counts as none."""
+        if self.limits is None:
+            return ()
+        return tuple(np.flatnonzero(np.isnan(self.limits.largest_torques(self.faults))).tolist())
+
+    @property
+    def margin(self) -> float:
+        """σ_min(K)/σ_max(J)."""
+        return measures.margin(self.reduced)
+
+    @property
+    def relative_manipulability(self) -> float:
+        """ρ = w(K)/w(J); NaN where the healthy arm is singular for this task."""
+        return measures.relative_manipulability(self.reduced)
+
+    @property
+    def force_error(self) -> float:
+        """Largest error of the tip's (weighted) force per N·m of torque error, 1/σ of K."""
+        return measures.force_error(self.reduced)
+
+    @cached_property
+    def lost_directions(self) -> Matrix:
+        """Directions of (weighted) force that are lost, orthonormal rows, shape (lost, m)."""
+        return measures.lost_directions(self.reduced)
+
+    @cached_property
+    def force_contributions(self) -> Vector | None:
+        """Share of each joint's torque in the tip's force, ‖(Jᵀ)†_k τ_k‖/‖F̂‖ (Table 2), (n,)."""
+        if self.force is None or self.torque is None:
+            return None
+        F = self.task.weigh_force(self.force.before)
+        return measures.force_contributions(self.reduced, self.torque.before, F)
+
+    @cached_property
+    def velocity_contributions(self) -> Vector | None:
+        """Share of each joint in the tip's velocity, ‖J_k v_k‖/‖J v‖ (Table 2), shape (n,)."""
+        if self.velocity is None:
+            return None
+        return measures.velocity_contributions(self.reduced.J, self.velocity.before)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the answer doubtful: limits exceeded, and so on."""
+        found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
+        found += missing_masses(self.rnea)
+        if self.velocity is not None and self.impact is None and self.rnea.is_known:
+            found += unknown_impact(self.faults)
+        if self.limits is None:
+            found += beyond_limits(self.robot, self.faults, self.torque)
+        else:
+            found += unjudged(self.robot, self.faults, self.limits)
+        if self.force is not None and self.can_stand_still and self.bounded is not None:
+            found += overload(self.robot, self.bounded.overloaded)
+        return tuple(found)
+
+    def residuals(self) -> Mapping[str, float]:
+        """Return how far the result is from the laws it must keep, relative; 0 is ideal.
+
+        Returns
+        -------
+        :
+            ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF,
+            no healthy joint feels the jump; ``statics``: U - KᵀF_after;
+            ``unchanged``: healthy torques keep their value when the torques were JᵀF. Without a
+            force, the largest over the unit forces. With limits or joints without torque instead
+            those of the quadratic program: ``equality``, ``limit``, ``optimality``; none if
+            nothing is feasible.
+        """
+        if self.bounded is not None:
+            return self.bounded.residuals()
+        pairs = self.unit_forces
+        if self.force is not None and self.torque is not None:
+            pairs = ((self.force, self.torque),)
+        each = [_residuals(self, force, torque) for force, torque in pairs]
+        return {law: max(one[law] for one in each) for law in each[0]}
+
+    def is_proved(self, tolerance: float = PROOF_TOLERANCE) -> bool:
+        """Return whether all residuals are within ``tolerance`` (plus what rtol gave away)."""
+        return all(value <= tolerance + self.reduced.rtol for value in self.residuals().values())
+
+
+def load_without_force(analysis: Analysis) -> Vector:
+    """Return the torques that hold the arm if nothing is asked for, N·m (N), shape (n,).
+
+    They are those for weight and motion, and for the force that supports joints without torque.
+    """
+    bounded, load = analysis.bounded, analysis.rnea.after
+    if bounded is not None and bounded.F_after is not None:
+        load = load + bounded.F_after.dot(analysis.reduced.J)
+    return read_only(load)
+
+
+def shown_limits(analysis: Analysis) -> Vector:
+    """Return the limits to show: those that count, or the URDF's motors', N·m (N), shape (n,)."""
+    if analysis.limits is None:
+        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
+    return analysis.limits.largest_torques(analysis.faults)
+
+
+def analyze(
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    *,
+    locked: Joints = (),
+    free: Joints = (),
+    weak: WeakJoints = (),
+    force: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    inverse: Inverse = "euclidean",
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    posture: str | None = None,
+    rtol: float = RTOL,
+    wary: float = WARY,
+) -> Analysis:
+    """Say what faults do to the force at the tip, and which torques to command now.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions along the chain, rad or m, shape (n,). Without: ``posture``.
+    locked, free :
+        Joints that a brake holds, and joints that swing freely: numbers from 1, names, or a
+        boolean mask of shape (n,).
+    weak :
+        Joints with a share of their largest torque, ``{3: 0.5}`` or ``"3:0.5"``.
+    force :
+        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,).
+    torque :
+        Motor torques meant for the tip's force (weight and motion taken off), N·m, shape (n,),
+        instead of a force. Without either: every unit force.
+    velocity, acceleration :
+        Of the joints before the fault, rad or m, per s and per s², shape (n,).
+    gravity :
+        In the root's axes, m/s², shape (3,); the model's if not given.
+    payload :
+        Mass at the tip in kg, or ``(mass, (x, y, z))`` with its place in the tip's axes, m.
+    limits :
+        Torque limits that count: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or
+        ``none``. If not given: ``urdf`` where a joint is weak, else ``none``.
+    inverse :
+        How given torques are split into force and self-motion: ``euclidean`` or ``dynamic``.
+    task :
+        ``force``, ``moment``, ``wrench``, or components such as ``fx,fz,my``.
+    length :
+        Characteristic length in m that weighs moments against forces, 1 m if not given.
+    axes :
+        ``tool`` or ``world``.
+    posture :
+        A named posture instead of ``q``; without either a default, named in the result.
+    rtol :
+        Singular values up to ``rtol · σ_max(J)`` count as lost.
+    wary :
+        The verdict is *borderline* if a tolerance up to this would give another one.
+
+    Raises
+    ------
+    InputError
+        A malformed value; the message says what would have been valid.
+    LimitsError
+        The file of limits cannot be read or does not fit the robot.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> arm = ftforce.load_robot("dh5")
+    >>> result = ftforce.analyze(arm, locked=[2, 3], force=[80, 50, 10])
+    >>> result.verdict.value, round(result.force.jump_norm, 2)
+    ('not tolerated', 80.0)
+    """
+    check_tolerances(rtol, wary)
+    wanted = Task.parse(task, axes, length)
+    place = choose_posture(robot, q, posture)
+    faults = named_faults(robot, locked, free, weak)
+    conditions = Conditions.of(
+        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    )
+    counted = choose_limits(robot, limits_for(faults, limits))
+    J = task_jacobian(robot, place.q, wanted)
+    mask, swinging = faults.mask(robot.n), faults.swinging_mask(robot.n)
+    reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, swinging)
+    rnea = rnea_change(robot, place.q, conditions, mask)
+    M = mass_matrix_for(robot, place.q, conditions, inverse)
+    load = tip_load(robot, reduced, wanted, force, torque, M=M)
+    F = None if load is None else load.F
+    bounded, verdict = None, None
+    if counted is not None or swinging is not None:
+        from ftforce.core.bounded_remap import remap_inside  # the closed form needs neither
+        from ftforce.core.verdict import judge
+
+        largest = None if counted is None else counted.largest_torques(faults)
+        asked = np.zeros(wanted.m) if F is None else F
+        bounded = remap_inside(reduced, asked, rnea.after, largest)
+        verdict = judge(reduced, F, wary, bounded, largest)
+    change = None if load is None else change_of_load(reduced, wanted, load, rnea, bounded)
+    v = conditions.velocity
+    return Analysis(
+        robot=robot,
+        task=wanted,
+        posture=place,
+        faults=faults,
+        conditions=conditions,
+        limits=counted,
+        inverse=inverse,
+        J=read_only(J),
+        reduced=reduced,
+        wary=wary,
+        rnea=rnea,
+        force=change[0] if change else None,
+        torque=change[1] if change else None,
+        unit_forces=() if change else changes_of_unit_forces(reduced, wanted),
+        bounded=bounded,
+        velocity=None if v is None else change_of_velocity(reduced, wanted, v),
+        impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
+        verdict=verdict or measures.verdict(reduced, F, wary),
+    )
+
+
+def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
+    """Return the limits that are meant if none were named: a weak joint is nothing without."""
+    return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits
+
+
+def _impact(
+    robot: Robot,
+    q: Vector,
+    conditions: Conditions,
+    *,
+    reduced: ReducedJacobian,
+    task: Task,
+    J: Matrix,
+) -> Impact | None:
+    v = conditions.velocity
+    if v is None or robot.mass == 0.0 or not reduced.locked.any():
+        return None
+    try:
+        M = mass_matrix(robot, q, conditions.payload)
+    except InputError:
+        return None  # nothing else needs it: a warning says so
+    return impact_of_lock(reduced, task, J, M, v)
+
+
+def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:
+    reduced, task = analysis.reduced, analysis.task
+    assert force.after is not None
+    assert force.jump is not None
+    assert torque.after is not None
+    weighted = Jump(*map(task.weigh_force, (force.before, force.after, force.jump)))
+    laws = force_residuals(reduced, torque.after, weighted)
+    change = (torque.after + torque.self_motion - torque.before)[~reduced.locked]
+    scale = float(np.linalg.norm(torque.before))
+    laws["unchanged"] = float(np.linalg.norm(change)) / scale if scale > 0.0 else 0.0
+    return laws

@@ -1,0 +1,304 @@
+"""What force, and what payload, an arm can hold before and after a fault (docs/theory/limits)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.analysis.analyze import Analysis, analyze
+from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.bounded_remap import overloaded
+from ftforce.core.display import Displayed
+from ftforce.core.faults import FaultSet
+from ftforce.core.feasible_forces import (
+    End,
+    FeasibleForces,
+    Reach,
+    Reading,
+    end_of,
+    feasible_forces,
+    reach,
+    weakest_direction,
+)
+from ftforce.core.limits import Limits
+from ftforce.core.polytope import Polytope, force_polytope
+from ftforce.core.reduced_jacobian import reduce, reduce_decomposed
+from ftforce.errors import InputError
+from ftforce.robot.dynamics import Payload, payload_acceleration, payload_jacobian
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ftforce.core.reduced_jacobian import ReducedJacobian
+    from ftforce.robot.posture import Posture
+    from ftforce.robot.robot import Robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Amount:
+    """How much of a force, or of a payload, can be held.
+
+    Attributes
+    ----------
+    direction :
+        Of the force, in the task's axes, not weighted, shape (m,): its force components have the
+        norm 1, or if it has none its moments; in the weakest direction, whose size is that of the
+        weighted force, all of it has, weighted. Empty for a payload.
+    most :
+        Largest amount, N (N·m for a moment alone), or kg: infinite if no known limit ends it,
+        NaN if none can be held.
+    least :
+        Smallest amount, 0 but for a joint without torque or a limit that weight alone exceeds.
+    end :
+        What ends it.
+    stops :
+        Indices of the joints that end it.
+    """
+
+    direction: Vector
+    most: float
+    least: float
+    end: End
+    stops: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DirectionReport:
+    """What can be held in one direction.
+
+    Attributes
+    ----------
+    name :
+        ``+fx``, ``-fx`` …, ``direction`` for the one asked for, ``weakest``.
+    unit :
+        N, or N·m for a moment alone.
+    before, after :
+        Amounts by reading of a lock, before and after the fault.
+    """
+
+    name: str
+    unit: str
+    before: dict[Reading, Amount]
+    after: dict[Reading, Amount]
+
+
+@dataclass(frozen=True, eq=False)
+class Capability(Displayed):
+    """What force and payload an arm can hold before and after a fault, in one posture.
+
+    Attributes
+    ----------
+    analysis :
+        The fault set, posture and limits.
+    direction :
+        The direction asked for, in the task's axes, shape (m,); ``None`` if none was.
+    """
+
+    analysis: Analysis
+    direction: Vector | None = None
+
+    @cached_property
+    def directions(self) -> tuple[DirectionReport, ...]:
+        """Each task axis both ways, and the direction asked for."""
+        task = self.analysis.task
+        asked = [
+            (f"{sign}{name}", unit if sign == "+" else -unit)
+            for name, unit in zip(task.components, np.eye(task.m), strict=True)
+            for sign in "+-"
+        ]
+        if self.direction is not None:
+            asked.append(("direction", self.direction))
+        return tuple(self._report(name, vector) for name, vector in asked)
+
+    @cached_property
+    def weakest(self) -> DirectionReport:
+        """The direction in which the least (weighted) force can be held, of those the arm has.
+
+        It is another direction before and after, and for each reading: see `Amount.direction`.
+        """
+        reduced, task = self.analysis.reduced, self.analysis.task
+        space, unit = reduced.healthy.U[:, : reduced.rank], task.weighted_unit
+        found = {}
+        for after in (False, True):
+            for reading in Reading:
+                feasible = self.feasible(after=after, reading=reading)
+                worst = weakest_direction(feasible, space)
+                direction = task.unweigh_force(worst.direction) / unit
+                failed = self._failed(after, reading)
+                found[after, reading] = _amount(feasible, direction, worst.reach, unit, failed)
+        before, after_ = ({r: found[late, r] for r in Reading} for late in (False, True))
+        return DirectionReport("weakest", "N" if task.force_rows else "N·m", before, after_)
+
+    @cached_property
+    def payload(self) -> tuple[Amount, Amount]:
+        """Mass in kg that the tip can carry, before and after, on top of the payload that is there.
+
+        A payload is a load that is held: its weight may hang on locks.
+        """
+        return self._payload(after=False), self._payload(after=True)
+
+    def feasible(self, *, after: bool, reading: Reading = Reading.COMMANDED) -> FeasibleForces:
+        """Return the forces that can be held before or after the fault, weighted."""
+        analysis = self.analysis
+        faults = analysis.faults if after else FaultSet()
+        reduced = analysis.reduced if after else self._healthy
+        rnea = analysis.rnea.after if after else analysis.rnea.before
+        return feasible_forces(reduced, rnea, self._largest(faults), reading)
+
+    def polytope(self, *, after: bool, reading: Reading | str = Reading.COMMANDED) -> Polytope:
+        """Return vertices and faces of the forces that can be held, N (N·m), in the task's axes.
+
+        Parameters
+        ----------
+        after :
+            Whether after the fault or before it.
+        reading :
+            ``commanded`` or ``held``.
+
+        Raises
+        ------
+        InputError
+            So many joints that there are too many planes to intersect.
+        """
+        feasible = self.feasible(after=after, reading=Reading.parse(reading))
+        return force_polytope(feasible, self.analysis.task.weights)
+
+    @cached_property
+    def _healthy(self) -> ReducedJacobian:
+        reduced = self.analysis.reduced
+        none = FaultSet().mask(self.analysis.robot.n)
+        return reduce_decomposed(reduced.healthy, none, reduced.rtol)
+
+    def _report(self, name: str, direction: Vector) -> DirectionReport:
+        task = self.analysis.task
+        weighted = task.weigh_force(direction)
+        amounts: list[dict[Reading, Amount]] = []
+        for after in (False, True):
+            by_reading = {}
+            for reading in Reading:
+                feasible = self.feasible(after=after, reading=reading)
+                ray = reach(feasible, weighted)
+                failed = self._failed(after, reading)
+                by_reading[reading] = _amount(feasible, direction, ray, 1.0, failed)
+            amounts.append(by_reading)
+        forced = bool(direction[list(task.force_rows)].any())
+        return DirectionReport(name, "N" if forced else "N·m", *amounts)
+
+    def _payload(self, *, after: bool) -> Amount:
+        # A mass loads the joints as a force does that has these levers: one more ratio test.
+        analysis = self.analysis
+        faults = analysis.faults if after else FaultSet()
+        n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
+        levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
+        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.swinging_mask(n))
+        feasible = feasible_forces(line, rnea, self._largest(faults), Reading.HELD)
+        ray, failed = reach(feasible, np.ones(1)), self._failed(after, Reading.HELD)
+        return _amount(feasible, np.zeros(0), ray, 1.0, failed)
+
+    def _failed(self, after: bool, reading: Reading) -> tuple[int, ...]:
+        """Return the joints whose fault, rather than a limit, can end what is held."""
+        if not after:
+            return ()
+        faults = self.analysis.faults
+        return faults.joints if reading is Reading.COMMANDED else faults.swinging
+
+    def _largest(self, faults: FaultSet) -> Vector:
+        limits = self.analysis.limits
+        if limits is None:
+            limits = Limits.of(np.full(self.analysis.robot.n, np.nan))
+        return limits.largest_torques(faults)
+
+    def _torque_per_kg(self, *, after: bool) -> Vector:
+        """Return the torques that one kg at the tip adds, N·m (N) per kg, shape (n,)."""
+        analysis, conditions = self.analysis, self.analysis.conditions
+        robot, q = analysis.robot, analysis.posture.q
+        offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
+        kilogram, pull = Payload(1.0, offset), -conditions.gravity
+        if conditions.moves:
+            locked = analysis.reduced.locked & after
+            v, a = (
+                robot.at_rest if x is None else np.where(locked, 0.0, x)
+                for x in (conditions.velocity, conditions.acceleration)
+            )
+            pull = pull + payload_acceleration(robot, q, v, a, kilogram)
+        J = payload_jacobian(robot, q, kilogram)
+        torque = pull.dot(J)
+        largest = float(np.linalg.norm(pull) * np.linalg.norm(J, axis=0).max())
+        return np.where(np.abs(torque) > analysis.reduced.rtol * largest, torque, 0.0)
+
+
+def _amount(
+    feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
+) -> Amount:
+    end, stops = end_of(feasible, ray), ray.stops
+    if end is End.WEIGHT:
+        stops = overloaded(feasible)
+    elif end is End.FAULT:
+        stops = failed
+    least, most = (math.nan, math.nan) if ray.is_empty else (ray.least * size, ray.most * size)
+    return Amount(read_only(direction.copy()), most, least, end, stops)
+
+
+def capability(
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    *,
+    direction: ArrayLike | None = None,
+    limits: Any = "urdf",
+    **case: Any,
+) -> Capability:
+    """Say which force and which payload an arm can hold before and after a fault.
+
+    Parameters
+    ----------
+    robot, q :
+        As in `ftforce.analyze`.
+    direction :
+        A direction of force besides the task's axes, in the task's axes, shape (m,).
+    limits :
+        As in `ftforce.analyze`; here the URDF's if not given.
+    case :
+        ``locked``, ``free``, ``weak``, ``velocity``, ``acceleration``, ``gravity``, ``payload``,
+        ``task``, ``length``, ``axes``, ``posture`` and ``rtol`` as in `ftforce.analyze`.
+
+    Raises
+    ------
+    InputError
+        A malformed value; the message says what would have been valid.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> arm = ftforce.load_robot("panda")
+    >>> result = ftforce.capability(arm, locked=[2, 4])
+    >>> push = result.directions[4]
+    >>> push.name, round(push.before["commanded"].most), round(push.after["held"].most)
+    ('+fz', 162, 162)
+    >>> push.after["commanded"].most, push.after["commanded"].end.value
+    (0.0, 'fault')
+    >>> round(result.payload[1].most, 1), [arm.names[j] for j in result.payload[1].stops]
+    (11.3, ['panda_joint6'])
+    """
+    return capability_of(analyze(robot, q, limits=limits, **case), direction)
+
+
+def capability_of(analysis: Analysis, direction: ArrayLike | None = None) -> Capability:
+    """Return the capability of an analysis.
+
+    Raises
+    ------
+    InputError
+        The direction is zero or has the wrong length.
+    """
+    task = analysis.task
+    if direction is None:
+        return Capability(analysis)
+    names = ", ".join(task.components)
+    vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
+    if not vector.any():
+        raise InputError("the direction needs a component that is not zero")
+    return Capability(analysis, task.direction_of(vector))

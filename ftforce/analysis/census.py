@@ -1,0 +1,379 @@
+"""One posture, all fault sets up to a size: which is the worst, which joint is the critical one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol, get_args
+
+import numpy as np
+
+from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
+from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.core import measures
+from ftforce.core.arrays import Svd, Vector, as_vector, read_only
+from ftforce.core.display import Displayed
+from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
+from ftforce.core.measures import Verdict
+from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.core.task import Axes, Task
+from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.robot.kinematics import task_jacobian
+from ftforce.robot.posture import Posture, choose_posture
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.core.limits import Limits
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.robot import Robot
+
+MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep keeps no single sets
+
+RankBy = Literal["jump", "capability"]
+
+_RANKINGS: tuple[str, ...] = get_args(RankBy)
+_SEVERITY = {Verdict.NOT_TOLERATED: 0, Verdict.BORDERLINE: 1, Verdict.TOLERATED: 2}
+
+
+class Progress(Protocol):
+    """Called with how many fault sets are done, of how many."""
+
+    def __call__(self, done: int, total: int, /) -> None:
+        """Take note."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointReport:
+    """How critical one joint is.
+
+    Attributes
+    ----------
+    joint :
+        Index from 0.
+    alone :
+        The set in which only this joint fails.
+    sets, not_tolerated, borderline :
+        How many sets hold the joint, and how many of them are not tolerated or borderline.
+    mean_relative_jump :
+        Mean of ‖ΔF‖/‖F̂‖ over the sets that hold the joint.
+    least_capability :
+        The smallest force that can be commanded over them, NaN if the arm cannot stand still with
+        one of them; ``None`` unless the census ranks by it.
+    """
+
+    joint: int
+    alone: SetReport
+    sets: int
+    not_tolerated: int
+    borderline: int
+    mean_relative_jump: float
+    least_capability: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Census(Displayed):
+    """All fault sets of one posture, worst first.
+
+    Attributes
+    ----------
+    robot, task, posture, conditions, limits :
+        What was analysed; ``limits`` is ``None`` if none are counted.
+    mode :
+        How the joints fail.
+    largest :
+        Size of the largest sets.
+    rank_by :
+        What the sets are sorted by.
+    direction :
+        Of the capability, in the task's axes, shape (m,); ``None`` for the weakest.
+    rtol, wary :
+        Tolerances.
+    requested, before :
+        Force asked for and force the healthy arm exerts, N and N·m, shape (m,); ``None`` without.
+    rank :
+        Rank of the healthy arm.
+    sets :
+        Every fault set, worst first.
+    joints :
+        Every joint, most critical first.
+    """
+
+    robot: Robot
+    task: Task
+    posture: Posture
+    conditions: Conditions
+    limits: Limits | None
+    mode: FaultMode
+    largest: int
+    rank_by: RankBy
+    direction: Vector | None
+    rtol: float
+    wary: float
+    requested: Vector | None
+    before: Vector | None
+    rank: int
+    sets: tuple[SetReport, ...]
+    joints: tuple[JointReport, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the answer doubtful."""
+        doubts = list(self.posture.warnings)
+        matters = self.limits is not None or self.mode is FaultMode.FREE
+        if matters and not self.is_weight_known:
+            doubts.append("the URDF has no masses: the weight of the arm is missing")
+        if self.limits is not None:
+            unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
+            if unknown:
+                doubts.append(f"unknown effort limits count as none: {listed(unknown)}")
+        return tuple(doubts)
+
+    @property
+    def is_weight_known(self) -> bool:
+        """Whether the URDF has masses, or nothing weighs."""
+        return self.robot.mass > 0.0 or not (self.conditions.gravity.any() or self.conditions.moves)
+
+    def worst_manipulability(self, size: int = 1) -> tuple[float, float]:
+        """Return the smallest ρ over sets of one size, and the bound no posture can exceed."""
+        rho = [report.relative_manipulability for report in self.sets if len(report.faults) == size]
+        bound = measures.worst_manipulability_bound(self.robot.n, self.task.m, size)
+        return min(rho, default=math.nan), bound
+
+
+def census(
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    *,
+    faults: int = 1,
+    mode: FaultMode | str = FaultMode.LOCKED,
+    force: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    inverse: Inverse = "euclidean",
+    rank_by: RankBy = "jump",
+    direction: ArrayLike | None = None,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    posture: str | None = None,
+    rtol: float = RTOL,
+    wary: float = WARY,
+    progress: Progress | None = None,
+) -> Census:
+    """Analyse every set of up to ``faults`` failed joints in one posture (eq. 12-13).
+
+    Parameters
+    ----------
+    robot, q, force, torque, velocity, acceleration, gravity, payload, inverse :
+        As in `ftforce.analyze`.
+    task, length, axes, posture, rtol, wary :
+        As in `ftforce.analyze`.
+    faults :
+        Size of the largest sets.
+    mode :
+        ``locked`` or ``free``.
+    limits :
+        As in `ftforce.analyze`; if not given the URDF's where the ranking needs them, else none.
+    rank_by :
+        ``jump``, or ``capability``: the force that can still be held.
+    direction :
+        Direction of the capability, in the task's axes, shape (m,); the force's if not given, and
+        without a force the weakest of each set.
+    progress :
+        Called after every set.
+
+    Returns
+    -------
+    :
+        The sets, worst first. By jump: not tolerated, then borderline, then tolerated; the larger
+        jump first, and without a jump the smaller margin. By capability: the smallest commanded
+        force first, then the smallest held one.
+
+    Raises
+    ------
+    InputError
+        A malformed value, or more than a million sets.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> result = ftforce.census(ftforce.load_robot("dh5"), force=[80, 50, 10])
+    >>> print(result.sets[0].faults, result.sets[0].verdict.value)
+    {3} not tolerated
+    """
+    check_tolerances(rtol, wary)
+    check_size(robot, faults)
+    how = checked_mode(mode)
+    if rank_by not in _RANKINGS:
+        raise UnknownNameError("ranking", rank_by, _RANKINGS)
+    wanted = Task.parse(task, axes, length)
+    place = choose_posture(robot, q, posture)
+    conditions = Conditions.of(
+        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    )
+    by_capability = rank_by == "capability"
+    counted = choose_limits(robot, URDF if limits is None and by_capability else limits)
+    healthy = Svd(wanted.weigh_jacobian(task_jacobian(robot, place.q, wanted)))
+    nothing = FaultSet().mask(robot.n)
+    whole = reduce_decomposed(healthy, nothing, rtol)
+    M = mass_matrix_for(robot, place.q, conditions, inverse)
+    load = tip_load(robot, whole, wanted, force, torque, M=M)
+    F = None if load is None else load.F
+    ray = direction_or_force(wanted, direction, F)
+    if direction is not None and not by_capability:
+        raise InputError("a direction is that of the capability: give it with rank_by='capability'")
+    rnea = rnea_change(robot, place.q, conditions, nothing)
+    asked = (F, by_capability, ray, rtol, wary)
+    case = SharedCase(robot, wanted, place, conditions, counted, healthy, whole, rnea, *asked)
+    total = count_fault_sets(robot.n, faults)
+    reports = []
+    for done, fault_set in enumerate(fault_sets(robot.n, faults, how), start=1):
+        reports.append(report_set(case, fault_set))
+        if progress is not None:
+            progress(done, total)
+    return Census(
+        robot=robot,
+        task=wanted,
+        posture=place,
+        conditions=conditions,
+        limits=counted,
+        mode=how,
+        largest=faults,
+        rank_by=rank_by,
+        direction=ray if by_capability else None,
+        rtol=rtol,
+        wary=wary,
+        requested=None if load is None else load.requested,
+        before=None if F is None else read_only(wanted.unweigh_force(F)),
+        rank=whole.rank,
+        sets=tuple(sorted(reports, key=_weakness if by_capability else _badness)),
+        joints=_rank_joints(robot, reports, by_capability),
+    )
+
+
+def checked_mode(mode: FaultMode | str) -> FaultMode:
+    """Return how the joints of many fault sets fail.
+
+    Raises
+    ------
+    InputError
+        There is no such mode, or sets have none in common: weak joints have factors.
+    """
+    how = FaultMode.parse(mode)
+    if how is FaultMode.WEAK:
+        raise InputError(
+            "many sets at once take locked or free joints; ask analyze about weak ones"
+        )
+    return how
+
+
+def direction_or_force(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
+    """Return a capability's direction, unweighted and of unit length; ``None`` if open.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    direction :
+        As it was asked for, in the task's axes, shape (m,).
+    F :
+        Weighted force whose direction counts if none was asked for.
+
+    Raises
+    ------
+    InputError
+        The direction is malformed or zero.
+    """
+    if direction is not None:
+        names = ", ".join(task.components)
+        vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
+        if not vector.any():
+            raise InputError("the direction needs a component that is not zero")
+        return task.direction_of(vector)
+    if F is None or not F.any():
+        return None
+    return task.direction_of(task.unweigh_force(F))
+
+
+def check_size(robot: Robot, faults: int) -> None:
+    """Check the size of the largest fault sets.
+
+    Raises
+    ------
+    InputError
+        It is no number of the arm's joints, or there are too many sets.
+    """
+    if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
+        raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
+    total = count_fault_sets(robot.n, faults)
+    if total > MOST_SETS:
+        raise InputError(
+            f"{total:,} fault sets of up to {faults} of {robot.n} joints are more than one census "
+            f"takes ({MOST_SETS:,}); ask for smaller sets"
+        )
+
+
+def _weakness(report: SetReport) -> tuple[float, ...]:
+    """Sort key: the smallest capability first; an arm that cannot stand still before all."""
+    found = report.capability
+    assert found is not None
+    commanded, held = (-1.0 if math.isnan(x) else x for x in (found.commanded, found.held))
+    return round(commanded, 9), round(held, 9), len(report.faults), *report.faults.joints
+
+
+def _badness(report: SetReport) -> tuple[float, ...]:
+    """Sort key: worst first; of equal jumps the one that takes fewer faults."""
+    jump = round(report.relative_jump, 9)
+    size = len(report.faults) if jump > 0.0 else 0
+    worst = (_SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size)
+    return *worst, round(report.margin, 9), *report.faults.joints
+
+
+def _rank_joints(
+    robot: Robot, reports: list[SetReport], by_capability: bool
+) -> tuple[JointReport, ...]:
+    joints = []
+    for i in range(robot.n):
+        own = [report for report in reports if i in report.faults.joints]
+        verdicts = [report.verdict for report in own]
+        joints.append(
+            JointReport(
+                joint=i,
+                alone=next(report for report in own if len(report.faults) == 1),
+                sets=len(own),
+                not_tolerated=verdicts.count(Verdict.NOT_TOLERATED),
+                borderline=verdicts.count(Verdict.BORDERLINE),
+                mean_relative_jump=math.fsum(r.relative_jump for r in own) / len(own),
+                least_capability=_least(own) if by_capability else None,
+            )
+        )
+    return tuple(sorted(joints, key=_feebleness if by_capability else _criticality))
+
+
+def _least(reports: list[SetReport]) -> float:
+    """Return the smallest commanded force, NaN (nothing holds the arm) before any."""
+    amounts = [report.capability.commanded for report in reports if report.capability is not None]
+    return math.nan if any(map(math.isnan, amounts)) else min(amounts)
+
+
+def _criticality(joint: JointReport) -> tuple[float, ...]:
+    mean = round(joint.mean_relative_jump, 9)
+    margin = round(joint.alone.margin, 9)
+    return -joint.not_tolerated, -joint.borderline, -mean, margin, joint.joint
+
+
+def _feebleness(joint: JointReport) -> tuple[float, ...]:
+    """Sort key: what is left when the joint fails alone, then with others."""
+    least = joint.least_capability
+    assert least is not None
+    alone = _weakness(joint.alone)
+    return *alone[:2], -1.0 if math.isnan(least) else round(least, 9), joint.joint

@@ -1,0 +1,241 @@
+"""Under which conditions a fault happens: gravity, payload, motion, and what the tip exerts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.changes import RneaChange, TipLoad
+from ftforce.core.remap import dynamically_exerted_force, exerted_force, supported_force
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.io.text import LARGEST_NUMBER, read_numbers
+from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ftforce.core.arrays import Mask, Matrix
+    from ftforce.core.reduced_jacobian import ReducedJacobian
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+
+_ROUNDING = 1e-12
+
+Inverse = Literal["euclidean", "dynamic"]
+
+INVERSES: tuple[str, ...] = get_args(Inverse)
+
+
+class Conditions(NamedTuple):
+    """What loads the joints besides the force at the tip.
+
+    Attributes
+    ----------
+    gravity :
+        In the root's axes, m/s², shape (3,).
+    is_model_gravity :
+        Whether it is the model's own.
+    payload :
+        What the tip carries; ``None`` if nothing.
+    velocity, acceleration :
+        Joint velocities and accelerations before the fault, rad or m, per s and per s², shape
+        (n,); ``None`` if the arm is at rest.
+    """
+
+    gravity: Vector
+    is_model_gravity: bool
+    payload: Payload | None
+    velocity: Vector | None
+    acceleration: Vector | None
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        *,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    ) -> Conditions:
+        """Check what a caller gave.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        velocity, acceleration :
+            Shape (n,); at rest if not given.
+        gravity :
+            In the root's axes, m/s², shape (3,); the model's if not given.
+        payload :
+            Mass in kg at the tip; with its place in the tip's axes (m) a pair ``(mass, (x, y, z))``
+            or a text ``mass@x,y,z``.
+
+        Raises
+        ------
+        InputError
+            A malformed value.
+        """
+        hint = f"one per joint, {robot.numbered()}"
+        v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
+        a = None if acceleration is None else as_vector(acceleration, robot.n, "acceleration", hint)
+        own = gravity is None
+        if gravity is not None:
+            gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in the root's axes")
+            if np.abs(gravity).max() > LARGEST_NUMBER:
+                raise InputError(f"gravity up to {LARGEST_NUMBER:g} m/s² is taken, got {gravity}")
+        else:
+            gravity = robot.gravity
+        return cls(gravity, own, read_payload(payload), v, a)
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything moves before the fault."""
+        v, a = self.velocity, self.acceleration
+        return (v is not None and bool(v.any())) or (a is not None and bool(a.any()))
+
+
+def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
+    """Return a payload of a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for none.
+
+    Raises
+    ------
+    InputError
+        It is something else, or its mass is negative.
+    """
+    if payload is None or isinstance(payload, Payload):
+        return payload
+    if isinstance(payload, tuple):
+        if len(payload) != 2:
+            raise InputError(f"a payload is a mass and a place, (mass, (x, y, z)); got {payload!r}")
+        return Payload.of(*payload)
+    if not isinstance(payload, str):
+        return Payload.of(payload)
+    mass, at, place = payload.partition("@")
+    try:
+        offset = read_numbers(place.replace(",", " "), 3) if at else (0.0, 0.0, 0.0)
+        return Payload.of(read_numbers(mass, 1)[0], offset)
+    except ValueError as problem:
+        if isinstance(problem, InputError):
+            raise
+        raise InputError(
+            f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1; {problem}"
+        ) from None
+
+
+def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -> RneaChange:
+    """Return what weight and motion take of the torques before and after joints lock.
+
+    A locked joint stands still: its velocity and acceleration are zero after, those of the others
+    are as they were.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    conditions :
+        Gravity, payload and motion.
+    locked :
+        True at locked joints, shape (n,).
+    """
+    own = None if conditions.is_model_gravity else conditions.gravity
+    counted = weight_torque(robot, q, own, conditions.payload)
+    known = robot.mass > 0.0
+    gravity = counted if known or not conditions.gravity.any() else None
+    still = robot.at_rest
+    if not conditions.moves:
+        return RneaChange(gravity, still, still, counted, counted)
+    v = still if conditions.velocity is None else conditions.velocity
+    a = still if conditions.acceleration is None else conditions.acceleration
+    before = motion_torque(robot, q, v, a, conditions.payload)
+    after = before
+    if locked.any():
+        v, a = (np.where(locked, 0.0, x) for x in (v, a))
+        after = motion_torque(robot, q, v, a, conditions.payload)
+    return RneaChange(
+        gravity,
+        before if known else None,
+        after if known else None,
+        read_only(counted + before),
+        read_only(counted + after),
+    )
+
+
+def tip_load(
+    robot: Robot,
+    reduced: ReducedJacobian,
+    task: Task,
+    force: ArrayLike | None,
+    torque: ArrayLike | None,
+    *,
+    M: Matrix | None = None,
+) -> TipLoad | None:
+    """Return what the healthy arm exerts, F̂ = J J† F or (Jᵀ)† τ; ``None`` if nothing was given.
+
+    Parameters
+    ----------
+    robot, reduced, task :
+        What is analysed.
+    force, torque :
+        As in `ftforce.analyze`.
+    M :
+        Mass matrix for the dynamically consistent inverse instead of the Euclidean one.
+
+    Raises
+    ------
+    InputError
+        Both were given, or a vector is malformed.
+    """
+    if force is not None and torque is not None:
+        raise InputError("give either a force or torques, not both")
+    if force is not None:
+        names = ", ".join(task.components)
+        requested = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
+        wanted = task.weigh_force(requested)
+        F = supported_force(reduced, wanted)
+        return TipLoad(without_rounding(F, F, wanted), requested, None)
+    if torque is not None:
+        tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
+        F = exerted_force(reduced, tau) if M is None else dynamically_exerted_force(reduced, tau, M)
+        return TipLoad(without_rounding(F, F.dot(reduced.J), tau), None, tau)
+    return None
+
+
+def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: str) -> Matrix | None:
+    """Return the mass matrix that an inverse needs; ``None`` for the Euclidean one.
+
+    Raises
+    ------
+    InputError
+        There is no such inverse, or the URDF's masses are missing.
+    """
+    if inverse not in INVERSES:
+        raise UnknownNameError("inverse", inverse, INVERSES)
+    if inverse == "euclidean":
+        return None
+    if robot.mass == 0.0:
+        raise InputError(
+            f"the dynamic inverse needs masses, and the URDF of {robot.name!r} has none; "
+            "use the euclidean one"
+        )
+    return mass_matrix(robot, q, conditions.payload)
+
+
+def without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
+    """Return F, or zero if the part of the request that it stands for is only rounding.
+
+    Otherwise the verdict would judge the direction of rounding errors.
+
+    Parameters
+    ----------
+    F :
+        Force that is exerted, weighted, shape (m,).
+    part, whole :
+        What it makes of the request, and the request: forces or torques.
+    """
+    return F if part.dot(part) > (_ROUNDING * _ROUNDING) * whole.dot(whole) else np.zeros_like(F)

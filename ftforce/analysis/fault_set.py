@@ -1,0 +1,235 @@
+"""What one of many fault sets of a posture does."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.analysis.conditions import Conditions, rnea_change
+from ftforce.core import measures
+from ftforce.core.arrays import Svd, Vector, read_only
+from ftforce.core.bounded_remap import BoundedRemap, overloaded, remap_inside
+from ftforce.core.changes import RneaChange, split_norms
+from ftforce.core.feasible_forces import (
+    End,
+    Reading,
+    end_of,
+    feasible_forces,
+    reach,
+    weakest_direction,
+)
+from ftforce.core.reduced_jacobian import ReducedJacobian, reduce_decomposed
+from ftforce.core.remap import force_jump
+from ftforce.core.verdict import judge
+
+if TYPE_CHECKING:
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.feasible_forces import FeasibleForces, Reach
+    from ftforce.core.limits import Limits
+    from ftforce.core.measures import Verdict
+    from ftforce.core.task import Task
+    from ftforce.robot.posture import Posture
+    from ftforce.robot.robot import Robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetCapability:
+    """The largest force that can be held with one fault set, N (N·m for a moment alone).
+
+    Attributes
+    ----------
+    commanded, held :
+        In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
+        stand still with a force in this direction.
+    least :
+        Smallest force that can be commanded, 0 but for a joint without torque or a limit that
+        weight alone exceeds.
+    end, held_end :
+        What ends the one and the other.
+    stops :
+        Indices of the joints whose limits end what can be commanded.
+    """
+
+    commanded: float
+    held: float
+    least: float
+    end: End
+    held_end: End
+    stops: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetReport:
+    """What one fault set does.
+
+    Attributes
+    ----------
+    faults :
+        The set.
+    after, jump :
+        Force that can still be held and force jump, N and N·m, shape (m,); ``None`` without a
+        force, or if the arm cannot stand still.
+    jump_norm, moment_jump_norm :
+        Norms of the jump's forces (N) and moments (N·m); ``None`` where there are none.
+    relative_jump :
+        ‖ΔF‖/‖F̂‖, weighted; without a force 1 if a direction is lost; 1 if the arm cannot stand
+        still.
+    rank_after, rank_lost :
+        Rank of K, and how much less it is than J's.
+    sigma_min_after, margin, relative_manipulability :
+        Smallest singular value of K; over σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
+    can_stand_still :
+        Whether motors, brakes and some force at the tip can hold the arm.
+    share :
+        Largest share of the force that keeps its direction; ``None`` without limits and joints
+        without torque, without a force, or if there is none.
+    binding :
+        Indices of joints at their limits.
+    capability :
+        ``None`` unless the census ranks by it.
+    verdict :
+        As for one analysis.
+    """
+
+    faults: FaultSet
+    after: Vector | None
+    jump: Vector | None
+    jump_norm: float | None
+    moment_jump_norm: float | None
+    relative_jump: float
+    rank_after: int
+    rank_lost: int
+    sigma_min_after: float
+    margin: float
+    relative_manipulability: float
+    can_stand_still: bool
+    share: float | None
+    binding: tuple[int, ...]
+    capability: SetCapability | None
+    verdict: Verdict
+
+
+class SharedCase(NamedTuple):
+    """What all sets of a census share."""
+
+    robot: Robot
+    task: Task
+    posture: Posture
+    conditions: Conditions
+    limits: Limits | None
+    healthy: Svd
+    whole: ReducedJacobian
+    rnea: RneaChange
+    F: Vector | None
+    by_capability: bool
+    direction: Vector | None
+    rtol: float
+    wary: float
+
+    def rnea_after(self, faults: FaultSet) -> Vector:
+        """Return the torques for weight and motion after these faults, shape (n,)."""
+        if not self.conditions.moves:
+            return self.rnea.after
+        mask = faults.mask(self.robot.n)
+        return rnea_change(self.robot, self.posture.q, self.conditions, mask).after
+
+
+def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
+    """Return what one fault set does."""
+    n, task, F = case.robot.n, case.task, case.F
+    swinging = faults.swinging_mask(n)
+    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, swinging)
+    largest = None if case.limits is None else case.limits.largest_torques(faults)
+    bounded, rnea = None, case.rnea.after
+    if largest is not None or swinging is not None:
+        rnea = case.rnea_after(faults)
+        asked = np.zeros(task.m) if F is None else F
+        bounded = remap_inside(reduced, asked, rnea, largest)
+    after, jump = _outcome(reduced, F, bounded)
+    can_stand_still = bounded is None or bounded.F_after is not None
+    linear, angular = (None, None) if jump is None else split_norms(task, task.unweigh_force(jump))
+    return SetReport(
+        faults=faults,
+        after=None if after is None else read_only(task.unweigh_force(after)),
+        jump=None if jump is None else read_only(task.unweigh_force(jump)),
+        jump_norm=linear,
+        moment_jump_norm=angular,
+        relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
+        rank_after=reduced.rank_after,
+        rank_lost=reduced.rank - reduced.rank_after,
+        sigma_min_after=reduced.damaged.s[-1],
+        margin=measures.margin(reduced),
+        relative_manipulability=measures.relative_manipulability(reduced),
+        can_stand_still=can_stand_still,
+        share=None if bounded is None or F is None else bounded.share,
+        binding=() if bounded is None else bounded.binding,
+        capability=set_capability(case, reduced, rnea, largest) if case.by_capability else None,
+        verdict=judge(reduced, F, case.wary, bounded, largest),
+    )
+
+
+def _outcome(
+    reduced: ReducedJacobian, F: Vector | None, bounded: BoundedRemap | None
+) -> tuple[Vector | None, Vector | None]:
+    """Return force after and jump, weighted; ``None`` without a force or if nothing is feasible."""
+    if F is None:
+        return None, None
+    if bounded is not None:
+        return bounded.F_after, bounded.jump
+    change = force_jump(reduced, F)
+    return change.F_after, change.jump
+
+
+def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | None) -> float:
+    if F is None or jump is None:
+        return float(reduced.rank_after < reduced.rank)
+    size = math.sqrt(F.dot(F))
+    return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
+
+
+def set_capability(
+    case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
+) -> SetCapability:
+    """Return the largest force that can be held with one fault set.
+
+    Parameters
+    ----------
+    case :
+        What all sets share.
+    reduced :
+        The decomposed Jacobians of the set.
+    rnea, largest :
+        Torques for weight and motion, and the largest of each joint, with the set, shape (n,).
+    """
+    rays, ends, stops = [], [], []
+    for reading in Reading:
+        feasible = feasible_forces(reduced, rnea, largest, reading)
+        ray, size = _ray(case, feasible)
+        end = end_of(feasible, ray)
+        rays.append(ray)
+        ends.append(end)
+        stops.append(
+            ray.stops if end is End.LIMIT else overloaded(feasible) if end is End.WEIGHT else ()
+        )
+    commanded, held = (math.nan if ray.is_empty else ray.most * size for ray in rays)
+    least = math.nan if rays[0].is_empty else rays[0].least * size
+    return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
+
+
+def commanded_force(
+    case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
+) -> float:
+    """Return the largest force that can be commanded: `set_capability`'s first number alone."""
+    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, Reading.COMMANDED))
+    return math.nan if ray.is_empty else ray.most * size
+
+
+def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
+    """Return how far the case's direction goes, and the unit of that; or the weakest one's."""
+    if case.direction is not None:
+        return reach(feasible, case.task.weigh_force(case.direction)), 1.0
+    space = case.whole.healthy.U[:, : case.whole.rank]
+    return weakest_direction(feasible, space).reach, case.task.weighted_unit

@@ -1,0 +1,170 @@
+"""Where torque limits come from: the URDF, a TOML or CSV file, or nowhere."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ftforce.core.arrays import read_only
+from ftforce.core.limits import Limits
+from ftforce.errors import DimensionError, InputError, LimitsError, printable
+from ftforce.io.csv_table import Table
+from ftforce.io.text import read_numbers, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from ftforce.robot.robot import Robot
+
+URDF, NONE = "urdf", "none"
+COLUMNS = ("joint", "effort", "brake")
+SMALLEST = 1e-9  # N·m or N: less is a slip, and would be lost in rounding
+_KIND = "a TOML or CSV file of limits (joint, effort, brake)"
+
+LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
+_Entry: TypeAlias = "tuple[str, Mapping[str, Any]]"  # where it stands, and what it says
+
+
+def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
+    """Return the limits that count.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    limits :
+        ``urdf``, the path of a TOML or CSV file, `Limits`, or ``none`` (``None``) to count none.
+
+    Raises
+    ------
+    LimitsError
+        The file cannot be read, names a joint that the arm lacks, or has a limit that is not
+        positive.
+    InputError
+        Limits of another number of joints.
+    """
+    if limits is None or limits == NONE:
+        return None
+    if isinstance(limits, Limits):
+        if len(limits.effort) != robot.n:
+            raise DimensionError("limits", (robot.n,), limits.effort.shape, robot.numbered())
+        return limits
+    if limits == URDF:
+        return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
+    if not isinstance(limits, (str, os.PathLike)) or not str(limits):
+        raise InputError(
+            f"limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits, "
+            f"got {limits!r}"
+        )
+    return read_limits(robot, limits)
+
+
+def read_limits(robot: Robot, path: str | os.PathLike[str]) -> Limits:
+    """Read the limits of a robot's joints from a TOML or CSV file.
+
+    A joint, or a column, that the file leaves out is unknown, whatever the URDF says.
+
+    Raises
+    ------
+    LimitsError
+        As `choose_limits`.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in {".toml", ".csv"}:
+        raise LimitsError(path, f"needs 'urdf', 'none' or {_KIND}, with the ending .toml or .csv")
+    text = read_text(path, LimitsError, _KIND)
+    try:
+        entries = _toml_entries(text) if ending == ".toml" else _csv_entries(text)
+        return _fill(robot, entries, str(path))
+    except InputError as problem:
+        raise LimitsError(path, printable(problem)) from None
+
+
+def _fill(robot: Robot, entries: Iterable[_Entry], source: str) -> Limits:
+    effort, brake = np.full(robot.n, np.nan), np.full(robot.n, np.nan)
+    seen: dict[int, str] = {}
+    for where, entry in entries:
+        _check_keys(where, entry)
+        try:
+            i = robot.index(entry["joint"])
+        except InputError as problem:
+            raise InputError(f"{where}: {problem}") from None
+        if i in seen:
+            raise InputError(f"{where}: joint {i + 1} ({robot.names[i]}) was given in {seen[i]}")
+        seen[i] = where
+        effort[i] = _limit(entry.get("effort"), f"{where}: effort of {robot.names[i]}")
+        brake[i] = _limit(entry.get("brake"), f"{where}: brake of {robot.names[i]}")
+    if np.isnan(effort).all() and np.isnan(brake).all():
+        raise InputError(f"holds no limit; it needs {', '.join(COLUMNS)} for each joint")
+    return Limits(read_only(effort), read_only(brake), source)
+
+
+def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
+    for key, value in entry.items():
+        if key not in COLUMNS:
+            quotes = "; a name with a dot needs quotes" if isinstance(value, dict) else ""
+            known = ", ".join(COLUMNS)
+            raise InputError(f"{where}: unknown entry {key!r}; there is: {known}{quotes}")
+    if "joint" not in entry:
+        raise InputError(f"{where}: names no joint")
+
+
+def _limit(value: object, what: str) -> float:
+    """Return a limit, NaN for nothing."""
+    if value is None or (isinstance(value, str) and not value.strip()):
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        raise InputError(f"{what} needs a positive number, N·m or N, got {value!r}")
+    try:
+        limit = read_numbers(str(value), 1)[0]
+    except ValueError as problem:
+        raise InputError(f"{what}: {problem}; leave it out if it is unknown") from None
+    if limit < SMALLEST:
+        hint = f"limits below {SMALLEST:g} are not read"
+        if limit <= 0.0:
+            hint = "limits count both ways" if limit < 0.0 else "leave it out if it is unknown"
+        raise InputError(f"{what} needs a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
+    return limit
+
+
+def _toml_entries(text: str) -> list[_Entry]:
+    """Return the entries of ``[[joint]]`` tables, or of one table per joint with its name."""
+    import tomllib  # only who has a file pays for it
+
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"is not TOML: {problem}") from None
+    entries: list[_Entry] = []
+    for key, value in content.items():
+        if isinstance(value, dict):
+            if "joint" in value and key != "joint":
+                raise InputError(
+                    f"[{key}]: names a joint twice, {key!r} and {value['joint']!r}; give each "
+                    "joint one table with its name, or a [[joint]] that names it"
+                )
+            entries.append((f"[{key}]", {"joint": key, **value}))
+        elif isinstance(value, list) and all(isinstance(one, dict) for one in value):
+            entries += [(f"[[{key}]] number {i}", one) for i, one in enumerate(value, start=1)]
+        else:
+            raise InputError(
+                f"{key!r} is no table; give each joint one, e.g. [elbow] with effort = 87 and "
+                "brake = 120 (N·m) below it"
+            )
+    return entries
+
+
+def _csv_entries(text: str) -> list[_Entry]:
+    table = Table.of(text)
+    header = [cell.lower() for cell in table.header] if table else []
+    if not table or "joint" not in header or len(set(header) & set(COLUMNS)) < len(header):
+        hint = "; commas separate cells" if len(header) == 1 else ""
+        raise InputError(
+            f"needs the header {','.join(COLUMNS)} (brake may be missing), got {','.join(header)}"
+            f"{hint}"
+        )
+    return [(f"line {line}", dict(zip(header, cells, strict=True))) for line, cells in table.rows()]

@@ -1,0 +1,233 @@
+"""The paper's numbers beside what is computed here, and the errata that explain each difference.
+
+Abdi & Nahavandi, *Fault Tolerance Force for Redundant Manipulators*: J of eq. (34), Tables 2-5.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.analysis.analyze import Analysis, analyze
+from ftforce.core.display import Displayed
+from ftforce.robot.load import load_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from ftforce.core.arrays import Vector
+    from ftforce.robot.robot import Robot
+
+FORCE = (80.0, 50.0, 10.0)  # N, section IV
+VELOCITY = (0.05, 0.40, 0.20, 0.10, 0.30)  # rad/s, Table 2
+AXES = ("x", "y", "z")
+
+PRINTED_J = (
+    ("-0.00", "-0.00", "0.16", "0.00", "0.00"),
+    ("-0.57", "-0.15", "0.28", "0.20", "0.08"),
+    ("-0.64", "-0.48", "0.00", "0.00", "0.00"),
+)
+PRINTED_TORQUE = ("-35.01", "-12.33", "26.85", "10.00", "4.00")
+PRINTED_FORCE_SHARE = ("3.18", "1.12", "2.44", "0.91", "0.36")
+PRINTED_VELOCITY_SHARE = ("0.19", "0.89", "0.28", "0.09", "0.11")
+PRINTED_TIP_VELOCITY = ("0.033", "0.01", "-0.23")
+# Locked joints, torques to command, force jump.
+PRINTED_SETS = {
+    "Eq. (42)": (((1,), ("0", "-12.33", "26.85", "10.00", "4.00"), "0"),),
+    "Table 3": (
+        ((2,), ("-35.01", "0", "26.85", "10.00", "4.00"), "0.00"),
+        ((3,), ("-35.01", "-12.33", "0", "10.00", "4.00"), "80.00"),
+        ((4,), ("-35.01", "-12.33", "26.85", "0", "4.00"), "0.00"),
+        ((5,), ("-35.01", "-12.33", "26.85", "10.00", "0"), "0.00"),
+    ),
+    "Table 4": (
+        ((2, 3), ("-35.01", "0", "0", "10.00", "4.00"), "80.00"),
+        ((2, 4), ("-35.01", "0", "26.85", "0", "4.00"), "0.00"),
+    ),
+    "Table 5": (
+        ((2, 3, 4), ("-35.01", "0", "0", "0", "4.00"), "80"),
+        ((2, 4, 5), ("-35.01", "0", "26.85", "0", "0"), "43.66"),
+    ),
+}
+
+ERRATA = (
+    ("(29), (37), (39)", "U = (ᔆJᵀ)†{…}", "U = ᔆJᵀ (Jᵀ)† τ, as in (42)"),
+    (
+        "(18), (27), (28)",
+        "F = (Jᵀ)†τ + (I - Jᵀ(Jᵀ)†) z",
+        "dimensions do not match; the free part is τ_N = (I - J†J) τ",
+    ),
+    ("(19)", "(JJᵀ)⁻¹J", "only for full row rank"),
+    (
+        "after (33)",
+        "F belongs to the null space of ᵏJᵀ",
+        "F in range(ᵏJ): no component in that null space",
+    ),
+    (
+        "Table 2",
+        "torque contribution ‖(Jᵀ)†_k τ_k‖/‖F‖",
+        "the printed numbers are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖",
+    ),
+    ("section IV", "Ẋ in cm/sec", "m/s"),
+    ("Tables 4, 5", "captions: joint velocities, rad/sec", "torques, N·m"),
+    ("second (34), (35)", "J and ¹J of the case study", "belong between (40) and (42)"),
+    ("Appendix A", "K(KᵀK)⁻¹Kᵀ", "K K†: KᵀK is singular when n - f > m"),
+)
+"""Where, what is printed, what is correct."""
+
+_SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
+_UNIT_ERRATUM = "section IV: printed are m/s, not cm/s"
+
+
+class Outcome(StrEnum):
+    """How a printed number compares."""
+
+    PASS = "pass"
+    ERRATUM = "erratum"
+    FAIL = "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One printed number.
+
+    Attributes
+    ----------
+    table, row, column :
+        Where it stands in the paper.
+    printed :
+        As printed.
+    computed :
+        As the paper's own formula and unit say.
+    erratum, explained :
+        A known mistake, and the number computed the way the paper must have.
+    """
+
+    table: str
+    row: str
+    column: str
+    printed: str
+    computed: float
+    erratum: str = ""
+    explained: float = math.nan
+
+    @property
+    def decimals(self) -> int:
+        """Printed decimals."""
+        return len(self.printed.partition(".")[2])
+
+    @property
+    def outcome(self) -> Outcome:
+        """Pass if every printed digit agrees; an erratum only if its explanation reproduces it."""
+        if self._agrees(self.computed):
+            return Outcome.PASS
+        return Outcome.ERRATUM if self._agrees(self.explained) else Outcome.FAIL
+
+    def _agrees(self, value: float) -> bool:
+        half_a_digit = 0.5 * 10.0**-self.decimals
+        return abs(value - float(self.printed)) <= half_a_digit * (1.0 + 1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class Replication(Displayed):
+    """Every number of the paper's case study.
+
+    Attributes
+    ----------
+    checks :
+        In the order of the paper.
+    """
+
+    checks: tuple[Check, ...]
+
+    @property
+    def is_successful(self) -> bool:
+        """Whether no number fails."""
+        return all(check.outcome is not Outcome.FAIL for check in self.checks)
+
+    def count(self, outcome: Outcome) -> int:
+        """Return how many numbers have this outcome."""
+        return sum(check.outcome is outcome for check in self.checks)
+
+
+def replicate(robot: Robot | None = None) -> Replication:
+    """Compute every printed number of the paper's case study.
+
+    Parameters
+    ----------
+    robot :
+        The arm of Table 1 with its posture ``paper``; without it the known robot ``dh5``.
+    """
+    arm = load_robot("dh5") if robot is None else robot
+
+    def with_locked(locked: Sequence[int]) -> Analysis:
+        return analyze(arm, posture="paper", locked=locked, force=FORCE, velocity=VELOCITY)
+
+    healthy = with_locked(())
+    checks = [*_jacobian(healthy), *_table_2(healthy), *_tip_velocity(healthy)]
+    for table, columns in PRINTED_SETS.items():
+        checks += _remaps(table, columns, with_locked)
+    return Replication(tuple(checks))
+
+
+def _jacobian(healthy: Analysis) -> Iterator[Check]:
+    for axis, printed, computed in zip(AXES, PRINTED_J, healthy.J.tolist(), strict=True):
+        for joint, (text, value) in enumerate(zip(printed, computed, strict=True), start=1):
+            yield Check("J, eq. (34)", axis, f"joint {joint}", text, value)
+
+
+def _table_2(healthy: Analysis) -> Iterator[Check]:
+    torque, force = healthy.torque, healthy.force
+    if torque is None or force is None:
+        return
+    sigma_min = healthy.reduced.healthy.s[-1]
+    size = float(np.linalg.norm(force.before))
+    with np.errstate(divide="ignore"):  # another arm may be singular: then nothing is explained
+        as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
+    columns: tuple[tuple[str, Sequence[str], Vector | None], ...] = (
+        ("torque", PRINTED_TORQUE, torque.before),
+        ("share of force", PRINTED_FORCE_SHARE, healthy.force_contributions),
+        ("share of velocity", PRINTED_VELOCITY_SHARE, healthy.velocity_contributions),
+    )
+    for column, printed, computed in columns:
+        is_share = column == "share of force"
+        for i, text in enumerate(printed):
+            yield Check(
+                "Table 2",
+                f"joint {i + 1}",
+                column,
+                text,
+                math.nan if computed is None else float(computed[i]),
+                _SHARE_ERRATUM if is_share else "",
+                float(as_printed[i]) if is_share else math.nan,
+            )
+
+
+def _tip_velocity(healthy: Analysis) -> Iterator[Check]:
+    if healthy.velocity is None:
+        return
+    for axis, text, v in zip(
+        AXES, PRINTED_TIP_VELOCITY, healthy.velocity.tip_before.tolist(), strict=True
+    ):
+        yield Check("Ẋ, section IV", axis, "cm/s", text, 100.0 * v, _UNIT_ERRATUM, v)
+
+
+def _remaps(
+    table: str,
+    columns: Sequence[tuple[tuple[int, ...], tuple[str, ...], str]],
+    with_locked: Callable[[Sequence[int]], Analysis],
+) -> Iterator[Check]:
+    for locked, torques, jump in columns:
+        result = with_locked(locked)
+        if result.torque is None or result.torque.after is None or result.force is None:
+            continue
+        name = "{" + ", ".join(map(str, locked)) + "}"
+        after = result.torque.after.tolist()
+        for joint, (text, value) in enumerate(zip(torques, after, strict=True), start=1):
+            yield Check(table, f"joint {joint}", name, text, value)
+        norm = result.force.jump_norm
+        yield Check(table, "force jump", name, jump, math.nan if norm is None else norm)

@@ -1,0 +1,85 @@
+"""What makes an answer doubtful, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.core.faults import FaultMode
+from ftforce.errors import listed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from ftforce.core.changes import RneaChange, TorqueChange
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.core.reduced_jacobian import ReducedJacobian
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+
+_SLACK = 1e-9  # relative: rounding is no overload
+
+
+def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
+    """Say that even the healthy arm lacks a direction of the task."""
+    if reduced.rank < reduced.m:
+        yield (
+            f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
+            f"'{task}' in this posture"
+        )
+
+
+def missing_masses(rnea: RneaChange) -> Iterator[str]:
+    """Say that weight, or weight and motion, are unknown."""
+    if not rnea.is_known:
+        what = "weight and motion of the arm are"
+        if rnea.motion_before is not None:
+            what = "weight of the arm is"
+        yield f"the URDF has no masses: {what} missing from the torques"
+
+
+def unknown_impact(faults: FaultSet) -> Iterator[str]:
+    """Say that masses do not tell how fast the arm is right after a lock."""
+    if faults.in_mode(FaultMode.LOCKED):
+        yield (
+            "masses or inertias of the URDF are missing or impossible: velocities right after the "
+            "lock are unknown"
+        )
+
+
+def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
+    """Name what limits would say if they counted: weak joints, and motors asked for too much."""
+    yield from unjudged(robot, faults, None)
+    if torque is None or torque.after is None:
+        return
+    needed = torque.after if torque.total_after is None else torque.total_after
+    for joint, value in zip(robot.joints, needed.tolist(), strict=True):
+        if joint.effort is not None and abs(value) > joint.effort * (1.0 + _SLACK):
+            yield (
+                f"joint {joint.number} {joint.name} would need "
+                f"{abs(value) / joint.effort:.0%} of its effort limit of "
+                f"{joint.effort:g} {joint.torque_unit} (limits are not counted)"
+            )
+
+
+def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
+    """Name the weak joints whose limit is not known, or not counted."""
+    for fault in faults.faults:
+        if fault.mode is not FaultMode.WEAK or fault.has_no_torque:
+            continue
+        name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
+        if limits is None:
+            yield f"{name} no limits are counted: it counts as healthy"
+        elif np.isnan(limits.effort[fault.joint]):
+            yield f"{name} its limit is unknown: it counts as none"
+
+
+def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
+    """Name the joints (indices) that weight and motion alone overload."""
+    if names := [robot.names[j] for j in joints]:
+        yield (
+            f"weight and motion alone overload {listed(names)}: only the force at the tip keeps "
+            "the arm still"
+        )

@@ -1,0 +1,1 @@
+"""What numba compiles: arrays only; nothing of ftforce outside of this package is imported."""

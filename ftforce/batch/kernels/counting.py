@@ -1,0 +1,253 @@
+"""Counts of a block of postures, in integers: sums that no order of the blocks can change.
+
+Which bin a number lies in hangs on one product, or on comparisons with the edges, never on a
+logarithm or a sum of products: so it is the same on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.batch.kernels.jit import kernel
+from ftforce.batch.kernels.layout import CELL_BINS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ftforce.batch.results import Codes
+    from ftforce.core.arrays import Matrix, Vector
+
+    Counts = NDArray[np.int64]
+
+ABOVE = 1.0 + 1e-9  # times the last edge: what lies below is the last edge, rounded
+TILE = 256  # postures whose columns are turned into rows at a time
+
+
+@kernel
+def count_codes(codes: Codes, counts: Counts) -> None:
+    """Count small integers.
+
+    Parameters
+    ----------
+    codes :
+        From 0 to C - 1, shape (S, k).
+    counts :
+        Raised in place, shape (S, C).
+    """
+    sets, k = codes.shape
+    for s in range(sets):
+        row = codes[s]
+        for code in range(counts.shape[1]):  # C passes without a branch: they run in SIMD
+            found = 0
+            for i in range(k):
+                found += row[i] == code
+            counts[s, code] += found
+
+
+@kernel
+def count_linear(
+    values: Matrix, largest: float, bins: int, counts: Counts, unknown: Counts
+) -> None:
+    """Count numbers in bins of equal width from 0: x lies in the bin ⌊x · (bins / largest)⌋.
+
+    Parameters
+    ----------
+    values :
+        Shape (S, k); what lies below 0, by rounding, counts in the first bin.
+    largest, bins :
+        Upper edge of the last bin, which lies in it, and number of bins.
+    counts :
+        Raised in place, shape (S, bins), then what is larger counts in the last bin too; or
+        (S, bins + 1), then the last element counts it.
+    unknown :
+        Raised by the number of NaN, shape (S,).
+    """
+    sets, k = values.shape
+    scale = bins / largest
+    for s in range(sets):
+        row, histogram = values[s], counts[s]
+        for i in range(k):
+            x = row[i]
+            y = x * scale
+            if 0.0 <= y < bins:
+                histogram[int(y)] += 1
+            elif x < 0.0:
+                histogram[0] += 1
+            elif x <= largest * ABOVE:
+                histogram[bins - 1] += 1
+            elif x > largest:
+                histogram[-1] += 1
+            else:
+                unknown[s] += 1
+
+
+@kernel
+def count_logarithmic(
+    values: Matrix,
+    first: NDArray[np.int64],
+    edges: Vector,
+    guide: Counts,
+    counts: Counts,
+    unlimited: Counts,
+    unknown: Counts,
+) -> None:
+    """Count numbers in bins whose edges rise by a factor.
+
+    Parameters
+    ----------
+    values :
+        Shape (S, k).
+    first :
+        What `leading_bits` makes of them, shape (S, k).
+    edges :
+        Positive, rising, shape (b + 1,); the last bin holds its upper edge too.
+    guide :
+        Made by `guide_to` of the edges.
+    counts :
+        Raised in place, shape (S, b + 2): below the first edge, the bins, above the last edge.
+    unlimited, unknown :
+        Raised by the number of infinite values and of NaN, shape (S,).
+    """
+    sets, k = values.shape
+    last = len(edges) - 2
+    lowest, highest = edges[0], edges[last + 1]
+    for s in range(sets):
+        row, bits, histogram = values[s], first[s], counts[s]
+        for i in range(k):
+            x = row[i]
+            if lowest <= x < highest:
+                b = guide[bits[i] - guide[0] + 1]
+                histogram[b + 1 + (x >= edges[b + 1])] += 1
+            elif x < lowest:
+                histogram[0] += 1
+            elif x == highest:
+                histogram[last + 1] += 1
+            elif x == math.inf:
+                unlimited[s] += 1
+            elif x > highest:
+                histogram[last + 2] += 1
+            else:
+                unknown[s] += 1
+
+
+_SHIFT = 45  # leaves sign, exponent and 7 bits of the fraction: 128 steps per factor of two
+
+
+def leading_bits(values: Matrix) -> NDArray[np.int64]:
+    """Return a number that rises with a positive value, 128 steps per factor of two."""
+    bits: NDArray[np.int64] = np.ascontiguousarray(values).view(np.int64) >> _SHIFT
+    return bits
+
+
+def guide_to(edges: Vector) -> Counts:
+    """Return the leading bits of the first edge, then the bin in which each step begins.
+
+    Parameters
+    ----------
+    edges :
+        Positive, rising by a factor of more than 2^(1/64), so that a step meets one edge at most.
+    """
+    start, stop = leading_bits(edges[[0, -1]])
+    steps = np.arange(start, stop + 1) << _SHIFT
+    begins = np.searchsorted(edges, steps.view(np.float64), side="right") - 1
+    return np.concatenate(([start], np.clip(begins, 0, len(edges) - 2)))
+
+
+@kernel
+def locate(tip: Matrix, origin: Vector, edge: float, shape: Counts, cell: Counts) -> int:
+    """Find the cells of positions, and return how many lie outside the grid (or are NaN).
+
+    Parameters
+    ----------
+    tip :
+        m, shape (k, 3).
+    origin, edge, shape :
+        Corner of the grid, m, shape (3,); edge of a cell, m; number of cells, shape (3,).
+    cell :
+        Filled with the cells, the last axis running fastest, shape (k,).
+    """
+    outside = 0
+    for i in range(len(tip)):
+        index = 0
+        inside = True
+        for axis in range(3):
+            count = shape[axis]
+            x = (tip[i, axis] - origin[axis]) / edge
+            along = 0
+            if x >= count:
+                along = count - 1
+            elif x > 0.0:
+                along = int(x)
+            inside = inside and 0.0 <= x <= count
+            index = index * count + along
+        cell[i] = index
+        outside += not inside
+    return outside
+
+
+@kernel
+def _count_share(share: float, counts: Counts) -> None:
+    if share < math.inf:  # infinite where no set says anything
+        counts[min(int(max(share, 0.0) * CELL_BINS), CELL_BINS - 1)] += 1
+
+
+@kernel
+def count_cells(
+    cell: Counts,
+    verdict: Codes,
+    margin: Matrix,
+    rho: Matrix,
+    tolerated_sets: Counts,
+    cell_postures: Counts,
+    cell_tolerated: Counts,
+    cell_tolerates_all: Counts,
+    cell_worst_margin: Counts,
+    cell_worst_rho: Counts,
+    cell_min_margin: Matrix,
+) -> None:
+    """Count what each posture says of all sets together, and of its cell.
+
+    Parameters
+    ----------
+    cell :
+        Cell of each posture, shape (k,).
+    verdict, margin, rho :
+        Shape (S, k).
+    tolerated_sets, cell_postures, cell_tolerated, cell_tolerates_all, cell_worst_margin, \
+    cell_worst_rho, cell_min_margin :
+        Changed in place, see `ftforce.batch.summary.summary.Summary`.
+    """
+    sets, k = verdict.shape
+    good = np.empty((TILE, sets), np.int64)
+    margins = np.empty((TILE, sets))
+    worst_margin, worst_rho = np.empty(TILE), np.empty(TILE)
+    tolerated = np.empty(TILE, np.int64)
+    for start in range(0, k, TILE):
+        size = min(TILE, k - start)
+        worst_margin[:] = math.inf
+        worst_rho[:] = math.inf
+        tolerated[:] = 0
+        for s in range(sets):  # along the rows: columns lie too far apart for the cache
+            for i in range(size):
+                x = margin[s, start + i] + 0.0  # no negative zero
+                margins[i, s] = x
+                worst_margin[i] = x if x < worst_margin[i] else worst_margin[i]
+                x = rho[s, start + i]
+                worst_rho[i] = x if x < worst_rho[i] else worst_rho[i]
+                ok = np.int64(verdict[s, start + i] == 0)
+                good[i, s] = ok
+                tolerated[i] += ok
+        for i in range(size):
+            c = cell[start + i]
+            tolerated_sets[tolerated[i]] += 1
+            cell_postures[c] += 1
+            cell_tolerates_all[c] += tolerated[i] == sets
+            _count_share(worst_margin[i], cell_worst_margin[c])
+            _count_share(worst_rho[i], cell_worst_rho[c])
+            for s in range(sets):
+                cell_tolerated[c, s] += good[i, s]
+                x = margins[i, s]
+                cell_min_margin[c, s] = x if x < cell_min_margin[c, s] else cell_min_margin[c, s]

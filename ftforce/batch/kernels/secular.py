@@ -1,0 +1,243 @@
+"""σ_min and ρ of every fault set that locks one joint, from one decomposition of J.
+
+With ``J = U diag(σ) Vᵀ`` and ``N = I - J†J`` the eigenvalues of ``K Kᵀ = J Jᵀ - J_k J_kᵀ`` are the
+roots x of the secular equation (Golub 1973; here without its cancellation)
+
+    x φ(x) = N_kk,    φ(x) = Σ_i v_ki² / (σ_i² - x),
+
+and ρ² = N_kk (Roberts & Maciejewski 1996). The eigenvector of a root has the components
+σ_i v_ki / (σ_i² - x) along the left vectors.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from ftforce.batch.kernels.jit import inner
+from ftforce.batch.kernels.layout import CLEAR, LANES, rooms
+
+if TYPE_CHECKING:
+    import numpy as np
+
+LEAST = 1e-5
+"""Smaller margins, of J or K, are left to `settle`."""
+
+_ROUNDS, _MORE = 3, 20
+_CLOSE = 1e-6
+_IDLE = 1e-28
+
+
+class Secular(NamedTuple):
+    """What the fault sets of LANES postures share."""
+
+    V: np.ndarray  # (n, m, LANES): right singular vectors, one row per joint
+    N: np.ndarray  # (n, n, LANES): its lower triangle
+    rest: np.ndarray  # (n, LANES): N_kk, to a higher relative accuracy
+    x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if it is not known well enough
+    F: np.ndarray  # (m, LANES): force along the left vectors
+    over: np.ndarray  # (m, LANES): 1/(σ² - bound)
+    size: np.ndarray  # (LANES,): ‖F‖²
+    below: np.ndarray  # (LANES,): how many σ² lie below the bound
+    bound: np.ndarray  # (LANES,)
+    step: np.ndarray  # (LANES,): workspace, as the rest
+    upper: np.ndarray  # (LANES,)
+    a: np.ndarray  # (LANES,)
+    b: np.ndarray  # (LANES,)
+    c: np.ndarray  # (LANES,)
+
+
+def secular(m, n):
+    """Return a workspace."""
+    joints = [(n, m, LANES), (n, n, LANES), (n, LANES), (n, LANES)]
+    return Secular(*rooms([*joints, (m, LANES), (m, LANES), *[LANES] * 8]))
+
+
+@inner
+def prepare(J, spectrum, force, asks, one):
+    """Bring J's columns, and the force, into the left vectors; and find N."""
+    n, m = one.V.shape[0], one.V.shape[1]
+    W, sigma, over, size = spectrum.W, spectrum.sigma, one.step, one.size
+    for i in range(m):
+        for b in range(LANES):
+            over[b] = 1.0 / sigma[i, b]
+        for k in range(n):
+            v = one.V[k, i]
+            for b in range(LANES):
+                v[b] = W[i, 0, b] * J[0, k, b]
+            for r in range(1, m):
+                for b in range(LANES):
+                    v[b] += W[i, r, b] * J[r, k, b]
+            for b in range(LANES):
+                v[b] *= over[b]
+    complement(spectrum.Q, one)
+    if not asks:
+        return
+    for b in range(LANES):
+        size[b] = 0.0
+    for i in range(m):
+        for b in range(LANES):
+            one.F[i, b] = W[i, 0, b] * force[0, b]
+        for r in range(1, m):
+            for b in range(LANES):
+                one.F[i, b] += W[i, r, b] * force[r, b]
+        for b in range(LANES):
+            size[b] += one.F[i, b] * one.F[i, b]
+
+
+@inner
+def complement(Q, one):
+    """N = I - QᵀQ, and its diagonal as the squares of its columns: what is small stays accurate."""
+    m, n = Q.shape[0], Q.shape[1]
+    for k in range(n):
+        for b in range(LANES):
+            one.rest[k, b] = 0.0
+    for k in range(n):
+        for j in range(k + 1):
+            N = one.N[k, j]
+            for b in range(LANES):
+                N[b] = 1.0 if j == k else 0.0
+            for i in range(m):
+                for b in range(LANES):
+                    N[b] -= Q[i, k, b] * Q[i, j, b]
+            for b in range(LANES):
+                one.rest[k, b] += N[b] * N[b]
+            if j < k:
+                for b in range(LANES):
+                    one.rest[j, b] += N[b] * N[b]
+
+
+@inner
+def find_root(k, square, largest, rtol, one):
+    """Find the smallest eigenvalue of K Kᵀ where joint k is locked.
+
+    ``F(x) = x - N_kk/φ(x)`` grows and is convex up to σ_m², for 1/φ is concave: Newton's steps come
+    down to the root from the right, and Halley's, which may pass it, are taken if they go further.
+    """
+    least = max(rtol * CLEAR, LEAST) ** 2
+    V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.step, one.upper
+    m = V.shape[0]
+    start(V, N, square, x, one)
+    zeroth, first, second = one.a, one.b, one.c
+    for _ in range(_ROUNDS):
+        for b in range(LANES):
+            zeroth[b], first[b], second[b] = 0.0, 0.0, 0.0
+        for i in range(m):
+            for b in range(LANES):
+                d = 1.0 / (square[i, b] - x[b])
+                term = V[i, b] * V[i, b] * d
+                zeroth[b] += term
+                first[b] += term * d
+                second[b] += term * d * d
+        for b in range(LANES):
+            new = improved(x[b], N[b], zeroth[b], first[b], second[b], upper[b])
+            moves = not abs(step[b]) <= _CLOSE * x[b]
+            step[b] = new - x[b] if moves else step[b]
+            x[b] = new if moves else x[b]
+    for b in range(LANES):
+        if not abs(step[b]) <= _CLOSE * x[b]:
+            finish(V, N, square, b, x, step, upper[b])
+        is_known = (abs(step[b]) <= _CLOSE * x[b]) & (x[b] > least * largest[b])
+        x[b] = x[b] if is_known else math.nan
+
+
+@inner
+def start(V, N, square, x, one):
+    """Begin with Newton's step from 0, or with the root if one term of φ were all of it.
+
+    That is never too small, and below σ_m²: with the i-th alone, N_kk σ_i²/(N_kk + v_ki²). A joint
+    whose column is zero leaves σ_m² as it is.
+    """
+    zeroth, first, most = one.a, one.b, one.c
+    step, upper = one.step, one.upper
+    least = square[V.shape[0] - 1]
+    for b in range(LANES):
+        zeroth[b], first[b], most[b] = 0.0, 0.0, 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            d, v = 1.0 / square[i, b], V[i, b] * V[i, b]
+            zeroth[b] += v * d
+            first[b] += v * d * d
+            most[b] = max(most[b], d * (N[b] + v))
+    for b in range(LANES):
+        upper[b] = N[b] / most[b]
+        newton = N[b] * zeroth[b] / (zeroth[b] * zeroth[b] + N[b] * first[b])
+        is_idle = zeroth[b] * least[b] <= _IDLE
+        x[b] = least[b] if is_idle else min(newton, upper[b])
+        step[b] = 0.0 if is_idle else math.inf
+
+
+@inner
+def improved(x, N, zeroth, first, second, upper):
+    """Return the next x; the sums are φ, φ' and φ''/2."""
+    down = zeroth * zeroth + N * first
+    newton = N * (zeroth + x * first) / down  # all terms are positive
+    F = (x * zeroth - N) * zeroth
+    bend = 2.0 * N * (second - first * first / zeroth)
+    halley = x - 2.0 * F * down / (2.0 * down * down - F * bend)
+    return min(newton, halley) if newton < x else min(newton, upper)
+
+
+@inner
+def finish(V, N, square, b, x, step, upper):
+    """Take more steps in one lane."""
+    for _ in range(_MORE):
+        zeroth, first, second = 0.0, 0.0, 0.0
+        for i in range(V.shape[0]):
+            d = 1.0 / (square[i, b] - x[b])
+            term = V[i, b] * V[i, b] * d
+            zeroth += term
+            first += term * d
+            second += term * d * d
+        new = improved(x[b], N[b], zeroth, first, second, upper)
+        step[b] = new - x[b]
+        x[b] = new
+        if abs(step[b]) <= _CLOSE * new:
+            return
+
+
+@inner
+def prepare_bound(square, largest, wary, one):
+    """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
+    bound, below = one.bound, one.below
+    for b in range(LANES):
+        bound[b] = (wary * CLEAR * CLEAR) ** 2 * largest[b]
+        below[b] = 0.0
+    for i in range(square.shape[0]):
+        for b in range(LANES):
+            gap = square[i, b] - bound[b]
+            one.over[i, b] = 1.0 / gap
+            below[b] += 1.0 if gap < 0.0 else 0.0
+
+
+@inner
+def count_below(k, one, count):
+    """Count the eigenvalues of K Kᵀ below the bound.
+
+    There is one more of them than of J Jᵀ where the secular function N_kk - x φ(x) is negative
+    (Sylvester's law, on J Jᵀ - x bordered by J_k).
+    """
+    V, value, bound, below = one.V[k], one.a, one.bound, one.below
+    for b in range(LANES):
+        value[b] = 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            value[b] += V[i, b] * V[i, b] * one.over[i, b]
+    for b in range(LANES):
+        is_more = one.rest[k, b] - bound[b] * value[b] < 0.0
+        count[b] = below[b] + (1.0 if is_more else 0.0)
+
+
+@inner
+def share_along(k, sigma, square, one, share):
+    """Share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
+    V, x, along, size = one.V[k], one.x[k], one.a, one.b
+    for b in range(LANES):
+        along[b], size[b] = 0.0, 0.0
+    for i in range(V.shape[0]):
+        for b in range(LANES):
+            part = sigma[i, b] * V[i, b] / (square[i, b] - x[b])
+            along[b] += part * one.F[i, b]
+            size[b] += part * part
+    for b in range(LANES):
+        share[b] = along[b] * along[b] / (size[b] * one.size[b])

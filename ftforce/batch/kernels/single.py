@@ -1,0 +1,526 @@
+"""One posture, a handful of fault sets, at once: the kernel of `ftforce.Remapper`.
+
+It answers as `ftforce.analyze` does. J is decomposed, ``J = U diag(s) Vᵀ``, and all that follows
+is written in its left vectors: there the rows of J are s_i v_iᵀ, orthogonal, F̂ is a quotient per
+row, and K, which lacks a few columns, is nearly decomposed already. For most sets σ_min(K) says
+that nothing is lost; the others are left to `exact`.
+
+Nothing here allocates: it is compiled without numba's allocator, and could not be otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from numba import boolean, float64, int64, njit, types
+
+from ftforce.batch.kernels import exact
+from ftforce.batch.kernels.jit import inner
+from ftforce.batch.results import TOLERATED
+
+if TYPE_CHECKING:
+    import numpy as np
+
+DONE, MALFORMED = 0, 1
+"""What `answer` returns: a number that is not finite, or too many or few of them, is malformed."""
+
+FRAME, BODY = 16, 18
+MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
+"""Sizes of the workspace."""
+
+SIDE = 8
+"""Sets side by side: loops over them are innermost and become vector instructions."""
+
+LEAST_MARGIN = 1e-3
+"""What K Kᵀ says of a smaller σ_min/σ_max has too few digits."""
+
+_CLEAR = 1.0 + 1e-6  # this much beyond all tolerances, σ_min is beyond doubt
+_LARGEST = 1e200  # of a sum of squares: products with it can still be computed
+_ROUNDING = 1e-12
+_STEPS, _CLOSE, _NEAR, _SHORT = 40, 1e-13, 1e-9, 1.0 - 1e-7
+_NOTHING = 1e-300
+
+
+class One(NamedTuple):
+    """A decomposed posture, in the left singular vectors of J; m task rows, n joints."""
+
+    scratch: exact.Scratch  # its J has the rows s_i v_iᵀ, its F are the components of F̂
+    left: np.ndarray  # (m, m): U
+    task: np.ndarray  # as `answer` has it
+    carried: np.ndarray  # (n,): torques that carry F̂, JᵀF̂
+    before: np.ndarray  # (m,): F̂ in the task's axes, unweighted
+
+
+def answer(
+    is_force, tree, body, task, locked, free, failed,
+    frame, matrix, square, vector, side, line, torque, force, number, code, q, given,
+):  # fmt: skip
+    """Answer for one posture; return `DONE`, or `MALFORMED` and leave all answers as they are.
+
+    Parameters
+    ----------
+    is_force :
+        Whether a force is given or torques.
+    tree :
+        Parent (-1: the root), driver, 1 if it slides and 1 if it moves the tip, of every joint;
+        then the tip's parent, 1 if the rows are in its axes and 1 if weight counts; (E + 1, 4).
+    body :
+        Placement, ratio, offset, mass and centre of every joint (`layout`); then the
+        tip's placement and gravity, (E + 1, BODY).
+    task :
+        Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
+    locked, free :
+        True at these joints of each set, (S, n).
+    failed :
+        1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
+    frame, matrix, square, vector, side, line :
+        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
+        and (LINES, SIDE).
+    torque :
+        Workspace, its last row the answer τ_N; then the answers U; (TORQUES + S, n).
+    force :
+        Answers in the task's axes, unweighted: F̂, every F', every ΔF, (1 + 2 S, m).
+    number, code :
+        Answers: margin, σ_min, norm of the jump's forces and of its moments, (4, S); verdict and
+        lost ranks, with a row of workspace, (3, S).
+    q :
+        Joint positions, rad or m, (n,).
+    given :
+        Force in the task's axes, unweighted, (m,); or torques (n,).
+    """
+    m, n, sets = matrix.shape[1], matrix.shape[2], locked.shape[0]
+    if q.size != n or given.size != (m if is_force else n) or not is_sound(q, given):
+        return MALFORMED
+    place(tree, body, q, frame)
+    task_jacobian(tree, body, task, frame, matrix[0])
+    if tree[tree.shape[0] - 1, 2]:
+        weight_torque(tree, body, frame, torque[0])
+    scratch = exact.Scratch(
+        code[2], matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
+        square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
+    )  # fmt: skip
+    one = One(scratch, square[2], task, torque[3], force[0])
+    learn(one, is_force, given, torque[4])
+    clear = max(task[2, 1], LEAST_MARGIN) * _CLEAR
+    is_clear = scratch.s[m - 1] > clear * scratch.s[0]
+    for at in range(sets):
+        U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
+        if is_clear and at % SIDE == 0:
+            margins(one, failed[at // SIDE], side, line, line[8])
+        margin = line[8, at % SIDE] if is_clear else 0.0
+        if margin > clear and not any_of(free[at]):
+            keep_all(one, locked[at], U, after, jump)
+            number[0, at] = margin
+            number[1, at] = margin * scratch.s[0]
+            number[2, at] = 0.0
+            number[3, at] = 0.0
+            code[0, at] = TOLERATED
+            code[1, at] = 0
+        else:
+            settle(one, locked[at], free[at], at, number, code, U, after, jump)
+    return DONE
+
+
+@inner
+def is_sound(q, given):
+    """Return whether all numbers are finite, and small enough to compute with."""
+    size = 0.0
+    for i in range(q.size):
+        size += q[i] * q[i]
+    for i in range(given.size):
+        size += given[i] * given[i]
+    return size <= _LARGEST
+
+
+@inner
+def any_of(mask):
+    """Return whether a mask is true anywhere."""
+    found = False
+    for k in range(mask.size):
+        found |= mask[k]
+    return found
+
+
+# ---- kinematics --------------------------------------------------------------------------------
+
+
+@inner
+def place(tree, body, q, frame):
+    """Place all joints and the tip in the root's axes: rotation by rows, then translation."""
+    last = tree.shape[0] - 1
+    for e in range(last + 1):
+        carry(tree[e, 0], body[e], frame, frame[e])
+        if e == last:
+            return
+        own, angle = frame[e], body[e, 12] * q[tree[e, 1]] + body[e, 13]
+        if tree[e, 2]:
+            for i in range(3):
+                own[9 + i] += own[3 * i + 2] * angle
+            continue
+        cosine, sine = math.cos(angle), math.sin(angle)
+        for i in range(3):
+            x, y = own[3 * i], own[3 * i + 1]
+            own[3 * i] = cosine * x + sine * y
+            own[3 * i + 1] = cosine * y - sine * x
+
+
+@inner
+def carry(parent, placement, frame, own):
+    """Place a frame that a joint or the root carries: ``R = R_above P``, ``p = p_above + R t``."""
+    if parent < 0:
+        for i in range(12):
+            own[i] = placement[i]
+        return
+    above = frame[parent]
+    for i in range(3):
+        x, y, z = above[3 * i], above[3 * i + 1], above[3 * i + 2]
+        for k in range(3):
+            own[3 * i + k] = x * placement[k] + y * placement[3 + k] + z * placement[6 + k]
+        own[9 + i] = above[9 + i] + (x * placement[9] + y * placement[10] + z * placement[11])
+
+
+@inner
+def task_jacobian(tree, body, task, frame, J):
+    """Weighted task Jacobian J̃, (m, n): a follower's column belongs to its leader."""
+    last = tree.shape[0] - 1
+    tip, in_tool = frame[last], tree[last, 1]
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            J[r, k] = 0.0
+    for e in range(last):
+        if not tree[e, 3]:
+            continue
+        own, ratio = frame[e], body[e, 12]
+        u, v, w = ratio * own[2], ratio * own[5], ratio * own[8]
+        x, y, z = tip[9] - own[9], tip[10] - own[10], tip[11] - own[11]
+        turns = (v * z - w * y, w * x - u * z, u * y - v * x)
+        linear, angular = turns, (u, v, w)
+        if tree[e, 2]:
+            linear, angular = (u, v, w), (0.0, 0.0, 0.0)
+        for r in range(J.shape[0]):
+            row = int(task[0, r])
+            a, b, c = linear if row < 3 else angular
+            k = row % 3
+            if in_tool:  # Rᵀ x
+                along = tip[k] * a + tip[3 + k] * b + tip[6 + k] * c
+            else:
+                along = a if k == 0 else b if k == 1 else c
+            J[r, tree[e, 1]] += task[1, r] * along
+
+
+@inner
+def weight_torque(tree, body, frame, weight):
+    """Torques that carry the weight, G(q), (n,): of all that each joint carries."""
+    last = tree.shape[0] - 1
+    g0, g1, g2 = body[last, 12], body[last, 13], body[last, 14]
+    for k in range(weight.size):
+        weight[k] = 0.0
+    for e in range(last):
+        own, mass = frame[e], body[e, 14]
+        own[12] = mass
+        for i in range(3):  # first moment of the mass, kg·m
+            place = own[3 * i] * body[e, 15] + own[3 * i + 1] * body[e, 16]
+            own[13 + i] = mass * (own[9 + i] + place + own[3 * i + 2] * body[e, 17])
+    for e in range(last - 1, -1, -1):
+        own, above = frame[e], tree[e, 0]
+        u, v, w, mass = own[2], own[5], own[8], own[12]
+        x, y, z = own[13] - mass * own[9], own[14] - mass * own[10], own[15] - mass * own[11]
+        torque = g0 * (v * z - w * y) + g1 * (w * x - u * z) + g2 * (u * y - v * x)
+        if tree[e, 2]:
+            torque = mass * (u * g0 + v * g1 + w * g2)
+        weight[tree[e, 1]] -= body[e, 12] * torque
+        if above >= 0:
+            for i in range(12, 16):
+                frame[above, i] += own[i]
+
+
+# ---- the healthy arm ---------------------------------------------------------------------------
+
+
+@inner
+def learn(one, is_force, given, self_motion):
+    """Decompose J, and find the force that the healthy arm exerts: F̂ = (Jᵀ)† τ, or J J† F."""
+    J, s, F = one.scratch.J, one.scratch.s, one.scratch.F
+    m, n = J.shape
+    exact.decompose(J, one.left, s)
+    rank = exact.rank_of(s, one.task[2, 0] * s[0])
+    one.scratch.rank[0] = rank
+    whole, part = 0.0, 0.0
+    for i in range(given.size):
+        x = given[i] / one.task[1, i] if is_force else given[i]
+        whole += x * x
+    for i in range(m):
+        F[i] = 0.0
+        if i < rank:
+            if is_force:
+                for r in range(m):
+                    F[i] += one.left[r, i] * (given[r] / one.task[1, r])
+            else:
+                for k in range(n):
+                    F[i] += J[i, k] * given[k]  # s_i v_iᵀ τ
+                F[i] /= s[i] * s[i]  # eq. (18) with z = 0
+        part += F[i] * F[i]
+    carry_force(J, F, one.carried)
+    if not is_force:
+        part = 0.0
+        for k in range(n):
+            part += one.carried[k] * one.carried[k]
+    # What only rounding left is no force: its direction would be judged.
+    if not part > _ROUNDING * _ROUNDING * whole:
+        for i in range(m):
+            F[i] = 0.0
+        for k in range(n):
+            one.carried[k] = 0.0
+    for k in range(n):
+        self_motion[k] = 0.0 if is_force else given[k] - one.carried[k]  # τ_N
+    into_task(one, F, one.before)
+    if is_force and rank == m:
+        for i in range(m):
+            one.before[i] = given[i]
+
+
+@inner
+def carry_force(J, F, torque):
+    """JᵀF."""
+    for k in range(J.shape[1]):
+        torque[k] = 0.0
+        for i in range(J.shape[0]):
+            torque[k] += J[i, k] * F[i]
+
+
+@inner
+def into_task(one, x, out):
+    """Turn a force from the left vectors of J into the task's axes, and take the weights off."""
+    for r in range(x.size):
+        out[r] = 0.0
+        for i in range(x.size):
+            out[r] += one.left[r, i] * x[i]
+        out[r] *= one.task[1, r]
+
+
+# ---- sets that lose nothing --------------------------------------------------------------------
+
+
+@inner
+def keep_all(one, locked, U, after, jump):
+    """Nothing is lost: U = ᔆJᵀ F̂ (eq. 24, 39 as eq. 42 uses it), and no jump."""
+    for k in range(U.size):
+        U[k] = 0.0 if locked[k] else one.carried[k]
+    for i in range(after.size):
+        after[i] = one.before[i]
+        jump[i] = 0.0
+
+
+@inner
+def margins(one, failed, A, line, margin):
+    """Find σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+
+    Where it is smaller than `LEAST_MARGIN`, that is all that the answer says.
+    """
+    J, s = one.scratch.J, one.scratch.s
+    m, n = J.shape
+    scale = 1.0 / (s[0] * s[0])
+    for i in range(m):
+        for j in range(i + 1):
+            for b in range(SIDE):
+                A[i, j, b] = s[i] * s[i] * scale if i == j else 0.0
+            for k in range(n):
+                product = scale * J[i, k] * J[j, k]
+                for b in range(SIDE):
+                    A[i, j, b] -= failed[k, b] * product
+            for b in range(SIDE):
+                A[j, i, b] = A[i, j, b]
+    tridiagonalize(A, line)
+    smallest(A, line, margin)
+    for b in range(SIDE):
+        margin[b] = math.sqrt(max(margin[b], 0.0))
+
+
+@inner
+def tridiagonalize(A, line):
+    """Bring symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
+
+    Leaves their diagonals, and in the rows A[k, k + 1] the squares of the elements beside them.
+    """
+    m, w = A.shape[0], line
+    beta, along = line[6], line[7]
+    for k in range(m - 2):
+        v = A[k]
+        for b in range(SIDE):
+            beta[b] = 0.0
+        for i in range(k + 1, m):
+            for b in range(SIDE):
+                beta[b] += v[i, b] * v[i, b]
+        for b in range(SIDE):
+            square, head = beta[b], v[k + 1, b]
+            length = math.sqrt(square)
+            v[k + 1, b] = head + math.copysign(length, head)
+            beta[b] = 1.0 / (square + abs(head) * length + _NOTHING)  # 2 / vᵀv
+            A[k + 1, k, b] = square
+            along[b] = 0.0
+        for i in range(k + 1, m):
+            for b in range(SIDE):
+                w[i, b] = 0.0
+            for j in range(k + 1, m):
+                for b in range(SIDE):
+                    w[i, b] += A[i, j, b] * v[j, b]
+            for b in range(SIDE):
+                w[i, b] *= beta[b]
+                along[b] += w[i, b] * v[i, b]
+        for i in range(k + 1, m):
+            for b in range(SIDE):
+                w[i, b] -= 0.5 * beta[b] * along[b] * v[i, b]
+        for i in range(k + 1, m):
+            for j in range(k + 1, m):
+                for b in range(SIDE):
+                    A[i, j, b] -= v[i, b] * w[j, b] + w[i, b] * v[j, b]
+    if m > 1:
+        for b in range(SIDE):
+            A[m - 1, m - 2, b] *= A[m - 1, m - 2, b]
+
+
+@inner
+def smallest(A, line, x):
+    """Find the smallest eigenvalues of tridiagonal matrices.
+
+    Laguerre's iteration on the characteristic polynomial: from below it never passes the root,
+    and near it every step triples the digits (Parlett 1964; all roots are real). Two roots that
+    are closer than rounding can tell from afar look like one between them, so every step is made
+    a little shorter. That no root was passed is seen from the leading minors, which are all
+    positive below it; where rounding has led astray the answer is NaN, and it is 0 where there is
+    no positive root or the iteration has not ended.
+    """
+    m = A.shape[0]
+    p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
+    last, minor = line[6], line[7]
+    for b in range(SIDE):
+        x[b] = 0.0
+        last[b] = 0.0
+    for _ in range(_STEPS):
+        for b in range(SIDE):
+            p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
+            q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
+            minor[b] = p[b]
+        for i in range(1, m):
+            for b in range(SIDE):
+                a, c = A[i, i, b] - x[b], A[i, i - 1, b]
+                up, dup, ddup = p[b], dp[b], ddp[b]
+                p[b] = a * up - c * q[b]
+                dp[b] = a * dup - up - c * dq[b]
+                ddp[b] = a * ddup - 2.0 * dup - c * ddq[b]
+                q[b], dq[b], ddq[b] = up, dup, ddup
+                minor[b] = p[b] if p[b] < minor[b] else minor[b]
+        far = 0
+        for b in range(SIDE):
+            over = 1.0 / p[b]
+            G = -dp[b] * over  # Σ 1/(λ - x)
+            H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
+            step = _SHORT * m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
+            if minor[b] > 0.0:  # below all roots
+                x[b] += step
+                last[b] = step
+                far += 1 if step > _CLOSE * x[b] else 0
+            elif 0.0 <= last[b] <= _NEAR * x[b]:  # at the root, as far as rounding can tell
+                last[b] = 0.0
+            elif last[b] > 0.0:  # rounding may have led a little beyond it
+                x[b] -= 0.1 * _NEAR * x[b]
+                last[b] = -1.0
+                far += 1
+            else:
+                x[b] = math.nan
+                last[b] = 0.0
+        if far == 0:
+            return
+    for b in range(SIDE):
+        x[b] = 0.0 if last[b] > _CLOSE * x[b] else x[b]
+
+
+# ---- sets that may lose something --------------------------------------------------------------
+
+
+@inner
+def settle(one, locked, free, at, number, code, U, after, jump):
+    """Answer for a set by the singular values of K, as `settle` does."""
+    scratch, swings = one.scratch, any_of(free)
+    rtol, wary, s, t = one.task[2, 0], one.task[2, 1], scratch.s, scratch.t
+    verdict = TOLERATED
+    if swings:
+        verdict = exact.judge_free(scratch, locked, free, rtol, wary, True)
+    exact.reduce_columns(scratch.J, locked, scratch.K)  # eq. (25), (26)
+    unbalanced = 0.0
+    if swings:
+        unbalanced, _ = exact.swing_out(scratch, free, rtol * s[0])
+    exact.decompose(scratch.K, scratch.V, t)
+    if not swings:
+        verdict = exact.judge_locked(scratch, True, rtol, wary)
+    rank = exact.rank_of(t, rtol * s[0])
+    m = t.size
+    code[0, at] = verdict
+    code[1, at] = scratch.rank[0] - rank
+    number[0, at] = t[m - 1] / s[0] if s[0] > 0.0 else 0.0
+    number[1, at] = t[m - 1]
+    if unbalanced > rtol:  # nothing holds the arm
+        for k in range(U.size):
+            U[k] = math.nan
+        for i in range(m):
+            after[i] = math.nan
+            jump[i] = math.nan
+    elif rank == m:
+        keep_all(one, locked, U, after, jump)
+    else:
+        lose(one, locked, swings, rank, U, after, jump)
+    number[2, at], number[3, at] = norms(one.task, jump)
+
+
+@inner
+def lose(one, locked, swings, rank, U, after, jump):
+    """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), less the force that joints without torque ask.
+
+    Locks leave the torques of the others alone, U = ᔆJᵀ F̂; joints without torque do not.
+    """
+    scratch = one.scratch
+    J, lost = scratch.J, scratch.kept
+    m = lost.size
+    exact.project(scratch.V, rank, m, scratch.F, lost)
+    if swings:
+        for i in range(m):
+            lost[i] -= scratch.F0[i]
+    into_task(one, lost, jump)
+    for i in range(m):
+        after[i] = one.before[i] - jump[i]
+    for k in range(U.size):
+        U[k] = one.carried[k]
+        if swings:
+            for i in range(m):
+                U[k] -= J[i, k] * lost[i]
+        if locked[k]:
+            U[k] = 0.0
+
+
+@inner
+def norms(task, jump):
+    """Return the norms of the forces, N, and of the moments, N·m, which share no unit."""
+    forces, moments = 0.0, 0.0
+    for i in range(jump.size):
+        if task[0, i] < 3.0:
+            forces += jump[i] * jump[i]
+        else:
+            moments += jump[i] * jump[i]
+    return math.sqrt(forces), math.sqrt(moments)
+
+
+_VECTOR = types.Array(float64, 1, "A", readonly=True)  # strided and read-only ones will do
+_MASK, _WHOLE = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
+_MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
+_TYPES = int64(
+    boolean, _WHOLE, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
+    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE,
+    _VECTOR, _VECTOR,
+)  # fmt: skip
+# Python's lock stays held: taking it back can take longer than the call. One signature, so that
+# nothing is ever compiled inside a control loop.
+_compile: Any = njit  # its annotations leave out the last option
+answer = _compile(_TYPES, cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)(
+    answer
+)

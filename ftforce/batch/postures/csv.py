@@ -1,0 +1,141 @@
+"""A CSV file of any size as rows of numbers, any of which can be read without those before it.
+
+It is read in pieces of some 256 kB that end where a line does. Where each begins, and with which
+row, is kept: that is all that is needed to find a row again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from ftforce.core.arrays import read_only
+from ftforce.errors import InputError
+from ftforce.io.csv_table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from ftforce.core.arrays import Matrix
+
+PIECE = 1 << 18  # bytes
+_MARK = b"\xef\xbb\xbf"  # of a file in UTF-8 that says so
+
+
+@dataclass(frozen=True, eq=False)
+class CsvReader:
+    """Rows of a CSV file that was checked.
+
+    Attributes
+    ----------
+    table :
+        Its header.
+    columns :
+        Those that are read, in this order.
+    starts :
+        First row of each piece, and the number of rows.
+    offsets :
+        Where each piece begins, bytes, and where the last one ends.
+    """
+
+    table: Table
+    columns: tuple[int, ...]
+    starts: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(self.starts[-1])
+
+    def read(self, path: str, start: int, stop: int) -> Matrix:
+        """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n)."""
+        if start == stop:
+            return np.empty((0, len(self.columns)))
+        first = int(np.searchsorted(self.starts, start, "right")) - 1
+        last = int(np.searchsorted(self.starts, stop, "left"))
+        blocks = []
+        with Path(path).open("rb") as stream:
+            stream.seek(int(self.offsets[first]))
+            for size in np.diff(self.offsets[first : last + 1]).tolist():
+                piece = self.table._replace(text=_decoded(stream.read(size)))
+                blocks.append(piece.numbers(self.columns))
+        skipped = start - int(self.starts[first])
+        return np.concatenate(blocks)[skipped : skipped + stop - start].copy()
+
+
+def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) -> CsvReader:
+    """Read a file once as a whole, check it, and note where its rows stand.
+
+    Parameters
+    ----------
+    path :
+        The file.
+    choose :
+        Returns which columns are wanted, of the names of all.
+
+    Raises
+    ------
+    InputError
+        It is no CSV file of numbers; the message says where.
+    OSError
+        It cannot be read.
+    """
+    with Path(path).open("rb") as stream:
+        table, offset = _header(stream.read(PIECE))
+        columns, line = choose(table.header), table.line
+        stream.seek(offset)
+        starts, offsets = [0], [offset]
+        for piece in _pieces(stream):
+            text = _decoded(piece, f"after line {line - 1}")
+            rows = table._replace(text=text, line=line).numbers(columns)
+            starts.append(starts[-1] + len(rows))
+            offsets.append(offsets[-1] + len(piece))
+            line += text.count("\n") + text.count("\r") - text.count("\r\n")
+    if not starts[-1]:
+        raise InputError("holds no postures below its header")
+    return CsvReader(table, columns, read_only(np.array(starts)), read_only(np.array(offsets)))
+
+
+def _header(data: bytes) -> tuple[Table, int]:
+    """Return the table without its lines, and where they begin."""
+    offset = len(_MARK) if data.startswith(_MARK) else 0
+    complete = data if len(data) < PIECE else data[: _end_of_lines(data)]
+    table = Table.of(_decoded(complete[offset:]), one_line=True)
+    if table is None:
+        raise InputError("holds no header with the joints' names")
+    return table._replace(text=""), len(complete) - len(table.text.encode())
+
+
+def _pieces(stream: BinaryIO) -> Iterator[bytes]:
+    rest = b""
+    while data := stream.read(PIECE):
+        data = rest + data
+        end = _end_of_lines(data)
+        if not end and len(data) > PIECE:
+            raise InputError(f"has a line of more than {PIECE:,} bytes: is it a CSV file?")
+        if end:
+            yield data[:end]
+        rest = data[end:]
+    if rest:
+        yield rest
+
+
+def _end_of_lines(data: bytes) -> int:
+    """Return the length of the complete lines; a return at the end may be half of CR LF."""
+    return data.rfind(b"\n") + 1 or data.rfind(b"\r", 0, len(data) - 1) + 1
+
+
+def _decoded(data: bytes, where: str = "at its beginning") -> str:
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise InputError(f"is not UTF-8 text ({where})") from None
+    if "\0" in text:
+        raise InputError(f"is a binary file ({where}); CSV was expected")
+    return text

@@ -1,0 +1,1 @@
+"""The folder of a sweep: one writer, what its arrays mean, restart."""

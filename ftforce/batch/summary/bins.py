@@ -1,0 +1,145 @@
+"""The bins of a sweep's histograms, and the cells of its workspace."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.core.arrays import as_vector, is_number, read_only
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ftforce.core.arrays import Matrix, Vector
+
+    Counts = NDArray[np.int64]
+
+LINEAR_BINS = 1000
+_DECADES = (-3, 6)
+_PER_DECADE = 100
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Edges of the histograms.
+
+    Attributes
+    ----------
+    force :
+        Norm of the force that is asked, N (N·m), the largest jump in the bins; ``None`` without.
+    direction :
+        Whether capabilities are counted.
+    """
+
+    force: float | None = None
+    direction: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the force.
+
+        Raises
+        ------
+        InputError
+            It is not positive.
+        """
+        if self.force is not None and not (is_number(self.force) and self.force > 0.0):
+            raise InputError(f"the norm of the force must be positive, got {self.force!r}")
+
+    @cached_property
+    def share(self) -> Vector:
+        """Edges for margin and ρ, 0 to 1, shape (1001,); what is above lies in the last bin."""
+        return read_only(np.arange(LINEAR_BINS + 1) / LINEAR_BINS)
+
+    @cached_property
+    def jump(self) -> Vector | None:
+        """Edges for the jump, 0 to the force, N (N·m), shape (1001,); then one bin for more."""
+        return None if self.force is None else read_only(self.share * self.force)
+
+    @cached_property
+    def capability(self) -> Vector | None:
+        """Edges for the capability, 1e-3 to 1e6 N (N·m), a hundred per decade, shape (901,).
+
+        One more bin lies below (it holds 0 too), one above.
+        """
+        lowest, highest = _DECADES
+        if not self.direction:
+            return None
+        steps = range(lowest * _PER_DECADE, highest * _PER_DECADE + 1)
+        edges = (10.0 ** (step / _PER_DECADE) for step in steps)
+        # Rounded: the last bits of a power differ between machines.
+        return read_only(np.array([float(f"{edge:.13e}") for edge in edges]))
+
+    @cached_property
+    def capability_guide(self) -> Counts | None:
+        """Guide to the edges for the capability, see `ftforce.batch.kernels.counting.guide_to`."""
+        from ftforce.batch.kernels.counting import guide_to
+
+        return None if self.capability is None else guide_to(self.capability)
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A grid of cubic cells.
+
+    Attributes
+    ----------
+    origin :
+        Its lowest corner in the root's axes, m.
+    edge :
+        Edge of a cell, m.
+    shape :
+        Number of cells along x, y and z.
+    """
+
+    origin: tuple[float, float, float]
+    edge: float
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def around(cls, centre: ArrayLike, radius: float, edge: float) -> Workspace:
+        """Return the cells that cover centre ± radius, as many on either side.
+
+        Parameters
+        ----------
+        centre :
+            m, shape (3,).
+        radius, edge :
+            m.
+
+        Raises
+        ------
+        InputError
+            The edge is not positive, the radius negative, or one is not finite.
+        """
+        if not (is_number(edge) and edge > 0.0):
+            raise InputError(f"the edge of a cell must be positive, in m, got {edge!r}")
+        if not (is_number(radius) and radius >= 0.0):
+            raise InputError(f"the radius must be 0 or more, in m, got {radius!r}")
+        count = max(1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12)))  # 0.3 / 0.1 makes three
+        x, y, z = (as_vector(centre, 3, "centre") - 0.5 * count * edge).tolist()
+        return cls((x, y, z), float(edge), (count, count, count))
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)
+
+    def index(self, tip: Matrix) -> tuple[Counts, int]:
+        """Return the cells of positions, shape (k,), and how many lie outside the grid.
+
+        Parameters
+        ----------
+        tip :
+            m, shape (k, 3). What lies on or beyond the border (or is NaN) counts in an outermost
+            cell. Cells are counted with z running fastest.
+        """
+        from ftforce.batch.kernels.counting import locate
+
+        cell = np.empty(len(tip), np.int64)
+        origin, shape = np.array(self.origin), np.array(self.shape)
+        return cell, int(locate(np.ascontiguousarray(tip), origin, self.edge, shape, cell))

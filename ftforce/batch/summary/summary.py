@@ -1,0 +1,263 @@
+"""What a sweep says of all its postures, in integers, so that no order of adding changes a bit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.batch.kernels.layout import CELL_BINS
+from ftforce.batch.summary.bins import LINEAR_BINS
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from ftforce.batch.results import Block
+    from ftforce.batch.summary.bins import Bins, Workspace
+    from ftforce.core.arrays import Matrix, Vector
+
+    Counts = NDArray[np.int64]
+
+LARGEST_SUMMARY = 1_000_000_000  # bytes
+VERDICTS, RANKS = 3, 7
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Summary:
+    """Counts over postures, S fault sets and the cells of the workspace.
+
+    All arrays are counts, int64, except those that begin with ``min``, ``max`` or ``cell_min``.
+    Takes about 8·(S·(2017 + 1004 with a force + 906 with a direction) + cells·(66 + 2 S)) bytes.
+    Arrays of a force or direction that is not asked are ``None``.
+
+    Attributes
+    ----------
+    bins, workspace :
+        Edges of the histograms, and cells.
+    postures, outside :
+        Postures, and those whose tip lies outside the workspace's cells, shape ().
+    healthy_rank, healthy_margin, healthy_unknown :
+        Of the healthy arm: ranks 0 to 6, shape (7,); margins, shape (1000,); margins that are
+        NaN, shape ().
+    tolerated_sets :
+        Postures that tolerate exactly j of the sets, shape (S + 1,).
+    verdicts :
+        Tolerated, borderline, not tolerated, shape (S, 3).
+    rank_lost :
+        Ranks lost, 0 to 6, shape (S, 7).
+    margin, rho :
+        Histograms, shape (S, 1000).
+    jump :
+        Histogram, last those above the force, shape (S, 1001).
+    capability :
+        Histogram, first those below the edges and last those above, shape (S, 902).
+    margin_unknown, rho_unknown, jump_unknown, capability_unknown :
+        NaN: J vanishes, w(J) = 0, and the arm cannot stand still, shape (S,).
+    capability_unlimited :
+        Ended by no limit that is known, shape (S,).
+    min_margin, min_rho, max_jump, min_capability :
+        Extremes of numbers that are finite, shape (S,); ±infinity if there are none.
+    min_margin_at, min_rho_at, max_jump_at, min_capability_at :
+        First posture where they occur, shape (S,); -1 if there is none.
+    cell_postures, cell_tolerates_all :
+        Postures, and those that tolerate every set, shape (cells,).
+    cell_tolerated :
+        Postures that tolerate the set, shape (cells, S).
+    cell_worst_margin, cell_worst_rho :
+        Histograms over [0, 1] of a posture's smallest margin and ρ, shape (cells, 32).
+    cell_min_margin :
+        Smallest margin, shape (cells, S); infinite in empty cells.
+    """
+
+    bins: Bins
+    workspace: Workspace
+    postures: Counts
+    outside: Counts
+    healthy_rank: Counts
+    healthy_margin: Counts
+    healthy_unknown: Counts
+    tolerated_sets: Counts
+    verdicts: Counts
+    rank_lost: Counts
+    margin: Counts
+    margin_unknown: Counts
+    min_margin: Vector
+    min_margin_at: Counts
+    rho: Counts
+    rho_unknown: Counts
+    min_rho: Vector
+    min_rho_at: Counts
+    jump: Counts | None = None
+    jump_unknown: Counts | None = None
+    max_jump: Vector | None = None
+    max_jump_at: Counts | None = None
+    capability: Counts | None = None
+    capability_unknown: Counts | None = None
+    capability_unlimited: Counts | None = None
+    min_capability: Vector | None = None
+    min_capability_at: Counts | None = None
+    cell_postures: Counts
+    cell_tolerates_all: Counts
+    cell_tolerated: Counts
+    cell_worst_margin: Counts
+    cell_worst_rho: Counts
+    cell_min_margin: Matrix
+
+    @classmethod
+    def empty(cls, n_sets: int, bins: Bins, workspace: Workspace) -> Summary:
+        """Return the summary of no posture.
+
+        Raises
+        ------
+        InputError
+            It would take more than 1 GB; the message says what to reduce.
+        """
+        shapes = _shapes(n_sets, bins, workspace.cells)
+        _check_size(n_sets, workspace, shapes)
+        made = {name: _blank(name, shape) for name, shape in shapes.items()}
+        return cls(bins=bins, workspace=workspace, **made)
+
+    @property
+    def n_sets(self) -> int:
+        """Number of fault sets."""
+        return len(self.verdicts)
+
+    def add(self, block: Block, start: int) -> None:
+        """Count a block of postures, in place.
+
+        Parameters
+        ----------
+        block :
+            Of k postures and S sets, with jumps and capabilities if the bins have them.
+        start :
+            Index of its first posture, from 0, over the whole sweep.
+
+        Raises
+        ------
+        InputError
+            The block has other sets, lacks jumps or capabilities, or holds codes that are none.
+        """
+        from ftforce.batch.adding import add_block
+
+        add_block(self, block, start)
+
+    def merge(self, other: Summary) -> None:
+        """Add another summary's postures, in place; no order of merging changes the result.
+
+        Raises
+        ------
+        InputError
+            It has other bins, another workspace or another number of sets.
+        """
+        mine = (self.bins, self.workspace, self.n_sets)
+        if mine != (other.bins, other.workspace, other.n_sets):
+            raise InputError("only summaries of the same bins, workspace and fault sets can merge")
+        theirs = other.arrays()
+        for name, array in self.arrays().items():
+            if array.dtype == np.int64 and not name.endswith("_at"):
+                np.add(array, theirs[name], out=array)
+            elif name == "cell_min_margin":
+                np.minimum(array, theirs[name], out=array)
+            elif not name.endswith("_at"):
+                self.take(name, theirs[name], theirs[f"{name}_at"])
+
+    def take(self, name: str, value: Vector, at: Counts) -> None:
+        """Take the extremes that are more extreme, or as extreme and earlier, in place.
+
+        Parameters
+        ----------
+        name :
+            Of the array, e.g. ``"min_margin"``.
+        value, at :
+            Extremes and their first postures (-1: none), shape (S,).
+        """
+        held, held_at = getattr(self, name), getattr(self, f"{name}_at")
+        beyond = value > held if name.startswith("max") else value < held
+        better = (at >= 0) & (beyond | ((value == held) & (at < held_at)))
+        held[better], held_at[better] = value[better], at[better]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays, not copied, by name."""
+        return dict(self._arrays())
+
+    @classmethod
+    def from_arrays(
+        cls, arrays: Mapping[str, ArrayLike], bins: Bins, workspace: Workspace
+    ) -> Summary:
+        """Return the summary of copied arrays, as `arrays` names them.
+
+        Raises
+        ------
+        InputError
+            An array is missing, too many, or has another shape or type.
+        """
+        sets = np.shape(arrays["verdicts"])[:1] if "verdicts" in arrays else ()
+        if not sets:
+            raise InputError("a summary needs an array 'verdicts' of shape (sets, 3)")
+        made = cls.empty(sets[0], bins, workspace)
+        wanted = made.arrays()
+        if different := sorted(wanted.keys() ^ arrays.keys()):
+            raise InputError(f"a summary holds {', '.join(wanted)}; look at {', '.join(different)}")
+        for name, array in wanted.items():
+            given = np.asarray(arrays[name])
+            if (given.shape, given.dtype) != (array.shape, array.dtype):
+                raise InputError(
+                    f"{name} needs {array.dtype} of shape {array.shape}, "
+                    f"got {given.dtype} of shape {given.shape}"
+                )
+            array[...] = given
+        return made
+
+    def _arrays(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        for field in fields(self):
+            if isinstance(value := getattr(self, field.name), np.ndarray):
+                yield field.name, value
+
+
+def _shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = {"postures": (), "outside": (), "healthy_unknown": ()}
+    shapes |= {"healthy_rank": (RANKS,), "healthy_margin": (LINEAR_BINS,)}
+    shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, VERDICTS)}
+    shapes |= {"rank_lost": (sets, RANKS)}
+    shapes |= _measure("margin", "min_margin", sets, LINEAR_BINS)
+    shapes |= _measure("rho", "min_rho", sets, LINEAR_BINS)
+    if bins.jump is not None:
+        shapes |= _measure("jump", "max_jump", sets, len(bins.jump))
+    if bins.capability is not None:
+        shapes |= _measure("capability", "min_capability", sets, len(bins.capability) + 1)
+        shapes["capability_unlimited"] = (sets,)
+    shapes |= {f"cell_{name}": (cells,) for name in ("postures", "tolerates_all")}
+    shapes |= {f"cell_{name}": (cells, sets) for name in ("tolerated", "min_margin")}
+    shapes |= {f"cell_worst_{name}": (cells, CELL_BINS) for name in ("margin", "rho")}
+    return shapes
+
+
+def _measure(name: str, extreme: str, sets: int, bins: int) -> dict[str, tuple[int, ...]]:
+    each = (sets,)
+    return {name: (sets, bins), f"{name}_unknown": each, extreme: each, f"{extreme}_at": each}
+
+
+def _blank(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    if name.endswith("_at"):
+        return np.full(shape, -1, np.int64)
+    if name.startswith(("min", "cell_min")):
+        return np.full(shape, math.inf)
+    return np.full(shape, -math.inf) if name.startswith("max") else np.zeros(shape, np.int64)
+
+
+def _check_size(sets: int, workspace: Workspace, shapes: dict[str, tuple[int, ...]]) -> None:
+    size = 8 * sum(math.prod(shape) for shape in shapes.values())
+    if size <= LARGEST_SUMMARY:
+        return
+    of_cells = 8 * sum(math.prod(shape) for name, shape in shapes.items() if "cell" in name)
+    advice = f"the number of fault sets ({sets})"
+    if of_cells > size // 2:
+        advice = f"the number of cells ({workspace.cells}) by an edge above {workspace.edge:g} m"
+    raise InputError(
+        f"the summary would take {size / 1e9:.3g} GB where 1 GB is the most; reduce {advice}"
+    )

@@ -1,0 +1,389 @@
+"""Options that commands share, parsing of vectors, and how errors and results leave the program.
+
+Exit status: 0 done, 1 the input is wrong, 2 the command line itself is, 130 interrupted.
+"""
+
+import errno
+import functools
+import inspect
+import math
+import os
+import sys
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ftforce.cli.printing import printing, say, silence
+from ftforce.errors import FtforceError, InputError, OutputError, printable
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from ftforce.robot.robot import Robot
+
+
+class Format(StrEnum):
+    """How a result is written."""
+
+    TABLE = "table"
+    JSON = "json"
+    CSV = "csv"
+
+
+_ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
+_HISTORY_ENDINGS = ("npz", "parquet")
+_MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
+_DATA = ("json", "csv", *_HISTORY_ENDINGS)
+_PLOT_ENDINGS = ("png", "pdf", "svg")
+
+RobotArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT", help="A URDF file, or a known name such as panda (see `ftforce robots`)."
+    ),
+]
+Tip = Annotated[str | None, typer.Option(help="Tip link; without it the robot's own.")]
+Base = Annotated[
+    str | None, typer.Option(help="Base link; without it the robot's own, or the root.")
+]
+Positions = Annotated[
+    str | None,
+    typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
+]
+PostureName = Annotated[
+    str | None,
+    typer.Option("--posture", help="A named posture; also mid-range, zero, sample."),
+]
+Degrees = Annotated[
+    bool, typer.Option("--deg", help="--q is in degrees (metres stay metres); shown so too.")
+]
+Force = Annotated[
+    str | None,
+    typer.Option(metavar="FX,FY,FZ", help="Force the tool exerts on its environment, N (and N·m)."),
+]
+Torque = Annotated[
+    str | None,
+    typer.Option(
+        metavar="T1,T2,…",
+        help="Instead of a force: motor torques meant for it, N·m, without weight and motion.",
+    ),
+]
+Locked = Annotated[
+    list[str] | None,
+    typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names, by commas."),
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option(metavar="4", help="Free-swinging joints: neither motor nor brake gives torque."),
+]
+Weak = Annotated[
+    list[str] | None,
+    typer.Option(metavar="3:0.5", help="Weak joints, with the share of their torque that is left."),
+]
+Velocity = Annotated[
+    str | None,
+    typer.Option(metavar="V1,V2,…", help="Joint velocities before the fault, rad/s or m/s."),
+]
+Acceleration = Annotated[
+    str | None,
+    typer.Option(metavar="A1,A2,…", help="Joint accelerations before the fault, rad/s² or m/s²."),
+]
+Gravity = Annotated[
+    str | None,
+    typer.Option(
+        metavar="GX,GY,GZ",
+        help="Gravity in the root's axes, m/s²; without it the model's. 0,0,0 in space.",
+    ),
+]
+PayloadOption = Annotated[
+    str | None,
+    typer.Option(
+        "--payload",
+        metavar="KG[@X,Y,Z]",
+        help="Mass at the tip, kg, and its place in tool axes, m.",
+    ),
+]
+_LIMITS_HELP = "Torque limits that count: the URDF's or a TOML or CSV file's (joint,effort,brake)."
+LimitsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--limits",
+        metavar="urdf|FILE|none",
+        help=_LIMITS_HELP,
+        show_default="none; urdf where they are needed",
+    ),
+]
+LimitsOfCapability = Annotated[
+    str | None,
+    typer.Option("--limits", metavar="urdf|FILE|none", help=_LIMITS_HELP),
+]
+InverseOption = Annotated[
+    str,
+    typer.Option(
+        "--inverse",
+        metavar="euclidean|dynamic",
+        help="How --torque is split into force and self-motion.",
+    ),
+]
+Direction = Annotated[
+    str | None,
+    typer.Option(metavar="X,Y,Z", help="A direction of force, in the task's axes."),
+]
+TaskOption = Annotated[
+    str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
+]
+Length = Annotated[
+    float | None,
+    typer.Option(help="Characteristic length in m that weighs moments; 1 if not given."),
+]
+AxesOption = Annotated[
+    str, typer.Option(help="tool: axes of the tip frame; world: axes of the root, at the tip.")
+]
+Rtol = Annotated[
+    float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
+]
+Wary = Annotated[
+    float, typer.Option(help="Borderline if a tolerance up to this changes the verdict.")
+]
+FormatOption = Annotated[
+    Format | None, typer.Option("--format", help="table, json or csv; from --output's ending.")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Write to this file (.json .csv .txt .svg .html), whole or not at all.",
+    ),
+]
+HistoryOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="Write to this file, whole or not at all: every instant (.csv .npz .parquet), a "
+        "summary (.json), the tables (.txt .svg .html).",
+    ),
+]
+PlotOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--plot",
+        metavar="FILE",
+        help="Draw the result into this file (.png .pdf .svg); needs the extra plot.",
+    ),
+]
+_Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+def guarded(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors into one line on stderr and an exit status, and add the option ``--debug``."""
+
+    @functools.wraps(command)
+    def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
+        try:
+            if "form" in kwargs:
+                check_outputs(command.__name__, **kwargs)
+            command(*args, **kwargs)
+        except BrokenPipeError:  # the reader, `head` for one, has seen enough
+            silence()
+        except KeyboardInterrupt:
+            typer.echo("interrupted; nothing was written", err=True)
+            raise typer.Exit(130) from None
+        except (typer.Exit, typer.Abort, typer.BadParameter):
+            raise
+        except Exception as error:  # a user never meets a traceback, not even of our own mistakes
+            if debug:
+                raise
+            typer.echo(f"error: {_reason(error)}", err=True)
+            raise typer.Exit(1) from None
+
+    signature = inspect.signature(command)
+    option = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False)
+    parameters = [*signature.parameters.values(), option.replace(annotation=_Debug)]
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {**command.__annotations__, "debug": _Debug}
+    return run
+
+
+def check_outputs(
+    command: str,
+    *,
+    form: Format | None,
+    output: Path | None,
+    plot: Path | None = None,
+    **_others: Any,
+) -> None:
+    """Refuse files that could not be written, before anything is computed for them.
+
+    Raises
+    ------
+    InputError
+        A name has an ending that says nothing, or another form than was asked for.
+    OutputError
+        There is no such folder.
+    """
+    if output is not None:
+        endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
+        ending = _ending(output)
+        if ending in _HISTORY_ENDINGS and command != "simulate":
+            raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
+        if ending == "zarr" and command != "sweep":
+            raise InputError(".zarr is for `ftforce sweep`; use .json or .csv")
+        if ending and ending not in endings and form is None:
+            raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
+        if form not in {None, ending} and ending in _DATA:
+            raise InputError(f"{printable(output)}: the ending is none of --format {form}")
+    if plot is not None:
+        if _ending(plot) not in _PLOT_ENDINGS:
+            raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")
+        from ftforce.show.plots.canvas import needs_matplotlib
+
+        needs_matplotlib()
+    for path in (output, plot):
+        if path is not None and not path.parent.is_dir():
+            above = next(folder for folder in path.parents if folder.exists())
+            reason = os.strerror(errno.ENOENT if above.is_dir() else errno.ENOTDIR)
+            raise OutputError(path, f"cannot be written ({reason})")
+
+
+def _ending(path: Path) -> str:
+    return path.suffix.lower().removeprefix(".")
+
+
+def _listed(endings: tuple[str, ...]) -> str:
+    return f"{', '.join(f'.{ending}' for ending in endings[:-1])} or .{endings[-1]}"
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, FtforceError):
+        return str(error)
+    return f"a mistake in ftforce, please report it ({error!r}); --debug shows where it happened"
+
+
+def numbers(text: str | None, option: str) -> list[float] | None:
+    """Read numbers separated by commas or blanks, as strictly as those of a URDF.
+
+    Raises
+    ------
+    InputError
+        There is none, or something in it is no finite number.
+    """
+    if text is None:
+        return None
+    from ftforce.io.text import read_numbers
+
+    wanted = f"{option} needs numbers separated by commas, e.g. 1,2.5,-3"
+    words = text.replace(",", " ").split()
+    if not words:
+        raise InputError(f"{wanted}; got none")
+    try:
+        return [read_numbers(word, 1, math.inf)[0] for word in words]
+    except ValueError as problem:
+        raise InputError(f"{wanted}; {problem}") from None
+
+
+def refuse_force_and_torque(force: str | None, torque: str | None) -> None:
+    """Refuse two options that exclude each other."""
+    if force is not None and torque is not None:
+        raise typer.BadParameter("give either --force or --torque, not both")
+
+
+def load(robot: str, tip: str | None, base: str | None, posture: str | None) -> "Robot":
+    """Load the robot that a command names."""
+    from ftforce.robot.load import load_robot
+
+    return load_robot(robot, tip=tip, base=base, posture=posture)
+
+
+def emit(
+    shown: "RenderableType",
+    result: object,
+    *,
+    form: Format | None,
+    output: Path | None,
+    title: str,
+    plot: Path | None = None,
+    warnings: tuple[str, ...] = (),
+) -> None:
+    """Print a result, or write it to a file; draw it, too, if asked.
+
+    Parameters
+    ----------
+    shown :
+        The result as tables.
+    result :
+        The result itself, for data and pictures.
+    form :
+        The form asked for; ``None`` takes it from the file's ending.
+    output :
+        The file; ``None`` is standard output.
+    title :
+        Title of a picture of the tables.
+    plot :
+        File for a picture that is drawn; ``None`` for none.
+    warnings :
+        Shown on stderr where the form has no place for them.
+    """
+    picture = None if plot is None else _plot(result, plot)  # before anything is written
+    _emit(shown, result, form or _form_of(output), output, title, warnings)
+    if plot is not None and picture is not None:
+        from ftforce.io.text import write_whole
+
+        # On stderr: standard output may be data.
+        typer.echo(f"wrote {printable(write_whole(plot, picture))}", err=True)
+
+
+def _emit(
+    shown: "RenderableType",
+    result: object,
+    form: str,
+    output: Path | None,
+    title: str,
+    warnings: tuple[str, ...],
+) -> None:
+    if form == Format.TABLE and output is None:
+        from rich.console import Console
+
+        with printing():
+            Console().print(shown)
+        return
+    content: str | bytes
+    if form == Format.TABLE and output is not None:
+        content = _picture(shown, output, title)
+    else:
+        from ftforce.report.files import to_content
+
+        content = to_content(result, form)
+        for warning in warnings:
+            typer.echo(f"warning: {warning}", err=True)
+    if output is None:
+        with printing():
+            sys.stdout.write(content if isinstance(content, str) else content.decode())
+    else:
+        from ftforce.io.text import write_whole
+
+        say(f"wrote {printable(write_whole(output, content))}")
+
+
+def _form_of(output: Path | None) -> str:
+    ending = "" if output is None else _ending(output)
+    return ending if ending in _DATA else Format.TABLE
+
+
+def _plot(result: Any, path: Path) -> bytes:
+    from ftforce.show.figures import figure_bytes
+
+    return figure_bytes(result, path)
+
+
+def _picture(shown: "RenderableType", output: Path, title: str) -> str:
+    from ftforce.show import export
+
+    ending = output.suffix.lower()
+    if ending == ".svg":
+        return export.to_svg(shown, title)
+    return export.to_page(shown, title) if ending in {".html", ".htm"} else export.to_text(shown)

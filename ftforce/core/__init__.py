@@ -1,0 +1,1 @@
+"""The mathematics: arrays only, so that it can be used with any robotics library."""

@@ -1,0 +1,374 @@
+"""The remap inside torque limits: the feasible force closest to the one that is wanted.
+
+    minimise ‖F̂ - F'‖²  over F' = F₀ + Z z  subject to  lower ≤ rows F' ≤ upper
+
+which is the quadratic program of docs/theory/limits for every fault mode. It has at most six
+variables; daqp's dual active set finds the limits that bind, to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, as_vector, norm, over, read_only
+from ftforce.core.feasible_forces import (
+    NOTHING,
+    FeasibleForces,
+    Reach,
+    Reading,
+    feasible_forces,
+    reach,
+)
+from ftforce.core.limits import checked_limits
+from ftforce.core.reduced_jacobian import (
+    RTOL,
+    ReducedJacobian,
+    check_core_input,
+    check_mask,
+    check_tolerances,
+    reduce,
+)
+from ftforce.core.remap import exerted_force
+from ftforce.errors import DimensionError, InputError, SolverError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
+
+SLACK = 1e-9  # relative to a limit: closer than this a torque is at its limit
+_INFEASIBLE = -1  # daqp's exit flag; positive ones are solutions
+_CLAIM = 1e-6  # of the unit: a solution that lies farther beyond a limit is none
+_FINEST = 1e-5  # of the distances in a problem: a finer unit would show the solver rounding
+_THIN = 4e-11  # of the unit; bounds that are closer than a quarter of it, daqp takes for equal
+_ROUNDING = 1e-15  # of a sum's terms
+_PRECISION = {"primal_tol": 1e-11, "dual_tol": 1e-11}
+
+
+class Nearest(NamedTuple):
+    """The feasible force that is closest to the wanted one.
+
+    Attributes
+    ----------
+    F :
+        Wanted force F̂, weighted, shape (m,).
+    F_after :
+        The closest feasible one, shape (m,); ``None`` if there is none.
+    multipliers :
+        Of the limits, positive at upper ones, shape (k,).
+    """
+
+    F: Vector
+    F_after: Vector | None
+    multipliers: Vector
+
+    def residuals(self, feasible: FeasibleForces) -> dict[str, float]:
+        """Return how far the result is from an optimum of the quadratic program, relative.
+
+        Returns
+        -------
+        :
+            ``equality``: F' - F₀ - Z z; ``limit``: the largest torque beyond a limit;
+            ``optimality``: the gradient of the Lagrangian, multipliers of the wrong sign and
+            those of limits that do not bind. Empty if nothing is feasible.
+        """
+        if self.F_after is None:
+            return {}
+        z = self.F_after.dot(feasible.Z)
+        off = self.F_after - feasible.F0 - feasible.Z.dot(z)
+        A, y = feasible.rows.dot(feasible.Z), self.multipliers
+        size = max(norm(self.F), norm(self.F_after))
+        torque, width, rounding = self._torques(feasible)
+        beyond = np.maximum(torque - feasible.upper, feasible.lower - torque) - rounding
+        gradient = z - self.F.dot(feasible.Z) + y.dot(A)
+        slack = np.where(y > 0.0, feasible.upper - torque, torque - feasible.lower) - rounding
+        with np.errstate(over="ignore"):  # beyond a limit of next to nothing
+            beyond, slack = beyond / width, slack / width
+        idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
+        steepest = max(norm(gradient), float(idle.max(initial=0.0)))
+        return {
+            "equality": over(norm(off), size, norm(off)),
+            "limit": max(0.0, float(beyond.max(initial=0.0))),
+            "optimality": over(steepest, size, steepest),
+        }
+
+    def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:
+        """Return the joints whose torque is at its limit."""
+        if self.F_after is None:
+            return ()
+        torque, width, rounding = self._torques(feasible)
+        near = 2.0 * SLACK * width + rounding
+        at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
+        return tuple(
+            j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound
+        )
+
+    def _torques(self, feasible: FeasibleForces) -> tuple[Vector, Vector, Vector]:
+        """Return the torques that F' takes, half the width between limits, and rounding."""
+        F, rows = self.F_after, feasible.rows
+        assert F is not None
+        size = max(norm(self.F), norm(F))
+        bounds = np.maximum(np.abs(feasible.lower), np.abs(feasible.upper))
+        rounding = _ROUNDING * (size * np.sqrt(np.vecdot(rows, rows)) + bounds)
+        width = np.maximum(0.5 * (feasible.upper - feasible.lower), rounding)
+        return rows.dot(F), width, rounding
+
+
+def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
+    """Return the feasible force that is closest to F, both in weighted task coordinates.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    F :
+        Wanted force F̂, shape (m,).
+    """
+    none = np.zeros(len(feasible.joints))
+    if not feasible.stands_still:
+        return Nearest(F, None, none)
+    wanted = F.dot(feasible.Z)
+    whole = len(wanted) == len(F)  # Z is a basis of all forces, and F₀ is zero
+    closed = F if whole else feasible.F0 + feasible.Z.dot(wanted)
+    if not feasible.joints or _is_within(feasible, closed):
+        return Nearest(F, closed, none)  # no limit binds: the closed form
+    z = _solve(feasible, wanted, none)
+    return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), none)
+
+
+def _is_within(feasible: FeasibleForces, F: Vector) -> bool:
+    torque = feasible.rows.dot(F)
+    # Lists: for a handful of joints they are faster than reductions of arrays.
+    over = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
+    return True not in over
+
+
+def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vector | None:
+    """Return z, ``None`` if nothing is feasible, and fill in the multipliers."""
+    A = feasible.rows.dot(feasible.Z)
+    lower, upper = feasible.lower, feasible.upper
+    if feasible.F0.dot(feasible.F0):
+        offset = feasible.rows.dot(feasible.F0)
+        lower, upper = lower - offset, upper - offset
+    low, high = lower.tolist(), upper.tolist()
+    levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
+    # daqp takes short rows for none and has absolute tolerances. So rows get the length 1, which
+    # makes distances of the bounds, and the narrowest of these becomes the unit.
+    narrow, far = math.inf, norm(wanted)
+    for i, lever in enumerate(levers):
+        if lever > least:
+            low[i] /= lever
+            high[i] /= lever
+            narrow = min(narrow, high[i] - low[i])
+            far = max(far, low[i], -high[i])  # no solution is closer to z = 0 than these two
+        elif high[i] < 0.0 or low[i] > 0.0:  # a torque that no force changes
+            return None
+        else:
+            low[i], high[i], levers[i] = -math.inf, math.inf, math.inf
+    if narrow == math.inf:
+        return wanted
+    unit = max(0.5 * narrow, _FINEST * far)
+    lengths = np.array(levers)
+    lower, upper = (np.array([x / unit for x in bounds]) for bounds in (low, high))
+    if narrow < _THIN * unit:  # thinner than rounding: daqp would make it an equation
+        thin = upper - lower < _THIN
+        lower[thin], upper[thin] = lower[thin] - 0.5 * _THIN, upper[thin] + 0.5 * _THIN
+    z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
+    if z is None:
+        if max(low) <= 0.0 <= min(high):  # z = 0 is within all limits
+            raise SolverError("the quadratic program was called infeasible, which it is not")
+        return None
+    np.multiply(y, unit / lengths, out=multipliers)
+    solution: Vector = z * unit
+    return solution
+
+
+def _quadratic_program(
+    A: Matrix, wanted: Vector, lower: Vector, upper: Vector
+) -> tuple[Vector | None, Vector]:
+    """Minimise ½‖z - wanted‖² subject to lower ≤ A z ≤ upper."""
+    import daqp  # only who has limits pays for it
+
+    identity, inequalities = _constant(*A.shape)
+    z, _, flag, info = daqp.solve(
+        identity, -wanted, np.ascontiguousarray(A), upper, lower, inequalities, **_PRECISION
+    )
+    if flag == _INFEASIBLE:
+        return None, np.zeros(len(A))
+    torque = A.dot(z)
+    beyond = max((torque - upper).tolist() + (lower - torque).tolist())
+    if flag <= 0 or not beyond <= _CLAIM:  # checked: versions of daqp have claimed too much
+        raise SolverError(
+            f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
+            "the limits)"
+        )
+    return z, info["lam"]
+
+
+@lru_cache(maxsize=64)
+def _constant(k: int, d: int) -> tuple[Matrix, Any]:
+    return np.eye(d), np.zeros(k, dtype=np.intc)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoundedRemap:
+    """Torques inside limits after joints failed, and what becomes of the force.
+
+    Attributes
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    rnea :
+        Torques for weight and motion, shape (n,).
+    feasible :
+        The forces that can be held.
+    nearest :
+        The one of them that is closest to the wanted force.
+    """
+
+    reduced: ReducedJacobian
+    rnea: Vector
+    feasible: FeasibleForces
+    nearest: Nearest
+
+    @property
+    def F_after(self) -> Vector | None:
+        """Force that can still be held, weighted, shape (m,); ``None`` if nothing is feasible."""
+        return self.nearest.F_after
+
+    @property
+    def jump(self) -> Vector | None:
+        """ΔF = F̂ - F', shape (m,); ``None`` if nothing is feasible."""
+        return None if self.F_after is None else self.nearest.F - self.F_after
+
+    @property
+    def U(self) -> Vector | None:
+        """Motor torques to command, weight and motion included, shape (n,).
+
+        0 at joints that are locked or without torque; ``None`` if nothing is feasible.
+        """
+        if self.F_after is None:
+            return None
+        torque = self.rnea + self.F_after.dot(self.reduced.J)
+        return read_only(np.where(self.reduced.commanding, torque, 0.0))
+
+    @property
+    def share(self) -> float | None:
+        """Largest s ≤ 1 for which s·F̂, the same direction, can be held; ``None`` if none."""
+        return share_of(self.feasible, self.nearest.F)
+
+    @property
+    def binding(self) -> tuple[int, ...]:
+        """Indices of the joints whose torque is at its limit."""
+        return self.nearest.binding(self.feasible)
+
+    @property
+    def overloaded(self) -> tuple[int, ...]:
+        """Indices of the joints that weight and motion alone overload (with F₀ at the tip)."""
+        return overloaded(self.feasible)
+
+    def residuals(self) -> Mapping[str, float]:
+        """Return the residuals of `Nearest.residuals`."""
+        return self.nearest.residuals(self.feasible)
+
+
+def bounded_remap(
+    J: ArrayLike,
+    tau: ArrayLike,
+    locked: ArrayLike,
+    *,
+    limits: ArrayLike,
+    free: ArrayLike | None = None,
+    rnea: ArrayLike | None = None,
+    rtol: float = RTOL,
+) -> BoundedRemap:
+    """Remap joint torques inside limits, for a Jacobian from any library.
+
+    Parameters
+    ----------
+    J :
+        Task Jacobian at the tip, shape (m, n); rows in N or weighted so that they share a norm.
+    tau :
+        Motor torques meant for the tip's force (N·m; weight and motion taken off), shape (n,).
+    locked :
+        True at locked joints, shape (n,).
+    limits :
+        Largest torque of each motor, or of the brake of a locked joint; NaN where unknown, (n,).
+    free :
+        True at joints without torque, shape (n,).
+    rnea :
+        Torques for weight and motion, shape (n,); 0 if not given.
+    rtol :
+        Singular values up to ``rtol · σ_max(J)`` count as lost.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not match, a joint both locked and free, a limit that is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
+    >>> unknown = float("nan")  # here of the brake
+    >>> tau, locked = J.T @ [10.0, 5.0], [False, True, False]
+    >>> result = bounded_remap(J, tau, locked, limits=[6.0, unknown, 9.0])
+    >>> result.U, result.binding, round(result.share, 12)
+    (array([6., 0., 5.]), (0,), 0.6)
+    """
+    J, mask = check_core_input(J, locked)
+    swinging = None
+    if free is not None:
+        swinging = check_mask(free, J.shape[1], "free")
+        if (mask & swinging).any():
+            raise InputError(
+                f"a joint cannot be both locked and free: column {(mask & swinging).argmax() + 1} "
+                "of J; a joint fails in one mode"
+            )
+    check_tolerances(rtol, max(rtol, 1e-2))
+    n = J.shape[1]
+    tau = as_vector(tau, n, "tau", "one torque per column of J")
+    weight = np.zeros(n) if rnea is None else as_vector(rnea, n, "rnea", "one per column of J")
+    largest = checked_limits(limits, "limits")
+    if len(largest) != n:
+        hint = "one per column of J, NaN where unknown"
+        raise DimensionError("limits", (n,), largest.shape, hint)
+    if swinging is not None:
+        largest[swinging] = 0.0
+    reduced = reduce(J, mask, rtol, swinging if swinging is not None and swinging.any() else None)
+    return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
+
+
+def remap_inside(
+    reduced: ReducedJacobian, F: Vector, rnea: Vector, largest: Vector | None
+) -> BoundedRemap:
+    """Remap inside limits. The arguments are trusted; the force is F̂, weighted."""
+    feasible = feasible_forces(reduced, rnea, largest, Reading.COMMANDED)
+    return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
+
+
+def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
+    """Return the largest s ≤ 1 for which s·F is feasible, ``None`` if there is none."""
+    ray = reach(feasible, F) if F.any() else _at_rest(feasible)
+    if ray.is_empty or ray.least > 1.0:
+        return None
+    return min(ray.most, 1.0)
+
+
+def _at_rest(feasible: FeasibleForces) -> Reach:
+    """Return everything if no force at all is feasible: a share of nothing is all of it."""
+    bare = not feasible.F0.any() and feasible.stands_still
+    inside = bool((feasible.lower <= 0.0).all() and (feasible.upper >= 0.0).all())
+    return Reach(0.0, math.inf) if bare and inside else NOTHING
+
+
+def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
+    """Return the joints whose limits weight and motion exceed, with F₀ at the tip at most."""
+    torque = feasible.rows.dot(feasible.F0)
+    beyond = (torque > feasible.upper) | (torque < feasible.lower)
+    return tuple(j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over)

@@ -1,0 +1,299 @@
+"""Force, torque and velocity before and after a fault, in the task's own units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import Vector, read_only
+from ftforce.core.remap import (
+    force_jump,
+    remapped_torque,
+    supported_force,
+    velocity_after_impact,
+    velocity_remap,
+)
+
+if TYPE_CHECKING:
+    from ftforce.core.arrays import Matrix
+    from ftforce.core.bounded_remap import BoundedRemap
+    from ftforce.core.reduced_jacobian import ReducedJacobian
+    from ftforce.core.task import Task
+
+
+class TipLoad(NamedTuple):
+    """What the tip exerts before the fault.
+
+    Attributes
+    ----------
+    F :
+        Weighted force that the healthy arm exerts, F̂, shape (m,).
+    requested :
+        Force that was asked for, unweighted; ``None`` if torques were given.
+    tau :
+        Torques that were given; ``None`` if a force was.
+    """
+
+    F: Vector
+    requested: Vector | None
+    tau: Vector | None
+
+
+class RneaChange(NamedTuple):
+    """Torques for weight and motion before and after, N·m (N if prismatic), shape (n,).
+
+    Attributes
+    ----------
+    gravity :
+        For the weight, the same before and after; ``None`` if the URDF has no masses.
+    motion_before, motion_after :
+        For the motion; ``None`` if the arm moves and the URDF has no masses.
+    before, after :
+        What is counted: the sum, and of what is unknown nothing.
+    """
+
+    gravity: Vector | None
+    motion_before: Vector | None
+    motion_after: Vector | None
+    before: Vector
+    after: Vector
+
+    @property
+    def is_known(self) -> bool:
+        """Whether nothing is missing."""
+        return self.gravity is not None and self.motion_before is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceChange:
+    """Force at the tip before and after the fault; N for forces, N·m for moments, shape (m,).
+
+    Attributes
+    ----------
+    requested :
+        Force asked for; ``None`` if torques were given.
+    unsupported :
+        Part of the request that even the healthy arm cannot exert.
+    before :
+        Force the healthy arm exerts, F̂.
+    after :
+        Force that can still be held; ``None`` if the arm cannot stand still with any.
+    jump :
+        ΔF = before - after.
+    jump_norm :
+        Norm of the jump's force components, N; ``None`` if the task has none.
+    moment_jump_norm :
+        Norm of its moment components, N·m; ``None`` if the task has none.
+    """
+
+    requested: Vector | None
+    unsupported: Vector
+    before: Vector
+    after: Vector | None
+    jump: Vector | None
+    jump_norm: float | None
+    moment_jump_norm: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TorqueChange:
+    """Motor torques, N·m (N for prismatic joints), shape (n,).
+
+    What is after the fault is ``None`` if the arm cannot stand still; totals are ``None`` too if
+    the URDF has no masses.
+
+    Attributes
+    ----------
+    before, after :
+        The force part, Jᵀ F; after the fault 0 at locked joints. At a joint without torque it is
+        what balances the joint's weight and motion.
+    total_before, total_after :
+        What the motors must give: force part, weight and motion. After the fault 0 at joints that
+        are locked or without torque.
+    brake_load :
+        What each lock has to carry, weight and motion included; 0 at other joints.
+    self_motion :
+        Part of ``before`` that exerts no static force but moves the arm; 0 if a force was given.
+    """
+
+    before: Vector
+    after: Vector | None
+    total_before: Vector | None
+    total_after: Vector | None
+    brake_load: Vector | None
+    self_motion: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Impact:
+    """Velocities right after joints locked, before any controller acts.
+
+    Attributes
+    ----------
+    after :
+        Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints.
+    tip_after :
+        Velocity of the tip, m/s and rad/s, shape (m,).
+    jump :
+        ``tip_after`` minus the tip's velocity before.
+    jump_norm :
+        Norm of the jump's linear components, m/s; ``None`` if the task has none.
+    angular_jump_norm :
+        Norm of its angular components, rad/s; ``None`` if the task has none.
+    """
+
+    after: Vector
+    tip_after: Vector
+    jump: Vector
+    jump_norm: float | None
+    angular_jump_norm: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VelocityChange:
+    """Velocities before the fault and after the remap of Appendix A.
+
+    Attributes
+    ----------
+    before, after :
+        Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints after.
+    tip_before, tip_after :
+        Velocity of the tip, m/s and rad/s, shape (m,).
+    jump :
+        ΔẊ = tip_after - tip_before.
+    jump_norm :
+        Norm of the jump's linear components, m/s; ``None`` if the task has none.
+    angular_jump_norm :
+        Norm of its angular components, rad/s; ``None`` if the task has none.
+    """
+
+    before: Vector
+    after: Vector
+    tip_before: Vector
+    tip_after: Vector
+    jump: Vector
+    jump_norm: float | None
+    angular_jump_norm: float | None
+
+
+def change_of_load(
+    reduced: ReducedJacobian,
+    task: Task,
+    load: TipLoad,
+    rnea: RneaChange,
+    bounded: BoundedRemap | None,
+) -> tuple[ForceChange, TorqueChange]:
+    """Return what becomes of a load at the tip, and of the torques that hold it.
+
+    Parameters
+    ----------
+    reduced, task :
+        The decomposed Jacobians and the task.
+    load :
+        What the tip exerts before the fault.
+    rnea :
+        Torques for weight and motion.
+    bounded :
+        The remap inside limits, or with joints without torque; ``None`` takes the closed form.
+    """
+    carried: Vector = load.F.dot(reduced.J)
+    before = carried if load.tau is None else load.tau
+    if bounded is None:
+        _, F_after, jump = force_jump(reduced, load.F)
+        after = remapped_torque(reduced, load.F)
+    elif bounded.F_after is None:
+        return _no_change(task, load, before, carried, rnea)
+    else:
+        F_after, jump = bounded.F_after, load.F - bounded.F_after
+        after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
+    known = rnea.is_known
+    total = rnea.after + F_after.dot(reduced.J)
+    return _force_change(task, load, F_after, jump), TorqueChange(
+        before=read_only(before),
+        after=read_only(after),
+        total_before=read_only(before + rnea.before) if known else None,
+        total_after=read_only(np.where(reduced.commanding, total, 0.0)) if known else None,
+        brake_load=read_only(np.where(reduced.locked, total, 0.0)),
+        self_motion=read_only(before - carried),
+    )
+
+
+def changes_of_unit_forces(
+    reduced: ReducedJacobian, task: Task
+) -> tuple[tuple[ForceChange, TorqueChange], ...]:
+    """Return the same for a force of 1 N (1 N·m) along each task axis, weight and limits apart."""
+    changes = []
+    nothing = read_only(np.zeros(reduced.n))
+    rnea = RneaChange(None, None, None, nothing, nothing)
+    for unit in np.eye(task.m):
+        F = supported_force(reduced, task.weigh_force(unit))
+        load = TipLoad(F, read_only(unit.copy()), None)
+        changes.append(change_of_load(reduced, task, load, rnea, None))
+    return tuple(changes)
+
+
+def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> VelocityChange:
+    """Return the velocities before the fault and after the remap of Appendix A."""
+    weighted = velocity_remap(reduced, v)
+    jump = read_only(task.unweigh_velocity(weighted.jump))
+    linear, angular = split_norms(task, jump)
+    return VelocityChange(
+        before=v,
+        after=weighted.after,
+        tip_before=read_only(task.unweigh_velocity(weighted.tip_before)),
+        tip_after=read_only(task.unweigh_velocity(weighted.tip_after)),
+        jump=jump,
+        jump_norm=linear,
+        angular_jump_norm=angular,
+    )
+
+
+def impact_of_lock(reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector) -> Impact:
+    """Return the velocities right after the lock; J is the unweighted task Jacobian."""
+    after = velocity_after_impact(M, reduced.locked, v)
+    jump = read_only(J.dot(after - v))
+    linear, angular = split_norms(task, jump)
+    return Impact(read_only(after), read_only(J.dot(after)), jump, linear, angular)
+
+
+def _force_change(task: Task, load: TipLoad, F_after: Vector, jump: Vector) -> ForceChange:
+    before = read_only(task.unweigh_force(load.F))
+    jump = read_only(task.unweigh_force(jump))
+    linear, angular = split_norms(task, jump)
+    return ForceChange(
+        requested=load.requested,
+        unsupported=_unsupported(task, load.requested, before),
+        before=before,
+        after=read_only(task.unweigh_force(F_after)),
+        jump=jump,
+        jump_norm=linear,
+        moment_jump_norm=angular,
+    )
+
+
+def _no_change(
+    task: Task, load: TipLoad, before: Vector, carried: Vector, rnea: RneaChange
+) -> tuple[ForceChange, TorqueChange]:
+    """Return the changes where nothing after the fault is feasible."""
+    F = read_only(task.unweigh_force(load.F))
+    unsupported = _unsupported(task, load.requested, F)
+    total = read_only(before + rnea.before) if rnea.is_known else None
+    force = ForceChange(load.requested, unsupported, F, None, None, None, None)
+    return force, TorqueChange(
+        read_only(before), None, total, None, None, read_only(before - carried)
+    )
+
+
+def _unsupported(task: Task, requested: Vector | None, before: Vector) -> Vector:
+    return read_only(np.zeros(task.m) if requested is None else requested - before)
+
+
+def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
+    """Return the norms of the linear and of the angular components, which share no unit."""
+    if not task.moment_rows:
+        return math.sqrt(x.dot(x)), None
+    linear = float(np.linalg.norm(x[list(task.force_rows)])) if task.force_rows else None
+    return linear, float(np.linalg.norm(x[list(task.moment_rows)]))

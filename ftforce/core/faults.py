@@ -1,0 +1,214 @@
+"""Faults: which joints fail, and how; sets of them, and all sets up to a size (eq. 12-13)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import combinations
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.core.arrays import Mask, Vector, read_only
+from ftforce.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+
+class FaultMode(StrEnum):
+    """How a joint fails."""
+
+    LOCKED = "locked"
+    """The brake holds the joint and its motor commands nothing (the paper's fault)."""
+    FREE = "free"
+    """The joint swings freely: neither motor nor brake gives any torque."""
+    WEAK = "weak"
+    """The motor gives at most a share of its largest torque."""
+
+    @classmethod
+    def parse(cls, mode: str) -> FaultMode:
+        """Return the mode of this name.
+
+        Raises
+        ------
+        UnknownNameError
+            There is no such mode.
+        """
+        try:
+            return cls(mode)
+        except ValueError:
+            raise UnknownNameError("fault mode", mode, list(cls)) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One failed joint.
+
+    Attributes
+    ----------
+    joint :
+        Index along the chain, from 0.
+    mode :
+        How it fails.
+    factor :
+        Share of its largest torque that a weak joint can still give, 0 to 1; 1 in other modes.
+    """
+
+    joint: int
+    mode: FaultMode = FaultMode.LOCKED
+    factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check mode and factor; a mode may be given by its name.
+
+        Raises
+        ------
+        InputError
+            There is no such mode, the factor does not lie between 0 and 1, or the joint is not
+            weak.
+        """
+        object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if not _is_share(self.factor):
+            raise InputError(
+                f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
+                f"(full torque), got {self.factor}"
+            )
+        if self.mode is not FaultMode.WEAK and self.factor != 1.0:
+            raise InputError(f"only a weak joint has a factor, joint {self.joint + 1} is {self}")
+
+    @property
+    def has_no_torque(self) -> bool:
+        """Whether the joint swings: free, or weak with nothing left."""
+        return self.mode is FaultMode.FREE or self.factor == 0.0
+
+    def __str__(self) -> str:
+        """Return the mode, with the factor of a weak joint."""
+        return f"weak {self.factor:g}" if self.mode is FaultMode.WEAK else self.mode.value
+
+
+@dataclass(frozen=True, slots=True)
+class FaultSet:
+    """Faults that occur together, in the order of the joints.
+
+    Prints as ``{2, 4}``, or where not all are locked as ``{2 locked, 4 free}``.
+    """
+
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Sort the faults.
+
+        Raises
+        ------
+        InputError
+            A joint fails twice, or an index is negative.
+        """
+        if not self.faults:
+            return
+        ordered = tuple(sorted(self.faults, key=_joint_of))
+        object.__setattr__(self, "faults", ordered)
+        if ordered[0].joint < 0:
+            raise InputError("joint indices count from 0")
+        for one, other in zip(self.faults, self.faults[1:], strict=False):
+            if one.joint == other.joint:
+                number = one.joint + 1
+                if one.mode is other.mode:
+                    raise InputError(f"joint {number} is named twice in one fault set")
+                raise InputError(
+                    f"joint {number} cannot be both {one.mode} and {other.mode}; "
+                    f"a joint fails in one mode"
+                )
+
+    @classmethod
+    def locked(cls, joints: Iterable[int]) -> FaultSet:
+        """Return the set in which these joints (indices from 0) are locked."""
+        return cls.all_of(FaultMode.LOCKED, joints)
+
+    @classmethod
+    def all_of(cls, mode: FaultMode, joints: Iterable[int]) -> FaultSet:
+        """Return the set in which these joints (indices from 0) fail in one mode."""
+        return cls(tuple(Fault(int(joint), mode) for joint in joints))
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Indices of the failed joints, from 0."""
+        return tuple(fault.joint for fault in self.faults)
+
+    def in_mode(self, mode: FaultMode) -> tuple[int, ...]:
+        """Return the indices of the joints that fail in this mode."""
+        return tuple([fault.joint for fault in self.faults if fault.mode is mode])
+
+    @property
+    def swinging(self) -> tuple[int, ...]:
+        """Indices of the joints without any torque: free, or weak with factor 0."""
+        return tuple([fault.joint for fault in self.faults if fault.has_no_torque])
+
+    def mask(self, n: int) -> Mask:
+        """Return True at the locked joints, shape (n,).
+
+        Raises
+        ------
+        InputError
+            A joint lies beyond the chain's n.
+        """
+        self._check_range(n)
+        return _mask(n, self.in_mode(FaultMode.LOCKED))
+
+    def swinging_mask(self, n: int) -> Mask | None:
+        """Return True at the joints without any torque, shape (n,); ``None`` if there are none."""
+        self._check_range(n)
+        joints = self.swinging
+        return _mask(n, joints) if joints else None
+
+    def factors(self, n: int) -> Vector:
+        """Return the share of its largest torque that each joint can give, shape (n,)."""
+        self._check_range(n)
+        factors = np.ones(n)
+        for fault in self.faults:
+            factors[fault.joint] = 0.0 if fault.has_no_torque else fault.factor
+        return read_only(factors)
+
+    def _check_range(self, n: int) -> None:
+        if self.faults and (last := self.faults[-1].joint) >= n:
+            raise InputError(f"joint {last + 1} is out of range; the chain has {n} joints")
+
+    def __len__(self) -> int:
+        return len(self.faults)
+
+    def __str__(self) -> str:
+        """Numbers along the chain, counted from 1."""
+        plain = all(fault.mode is FaultMode.LOCKED for fault in self.faults)
+        words = (f"{f.joint + 1}" if plain else f"{f.joint + 1} {f}" for f in self.faults)
+        return "{" + ", ".join(words) + "}"
+
+
+def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iterator[FaultSet]:
+    """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13)."""
+    for size in range(1, largest + 1):
+        for joints in combinations(range(n), size):
+            yield FaultSet.all_of(mode, joints)
+
+
+def count_fault_sets(n: int, largest: int) -> int:
+    """Return how many sets `fault_sets` yields."""
+    return sum(comb(n, size) for size in range(1, largest + 1))
+
+
+def _is_share(factor: float) -> bool:
+    try:
+        return 0.0 <= factor <= 1.0  # NaN is none
+    except TypeError:
+        return False
+
+
+def _joint_of(fault: Fault) -> int:
+    return fault.joint
+
+
+def _mask(n: int, joints: Iterable[int]) -> Mask:
+    mask = [False] * n
+    for joint in joints:
+        mask[joint] = True
+    return read_only(np.array(mask))

@@ -1,0 +1,217 @@
+"""The force polytope: vertices and faces of the forces that an arm can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, product
+from math import comb
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from ftforce.core.feasible_forces import FeasibleForces
+
+Indices: TypeAlias = "NDArray[np.intp]"
+Sides: TypeAlias = "NDArray[np.bool_]"
+
+MOST_CORNERS = 2_000_000  # intersections of planes; some seconds and 500 MB
+_CHUNK = 20_000
+_NEAR = 1e-9  # of a limit: a torque beyond it by less is within
+_AT_BOUND = 1e-7  # of a limit: a torque that is closer is at it
+_PARALLEL = 1e-12  # of the largest determinant: planes that are closer to parallel do not meet
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polytope:
+    """The convex set of forces that can be held.
+
+    Attributes
+    ----------
+    vertices :
+        Corners, N (N·m), in the task's axes, shape (k, m); none if nothing can be held.
+    faces :
+        Corners of each face as row numbers of ``vertices``. In a polytope of three dimensions
+        they go round the face; a flat one of two dimensions is its own only face; one of more
+        dimensions has them in rising order.
+    dimension :
+        Of the set: 0 for a point, 1 for a segment, 2 for a flat polygon …
+    unlimited :
+        Orthonormal directions (in weighted task coordinates) in which no known limit ends the
+        set, rows, shape (u, m). The corners are those of the set square to them.
+    """
+
+    vertices: Matrix
+    faces: tuple[tuple[int, ...], ...]
+    dimension: int
+    unlimited: Matrix
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no force can be held at all."""
+        return len(self.vertices) == 0
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether limits end it in every direction."""
+        return len(self.unlimited) == 0
+
+
+def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> Polytope:
+    """Return the corners and faces of the feasible forces.
+
+    Every choice of d of the planes ``J_iᵀ F = bound`` meets in one point of the d-dimensional
+    set; the corners are those points that respect all the other limits.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces, weighted.
+    weights :
+        Row weights of the task; ``None`` where all are 1.
+
+    Raises
+    ------
+    InputError
+        There are too many planes.
+    """
+    m = len(feasible.F0)
+    nothing = Polytope(read_only(np.zeros((0, m))), (), 0, read_only(np.zeros((0, m))))
+    if not feasible.stands_still:
+        return nothing
+    A = feasible.rows.dot(feasible.Z)
+    offset = feasible.rows.dot(feasible.F0)
+    lower, upper = feasible.lower - offset, feasible.upper - offset
+    lever = np.sqrt(np.einsum("ij,ij->i", A, A))
+    loaded = lever > feasible.rtol * feasible.scale
+    if (upper[~loaded] < 0.0).any() or (lower[~loaded] > 0.0).any():
+        return nothing
+    A, lever = A[loaded] / lever[loaded, None], lever[loaded]
+    basis, unlimited = _limited_space(A, feasible.rtol)
+    A = A @ basis
+    corners, at_bounds = _corners(A, lower[loaded] / lever, upper[loaded] / lever)
+    if not len(corners):
+        return nothing
+    vertices = feasible.F0 + corners @ (feasible.Z @ basis).T
+    corners = _within_their_plane(corners, A, at_bounds)
+    if weights is not None:
+        vertices = vertices * weights
+    return Polytope(
+        read_only(vertices),
+        tuple(_faces(corners, at_bounds)),
+        corners.shape[1],
+        read_only((feasible.Z @ unlimited).T),
+    )
+
+
+def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
+    """Return bases of the directions that limits end, and of those that none does."""
+    d = A.shape[1]
+    if not len(A):
+        return np.zeros((d, 0)), np.eye(d)
+    _, s, Vt = np.linalg.svd(A)
+    rank = int(np.count_nonzero(s > rtol * s[0]))
+    return Vt[:rank].T, Vt[rank:].T
+
+
+def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
+    """Return the distinct corners of ``lower ≤ A z ≤ upper``, and the bounds that meet in each.
+
+    Rows of A have the length one. What is within or at a bound is judged in units of each limit,
+    and what is parallel in those of each direction's strongest rows.
+    """
+    k, d = A.shape
+    if d == 0:
+        return np.zeros((1, 0)), np.zeros((1, 2 * k), dtype=np.bool_)
+    if comb(k, d) * 2**d > MOST_CORNERS:
+        raise InputError(
+            f"{k} joints with limits make {comb(k, d) * 2**d:,} intersections in {d} dimensions; "
+            f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
+        )
+    sides = np.array(list(product((False, True), repeat=d)))
+    evened = np.linalg.svd(A, full_matrices=False)[0]
+    size = np.linalg.norm(evened, axis=1)
+    found: list[Matrix] = []
+    for chosen in _chunks(k, d):
+        volume = np.abs(np.linalg.det(evened[chosen]))
+        rows = chosen[volume > _PARALLEL * size[chosen].prod(axis=1)]
+        bounds = np.where(sides[:, None, :], upper[rows], lower[rows])  # (sides, c, d)
+        points = np.linalg.solve(A[rows], bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
+        points = points.reshape(-1, d)
+        above, below, rounding = _distances(points, A, lower, upper)
+        inside = (np.minimum(above, below) >= -_NEAR - rounding).all(axis=1)
+        found.append(points[inside])
+    points = np.concatenate(found)
+    above, below, rounding = _distances(points, A, lower, upper)
+    near = _AT_BOUND + 100.0 * rounding
+    # More than d planes may meet in one corner: it is found several times.
+    at_bounds, first = np.unique(
+        np.hstack([below <= near, above <= near]), axis=0, return_index=True
+    )
+    return points[first], at_bounds
+
+
+def _distances(
+    points: Matrix, A: Matrix, lower: Vector, upper: Vector
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return how far torques are above and below their bounds, and their rounding, in limits."""
+    half = 0.5 * (upper - lower)
+    torque = points @ A.T
+    rounding = 1e-15 * np.linalg.norm(points, axis=1)[:, None] / half
+    return (torque - lower) / half, (upper - torque) / half, rounding
+
+
+def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
+    """Return coordinates of the corners in the space that they span: limits may leave it flat."""
+    always: Sides = np.logical_and.reduce(at_bounds, axis=0)
+    normals = A[always[: len(A)] | always[len(A) :]]
+    if not len(normals):
+        return corners
+    _, s, Vt = np.linalg.svd(normals)
+    coordinates: Matrix = corners @ Vt[np.count_nonzero(s > _NEAR * s[0]) :].T
+    return coordinates
+
+
+def _chunks(k: int, d: int) -> Iterator[Indices]:
+    rows: list[tuple[int, ...]] = []
+    for chosen in combinations(range(k), d):
+        rows.append(chosen)
+        if len(rows) == _CHUNK:
+            yield np.array(rows)
+            rows = []
+    if rows:
+        yield np.array(rows)
+
+
+def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
+    """Yield the faces: of the sets of corners at a bound those that lie in no larger one."""
+    d = corners.shape[1]
+    if d <= 2:
+        if len(corners) >= 2 and d:
+            yield _around(corners, np.arange(len(corners)))
+        return
+    members = np.unique(at_bounds.T, axis=0)
+    members = members[(members.sum(axis=1) >= d) & ~members.all(axis=1)]
+    for one in members:
+        within = (members >= one).all(axis=1).sum() - 1  # it lies in itself
+        if within:
+            continue  # this bound touches the set in an edge or a corner only
+        indices = np.flatnonzero(one)
+        yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
+
+
+def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
+    """Return the corners of a flat polygon in the order in which they go round it."""
+    points = corners[members] - corners[members].mean(axis=0)
+    plane = np.linalg.svd(points, full_matrices=False)[2][:2]
+    if len(plane) < 2:  # a segment
+        return tuple(np.argsort(points[:, 0]).tolist())
+    x, y = plane @ points.T
+    return tuple(members[np.argsort(np.arctan2(y, x))].tolist())

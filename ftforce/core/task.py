@@ -1,0 +1,197 @@
+"""The task: which components of the tip's wrench are asked for, in which axes, in which unit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Axes = Literal["tool", "world"]
+
+AXES: tuple[str, ...] = get_args(Axes)
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as Pinocchio has it
+DEFAULT_LENGTH = 1.0
+SHORTEST, LONGEST = 1e-6, 1e6  # m; beyond, forces or moments would be lost in rounding
+_ROUNDING = 1e-12  # forces this small, relative to the weighted whole, are none
+_SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
+
+
+@dataclass(frozen=True)
+class Task:
+    """The m components of the tip's force and moment that the arm has to exert.
+
+    Forces and moments share no norm. So the rows of moments are weighted by a characteristic
+    length L, ``J̃ = [J_lin; L·J_ang]`` and ``F̃ = [f; μ/L]`` (docs/theory/force): what is
+    minimised is ``‖f‖² + ‖μ‖²/L²``. For a task without moments L plays no part.
+
+    Attributes
+    ----------
+    components :
+        Some of ``fx, fy, fz, mx, my, mz``.
+    axes :
+        ``tool``: axes of the tip frame (the paper's); ``world``: axes of the robot's root, at the
+        tip point.
+    length :
+        Characteristic length L in m, from 1e-6 to 1e6.
+    """
+
+    components: tuple[str, ...] = COMPONENTS[:3]
+    axes: Axes = "tool"
+    length: float = DEFAULT_LENGTH
+
+    def __post_init__(self) -> None:
+        """Check what was given.
+
+        Raises
+        ------
+        InputError
+            No, unknown or repeated components, unknown axes, or a length that is no tool's.
+        """
+        for name in self.components:
+            if name not in COMPONENTS:
+                raise UnknownNameError("task component", name, (*_SHORTHANDS, *COMPONENTS))
+        if not self.components or len(set(self.components)) < len(self.components):
+            raise InputError(f"the task {','.join(self.components)!r} needs each component once")
+        if self.axes not in AXES:
+            raise UnknownNameError("axes", str(self.axes), AXES)
+        if not SHORTEST <= self.length <= LONGEST:  # nor is NaN
+            raise InputError(
+                f"the characteristic length must lie between {SHORTEST:g} and {LONGEST:g} m, "
+                f"got {self.length}"
+            )
+
+    @classmethod
+    def parse(
+        cls,
+        task: str | Iterable[str] | Task = "force",
+        axes: Axes = "tool",
+        length: float | None = None,
+    ) -> Task:
+        """Make a task of ``force``, ``moment``, ``wrench`` or components such as ``fx,fz,my``.
+
+        Parameters
+        ----------
+        task :
+            A shorthand, components separated by commas, or a list of them. A ``Task`` is returned
+            as it is.
+        axes :
+            ``tool`` or ``world``.
+        length :
+            Characteristic length in m; 1 m if none is given.
+
+        Raises
+        ------
+        InputError
+            As the class.
+        """
+        if isinstance(task, Task):
+            return task
+        words = task.split(",") if isinstance(task, str) else list(task)
+        names: list[str] = []
+        for word in words:
+            if not isinstance(word, str):
+                raise UnknownNameError("task component", word, (*_SHORTHANDS, *COMPONENTS))
+            names += _SHORTHANDS.get(word.strip().lower(), (word.strip().lower(),))
+        return cls(tuple(names), axes, DEFAULT_LENGTH if length is None else float(length))
+
+    @property
+    def m(self) -> int:
+        """Number of task rows."""
+        return len(self.components)
+
+    @cached_property
+    def rows(self) -> slice | list[int]:
+        """Rows of the frame Jacobian, linear first."""
+        rows = [COMPONENTS.index(name) for name in self.components]
+        if rows == list(range(rows[0], rows[0] + len(rows))):
+            return slice(rows[0], rows[0] + len(rows))  # a view: cheaper than a gather
+        return rows
+
+    @cached_property
+    def moment_rows(self) -> tuple[int, ...]:
+        """Which of the m components are moments."""
+        return tuple(i for i, name in enumerate(self.components) if name[0] == "m")
+
+    @cached_property
+    def force_rows(self) -> tuple[int, ...]:
+        """Which of the m components are forces."""
+        return tuple(i for i, name in enumerate(self.components) if name[0] == "f")
+
+    @cached_property
+    def weights(self) -> Vector | None:
+        """Row weights (1 or L, m), shape (m,); ``None`` where all are 1."""
+        if not self.moment_rows or self.length == 1.0:
+            return None
+        weights = np.ones(self.m)
+        weights[list(self.moment_rows)] = self.length
+        return read_only(weights)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each component: N or N·m."""
+        return tuple("N" if name[0] == "f" else "N·m" for name in self.components)
+
+    @property
+    def size_unit(self) -> str:
+        """Unit of the size of a force: N, or of a task of moments alone N·m."""
+        return "N" if self.force_rows else "N·m"
+
+    @property
+    def velocity_units(self) -> tuple[str, ...]:
+        """Unit of each component of the tip's velocity: m/s or rad/s."""
+        return tuple("m/s" if name[0] == "f" else "rad/s" for name in self.components)
+
+    @property
+    def velocity_components(self) -> tuple[str, ...]:
+        """Names of the velocities that do work with the components: vx for fx, wx for mx."""
+        return tuple(name.replace("f", "v").replace("m", "w") for name in self.components)
+
+    def weigh_jacobian(self, J: Matrix) -> Matrix:
+        """J̃ of J, shape (m, n)."""
+        return J if self.weights is None else J * self.weights[:, None]
+
+    def weigh_force(self, F: Vector) -> Vector:
+        """F̃ of F, shape (..., m)."""
+        return F if self.weights is None else F / self.weights
+
+    def unweigh_force(self, F: Vector) -> Vector:
+        """F of F̃, shape (..., m)."""
+        return F if self.weights is None else F * self.weights
+
+    def unweigh_velocity(self, x: Vector) -> Vector:
+        """Velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
+        return x if self.weights is None else x / self.weights
+
+    @property
+    def weighted_unit(self) -> float:
+        """What F̃ of norm 1 stands for: 1 N, or for a task of moments alone L N·m."""
+        return 1.0 if self.force_rows else self.length
+
+    def direction_of(self, F: Vector) -> Vector:
+        """Return F, which is not zero, with force components of norm 1, or else moments.
+
+        Forces that only rounding left of a moment are none.
+        """
+        forces = F[list(self.force_rows)]
+        size, whole = math.hypot(*forces), math.hypot(*self.weigh_force(F))
+        if size > _ROUNDING * whole:
+            return read_only(F / size)
+        moment = F.copy()
+        moment[list(self.force_rows)] = 0.0
+        return read_only(moment / math.hypot(*moment))
+
+    def __str__(self) -> str:
+        """Return the shorthand, or the components."""
+        for word, components in _SHORTHANDS.items():
+            if components == self.components:
+                return word
+        return ",".join(self.components)

@@ -1,0 +1,1 @@
+"""Results as words, JSON and rows: one module per type of result."""

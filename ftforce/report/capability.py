@@ -1,0 +1,98 @@
+"""Capabilities in plain words, for tables and files alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ftforce.core.faults import FaultMode
+from ftforce.core.feasible_forces import End, Reading
+from ftforce.report.analysis import faults_in_words
+from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
+
+if TYPE_CHECKING:
+    from ftforce.analysis.analyze import Analysis
+    from ftforce.analysis.capability import Amount, Capability
+
+
+def capability_sentence(capability: Capability) -> str:
+    """Say what is left of the weakest direction and of the payload."""
+    faults = faults_in_words(capability.analysis)
+    # Only the first letter: names keep their capitals.
+    return f"W{faults[1:]}, {_about_force(capability)}; {_about_payload(capability)}."
+
+
+def _about_force(capability: Capability) -> str:
+    analysis, weakest = capability.analysis, capability.weakest
+    before, after = (x[Reading.COMMANDED] for x in (weakest.before, weakest.after))
+    everywhere = "in every direction that the healthy arm has"
+    unit = unit_of_size(analysis.task)
+    earlier = _earlier(capability, before, after, unit)
+    if math.isfinite(after.most) and after.most > 0.0:
+        return f"the motors can command {amount_in_words(after, unit)} {everywhere}{earlier}"
+    if math.isinf(after.most):
+        return f"no known limit ends the force that the motors can command{earlier}"
+    if math.isfinite(before.most) and after.most != before.most:  # no amount of the same force
+        earlier = f" (before: {amount_in_words(before, unit)} in every direction)"
+    if math.isnan(after.most):
+        why = f"{end_in_words(analysis, after)} and " if after.end is End.WEIGHT else ""
+        if analysis.can_stand_still:
+            return f"{why}the arm stands still only with a force at the tip{earlier}"
+        return f"{why}the arm cannot stand still{earlier}"
+    lost = direction(analysis.task, analysis.task.weigh_force(after.direction))
+    return f"the motors can command no {lost}{earlier}"
+
+
+def _about_payload(capability: Capability) -> str:
+    before, after = capability.payload
+    more = " more" if capability.analysis.conditions.payload is not None else ""
+    earlier = _earlier(capability, before, after, "kg")
+    if math.isnan(after.most):
+        return f"no payload lets it stand still{earlier}"
+    if math.isinf(after.most):
+        return f"no known limit ends the payload{earlier}"
+    if after.most == 0.0:
+        return f"the tip carries no payload{earlier}"
+    return f"the tip carries {amount_in_words(after, 'kg')}{more}{earlier}"
+
+
+def _earlier(capability: Capability, before: Amount, after: Amount, unit: str) -> str:
+    if not capability.analysis.faults.faults:
+        return ""
+    then, now = (amount_in_words(amount, unit) for amount in (before, after))
+    return ", as before" if then == now else f" ({then} before)"
+
+
+def amount_in_words(amount: Amount, unit: str) -> str:
+    """Say an amount: nothing, a number or a range, or no limit that is known."""
+    if math.isnan(amount.most):
+        return "nothing"
+    most = "no known limit" if math.isinf(amount.most) else f"{size(amount.most)} {unit}"
+    if amount.least <= NEGLIGIBLE:
+        return most
+    return f"only {most}" if is_point(amount) else f"only {size(amount.least)} {unit} to {most}"
+
+
+def is_point(amount: Amount) -> bool:
+    """Return whether one amount alone holds the arm: with less, too, it does not stand still."""
+    least, most = amount.least, amount.most
+    if least <= NEGLIGIBLE or math.isinf(most):
+        return False
+    return most - least <= NEGLIGIBLE * max(1.0, most)
+
+
+def end_in_words(analysis: Analysis, amount: Amount, *, after: bool = True) -> str:
+    """Say what ends an amount, after the fault or before it, when no brake holds yet."""
+    names = [analysis.robot.names[j] for j in amount.stops]
+    if amount.end is End.UNLIMITED:
+        return "no known limit"
+    if amount.end is End.WEIGHT:
+        return f"weight overloads {joined(names)}" if names else "weight"
+    if amount.end is End.FAULT:
+        return f"fault of {joined(names)}" if names else "the arm lacks it"
+    locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
+    words = (
+        f"{'brake of ' if j in locked else ''}{name}"
+        for j, name in zip(amount.stops, names, strict=True)
+    )
+    return joined(words)

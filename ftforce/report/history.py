@@ -1,0 +1,167 @@
+"""Histories and timelines in plain sentences, for tables and files alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.core.measures import Verdict
+from ftforce.report.text import amounts, joined, number, percent, ratio, size
+from ftforce.trajectory.history import VERDICTS
+from ftforce.trajectory.warnings import ON_PATH, ORIENTED, length_in_words, unsupported
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ftforce.core.arrays import Vector
+    from ftforce.core.faults import FaultSet
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import EventReport, History, Run
+    from ftforce.trajectory.timeline import Timeline, WorstInstant
+
+
+def worst_verdict(run: Run) -> Verdict:
+    """Return the worst verdict over a run."""
+    return VERDICTS[int(run.verdict.max())]
+
+
+def history_sentence(history: History) -> str:
+    """Say what becomes of the force and of the path, in a few plain sentences."""
+    run, events = history.answer, history.setting.events
+    verdict = worst_verdict(run)
+    about = _about_force(history, run, verdict)
+    when = f"after {_events_in_words(events)}" if events else "with every joint healthy"
+    off = ""
+    if run.path_error_norm.max() > ON_PATH and run.falls_from is None:
+        off = ", but off the path" if verdict is Verdict.TOLERATED else ", and off the path"
+    parts = [f"{verdict.value.capitalize()}{off}: {when}, {about}.", _about_path(history, run)]
+    return " ".join([*parts, *_about_healthy(history)])
+
+
+def _events_in_words(events: tuple[EventReport, ...]) -> str:
+    return joined(f"{event.faults} at {event.time:g} s" for event in events)
+
+
+def _about_force(history: History, run: Run, verdict: Verdict) -> str:
+    whole = _asked_in_words(history)
+    acts = [event.time + history.setting.delay for event in history.setting.events]
+    how = "the remap" if min(acts, default=0.0) <= history.t[-1] else "the arm, without any remap,"
+    if not history.setting.events:
+        how = "the arm"
+    if verdict is Verdict.TOLERATED and not any(history.setting.force):
+        return f"the arm carries its own weight and moves freely to the end, at {history.t[-1]:g} s"
+    if verdict is Verdict.TOLERATED:
+        return f"{how} keeps {whole} at the tip to the end, at {history.t[-1]:g} s"
+    since = _since(history, run)
+    if np.isnan(run.force).any():
+        fallen = int(np.argmax(np.isnan(run.force).any(axis=1)))
+        words = f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
+        if verdict is Verdict.BORDERLINE:
+            words += (
+                f" at the tolerance {history.setting.rtol:g}; what is missing is small, and a "
+                f"tolerance up to {history.setting.wary:g} gives another answer"
+            )
+        return words
+    if verdict is Verdict.BORDERLINE:
+        return (
+            f"{since} it depends on the tolerance whether {whole} is kept (smallest margin "
+            f"{ratio(float(run.margin.min()))})"
+        )
+    jump = history.jump_norm(run)[run.until_fall]
+    worst = int(jump.argmax())
+    loss = amounts(history.setting.task, run.jump[worst])
+    words = f"{since} {whole} is not kept: the force jumps by up to {loss}, at "
+    words += f"{history.t[worst]:g} s"
+    if run.falls_from is not None:
+        words += ", and torques that nothing balances move the arm"
+    return words
+
+
+def _asked_in_words(history: History) -> str:
+    """Say the force that is asked for, or if even the healthy arm lacks some, what it can."""
+    asked = np.array(history.setting.force)
+    whole = amounts(history.setting.task, asked)
+    if unsupported(history).any():
+        return f"what the healthy arm can exert of the {whole}"
+    return f"the whole {whole}"
+
+
+def _since(history: History, run: Run) -> str:
+    """Say when the worst verdict holds."""
+    bad = run.verdict == run.verdict.max()
+    first = int(np.argmax(bad))
+    if bad[first:].all():
+        return f"from {history.t[first]:g} s on" if first else "from the start"
+    return f"at {percent(float(bad.mean()))} of all instants, first at {history.t[first]:g} s,"
+
+
+def _about_healthy(history: History) -> Iterator[str]:
+    """Say what no fault is to blame for."""
+    lacking = unsupported(history)
+    if lacking.any():
+        worst = int(np.linalg.norm(lacking, axis=1).argmax())
+        missing = amounts(history.setting.task, lacking[worst])
+        when = f"at {history.t[worst]:g} s"
+        yield f"Even the healthy arm cannot exert {missing} of the request {when}."
+    verdict = worst_verdict(history.healthy)
+    if history.setting.events and verdict is not Verdict.TOLERATED:
+        since = _since(history, history.healthy).removesuffix(",")
+        yield f"Even the healthy arm is {verdict.value} {since}."
+
+
+def _about_path(history: History, run: Run) -> str:
+    if run.falls_from is not None:
+        return "Where that takes the arm is not simulated."
+    error = run.path_error_norm
+    worst = int(error.argmax())
+    turn = float(run.orientation_error_norm.max())
+    turned = f" It turns by up to {math.degrees(turn):.3g}°." if turn > ORIENTED else ""
+    if error[worst] <= ON_PATH:
+        off = length_in_words(float(error[worst])).removeprefix("< ")
+        return f"The tip stays within {off} of its path.{turned}"
+    last = length_in_words(float(error[-1]))
+    return (
+        f"The tip leaves its path by up to {length_in_words(float(error[worst]))}, at "
+        f"{history.t[worst]:g} s; at the end it is {last} off.{turned}"
+    )
+
+
+def timeline_sentence(timeline: Timeline) -> str:
+    """Say which fault set hurts most, and when."""
+    worst = timeline.worst()[0]
+    name = faults_in_words(timeline.robot, worst.faults)
+    when = f"Worst: {name}, at {worst.time:g} s"
+    if worst.verdict is Verdict.TOLERATED:
+        kept = "every force" if timeline.force is None else "the force"
+        return (
+            f"Tolerated: whichever of these faults happens, and when, {kept} can be kept. The "
+            f"smallest margin, {ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
+        )
+    share = f"At {percent(worst.not_tolerated)} of all instants it is not tolerated"
+    if worst.verdict is Verdict.BORDERLINE:
+        return f"Borderline. {when}, with a margin of {ratio(worst.margin)}."
+    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}. {share}."
+
+
+def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
+    """Say what the worst instant takes."""
+    if timeline.force is None:
+        return "a direction of force is lost"
+    if math.isnan(worst.jump):
+        return "nothing holds the arm"
+    unit = timeline.task.size_unit
+    return f"the force jumps by {size(worst.jump)} {unit}"
+
+
+def faults_in_words(robot: Robot, faults: FaultSet) -> str:
+    """Name the joints of a set: ``2 joint2 and 4 joint4 locked``."""
+    names = joined(f"{i + 1} {robot.names[i]}" for i in faults.joints)
+    return f"{names} {faults.faults[0].mode}"
+
+
+def peak(values: Vector) -> str:
+    """Write the largest absolute value, or a dash where nothing is known."""
+    known = np.abs(values[~np.isnan(values)])
+    return number(float(known.max())) if len(known) else "–"

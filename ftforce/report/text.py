@@ -1,0 +1,142 @@
+"""Numbers, directions and amounts in plain words, for tables and files alike."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ftforce.batch.result import SweepSetting
+    from ftforce.core.arrays import Vector
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+
+SIGN = (
+    "force is what the robot exerts on its environment; tau = rnea(q, v, a) + J^T F; torques are "
+    "the force part J^T F, apart from gravity, motion, total and brake_load"
+)
+
+NEGLIGIBLE = 1e-9  # N or N·m: rounding
+_ON_AXIS = 1e-3  # a direction this close to an axis is called by its name
+
+
+def number(x: float, digits: int = 2) -> str:
+    """Write a number with fixed decimals and never a negative zero."""
+    text = f"{x:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def size(x: float, digits: int = 2) -> str:
+    """Write what may be small but must not look like nothing: a jump of 4e-04 N is no 0.00 N."""
+    text = number(x, digits)
+    return f"{x:.0e}" if float(text) == 0.0 and abs(x) > NEGLIGIBLE else text
+
+
+def ratio(x: float) -> str:
+    """Write a margin or ratio with three significant digits."""
+    return "0" if abs(x) < 1e-12 else f"{x:.3g}"
+
+
+def joined(words: Iterable[str]) -> str:
+    """Join words as a sentence does."""
+    words = list(words)
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def axes_in_words(task: Task | SweepSetting) -> str:
+    """Say which axes vectors are given in."""
+    return "the tool frame" if task.axes == "tool" else "the world (the robot's root), at the tip"
+
+
+def direction(task: Task, row: Vector) -> str:
+    """Say a direction: the name of a task axis where it falls on one, else its components.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    row :
+        Unit vector in weighted task coordinates, shape (m,).
+    """
+    largest = int(np.argmax(np.abs(row)))
+    if np.linalg.norm(np.delete(row, largest)) < _ON_AXIS:
+        kind = "force" if task.components[largest][0] == "f" else "moment"
+        return f"{kind} along {task.components[largest][1]}"
+    parts = zip(row.tolist(), task.components, strict=True)
+    return " ".join(f"{x:+.2f} {name}" for x, name in parts if abs(x) >= 0.005)
+
+
+def lost_directions(task: Task, rows: Sequence[Vector]) -> str:
+    """Say which directions are lost, in the task's axes."""
+    return "; ".join(direction(task, row) for row in rows) or "none"
+
+
+def amounts(task: Task, vector: Vector) -> str:
+    """Say the size of a force vector: N and N·m apart."""
+    linear, angular = list(task.force_rows), list(task.moment_rows)
+    parts = []
+    if linear:
+        parts.append(f"{size(float(np.linalg.norm(vector[linear])))} N")
+    if angular:
+        parts.append(f"{size(float(np.linalg.norm(vector[angular])))} N·m")
+    return " and ".join(parts)
+
+
+def vector_in_words(vector: Iterable[float]) -> str:
+    """Write a vector's components, two decimals each."""
+    return f"({', '.join(map(number, vector))})"
+
+
+def unit_of_size(task: Task, direction: Vector | None = None) -> str:
+    """Return the unit of a force's size: along a direction, or if there is none of its norm."""
+    if direction is None:
+        return "weighted N" if task.force_rows and task.moment_rows else task.units[0]
+    return "N" if direction[list(task.force_rows)].any() else "N·m"
+
+
+def is_noticeable(vector: Vector) -> bool:
+    """Return whether a force is more than rounding."""
+    return bool(np.any(np.abs(vector) > NEGLIGIBLE))
+
+
+def percent(share: float) -> str:
+    """Write a share so that neither 0 nor all of it is claimed wrongly."""
+    if 0.0 < share < 1e-9:
+        return "<1e-7%"
+    text = f"{100.0 * share:.3g}%" if share < 1.0 else f"{share:.0%}"
+    return ">99.9%" if text == "100%" and share < 1.0 else text
+
+
+def share(x: float, *, short: bool = False) -> str:
+    """Write a share in percent, likewise, for a column [%]; or short, beside a mark in a plot."""
+    if math.isnan(x):
+        return "–"
+    x *= 100.0
+    low, high = (0.001, 99.9) if short else (0.01, 99.99)
+    if x <= 0.0 or x >= 100.0:
+        return f"{x:.0f}"
+    if x < low or x > high:
+        return f"<{low:g}" if x < low else f">{high:g}"
+    if short:
+        return f"{x:.2g}" if x < 1.0 else f"{x:.3g}"
+    return f"{x:.2f}" if x < 10.0 or x > 99.0 else f"{x:.1f}"
+
+
+def with_units(names: Iterable[str], values: Iterable[float], units: Iterable[str]) -> str:
+    """Write numbers with their names and units: ``fx 80.00 N, fy 50.00 N``."""
+    parts = zip(names, values, units, strict=True)
+    return ", ".join(f"{name} {number(x)} {unit}" for name, x, unit in parts)
+
+
+def set_of(joints: Iterable[int]) -> str:
+    """Write joints (indices from 0) as a set of numbers from 1: ``{2, 4}``."""
+    return "{" + ", ".join(str(joint + 1) for joint in joints) + "}"
+
+
+def torque_of(robot: Robot, joint: int, torque: float) -> str:
+    """Say a torque of a joint (index from 0) with its unit, without its sign."""
+    return f"{size(abs(torque))} {robot.joints[joint].torque_unit}"

@@ -1,0 +1,204 @@
+"""Weight, motion and mass matrix of an arm with a payload, from Pinocchio (eq. 20, 21).
+
+``rnea(q, v, a) = M(q) a + V(q, v) v + G(q)`` is split into its weight G and its motion part, so
+that any gravity can be set without touching the model, which threads share.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.errors import InputError
+from ftforce.robot.kinematics import frame_jacobian
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ftforce.robot.robot import Robot
+
+_ROUNDING = 1e-14  # an inertia this small, relative to the arm's largest, is none
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Payload:
+    """A point mass that is fixed to the tip.
+
+    Attributes
+    ----------
+    mass :
+        In kg.
+    offset :
+        Its place in the axes of the tip frame, m, shape (3,).
+    """
+
+    mass: float
+    offset: Vector
+
+    @classmethod
+    def of(cls, mass: float, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
+        """Check a payload.
+
+        Raises
+        ------
+        InputError
+            A negative or infinite mass, or an offset that is not three numbers.
+        """
+        if isinstance(mass, bool) or not isinstance(mass, (int, float, np.number)):
+            raise InputError(f"the payload needs a mass in kg, got {mass!r}")
+        if not (math.isfinite(mass) and mass >= 0.0):
+            raise InputError(f"the payload's mass must be 0 kg or more, got {mass:g}")
+        return cls(float(mass), as_vector(offset, 3, "the payload's place", "x, y, z in m"))
+
+    def __str__(self) -> str:
+        """Return the mass, and the place if it is not the tip."""
+        place = ", ".join(f"{x:g}" for x in self.offset.tolist())
+        return f"{self.mass:g} kg" + (f" at ({place}) m" if self.offset.any() else "")
+
+
+def weight_torque(
+    robot: Robot, q: Vector, gravity: Vector | None = None, payload: Payload | None = None
+) -> Vector:
+    """Return the motor torques that carry the weight, G(q), N·m (N), shape (n,).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    gravity :
+        In the root's axes, m/s², shape (3,); ``None`` takes the model's.
+    payload :
+        What the tip carries.
+    """
+    model, data = robot.model, robot.data
+    configuration = robot.to_model(q)
+    if gravity is None:
+        torque = robot.coordinates.fold_torque(
+            pin.computeGeneralizedGravity(model, data, configuration)
+        )
+    elif robot.mass == 0.0:  # the centre of no mass has no Jacobian
+        torque = np.zeros(robot.n)
+    else:
+        J_com = pin.jacobianCenterOfMass(model, data, configuration)
+        torque = -data.mass[0] * gravity.dot(robot.coordinates.fold(J_com))
+    if payload is not None:
+        down = robot.gravity if gravity is None else gravity
+        torque = torque - payload.mass * down.dot(payload_jacobian(robot, q, payload))
+    return read_only(torque)
+
+
+def motion_torque(
+    robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload | None = None
+) -> Vector:
+    """Return the motor torques that make the motion, M(q) a + V(q, v) v, N·m (N), shape (n,).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q, v, a :
+        Joint positions, velocities and accelerations, rad or m, per s, per s², shape (n,).
+    payload :
+        What the tip carries.
+    """
+    model, data, fold = robot.model, robot.data, robot.coordinates
+    configuration = robot.to_model(q)
+    v_model, a_model = fold.rate(v), fold.rate(a)
+    weight = pin.computeGeneralizedGravity(model, data, configuration).copy()
+    torque = fold.fold_torque(pin.rnea(model, data, configuration, v_model, a_model) - weight)
+    if payload is not None:
+        acceleration = payload_acceleration(robot, q, v, a, payload)
+        torque = torque + payload.mass * acceleration.dot(payload_jacobian(robot, q, payload))
+    return read_only(torque)
+
+
+def rnea_torque(
+    robot: Robot,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    *,
+    gravity: Vector | None = None,
+    payload: Payload | None = None,
+) -> Vector:
+    """Return the motor torques for weight and motion together (eq. 20), N·m (N), shape (n,).
+
+    Parameters
+    ----------
+    robot, q, v, a, payload :
+        As in `motion_torque`.
+    gravity :
+        As in `weight_torque`.
+    """
+    if gravity is not None or payload is not None:
+        return read_only(
+            weight_torque(robot, q, gravity, payload) + motion_torque(robot, q, v, a, payload)
+        )
+    fold = robot.coordinates
+    torque = pin.rnea(robot.model, robot.data, robot.to_model(q), fold.rate(v), fold.rate(a))
+    return read_only(fold.fold_torque(torque))
+
+
+def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
+    """Return M(q), kg·m² (kg·m, kg where joints slide), shape (n, n).
+
+    Raises
+    ------
+    InputError
+        It is not positive definite: the URDF's masses or inertias are missing or impossible.
+    """
+    fold = robot.coordinates
+    M = np.array(pin.crba(robot.model, robot.data, robot.to_model(q)))
+    if not fold.is_identity:
+        M = fold.G.T @ M.reshape(len(fold.G), -1) @ fold.G
+    M = M.reshape(robot.n, robot.n)
+    if payload is not None:
+        J = payload_jacobian(robot, q, payload)
+        M = M + payload.mass * J.T @ J
+    if not _is_positive_definite(M):
+        raise InputError(
+            f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias of "
+            "its URDF are missing or impossible"
+        )
+    return read_only(M)
+
+
+def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
+    """Return the linear Jacobian of the payload in the root's axes, shape (3, n)."""
+    J = frame_jacobian(robot, q, "world")  # places the tip, too
+    linear: Matrix = J[:3]
+    if payload.offset.any():
+        arm = robot.data.oMf[robot.tip_frame].rotation.dot(payload.offset)
+        linear = linear - pin.skew(arm).dot(J[3:])  # v + ω × r
+    return linear
+
+
+def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload) -> Vector:
+    """Return the payload's acceleration in the root's axes, m/s², shape (3,)."""
+    model, data, frame, fold = robot.model, robot.data, robot.tip_frame, robot.coordinates
+    axes = pin.LOCAL_WORLD_ALIGNED
+    pin.forwardKinematics(model, data, robot.to_model(q), fold.rate(v), fold.rate(a))
+    pin.updateFramePlacement(model, data, frame)
+    arm = data.oMf[frame].rotation.dot(payload.offset)
+    tip = pin.getFrameClassicalAcceleration(model, data, frame, axes)
+    omega = pin.getFrameVelocity(model, data, frame, axes).angular
+    acceleration: Vector = (
+        tip.linear + np.cross(tip.angular, arm) + np.cross(omega, np.cross(omega, arm))
+    )
+    return acceleration
+
+
+def _is_positive_definite(M: Matrix) -> bool:
+    """Return whether a mass matrix is more than rounding in every direction."""
+    try:
+        L = np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        return False
+    return bool((L.diagonal() ** 2 > _ROUNDING * M.diagonal().max()).all())

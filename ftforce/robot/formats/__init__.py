@@ -1,0 +1,1 @@
+"""One module per format; all end in one checked tree of links and joints."""

@@ -1,0 +1,284 @@
+"""Denavit–Hartenberg tables: checked, and turned into transforms.
+
+In here lengths are metres and angles radians; :mod:`ftforce.dh_reader` converts. A malformed
+value raises ``InputError`` when a row, mass model or table is built, so later code trusts them.
+This module knows nothing about URDF: that is :mod:`ftforce.robot.formats.dh_to_urdf`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from reprlib import repr as brief
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
+from ftforce.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike
+
+Convention: TypeAlias = Literal["standard", "modified"]
+JointType: TypeAlias = Literal["revolute", "prismatic"]
+Solid: TypeAlias = Literal["thin rod", "solid cylinder"]
+
+BASE, TIP, TIP_JOINT = "base", "tool", "tool_joint"
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One row of a DH table: joint i and the link that it moves.
+
+    Attributes
+    ----------
+    a, alpha :
+        Length (m) and twist (rad) of the common normal: of link i in the standard convention,
+        of link i-1 in the modified one.
+    d, theta :
+        Offset (m) along and angle (rad) about the joint axis. The joint variable q adds to
+        ``theta`` of a revolute joint and to ``d`` of a prismatic one.
+    type :
+        ``"revolute"`` or ``"prismatic"``.
+    lower, upper :
+        Limits of q (rad or m).
+    effort, velocity :
+        Largest motor torque or force (N·m, N) and speed (rad/s, m/s); ``None`` is unknown.
+    mass :
+        Mass of the link (kg); ``None`` takes it from the density of the mass model.
+    joint, link :
+        Names; ``None`` is ``joint{i}``, ``link{i}``.
+    """
+
+    a: float
+    alpha: float
+    d: float
+    theta: float
+    type: JointType
+    lower: float
+    upper: float
+    effort: float | None = None
+    velocity: float | None = None
+    mass: float | None = None
+    joint: str | None = None
+    link: str | None = None
+
+    def __post_init__(self) -> None:
+        check_choice(self.type, "type", JointType)
+        for key in ("a", "alpha", "d", "theta", "lower", "upper"):
+            check_number(getattr(self, key), key)
+        for key in ("effort", "velocity", "mass"):
+            _check_positive(getattr(self, key), key)
+        if self.lower > self.upper:
+            lower, upper = self.with_unit(self.lower), self.with_unit(self.upper)
+            raise InputError(f"lower = {lower} exceeds upper = {upper}")
+        for key in ("joint", "link"):
+            if getattr(self, key) is not None:
+                _check_name(getattr(self, key), key)
+
+    def with_unit(self, q: float) -> str:
+        """Return a value of the joint variable in words."""
+        if self.type == "prismatic":
+            return f"{q:.6g} m"
+        return f"{q:.6g} rad ({math.degrees(q):.6g} deg)"
+
+
+@dataclass(frozen=True)
+class MassModel:
+    """The solid that every link is taken for; its formulas stand in :mod:`ftforce.solids`.
+
+    Attributes
+    ----------
+    model :
+        ``"thin rod"`` or ``"solid cylinder"``.
+    radius :
+        Radius of all links (m), also drawn in the URDF.
+    density :
+        Density (kg/m³) of the links whose row gives no mass, or ``None``.
+    """
+
+    model: Solid
+    radius: float
+    density: float | None = None
+
+    def __post_init__(self) -> None:
+        check_choice(self.model, "model", Solid)
+        check_number(self.radius, "radius")
+        _check_positive(self.radius, "radius")
+        _check_positive(self.density, "density")
+
+
+@dataclass(frozen=True, eq=False)
+class DHTable:
+    """A checked DH table: a serial arm from link ``base`` to link ``tool``.
+
+    Attributes
+    ----------
+    name :
+        Name of the robot.
+    convention :
+        ``"standard"`` (Denavit & Hartenberg: frame i at the far end of link i) or ``"modified"``
+        (Craig: frame i at the axis of joint i).
+    rows :
+        One per joint, base to tip.
+    mass :
+        Mass model of the links.
+    postures :
+        Named joint positions, shape (n,) each (rad or m).
+    source :
+        The file that the table comes from, or ``None``.
+    """
+
+    name: str
+    convention: Convention
+    rows: tuple[DHRow, ...]
+    mass: MassModel
+    postures: Mapping[str, Vector] = field(default_factory=dict)
+    source: Path | None = None
+
+    def __post_init__(self) -> None:
+        _check_name(self.name, "name")
+        check_choice(self.convention, "convention", Convention)
+        if not self.rows:
+            raise InputError("rows is empty; a table needs one row per joint")
+        for i, row in enumerate(self.rows, start=1):
+            if row.mass is None and self.mass.density is None:
+                raise InputError(f"row {i}: missing key 'mass' (or one 'density' in mass)")
+        _check_distinct(*self.joint_names, TIP_JOINT, *self.link_names)
+        postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
+        object.__setattr__(self, "postures", MappingProxyType(postures))
+
+    @staticmethod
+    def from_toml(path: str | PathLike[str]) -> DHTable:
+        """Read a DH table; ``robots/dh5.toml`` shows and explains every key.
+
+        Raises
+        ------
+        DHTableError
+            The file cannot be read or the table is malformed; the message names the row and key.
+        """
+        from ftforce.dh_reader import read_dh_table
+
+        return read_dh_table(path)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints, base to tip."""
+        return tuple(row.joint or f"joint{i}" for i, row in enumerate(self.rows, start=1))
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the n+2 links: ``base``, one per joint, ``tool``."""
+        links = (row.link or f"link{i}" for i, row in enumerate(self.rows, start=1))
+        return (BASE, *links, TIP)
+
+    def transforms(self, q: ArrayLike) -> Matrix:
+        """Return the poses of DH frames 0 to n in the base frame.
+
+        With Z = Rot_z(θ) Trans_z(d) and X = Rot_x(α) Trans_x(a), a row is Z X in the standard
+        convention (Spong, Hutchinson & Vidyasagar, eq. 3.10) and X Z in the modified one
+        (Craig, eq. 3.6).
+
+        Parameters
+        ----------
+        q :
+            Joint positions, shape (n,), rad or m.
+
+        Returns
+        -------
+        :
+            Homogeneous matrices, shape (n+1, 4, 4); the last one is the tip.
+
+        Raises
+        ------
+        InputError
+            Wrong number of joint positions, or not finite.
+        """
+        q = as_vector(q, len(self.rows), "q", "one per row")
+        poses = [np.eye(4)]
+        for row, variable in zip(self.rows, q.tolist(), strict=True):
+            turn, shift = (variable, 0.0) if row.type == "revolute" else (0.0, variable)
+            X, Z = _along_x(row.alpha, row.a), _along_z(row.theta + turn, row.d + shift)
+            poses.append(poses[-1] @ (Z @ X if self.convention == "standard" else X @ Z))
+        return read_only(np.array(poses))
+
+    def _checked_posture(self, name: str, values: ArrayLike) -> Vector:
+        _check_name(name, "posture name")
+        q = as_vector(values, len(self.rows), f"posture {name!r}", "one per row")
+        for joint, row, position in zip(self.joint_names, self.rows, q.tolist(), strict=True):
+            if not row.lower <= position <= row.upper:
+                shown, lower, upper = map(row.with_unit, (position, row.lower, row.upper))
+                where = f"posture {name!r}: {joint} = {shown}"
+                raise InputError(f"{where} is outside its limits {lower} to {upper}")
+        return q
+
+
+def cos_sin(angle: float) -> tuple[float, float]:
+    """Return cosine and sine, exact at quarter turns, where the double of an angle is rounded."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return (0.0 if abs(cosine) < 1e-15 else cosine, 0.0 if abs(sine) < 1e-15 else sine)
+
+
+def _along_x(alpha: float, a: float) -> Matrix:
+    c, s = cos_sin(alpha)
+    return np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+
+
+def _along_z(theta: float, d: float) -> Matrix:
+    c, s = cos_sin(theta)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
+
+
+def check_number(value: object, key: str) -> float:
+    """Return a number as a float.
+
+    Raises
+    ------
+    InputError
+        It is none, or not finite.
+    """
+    # bool is an int in Python, but `true` is no length.
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{key} needs a number, got {brief(value)}")
+    if not abs(value) <= sys.float_info.max:
+        raise InputError(f"{key} needs a finite number, got {brief(value)}")
+    return float(value)
+
+
+def _check_positive(value: float | None, key: str) -> None:
+    if value is not None and check_number(value, key) <= 0:
+        raise InputError(f"{key} needs to be positive, got {value:g}")
+
+
+def check_choice(value: object, kind: str, choices: Any) -> None:
+    """Check that a value is one of a ``Literal``'s.
+
+    Raises
+    ------
+    UnknownNameError
+        It is not; the message lists them.
+    """
+    if value not in get_args(choices):
+        name = value if isinstance(value, str) else brief(value)
+        raise UnknownNameError(kind, name, get_args(choices))
+
+
+def _check_name(name: object, key: str) -> None:
+    # Unprintable characters are forbidden in XML; blanks at the ends are invisible everywhere.
+    if not isinstance(name, str) or not name or not name.isprintable() or name != name.strip():
+        raise InputError(f"{key} needs printable text without blanks around it, got {brief(name)}")
+
+
+def _check_distinct(*names: str) -> None:
+    # Links and joints share one list because Pinocchio looks both up as frames by name.
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"joints and links need names of their own; {twice[0]!r} is taken twice")

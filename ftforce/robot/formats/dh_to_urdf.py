@@ -1,0 +1,227 @@
+"""A DH table becomes a URDF and an SRDF, through yourdfpy.
+
+Frames
+    One URDF link per row. The frame of link i has its z axis on joint axis i and turns (or slides)
+    with it. What follows is the constant step Rot_z(θ) Trans_z(d) Trans_x(a) Rot_x(α), the origin
+    of the next joint: ``xyz = (a cos θ, a sin θ, d)`` and ``rpy = (α, 0, θ)``, the very numbers of
+    the table. θ and d come from row i; a and α from row i in the standard convention, from row i+1
+    in the modified one (whose first a and α belong to the base). The last step is a fixed joint to
+    the link ``tool``, which is DH frame n.
+Unknown limits
+    A URDF has to state effort and velocity; 0 means unknown.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ftforce.errors import OutputError, URDFError
+from ftforce.robot.formats.dh import BASE, TIP, TIP_JOINT, DHTable
+from ftforce.solids import ZERO, Body, Origin, check_inertia, inertia_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+
+    from ftforce.core.arrays import Matrix
+
+
+def to_urdf(table: DHTable) -> str:
+    """Return the arm as the text of a URDF, written by yourdfpy and read back by it.
+
+    Raises
+    ------
+    DHTableError
+        The size of a link is such that no body has its inertia.
+    URDFError
+        yourdfpy does not find the same arm in the text.
+    """
+    import yourdfpy
+
+    bodies = _bodies(table)
+    origins: list[Origin] = []
+    links = [_link(body, table, origins) for body in bodies]
+    joints = _joints(table, bodies, origins)
+    robot = yourdfpy.Robot(table.name, [*links, yourdfpy.Link(TIP)], joints)
+    tree = yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False).write_xml()
+    _write_numbers(tree, origins)
+    content = BytesIO()
+    tree.write(content, encoding="utf-8", pretty_print=True)
+    text = _head(table) + content.getvalue().decode()
+    _check_urdf(text, table)
+    return text
+
+
+def to_srdf(table: DHTable) -> str:
+    """Return the text of the SRDF: group ``arm`` (the chain), its postures and the end effector."""
+    robot = ElementTree.Element("robot", name=table.name)
+    arm = ElementTree.SubElement(robot, "group", name="arm")
+    ElementTree.SubElement(arm, "chain", base_link=BASE, tip_link=TIP)
+    hand = ElementTree.SubElement(robot, "group", name="hand")
+    ElementTree.SubElement(hand, "link", name=TIP)
+    for name, q in table.postures.items():
+        state = ElementTree.SubElement(robot, "group_state", name=name, group="arm")
+        for joint, value in zip(table.joint_names, q.tolist(), strict=True):
+            ElementTree.SubElement(state, "joint", name=joint, value=_digits(value))
+    end = {"name": TIP, "parent_link": TIP, "group": "hand", "parent_group": "arm"}
+    ElementTree.SubElement(robot, "end_effector", end)
+    ElementTree.indent(robot)
+    return _head(table) + ElementTree.tostring(robot, encoding="unicode") + "\n"
+
+
+def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
+    """Write URDF and, beside it, SRDF: both whole or, replacing nothing, neither.
+
+    Parameters
+    ----------
+    table :
+        The arm.
+    path :
+        The URDF, ending in ``.urdf``. Existing files are replaced.
+
+    Returns
+    -------
+    :
+        Paths of the URDF and the SRDF.
+
+    Raises
+    ------
+    OutputError
+        A file could not be written.
+    DHTableError, URDFError
+        As :func:`to_urdf`.
+    """
+    urdf = Path(path)
+    if urdf.suffix.lower() != ".urdf":
+        raise OutputError(urdf, "cannot be written: its name needs to end in .urdf")
+    srdf = urdf.with_suffix(".srdf")
+    texts = {urdf: to_urdf(table), srdf: to_srdf(table)}
+    try:
+        for target in texts:
+            _check_target(target, table.source)
+        _replace_together(texts, urdf.parent)
+    except OSError as error:
+        raise OutputError(urdf, f"cannot be written: {error.strerror or error}") from None
+    return urdf, srdf
+
+
+def _bodies(table: DHTable) -> list[Body]:
+    along_z = [(0.0, 0.0), *((row.theta, row.d) for row in table.rows)]
+    along_x = [(row.a, row.alpha) for row in table.rows]
+    along_x.insert(0 if table.convention == "standard" else len(along_x), (0.0, 0.0))
+    masses = [None, *(row.mass for row in table.rows)]
+    steps = zip(table.link_names[:-1], along_z, along_x, masses, strict=True)
+    return [Body(name, *z, *x, mass) for name, z, x, mass in steps]
+
+
+def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
+    import yourdfpy
+
+    radius = table.mass.radius
+    link = yourdfpy.Link(body.name)
+    if body.name != BASE:
+        with np.errstate(over="ignore", invalid="ignore"):  # check_inertia refuses the result
+            mass, centre, inertia = inertia_of(body, table.mass)
+        check_inertia(inertia, body, table)
+        link.inertial = yourdfpy.Inertial(_noted(Origin(centre), origins), mass, inertia)
+    for rod in body.rods:
+        cylinder = yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius, rod.length))
+        link.visuals.append(yourdfpy.Visual(None, _noted(rod.origin, origins), cylinder))
+    if body.name != BASE and not body.rods:
+        ball = yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius))
+        link.visuals.append(yourdfpy.Visual(None, _noted(Origin(ZERO), origins), ball))
+    return link
+
+
+def _joints(table: DHTable, bodies: list[Body], origins: list[Origin]) -> list[Any]:
+    import yourdfpy
+
+    joints = []
+    named_rows = zip(table.joint_names, table.rows, strict=True)
+    for (name, row), (parent, child) in zip(named_rows, pairwise(bodies), strict=True):
+        origin = _noted(parent.end, origins)
+        limit = yourdfpy.Limit(row.effort or 0, row.velocity or 0, row.lower, row.upper)
+        moved = (name, row.type, parent.name, child.name, origin, np.array([0, 0, 1]))
+        joints.append(yourdfpy.Joint(*moved, limit=limit))
+    origin = _noted(bodies[-1].end, origins)
+    return [*joints, yourdfpy.Joint(TIP_JOINT, "fixed", bodies[-1].name, TIP, origin)]
+
+
+def _noted(origin: Origin, origins: list[Origin]) -> Matrix:
+    """Keep an origin for :func:`_write_numbers`; return what holds its place in yourdfpy."""
+    origins.append(origin)
+    return np.eye(4)
+
+
+def _write_numbers(tree: Any, origins: list[Origin]) -> None:
+    # yourdfpy takes an origin as a matrix and computes angles back from it, which costs the last
+    # digit of most and a sign of some zeros. So it got placeholders, and here come the numbers.
+    for element, origin in zip(tree.iter("origin"), origins, strict=True):
+        for key, numbers in origin._asdict().items():
+            element.set(key, " ".join(map(str, numbers)))
+    for element in tree.iter():
+        for key, value in element.attrib.items():
+            if key not in ("name", "type", "link"):
+                element.set(key, " ".join(_digits(float(number)) for number in value.split()))
+
+
+def _digits(number: float) -> str:
+    """Return the shortest text that reads back as the same double; zero has no sign."""
+    return repr(number + 0.0).removesuffix(".0")
+
+
+def _head(table: DHTable) -> str:
+    source = "a DH table" if table.source is None else table.source.name
+    source = re.sub(r"[^\w. -]|-(?=-)", "_", source)  # a comment may hold no double hyphen
+    comment = f"<!-- generated by ftforce dh from {source}; do not edit -->"
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{comment}\n'
+
+
+def _check_urdf(text: str, table: DHTable) -> None:
+    import yourdfpy
+
+    robot = yourdfpy.URDF.load(BytesIO(text.encode()), load_meshes=False)
+    if not robot.validate():
+        raise URDFError(f"{table.name}.urdf", f"yourdfpy refuses it: {robot.errors[0]}")
+    q = np.linspace(0.3, 0.8, len(table.rows))
+    robot.update_cfg(q)
+    poses = table.transforms(q)
+    error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
+    # trimesh, below yourdfpy, takes poses within 1e-8 of the identity for it; hence not tighter.
+    if not error <= 1e-6 * np.abs(poses).max():
+        raise URDFError(f"{table.name}.urdf", "its tip is not where the DH table has it")
+
+
+def _check_target(target: Path, source: Path | None) -> None:
+    if target.exists() and not target.is_file():
+        raise OutputError(target, "cannot be written: it exists and is not a regular file")
+    if source is not None and target.exists() and source.exists() and target.samefile(source):
+        raise OutputError(target, "cannot be written: it is the DH table itself")
+
+
+def _replace_together(texts: Mapping[Path, str], folder: Path) -> None:
+    # Written in a directory beside the targets: on the same file system replacing is atomic.
+    with TemporaryDirectory(prefix=".ftforce-", dir=folder) as scratch:
+        new = {path: Path(scratch, "new-" + path.name) for path in texts}
+        old = {path: Path(scratch, "old-" + path.name) for path in texts}
+        for path, text in texts.items():
+            new[path].write_bytes(text.encode())
+            if path.exists():
+                shutil.copy2(path, old[path])
+        try:
+            for path in texts:
+                new[path].replace(path)
+        except BaseException:
+            for path in texts:
+                if not new[path].exists():  # it is in place already: put the old one back
+                    old[path].replace(path) if old[path].exists() else path.unlink()
+            raise

@@ -1,0 +1,101 @@
+"""Tip pose and Jacobians, from Pinocchio."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+if TYPE_CHECKING:
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.task import Axes, Task
+    from ftforce.robot.robot import Robot
+
+# A slice of Pinocchio's WORLD Jacobian is no force map at the tip (docs/conventions).
+_FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
+
+
+def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
+    """Return orientation (3, 3) and position (3,) in m of the tip in the root's axes.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    pin.framesForwardKinematics(model, data, robot.to_model(q))
+    pose = data.oMf[robot.tip_frame]
+    return pose.rotation.copy(), pose.translation.copy()
+
+
+def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
+    """Return orientation (3, 3) and position (3,) in m of every joint of the model, root first.
+
+    In the root's axes; the model's joints outside the chain, and followers, are among them.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions along the chain, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    pin.forwardKinematics(model, data, robot.to_model(q))
+    return tuple((pose.rotation.copy(), pose.translation.copy()) for pose in data.oMi)
+
+
+def reach_bound(robot: Robot) -> tuple[Vector, float]:
+    """Return the place of the first joint, m, shape (3,), and the length of all links in a row, m.
+
+    The tip is never farther from there; infinite if a joint slides without limits.
+    """
+    model = robot.model
+    places = [placement.translation for placement in model.jointPlacements.tolist()[1:]]
+    links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
+    slides = 0.0
+    for joint in robot.joints:
+        if joint.type == "prismatic":  # its followers slide with it, at most as far each
+            slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
+    scale = np.abs(robot.coordinates.G).max(initial=1.0)
+    length = float(sum(map(np.linalg.norm, links))) + slides * scale
+    return places[0].copy(), length + float(np.abs(robot.coordinates.offset).sum())
+
+
+def quaternion(R: Matrix) -> Vector:
+    """Return the unit quaternion x, y, z, w of a rotation (3, 3); its sign is left open."""
+    coefficients: Vector = pin.Quaternion(R).coeffs()
+    return coefficients
+
+
+def rotation_vector(R: Matrix) -> Vector:
+    """Return axis times angle of a rotation (3, 3), rad, shape (3,)."""
+    vector: Vector = pin.log3(R)
+    return vector
+
+
+def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
+    """Return the Jacobian of the tip, linear rows first, shape (6, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    axes :
+        ``tool``: axes of the tip frame; ``world``: axes of the root, at the tip point.
+    """
+    J = pin.computeFrameJacobian(
+        robot.model, robot.data, robot.to_model(q), robot.tip_frame, _FRAMES[axes]
+    )
+    return robot.coordinates.fold(J)
+
+
+def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
+    """Return the task's rows of the Jacobian, unweighted (m/rad, rad/rad), shape (m, n)."""
+    return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])

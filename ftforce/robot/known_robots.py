@@ -1,0 +1,123 @@
+"""Known robots: a name becomes a URDF, an SRDF, a tip and postures (robots/robots.toml)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from ftforce.errors import FtforceError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_EXAMPLE_ROBOTS = Path("cmeel.prefix/share/example-robot-data/robots")
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """An effort limit (N·m or N; 0 = unknown) that replaces the URDF's, and why."""
+
+    joint: str
+    effort: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRobot:
+    """One entry of robots.toml.
+
+    Attributes
+    ----------
+    name, about :
+        The name to give, and one line on the arm.
+    urdf, srdf :
+        Files; ``srdf`` may be ``None``.
+    tip, base :
+        Links; an empty base is the URDF's root.
+    posture :
+        Name of the default posture.
+    postures :
+        Further postures: joint values in rad or m along the chain.
+    corrections :
+        Effort limits that replace the URDF's.
+    notes :
+        What a user should know about this URDF.
+    """
+
+    name: str
+    about: str
+    urdf: Path
+    srdf: Path | None
+    tip: str
+    base: str
+    posture: str
+    postures: Mapping[str, tuple[float, ...]]
+    corrections: tuple[Correction, ...]
+    notes: tuple[str, ...]
+
+
+def robots_folder() -> Path:
+    """Return the folder of robots.toml: inside an installed package, or beside it in a checkout."""
+    package = Path(__file__).parents[1]
+    installed = package / "robots"
+    return installed if installed.is_dir() else package.parent / "robots"
+
+
+@lru_cache(maxsize=1)
+def known_robots() -> Mapping[str, KnownRobot]:
+    """Return every known robot by name, in the order of robots.toml."""
+    import tomllib  # a URDF given by its path needs none of this
+
+    with (robots_folder() / "robots.toml").open("rb") as file:
+        entries = tomllib.load(file)
+    return MappingProxyType({name: _known(name, entry) for name, entry in entries.items()})
+
+
+def find_robot(name: str) -> KnownRobot:
+    """Return a known robot.
+
+    Raises
+    ------
+    UnknownNameError
+        No robot has this name.
+    """
+    try:
+        return known_robots()[name]
+    except KeyError:
+        raise UnknownNameError("known robot or file", name, known_robots()) from None
+
+
+def _known(name: str, entry: dict[str, Any]) -> KnownRobot:
+    folder = robots_folder() if entry.get("bundled", False) else _example_robots()
+    srdf = entry.get("srdf")
+    return KnownRobot(
+        name=name,
+        about=entry["about"],
+        urdf=folder / entry["urdf"],
+        srdf=folder / srdf if srdf else None,
+        tip=entry["tip"],
+        base=entry.get("base", ""),
+        posture=entry["posture"],
+        postures=MappingProxyType({k: tuple(q) for k, q in entry.get("postures", {}).items()}),
+        corrections=tuple(Correction(**c) for c in entry.get("corrections", ())),
+        notes=tuple(entry.get("notes", ())),
+    )
+
+
+@lru_cache(maxsize=1)
+def _example_robots() -> Path:
+    # example-robot-data 6 holds data only: it cannot be imported, so its files are located.
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    try:
+        folder = Path(str(distribution("example-robot-data").locate_file(_EXAMPLE_ROBOTS)))
+    except PackageNotFoundError:
+        folder = _EXAMPLE_ROBOTS
+    if not folder.is_dir():
+        raise FtforceError(
+            "the robot models are missing; install them with `pip install example-robot-data`"
+        )
+    return folder

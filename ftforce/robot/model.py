@@ -1,0 +1,97 @@
+"""Pinocchio's model of a chain, made from a checked tree."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ftforce.core.arrays import read_only
+from ftforce.errors import URDFError
+from ftforce.robot.chain import Follower
+from ftforce.robot.coordinates import Coordinates
+from ftforce.robot.stderr import captured_stderr
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from ftforce.robot.chain import Chain
+    from ftforce.robot.formats.tree import UrdfTree
+
+
+def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
+    """Return the model, in codes for names, with every joint outside the chain fixed.
+
+    Parameters
+    ----------
+    chain :
+        The joints that stay.
+    held :
+        Where the others are fixed, rad or m.
+    """
+    full = full_model(chain.tree)
+    codes = chain.tree.joint_codes()
+    q = pin.neutral(full)  # floating and planar roots stay at their neutral pose
+    for name, value in held.items():
+        joint = full.joints[full.getJointId(codes[name])]
+        if joint.nq == 1:
+            q[joint.idx_q] = value
+        else:
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+    moving = {codes[name] for name in chain.moving}
+    fixed = [i for i in range(1, full.njoints) if full.names[i] not in moving]
+    return pin.buildReducedModel(full, fixed, q)
+
+
+def full_model(tree: UrdfTree) -> pin.Model:
+    """Return Pinocchio's model of the whole tree, named by codes (see `UrdfTree.to_xml`).
+
+    Raises
+    ------
+    URDFError
+        Pinocchio finds something wrong that we did not.
+    """
+    try:
+        with captured_stderr() as printed:
+            return pin.buildModelFromXML(tree.to_xml())
+    except (ValueError, RuntimeError) as problem:
+        reason = " ".join(f"{printed} {problem}".split())
+        raise URDFError(tree.path, f"Pinocchio cannot read it: {reason}") from None
+
+
+def restore_names(model: pin.Model, tree: UrdfTree) -> None:
+    """Give joints and frames of a model made from `UrdfTree.to_xml` the URDF's names."""
+    codes = (*tree.link_codes().items(), *tree.joint_codes().items())
+    names = {code: name for name, code in codes}
+    model.name = tree.name
+    for i in range(1, model.njoints):
+        model.names[i] = names[model.names[i]]
+    for frame in model.frames:
+        frame.name = names.get(frame.name, frame.name)
+
+
+def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
+    """Return the map from the chain's n numbers to a model in codes."""
+    codes = chain.tree.joint_codes()
+    G = np.zeros((model.nv, len(chain.leaders)))
+    offset = np.zeros(model.nv)
+    for column, leader in enumerate(chain.leaders):
+        moved = [Follower(leader.name, 1.0, 0.0), *chain.followers[leader.name]]
+        for joint in moved:
+            if joint.name in chain.moving:
+                row = model.joints[model.getJointId(codes[joint.name])].idx_v
+                G[row, column], offset[row] = joint.multiplier, joint.offset
+    plain = [joint for joint in model.joints.tolist()[1:] if joint.nq == 1]
+    circle = [joint for joint in model.joints.tolist()[1:] if joint.nq == 2]
+    same = model.nq == model.nv == len(chain.leaders) and np.array_equal(G, np.eye(model.nv))
+    return Coordinates(
+        G=read_only(G),
+        offset=read_only(offset),
+        plain_v=np.array([joint.idx_v for joint in plain], dtype=np.intp),
+        plain_q=np.array([joint.idx_q for joint in plain], dtype=np.intp),
+        circle_v=np.array([joint.idx_v for joint in circle], dtype=np.intp),
+        circle_q=np.array([joint.idx_q for joint in circle], dtype=np.intp),
+        nq=model.nq,
+        is_identity=bool(same),
+    )

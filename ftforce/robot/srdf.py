@@ -1,0 +1,77 @@
+"""What an SRDF says about an arm: its tips, its chains and its named postures."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+from ftforce.errors import SRDFError
+from ftforce.io.text import parse_xml, read_numbers, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+    from xml.etree.ElementTree import Element
+
+
+class Srdf(NamedTuple):
+    """The part of an SRDF that a fault analysis needs.
+
+    Attributes
+    ----------
+    path :
+        The file; empty if there is none.
+    end_effectors :
+        Parent links of the end effectors.
+    chains :
+        Pairs of base link and tip link.
+    states :
+        Joint values (rad, m) of every named posture, by joint name. States of one name that belong
+        to several groups are one posture; where they differ, the last one counts.
+    """
+
+    path: str = ""
+    end_effectors: tuple[str, ...] = ()
+    chains: tuple[tuple[str, str], ...] = ()
+    states: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+
+
+def read_srdf(path: str | PathLike[str]) -> Srdf:
+    """Read an SRDF.
+
+    Raises
+    ------
+    SRDFError
+        The file cannot be read, is not an SRDF, or holds values that are not finite numbers.
+    """
+    root = parse_xml(read_text(path, SRDFError, "an SRDF"), path, SRDFError)
+    if root.tag != "robot":
+        raise SRDFError(path, f"is no SRDF: its root element is <{root.tag}>, not <robot>")
+    ends = [e.get("parent_link", "") for e in root.iter("end_effector")]
+    chains = [(e.get("base_link", ""), e.get("tip_link", "")) for e in root.iter("chain")]
+    states: dict[str, dict[str, float]] = {}
+    for state in root.iter("group_state"):
+        states.setdefault(state.get("name", ""), {}).update(_values(state, path))
+    return Srdf(
+        str(path),
+        tuple(dict.fromkeys(filter(None, ends))),
+        tuple(dict.fromkeys(chain for chain in chains if all(chain))),
+        MappingProxyType({name: MappingProxyType(q) for name, q in states.items() if name.strip()}),
+    )
+
+
+def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:
+    if not state.get("name", "").isprintable():
+        reason = f"the state name {state.get('name')!r} holds characters that cannot be printed"
+        raise SRDFError(path, reason)
+    values = {}
+    for joint in state.iter("joint"):
+        name, value = joint.get("name", ""), joint.get("value", "")
+        if len(value.split()) > 1:  # a floating or planar joint; it is held fixed
+            continue
+        try:
+            values[name] = read_numbers(value, 1)[0]
+        except ValueError as problem:
+            where = f"state {state.get('name')!r}, joint {name!r}"
+            raise SRDFError(path, f"{where}: value {problem}") from None
+    return values

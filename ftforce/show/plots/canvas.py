@@ -1,0 +1,354 @@
+"""What plots share: axes in sizes for print, colours and strokes to tell apart, fault marks."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftforce.errors import FtforceError, InputError
+from ftforce.report.text import NEGLIGIBLE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.trajectory.history import History
+
+Options: TypeAlias = dict[str, Any]
+"""Keyword arguments of matplotlib."""
+
+WIDTH = 180.0 / 25.4  # in; two columns of a journal, or a page of A4
+SMALL, TITLE = 7.0, 8.0  # pt; the smallest text, and titles
+PRINT: Any = {
+    "font.size": SMALL,
+    "axes.titlesize": TITLE,
+    "axes.labelsize": 7.5,
+    "axes.linewidth": 0.6,
+    "legend.fontsize": SMALL,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 3.5,
+    "hatch.linewidth": 0.6,
+}
+"""Sizes for a picture of 180 mm that is printed as it is."""
+
+# Okabe and Ito's colours for all kinds of colour vision; their yellow is too pale for a line.
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+LINE_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p", "h")
+SOLID, DASHED, DOTTED = (0, ()), (0, (5, 2.5)), (0, (0.1, 2.4))
+DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
+
+NOTHING = "nothing holds the arm"
+HIGHEST = 9.6  # in; a page of A4 with its caption
+ROW = 0.16  # in; height of a row of text
+LONGEST_NAME = 24  # letters of a joint's name
+
+ROW_OF_TEXT = 1.3  # height of a row over the size of its text
+_LETTER = 0.52  # width of an average letter over the size of the text
+_ROOM = 0.8  # what legends leave of an axes' width, about
+
+
+class Stroke(NamedTuple):
+    """How a run is drawn: curves that coincide must all be seen."""
+
+    words: str
+    colour: str
+    dashes: tuple[float, Sequence[float]]
+    width: float
+    alpha: float
+
+    def options(self, colour: str | None = None) -> dict[str, Any]:
+        """Return options of a line, in the run's colour if none is given."""
+        return {
+            "color": colour or self.colour,
+            "linestyle": self.dashes,
+            "linewidth": self.width,
+            "alpha": self.alpha,
+            "dash_capstyle": "round" if self.dashes == DOTTED else "butt",
+        }
+
+
+STROKES = {
+    "healthy": Stroke("as if healthy", SKY, SOLID, 4.0, 0.45),
+    "unremapped": Stroke("without remap", VERMILION, DOTTED, 2.2, 1.0),
+    "remapped": Stroke("with remap", BLACK, DASHED, 1.1, 1.0),
+}
+
+
+def line_of(i: int, count: int, samples: int) -> dict[str, Any]:
+    """Return options of line i of some: colour, dashes and marker, apart also without colour."""
+    return {
+        "color": LINE_COLOURS[i % len(LINE_COLOURS)],
+        "linestyle": DASHES[i % len(DASHES)],
+        "marker": MARKERS[i % len(MARKERS)],
+        "markevery": sparse(i, count, samples),
+    }
+
+
+def sparse(i: int, count: int, samples: int) -> tuple[int, int]:
+    """Return which samples of line i of some carry a marker: few, and not the same in all lines."""
+    step = max(samples // 8, 1)
+    return step * (i + 1) // (count + 1), step
+
+
+def needs_matplotlib() -> None:
+    """Say how to get matplotlib.
+
+    Raises
+    ------
+    FtforceError
+        It is missing.
+    """
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise FtforceError("plots need matplotlib: pip install 'ftforce[plot]'") from None
+
+
+@contextmanager
+def canvas(ax: Axes | None, height: float, *, solid: bool = False) -> Iterator[Axes]:
+    """Yield the axes to draw on: those given, or a new figure's in sizes for print.
+
+    Parameters
+    ----------
+    ax :
+        Axes, or ``None`` for new ones.
+    height :
+        Of a new figure, in.
+    solid :
+        Whether they have three dimensions.
+
+    Raises
+    ------
+    InputError
+        What is given is no axes, or of the other dimension.
+    """
+    needs_matplotlib()
+    from matplotlib import rc_context
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    if ax is not None:
+        wanted = "projection='3d'" if solid else "two dimensions"
+        if not isinstance(ax, Axes) or (ax.name == "3d") is not solid:
+            name = getattr(ax, "name", None)
+            got = f"axes of projection {name!r}" if isinstance(ax, Axes) else repr(ax)
+            raise InputError(f"ax must be matplotlib axes with {wanted}, got {got}")
+        yield ax
+        return
+    with rc_context(PRINT):
+        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        yield figure.add_subplot(projection="3d" if solid else None)
+        fit_ticks(figure)
+
+
+def grid(ax: Axes, axis: Literal["both", "x"] = "both") -> None:
+    """Draw pale lines behind everything."""
+    ax.grid(axis=axis, color="0.9", linewidth=0.5)
+    ax.set_axisbelow(True)
+
+
+def mark(marker: str, colour: str, size: float, label: str, **options: Any) -> Line2D:
+    """Return a marker with a black border, as a legend shows it."""
+    from matplotlib.lines import Line2D
+
+    look: Options = {"markeredgecolor": BLACK, "markeredgewidth": 0.8} | options
+    face: Options = {"marker": marker, "markerfacecolor": colour, "markersize": size}
+    return Line2D([], [], linestyle="none", label=label, **face, **look)
+
+
+def cube(ax: Any, low: Vector, high: Vector, half: float, **ticks: Any) -> None:
+    """Give axes of three dimensions one scale: a cube of twice the half around low to high, m."""
+    from matplotlib.ticker import MaxNLocator
+
+    for name, middle in zip("xyz", (0.5 * (low + high)).tolist(), strict=True):
+        getattr(ax, f"set_{name}lim")(middle - half, middle + half)
+        getattr(ax, f"set_{name}label")(f"{name} [m]")
+        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(**ticks))
+        getattr(ax, f"{name}axis").labelpad = -2.0
+    ax.tick_params(pad=-1.0)
+
+
+def fit_ticks(figure: Figure) -> None:
+    """Give numbers at the axes the size for print: they are made later, outside of the style."""
+    for ax in figure.axes:
+        ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
+        if ax.name != "3d":
+            ax.tick_params(which="minor", width=0.4, length=1.5)
+
+
+def key(ax: Axes, handles: Sequence[Any] | None = None, *, gap: bool = False) -> None:
+    """Put the legend beside the axes, where it hides nothing; it says what a gap means."""
+    from matplotlib.lines import Line2D
+
+    found = list(ax.get_legend_handles_labels()[0] if handles is None else handles)
+    if gap:
+        found.append(Line2D([], [], linestyle="none", label=f"gap: {NOTHING}"))
+    if not found:  # matplotlib would warn
+        return
+    place: Options = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.3}
+    ax.legend(handles=found, **place, frameon=False, handlelength=3.4, labelspacing=0.3)
+
+
+def wrapped(ax: Axes, lines: Sequence[str]) -> str:
+    """Return lines of a title, broken where the axes end."""
+    from textwrap import wrap
+
+    letters = int(width_of(ax) / (_LETTER * TITLE))
+    return "\n".join(part for line in lines for part in wrap(line, max(letters, 20)))
+
+
+def head(ax: Axes, title: str, handles: Sequence[Any]) -> None:
+    """Put a title above the axes, and the legend between the two."""
+    place: Options = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": len(handles)}
+    space: Options = {
+        "borderpad": 0.0,
+        "borderaxespad": 0.4,
+        "handlelength": 1.8,
+        "columnspacing": 1.6,
+    }
+    ax.legend(handles=handles, **place, **space, frameon=False)
+    lift_titles(ax, 1)
+    ax.set_title(title)
+
+
+def lift_titles(ax: Axes, rows: int) -> None:
+    """Have titles, also later ones, stand above rows of text.
+
+    They stand above the numbers of an axis at the top: here one with blanks for numbers.
+    """
+    if rows:
+        top = ax.secondary_xaxis("top")
+        top.set_xticks([sum(ax.get_xlim()) / 2.0], ["\n".join(" " * rows)])
+        top.tick_params(length=0.0, pad=4.0, labelsize=_size())
+
+
+def fit(ax: Axes, values: Matrix, *, positive: bool = False, least: float = NEGLIGIBLE) -> None:
+    """Fit the vertical axis to values; what is smaller than the least must look like nothing."""
+    size = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    if size <= least:
+        ax.set_ylim(0.0 if positive else -1.0, 1.0)
+    elif positive:
+        ax.set_ylim(0.0, 1.08 * size)
+    # A power of ten above the axis would stand in the way of what is written there.
+    ax.yaxis.set_major_formatter(_plain)
+
+
+def _plain(value: float, _: float) -> str:
+    return f"{value:g}".replace("-", "−")
+
+
+def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
+    """Give axes over time their labels, grid and fault marks, and the title above these."""
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel(ylabel)
+    grid(ax)
+    first, last = float(history.t[0]), float(history.t[-1])
+    ax.set_xlim(first, last if last > first else first + 1.0)
+    lift_titles(ax, mark_faults(ax, history))
+    ax.set_title(title)
+
+
+def mark_faults(ax: Axes, history: History) -> int:
+    """Draw a dashed line at each fault and name it above; return how many rows of names it took."""
+    size, room = _size(), max(int(_ROOM * width_of(ax) / (_LETTER * _size())), 1)  # letters
+    start, end = ax.get_xlim()
+    taken: list[list[tuple[float, float]]] = []
+    for time, at in _in_order(history, start, end):
+        ax.axvline(time, color=BLACK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=3)
+        label = fault_label(history, time, int(room * max(at, 1.0 - at)))
+        length = (len(label) + 1) / room
+        row = _first_free(taken, at, (at, at + length) if at < 0.5 else (at - length, at))
+        side = 0.0 if at < 0.5 else 1.0
+        leader: Options = {"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0.0, "shrinkB": 0.0}
+        ax.annotate(
+            label,
+            (time, 1.0),
+            (0.0, 2.0 + ROW_OF_TEXT * size * row),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            fontsize=size,
+            ha="right" if side else "left",
+            va="bottom",
+            annotation_clip=False,
+            arrowprops={**leader, "relpos": (side, 0.0)} if row else None,
+        )
+    return len(taken)
+
+
+def _in_order(history: History, start: float, end: float) -> list[tuple[float, float]]:
+    """Return times of faults, and where along the axes, so that lines to names cross no name.
+
+    A name stands right of its line in the first half and left of it in the second: the names
+    closest to the middle get the lowest rows.
+    """
+    times = {event.time for event in history.setting.events}
+    places = [(time, (time - start) / (end - start)) for time in times]
+
+    def from_middle(place: tuple[float, float]) -> tuple[bool, float]:
+        return place[1] >= 0.5, abs(place[1] - 0.5)
+
+    return sorted(places, key=from_middle)
+
+
+def _first_free(
+    taken: list[list[tuple[float, float]]], at: float, span: tuple[float, float]
+) -> int:
+    """Return the lowest row with room for a name, and take it, with the line that leads to it."""
+    row = 0
+    while row < len(taken) and any(span[0] < end and start < span[1] for start, end in taken[row]):
+        row += 1
+    if row == len(taken):
+        taken.append([])
+    taken[row].append(span)
+    for lower in taken[:row]:
+        lower.append((at - 1e-3, at + 1e-3))
+    return row
+
+
+def fault_label(history: History, time: float, most: int) -> str:
+    """Return which joints fail at a time and how, in at most so many letters if they can be."""
+    events = (event for event in history.setting.events if event.time == time)
+    named = [part for event in events for part in event.faults.split(", ")]
+    names = {f"{i} {joint.name} " for i, joint in enumerate(history.setting.joints, start=1)}
+    short = [_without_name(part, names) for part in named]
+    for label in (", ".join(named), ", ".join(short)):
+        if len(label) <= most:
+            return label
+    return f"{short[0]} and {len(short) - 1} more" if len(short) > 1 else short[0]
+
+
+def _without_name(part: str, names: set[str]) -> str:
+    """Return ``3 locked`` for ``3 joint3 locked``."""
+    found = next((name for name in names if part.startswith(name)), "")
+    return f"{part.split(maxsplit=1)[0]} {part[len(found) :]}" if found else part
+
+
+def shortened(text: str, most: int) -> str:
+    """Return a text of at most so many letters, cut in the middle: names differ at their ends."""
+    if len(text) <= most:
+        return text
+    tail = max(most // 2, 1)
+    return f"{text[: max(most - tail - 1, 1)]}…{text[-tail:]}"
+
+
+def _size() -> float:
+    """Return the size of text beside the lines, pt: on axes that were given it is their style's."""
+    from matplotlib import rcParams
+    from matplotlib.font_manager import FontProperties
+
+    return FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
+
+
+def width_of(ax: Axes) -> float:
+    """Return the width of axes, pt."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    return float(72.0 * ax.bbox.width / figure.dpi)

@@ -1,0 +1,258 @@
+"""The forces in a plane that an arm can hold: slices of the feasible forces, exact, and drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import read_only
+from ftforce.core.faults import FaultMode
+from ftforce.core.feasible_forces import Reading
+from ftforce.core.polytope import Polytope, force_polytope
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.report import text as words
+from ftforce.show.plots.canvas import BLACK, NOTHING, SKY, VERMILION, Options, canvas, key, wrapped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from ftforce.analysis.capability import Capability
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.feasible_forces import FeasibleForces
+    from ftforce.core.task import Task
+
+Rows = tuple[int, int]
+
+
+class Slice(NamedTuple):
+    """The forces in a plane that can be held at some time.
+
+    Attributes
+    ----------
+    when, words :
+        Short, and for the legend.
+    polytope :
+        The forces, N (N·m), in the plane's two components.
+    look :
+        Options of the drawing.
+    """
+
+    when: str
+    words: str
+    polytope: Polytope
+    look: dict[str, Any]
+
+
+def capability(
+    result: Capability, components: Sequence[str] | None = None, *, ax: Axes | None = None
+) -> Axes:
+    """Draw the forces of two components that can be held before and after the fault.
+
+    They are the exact slice of the force polytope, and not its shadow: the task's other components
+    are zero. So a point says how much the arm can push in this plane and in no other way. With
+    locked joints there are two sets after the fault: what motors command, and what locks and motors
+    hold of a load that is there already.
+
+    Parameters
+    ----------
+    result :
+        What can be held.
+    components :
+        Two of the task's components, for x and y; the first two if not given.
+    ax :
+        Axes to draw on; a new figure's if not given.
+
+    Raises
+    ------
+    InputError
+        The task has no such components, or only one; or the axes are none of two dimensions.
+    """
+    task = result.analysis.task
+    rows = _rows(task, components)
+    names, units = ([x[i] for i in rows] for x in (task.components, task.units))
+    slices = slices_of(result, rows)
+    corners = np.vstack([np.zeros((1, 2)), *(one.polytope.vertices for one in slices)])
+    far = 100.0 * (float(np.abs(corners).max()) or 1.0)
+    with canvas(ax, 3.2) as axes:
+        axes.axhline(0.0, color="0.7", linewidth=0.6)
+        axes.axvline(0.0, color="0.7", linewidth=0.6)
+        for one in slices:
+            _draw(axes, outline(one.polytope, far, _weights(task, rows)), one)
+        _window(axes, corners, same_unit=units[0] == units[1])
+        axes.set_xlabel(f"{names[0]} [{units[0]}]")
+        axes.set_ylabel(f"{names[1]} [{units[1]}]")
+        title = [f"{' and '.join(names)}, {task.axes} axes", *_notes(task, rows, slices)]
+        axes.set_title(wrapped(axes, title))
+        key(axes)
+    return axes
+
+
+def slices_of(result: Capability, rows: Rows) -> list[Slice]:
+    """Return the forces in the plane of two components, before and after."""
+    faults, weights = result.analysis.faults, result.analysis.task.weights
+    found = []
+    locked = faults.in_mode(FaultMode.LOCKED)
+    for when, label, after, reading, look in _LOOKS:
+        if (after and not faults) or (reading is Reading.HELD and not locked):
+            continue
+        feasible = result.feasible(after=after, reading=reading)
+        found.append(Slice(when, label, plane_slice(feasible, rows, weights), look))
+    return found
+
+
+# Wide below narrow: where the sets are the same, all outlines show.
+_LOOKS: tuple[tuple[str, str, bool, Reading, dict[str, Any]], ...] = (
+    (
+        "before",
+        "before the fault",
+        False,
+        Reading.COMMANDED,
+        {"facecolor": "#D9EEF9", "edgecolor": SKY, "linewidth": 2.4},
+    ),
+    (
+        "after",
+        "after, commanded by motors",
+        True,
+        Reading.COMMANDED,
+        {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.4, "hatch": "////"},
+    ),
+    (
+        "with locks",
+        "after, held with locks",
+        True,
+        Reading.HELD,
+        {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.0, "linestyle": (0, (4, 2))},
+    ),
+)
+
+
+def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = None) -> Polytope:
+    """Return the feasible forces that have two components only, with these as coordinates.
+
+    A slice of ``{F₀ + Z z}`` and its limits is a set of the same kind with two rows; so its corners
+    are found as those of the whole set are, without sampling.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces, weighted.
+    rows :
+        The two components.
+    weights :
+        Row weights of the task; ``None`` where all are 1.
+    """
+    # A force E x of the plane is feasible if (I - ZZᵀ) E x = F₀: F₀ is square to Z.
+    m = len(feasible.F0)
+    beyond = (np.eye(m) - feasible.Z @ feasible.Z.T)[:, rows]
+    U, s, Vt = np.linalg.svd(beyond, full_matrices=False)
+    rank = int(np.count_nonzero(s > feasible.rtol))  # sines of the angles from the plane to Z
+    F0 = ((U.T @ feasible.F0)[:rank] / s[:rank]) @ Vt[:rank]
+    miss = float(np.linalg.norm(beyond @ F0 - feasible.F0))
+    if miss > feasible.rtol * float(np.linalg.norm(feasible.F0)):
+        nothing = read_only(np.zeros((0, 2)))
+        return Polytope(nothing, (), 0, nothing)
+    flat = feasible._replace(
+        F0=read_only(F0), Z=read_only(Vt[rank:].T), rows=read_only(feasible.rows[:, rows])
+    )
+    return force_polytope(flat, None if weights is None else weights[list(rows)])
+
+
+def outline(polytope: Polytope, far: float, weights: Vector | None = None) -> Matrix:
+    """Return the corners of a slice in order; where no limit ends it they are far away.
+
+    Parameters
+    ----------
+    polytope :
+        A slice.
+    far :
+        How far, N (N·m).
+    weights :
+        Row weights of the two components; ``None`` where both are 1.
+    """
+    order = polytope.faces[0] if polytope.faces else range(len(polytope.vertices))
+    corners = polytope.vertices[list(order)]
+    for direction in polytope.unlimited if weights is None else polytope.unlimited * weights:
+        step = far * direction / np.linalg.norm(direction)
+        corners = np.vstack([corners + step, corners[::-1] - step])
+    return corners
+
+
+def _rows(task: Task, components: Sequence[str] | None) -> Rows:
+    """Return the rows of two components."""
+    chosen = task.components[:2] if components is None else tuple(components)
+    for name in chosen:
+        if name not in task.components:
+            raise UnknownNameError("component", name, task.components, f"in the task '{task}'")
+    if len(chosen) != 2 or chosen[0] == chosen[1]:
+        raise InputError(
+            "a plane needs two different components of the task, which has "
+            f"{', '.join(task.components)}; got {', '.join(chosen) or 'none'}"
+        )
+    return task.components.index(chosen[0]), task.components.index(chosen[1])
+
+
+def _weights(task: Task, rows: Rows) -> Vector | None:
+    return None if task.weights is None else task.weights[list(rows)]
+
+
+def _notes(task: Task, rows: Rows, slices: Sequence[Slice]) -> list[str]:
+    """Say what outlines do not: that a slice is empty, a point, or has no end."""
+    found: dict[str, list[str]] = {}
+    for one in slices:
+        found.setdefault(_note(task, rows, one.polytope), []).append(one.when)
+    return [f"{', '.join(whens)}: {note}" for note, whens in found.items() if note]
+
+
+def _note(task: Task, rows: Rows, polytope: Polytope) -> str:
+    if polytope.is_empty:
+        return NOTHING
+    if len(polytope.unlimited) == 2:
+        return "no known limit"
+    if len(polytope.unlimited) == 1:
+        return f"no known limit along {_along(task, rows, polytope.unlimited[0])}"
+    if len(polytope.vertices) > 1:
+        return ""
+    return "no force" if np.abs(polytope.vertices).max() <= words.NEGLIGIBLE else "one force alone"
+
+
+def _along(task: Task, rows: Rows, weighted: Vector) -> str:
+    """Say a direction in the plane: the name of its component, or the two parts."""
+    weights = _weights(task, rows)
+    direction = weighted if weights is None else weighted * weights
+    direction = direction / np.linalg.norm(direction)
+    largest = int(np.abs(direction).argmax())
+    if abs(direction[1 - largest]) < 1e-3:
+        return task.components[rows[largest]]
+    return words.vector_in_words(direction * np.sign(direction[largest]))
+
+
+def _draw(ax: Axes, corners: Matrix, one: Slice) -> None:
+    """Draw a polygon, or what is left of one: a line, a point, nothing."""
+    from matplotlib.patches import Polygon
+
+    look = one.look
+    if len(corners) > 2:
+        ax.add_patch(Polygon(corners, closed=True, label=one.words, **look))
+    elif len(corners):
+        style: Options = {
+            "linewidth": 1.5 * look["linewidth"],
+            "linestyle": look.get("linestyle", "-"),
+        }
+        points: Options = {"color": look["edgecolor"], "marker": "X", "markersize": 6.0}
+        ax.plot(*corners.T, label=one.words, **points, **style, zorder=3)
+
+
+def _window(ax: Axes, corners: Matrix, *, same_unit: bool) -> None:
+    """Show all corners: in a square of one scale if both components have one unit."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    span = high - low
+    if same_unit:
+        span = np.full(2, span.max())
+        ax.set_aspect("equal")
+    half = 0.56 * np.where(span > words.NEGLIGIBLE, span, 1.0)
+    middle = 0.5 * (low + high)
+    ax.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    ax.set_ylim(middle[1] - half[1], middle[1] + half[1])

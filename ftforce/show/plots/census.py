@@ -1,0 +1,126 @@
+"""Bars of a census. `ftforce.show.plots` has all plots."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ftforce.core.measures import Verdict
+from ftforce.report import text
+from ftforce.show.plots.canvas import (
+    BLACK,
+    NOTHING,
+    ROW,
+    SKY,
+    VERMILION,
+    YELLOW,
+    Options,
+    canvas,
+    grid,
+    head,
+)
+from ftforce.show.plots.timeline import MARGIN, capability_words, cut, jump_words, set_labels
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from matplotlib.axes import Axes
+
+    from ftforce.analysis.census import Census
+    from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.arrays import Vector
+
+# Apart also without colour: their greys differ, and so do the hatches.
+LOOKS = {
+    Verdict.NOT_TOLERATED: (VERMILION, ""),
+    Verdict.BORDERLINE: (YELLOW, "////"),
+    Verdict.TOLERATED: (SKY, "...."),
+}
+
+
+def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
+    """Draw bars of the worst fault sets: their jump, or what the census ranks by.
+
+    Without a force there is no jump: then the bars are margins.
+
+    Parameters
+    ----------
+    result :
+        All fault sets of a posture.
+    most :
+        How many sets to show, the worst ones.
+    ax :
+        Axes to draw on; a new figure's if not given.
+
+    Raises
+    ------
+    InputError
+        The axes are none of two dimensions.
+    """
+    sets = result.sets[: max(most, 1)]
+    title, label = _words(result)
+    values = np.array([_value(result, report) for report in sets])
+    with canvas(ax, 1.0 + ROW * len(sets)) as axes:
+        _draw(axes, values, sets)
+        axes.set_yticks(range(len(sets)), set_labels(result.robot, [one.faults for one in sets]))
+        axes.set_ylim(len(sets) - 0.4, -0.6)
+        axes.set_xlabel(label)
+        axes.set_ylabel(f"{result.mode.value} joints")
+        head(
+            axes, title + cut(len(sets), len(result.sets)), verdict_key(one.verdict for one in sets)
+        )
+    return axes
+
+
+def _words(result: Census) -> tuple[str, str]:
+    if result.rank_by == "capability":
+        unit = text.unit_of_size(result.task, result.direction)
+        return capability_words(unit, result.direction)
+    return MARGIN if result.before is None else jump_words(result.task.units)
+
+
+def _value(result: Census, report: SetReport) -> float:
+    """Return what a bar shows: NaN if nothing holds the arm."""
+    if report.capability is not None:
+        return report.capability.commanded
+    if result.before is None:
+        return report.margin
+    jump = report.jump_norm if result.task.force_rows else report.moment_jump_norm
+    return math.nan if jump is None else jump
+
+
+def _draw(ax: Axes, values: Vector, sets: Sequence[SetReport]) -> None:
+    lengths = np.where(np.isfinite(values), values, 0.0)
+    top = float(lengths.max())
+    ax.set_xlim(0.0, 1.15 * top if top > text.NEGLIGIBLE else 1.0)
+    grid(ax, "x")
+    bars = ax.barh(range(len(sets)), lengths, height=0.72)
+    for row, (bar, report) in enumerate(zip(bars, sets, strict=True)):
+        bar.set(**look(report.verdict))
+        place: Options = {"textcoords": "offset points", "va": "center_baseline"}
+        end = (float(lengths[row]), row)
+        ax.annotate(_in_words(float(values[row])), end, (3.0, 0.0), **place)
+
+
+def _in_words(value: float) -> str:
+    if math.isnan(value):
+        return NOTHING
+    if math.isinf(value):
+        return "no known limit"
+    return "0" if value <= text.NEGLIGIBLE else f"{value:.3g}"
+
+
+def look(verdict: Verdict) -> dict[str, Any]:
+    """Return how a verdict's bar is drawn."""
+    colour, hatch = LOOKS[verdict]
+    return {"facecolor": colour, "hatch": hatch, "edgecolor": BLACK, "linewidth": 0.5}
+
+
+def verdict_key(verdicts: Iterable[Verdict]) -> list[Any]:
+    """Return what the legend has to say of verdicts, the worst first."""
+    from matplotlib.patches import Patch
+
+    found = set(verdicts)
+    return [Patch(**look(verdict), label=verdict.value) for verdict in LOOKS if verdict in found]

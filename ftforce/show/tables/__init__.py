@@ -1,0 +1,1 @@
+"""Results as tables of rich: one module per type of result."""

@@ -1,0 +1,235 @@
+"""Tables of one analysis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.text import Text
+
+from ftforce.analysis.analyze import load_without_force
+from ftforce.core.faults import FaultMode
+from ftforce.errors import listed, printable
+from ftforce.report import analysis as sentences
+from ftforce.report import text
+from ftforce.report.text import number, ratio
+from ftforce.show.tables.joints import (
+    by_joint,
+    by_unit,
+    motion_table,
+    torque_table,
+    unit_torque_tables,
+    velocity_tables,
+)
+from ftforce.show.tables.parts import (
+    VERDICT_STYLE,
+    Components,
+    TitledTable,
+    defined,
+    facts,
+    listing,
+    spaced,
+    vectors,
+    warning_lines,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rich.console import RenderableType
+
+    from ftforce.analysis.analyze import Analysis
+    from ftforce.analysis.conditions import Conditions
+    from ftforce.core.bounded_remap import BoundedRemap
+    from ftforce.core.changes import ForceChange
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+
+
+def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableType:
+    """Return the tables of one analysis; positions of turning joints in degrees if asked."""
+    force, torque = analysis.force, analysis.torque
+    return spaced(
+        facts(situation(analysis)),
+        torque_table(analysis, torque, degrees=degrees)
+        if torque
+        else unit_torque_tables(analysis, degrees=degrees),
+        motion_table(analysis),
+        velocity_tables(analysis),
+        _tip(analysis.task, force) if force else _unit_tip(analysis),
+        facts(_measures(analysis)),
+        warning_lines(analysis.warnings),
+        Text(sentences.verdict_sentence(analysis), style=VERDICT_STYLE[analysis.verdict]),
+    )
+
+
+def situation(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return what was asked: robot, axes, task, posture, faults, conditions."""
+    robot = analysis.robot
+    return [
+        arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        ("Tip", f"{robot.tip} ({robot.tip_source})"),
+        *task_facts(analysis.task),
+        ("Posture", analysis.posture.source),
+        _faults(robot, analysis.faults),
+        *conditions_facts(analysis.conditions),
+        ("Limits", _limits(analysis)),
+        ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
+    ]
+
+
+def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:
+    """Return which arm it is, from where to where."""
+    return "Robot", f"{name}: {n} joints, {base} → {tip}"
+
+
+def task_facts(task: Task, vectors: str = "vectors") -> list[tuple[str, str]]:
+    """Return axes and components of a task."""
+    length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
+    return [
+        ("Axes", f"{task.axes}: {vectors} are in the axes of {text.axes_in_words(task)}"),
+        ("Task", f"{task} ({', '.join(task.components)}){length}"),
+    ]
+
+
+def force_fact(task: Task, force: Iterable[float] | None) -> tuple[str, str]:
+    """Return which force is asked for."""
+    if force is None:
+        return "Force", "every direction (none given)"
+    return "Force", text.with_units(task.components, force, task.units)
+
+
+def _limits(analysis: Analysis) -> str:
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    return limits_in_words(analysis.limits, analysis.unknown_limits, analysis.robot, locked)
+
+
+def _faults(robot: Robot, faults: FaultSet) -> tuple[str, str]:
+    if any(fault.mode is not FaultMode.LOCKED for fault in faults.faults):
+        parts = (f"{robot.names[fault.joint]} {fault}" for fault in faults.faults)
+        return "Faults", f"{faults} {', '.join(parts)}"
+    names = ", ".join(robot.names[i] for i in faults.joints)
+    return "Locked", f"{faults} {names}" if names else "none"
+
+
+def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
+    """Return gravity, payload and motion in words."""
+    gravity = ", ".join(f"{x:g}" for x in conditions.gravity.tolist())
+    own = " (the model's)" if conditions.is_model_gravity else ""
+    facts = [("Gravity", f"({gravity}) m/s² in the root's axes{own}")]
+    if conditions.payload is not None:
+        place = "in the tool's axes" if conditions.payload.offset.any() else "at the tip"
+        facts.append(("Payload", f"{conditions.payload} {place}"))
+    return facts
+
+
+def limits_in_words(
+    limits: Limits | None, unknown: tuple[int, ...], robot: Robot, locked: tuple[int, ...]
+) -> str:
+    """Say which limits count, and which are unknown."""
+    if limits is None:
+        return "not counted (--limits urdf counts them)"
+    motors = [robot.names[i] for i in unknown if i not in locked]
+    brakes = [robot.names[i] for i in unknown if i in locked]
+    missing = [f"motors of {listed(motors)}"] if motors else []
+    missing += [f"brakes of {listed(brakes)}"] if brakes else []
+    unknown_ones = f"; unknown, count as none: {'; '.join(missing)}" if missing else ""
+    return printable(limits.source) + unknown_ones
+
+
+def _tip(task: Task, force: ForceChange) -> TitledTable:
+    columns = {"before": force.before}
+    if force.after is not None and force.jump is not None:
+        columns |= {"after": force.after, "jump": force.jump}
+    if force.requested is not None and text.is_noticeable(force.unsupported):
+        beyond = {"requested": force.requested, "unsupported": force.unsupported}
+        columns = beyond | columns
+    norms = [("|force|", "N", task.force_rows), ("|moment|", "N·m", task.moment_rows)]
+    components = Components(task.components, task.units, norms)
+    return vectors("Force at the tip", components, columns, digits=2)
+
+
+def _unit_tip(analysis: Analysis) -> TitledTable:
+    task = analysis.task
+    sizes = [("jump\n[N]", task.force_rows), ("jump\n[N·m]", task.moment_rows)]
+    rows = []
+    for (force, _), name, unit in zip(
+        analysis.unit_forces, task.components, task.units, strict=True
+    ):
+        beyond = "*" if text.is_noticeable(force.unsupported) else ""
+        assert force.after is not None  # weight and limits are apart
+        assert force.jump is not None
+        after = (number(x, 3) for x in force.after.tolist())
+        jumps = (
+            (title, number(float(np.linalg.norm(force.jump[list(own)])), 3))
+            for title, own in sizes
+            if own
+        )
+        asked = ("asked", f"{name} 1 {unit}{beyond}")
+        rows.append([asked, *zip(task.components, after, strict=True), *jumps])
+    result = listing("Force at the tip after the fault, for each unit force", rows)
+    if any(text.is_noticeable(force.unsupported) for force, _ in analysis.unit_forces):
+        result.caption = "* partly beyond even the healthy arm; that part is no jump"
+    return result
+
+
+def _measures(analysis: Analysis) -> list[tuple[str, str]]:
+    reduced, task = analysis.reduced, analysis.task
+    rho = analysis.relative_manipulability
+    tolerances = f"rank tolerance {reduced.rtol:g}, wary below {analysis.wary:g}"
+    measures = [
+        ("Margin σ_min(K)/σ_max(J)", f"{ratio(analysis.margin)}  ({tolerances})"),
+        ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank})"),
+        ("Relative manipulability ρ", defined(rho)),
+        ("Lost directions", text.lost_directions(task, list(analysis.lost_directions))),
+        ("Tip force error", _force_error(analysis)),
+    ]
+    if (bounded := analysis.bounded) is not None and bounded.F_after is not None:
+        measures += _limit_measures(analysis, bounded)
+    return [*measures, *_load_measures(analysis)]
+
+
+def _limit_measures(analysis: Analysis, bounded: BoundedRemap) -> list[tuple[str, str]]:
+    names = analysis.robot.names
+    measures = []
+    if analysis.limits is not None:
+        measures.append(("At its limit", ", ".join(names[j] for j in bounded.binding) or "none"))
+    if analysis.force is not None and bounded.nearest.F.any():
+        share = sentences.share_in_words(bounded.share).removeprefix("in its own direction ")
+        measures.append(("Share in its direction", share))
+    return measures
+
+
+def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return brake loads, contributions of the joints, and torque that exerts no force."""
+    robot, torque = analysis.robot, analysis.torque
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    kind = "" if analysis.rnea.is_known else " (force part)"
+    if torque is None:
+        if not analysis.rnea.is_known or not locked or not analysis.can_stand_still:
+            return []
+        return [("Brake load, no force", by_joint(robot, load_without_force(analysis), locked))]
+    measures = []
+    if torque.brake_load is not None:
+        measures.append((f"Brake load{kind}", by_joint(robot, torque.brake_load, locked)))
+    if (shares := analysis.force_contributions) is not None:
+        parts = zip(robot.names, shares.tolist(), strict=True)
+        shown = ", ".join(f"{name} {number(share)}" for name, share in parts)
+        measures.append(("Contributions", shown))
+    if analysis.force is not None and analysis.force.requested is None:
+        moved = by_unit(robot, torque.self_motion)
+        note = f"norm; exerts no force; {analysis.inverse} inverse"
+        measures.append(("Torque into self-motion", f"{moved} ({note})"))
+    return measures
+
+
+def _force_error(analysis: Analysis) -> str:
+    task = analysis.task
+    if analysis.reduced.rank_after == 0:
+        return "– (no direction is left)"
+    unit = text.unit_of_size(task)
+    sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
+    per = "N·m or N" if sliding else "N·m"
+    return f"up to {ratio(analysis.force_error)} {unit} per {per} of torque error"

@@ -1,0 +1,190 @@
+"""Tables of a census."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from ftforce.core.faults import FaultMode
+from ftforce.core.feasible_forces import Reading
+from ftforce.errors import listed
+from ftforce.report import analysis, text
+from ftforce.report.text import ratio, size
+from ftforce.show.tables.analysis import (
+    arm_fact,
+    conditions_facts,
+    force_fact,
+    limits_in_words,
+    task_facts,
+)
+from ftforce.show.tables.parts import (
+    TitledTable,
+    amount,
+    defined,
+    facts,
+    listing,
+    spaced,
+    verdict_text,
+    warning_lines,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import RenderableType
+
+    from ftforce.analysis.census import Census, JointReport
+    from ftforce.analysis.fault_set import SetCapability, SetReport
+
+MOST_SETS = 40
+"""How many fault sets a census table shows, worst first."""
+
+
+def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
+    """Return the tables of a census, with the ``most`` worst fault sets."""
+    return spaced(
+        facts(_census_situation(census)),
+        _sets(census, most),
+        _critical_joints(census),
+        facts(bounds) if (bounds := _bounds(census)) else None,
+        warning_lines(census.warnings),
+        Text(analysis.critical_joint(census), style="bold"),
+    )
+
+
+def _census_situation(census: Census) -> list[tuple[str, str]]:
+    robot = census.robot
+    return [
+        arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        ("Joints", robot.numbered()),
+        *task_facts(census.task),
+        ("Posture", census.posture.source),
+        *conditions_facts(census.conditions),
+        ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
+        force_fact(census.task, census.before),
+        ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
+    ]
+
+
+def _unknown_brakes(census: Census) -> str:
+    """Say which brakes are unknown, if locks count; a warning names unknown motors."""
+    if census.limits is None or census.mode is not FaultMode.LOCKED:
+        return ""
+    unknown = [
+        name
+        for name, brake in zip(census.robot.names, census.limits.brake.tolist(), strict=True)
+        if math.isnan(brake)
+    ]
+    if len(unknown) == census.robot.n:
+        return "; brakes are unknown and count as none"
+    return f"; unknown, count as none: brakes of {listed(unknown)}" if unknown else ""
+
+
+def _sets(census: Census, most: int) -> TitledTable:
+    order = "least capability first" if census.rank_by == "capability" else "worst first"
+    result = listing(
+        f"Fault sets, {census.mode}, {order} ({len(census.sets)} of 1 to {census.largest} joints)",
+        [_set(census, report) for report in census.sets[:most]],
+        left=2,
+    )
+    result.caption = _caption(census, most)
+    return result
+
+
+def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
+    falls = "" if report.can_stand_still else "*"
+    yield census.mode.value, text.set_of(report.faults.joints) + falls
+    yield "verdict", verdict_text(report.verdict)
+    if census.before is not None and census.task.force_rows:
+        yield "jump\n[N]", _jump(report.jump_norm)
+    if census.before is not None and census.task.moment_rows:
+        yield "jump\n[N·m]", _jump(report.moment_jump_norm)
+    if census.before is not None and any(one.share is not None for one in census.sets):
+        yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
+    if report.capability is not None:
+        yield from zip(map(str, Reading), _capability_cells(report.capability), strict=True)
+    yield "margin", ratio(report.margin)
+    yield "ρ", defined(report.relative_manipulability)
+    yield "rank\nlost", str(report.rank_lost)
+
+
+def _jump(norm: float | None) -> str:
+    return "–" if norm is None else size(norm)
+
+
+def _capability_cells(found: SetCapability) -> tuple[str, str]:
+    mark = "!" if found.least > text.NEGLIGIBLE else ""
+    return amount(found.commanded) + mark, amount(found.held)
+
+
+def _caption(census: Census, most: int) -> str:
+    notes, shown = [], census.sets[:most]
+    if not all(report.can_stand_still for report in shown):
+        notes.append("* the arm cannot stand still")
+    if any(report.share is not None for report in census.sets):
+        notes.append("share: of the force, if its direction must not change")
+        if any(report.share is None and report.can_stand_still for report in shown):
+            notes[-1] += "; –: with no share of it alone does the arm stand still"
+    if census.rank_by == "capability":
+        where, none = "in the weakest direction of each set", "without a force"
+        if census.direction is not None:
+            where = none = f"along {text.vector_in_words(census.direction)}"
+            none = "with a force along it"
+        unit = text.unit_of_size(census.task, census.direction)
+        notes.append(f"commanded, held: largest force {where} [{unit}]")
+        if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
+            notes[-1] += f"; –: the arm does not stand still {none}"
+        if any(x.capability.least > text.NEGLIGIBLE for x in shown if x.capability):
+            notes.append("! less than that, or nothing at all, does not hold the arm")
+    if len(census.sets) > most:
+        notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
+    return "\n".join(notes)
+
+
+def _critical_joints(census: Census) -> TitledTable:
+    ranked = census.rank_by == "capability"
+    order = "least capability first" if ranked else "most critical first"
+    rows = [_joint(census, report) for report in census.joints]
+    result = listing(f"Joints, {order}", rows, left=3, folded=(1,))
+    result.caption = "mean jump: jump over force, averaged over the sets that hold the joint"
+    if census.before is None:
+        full = "a lost direction counts as 100%"
+        result.caption = f"mean jump: over the sets that hold the joint; {full}"
+    if ranked:
+        result.caption = "least of all: commanded, over the sets that hold the joint"
+    elif not all(report.can_stand_still for report in census.sets):
+        result.caption += "\nan arm that cannot stand still counts as a jump of 100%"
+    return result
+
+
+def _joint(census: Census, report: JointReport) -> Iterator[tuple[str, str | Text]]:
+    alone, least = report.alone, report.least_capability
+    yield "#", str(report.joint + 1)
+    yield "joint", census.robot.names[report.joint]
+    yield "fails alone", verdict_text(alone.verdict)
+    if alone.capability is not None and least is not None:
+        headings = ("com-\nmanded", "\nheld")
+        yield from zip(headings, _capability_cells(alone.capability), strict=True)
+        yield "least\nof all", amount(least)
+    yield "margin", ratio(alone.margin)
+    if least is None:
+        yield "ρ", defined(alone.relative_manipulability)
+    yield "sets not\ntolerated", f"{report.not_tolerated} of {report.sets}"
+    yield "border-\nline", str(report.borderline)
+    if least is None:
+        yield "mean jump\n[%]", f"{100.0 * report.mean_relative_jump:.1f}"
+
+
+def _bounds(census: Census) -> list[tuple[str, str]]:
+    lines: list[tuple[str, str]] = []
+    if census.mode is not FaultMode.LOCKED:
+        return lines  # the bound is one of locked joints
+    for f in range(1, census.largest + 1):
+        worst, bound = census.worst_manipulability(f)
+        if not math.isnan(worst) and bound > 0.0:
+            best = f"{worst / bound:.0%} of {ratio(bound)}, the most that any posture can have"
+            name = f"Worst ρ of {f} joint{'s' if f > 1 else ''}"
+            lines.append((name, f"{ratio(worst)} ({best})"))
+    return lines

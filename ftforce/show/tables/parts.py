@@ -1,0 +1,168 @@
+"""The pieces that all tables are made of, for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from ftforce.core.faults import Fault, FaultMode
+from ftforce.core.measures import Verdict
+from ftforce.report.text import number, ratio, size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from rich.console import RenderableType
+
+    from ftforce.core.arrays import Vector
+
+_DIFFERENCES = ("jump", "jump ", "unsupported")  # small ones matter
+
+VERDICT_STYLE = {
+    Verdict.TOLERATED: "bold green",
+    Verdict.BORDERLINE: "bold yellow",
+    Verdict.NOT_TOLERATED: "bold red",
+}
+
+
+def facts(pairs: Iterable[tuple[str, str]]) -> Table:
+    """Return names and values in two columns, without lines."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="bold", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, value in pairs:
+        grid.add_row(Text(name), Text(value))
+    return grid
+
+
+class TitledTable:
+    """A table under its title, which may be wider than the table."""
+
+    def __init__(self, title: str, body: Table) -> None:
+        self.title, self.body = title, body
+        self.caption = ""
+
+    def add_row(self, *cells: str | Text, style: str = "") -> None:
+        """Add a row as plain text: names out of a URDF are never read as markup."""
+        texts = (Text(cell) if isinstance(cell, str) else cell for cell in cells)
+        self.body.add_row(*texts, style=style)
+
+    def __rich__(self) -> RenderableType:
+        """Return title, table and caption."""
+        parts: list[RenderableType] = [Text(self.title, style="bold"), self.body]
+        return Group(*parts, *([Text(self.caption, style="dim")] if self.caption else []))
+
+
+def table(title: str, *columns: str, left: int = 1, folded: Sequence[int] = (0,)) -> TitledTable:
+    """Return an empty table whose first ``left`` columns, and folded ones, are text."""
+    body = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
+    for i, column in enumerate(columns):
+        body.add_column(
+            Text(column),
+            justify="left" if i < left or i in folded else "right",
+            overflow="fold" if i in folded else "ellipsis",
+            no_wrap=i not in folded,
+        )
+    return TitledTable(title, body)
+
+
+def listing(
+    title: str,
+    rows: Iterable[Iterable[tuple[str, str | Text]]],
+    *,
+    left: int = 1,
+    folded: Sequence[int] = (0,),
+) -> TitledTable:
+    """Return a table of rows that are pairs of a heading and a cell, headings alike in all."""
+    all_rows = [tuple(row) for row in rows] or [()]
+    result = table(title, *(heading for heading, _ in all_rows[0]), left=left, folded=folded)
+    for row in all_rows:
+        result.add_row(*(cell for _, cell in row))
+    return result
+
+
+def spaced(*parts: RenderableType | None) -> Group:
+    """Put an empty line between the parts."""
+    shown: list[RenderableType] = []
+    for part in parts:
+        if part is not None:
+            shown += [Text(""), part] if shown else [part]
+    return Group(*shown)
+
+
+def warning_lines(warnings: Iterable[str]) -> Text | None:
+    """Return warnings as text, or ``None``."""
+    lines = [f"Warning: {warning}." for warning in warnings]
+    return Text("\n".join(lines), style="yellow") if lines else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Components:
+    """Names and units of a vector's components, and which of them share a norm.
+
+    Attributes
+    ----------
+    names, units :
+        One per component.
+    norms :
+        Name, unit and components of each norm; units are never mixed.
+    """
+
+    names: Sequence[str]
+    units: Sequence[str]
+    norms: Sequence[tuple[str, str, Sequence[int]]]
+
+
+def vectors(
+    title: str, components: Components, columns: Mapping[str, Vector], digits: int
+) -> TitledTable:
+    """Return vectors side by side, per component and then their norms."""
+    result = table(title, "", "unit", *columns, left=2)
+    writers = [size if name in _DIFFERENCES else number for name in columns]
+    columns_and_writers = list(zip(columns.values(), writers, strict=True))
+    for i, (name, unit) in enumerate(zip(components.names, components.units, strict=True)):
+        cells = (write(float(x[i]), digits) for x, write in columns_and_writers)
+        result.add_row(name, unit, *cells)
+    for name, unit, rows in components.norms:
+        if rows:
+            norms = ((float(np.linalg.norm(x[list(rows)])), w) for x, w in columns_and_writers)
+            result.add_row(name, unit, *(write(x, digits) for x, write in norms), style="bold")
+    return result
+
+
+def verdict_text(verdict: Verdict) -> Text:
+    """Return a verdict in words and colour."""
+    return Text(verdict.value, style=VERDICT_STYLE[verdict])
+
+
+_FAULT_STYLE = {
+    FaultMode.LOCKED: "bold red",
+    FaultMode.FREE: "bold magenta",
+    FaultMode.WEAK: "bold yellow",
+}
+
+
+def fault_text(fault: Fault | None) -> Text:
+    """Return a joint's state in words and colour."""
+    return Text("healthy") if fault is None else Text(str(fault), style=_FAULT_STYLE[fault.mode])
+
+
+def state_text(locked: bool) -> Text:
+    """Return the state of a joint that is locked or healthy in words and colour."""
+    return fault_text(Fault(0) if locked else None)
+
+
+def amount(x: float, digits: int = 1) -> str:
+    """Write how much can be held: a dash for nothing, and in words where no limit ends it."""
+    return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, digits)
+
+
+def defined(x: float) -> str:
+    """Write a ratio, or a dash where it is undefined."""
+    return "–" if math.isnan(x) else ratio(x)

@@ -1,0 +1,77 @@
+"""Tables of the paper's numbers, printed and computed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Group
+from rich.text import Text
+
+from ftforce.analysis.paper import ERRATA, Check, Outcome, Replication
+from ftforce.report.text import number
+from ftforce.show.tables.parts import TitledTable, spaced, table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_UNITS = {
+    "J, eq. (34)": " (m/rad)",
+    "Table 2": " (torques in N·m, shares without unit)",
+    "Ẋ, section IV": " (printed in cm/s; the printed numbers are m/s)",
+}
+_MARK = {Outcome.PASS: ("✓", "green"), Outcome.ERRATUM: ("e", "yellow"), Outcome.FAIL: ("✗", "red")}
+
+
+def replication_view(result: Replication) -> RenderableType:
+    """Return the paper's tables, each number printed and computed with its outcome."""
+    names = dict.fromkeys(check.table for check in result.checks)
+    legend = "Each cell: printed, computed, and ✓ pass, e explained by an erratum, ✗ fail."
+    return spaced(
+        Text(legend, style="dim"),
+        *(_table(name, [c for c in result.checks if c.table == name]) for name in names),
+        _explanations(result),
+        _errata(),
+        _summary(result),
+    )
+
+
+def _table(name: str, checks: list[Check]) -> TitledTable:
+    columns = list(dict.fromkeys(check.column for check in checks))
+    rows = dict.fromkeys(check.row for check in checks)
+    cells = {(check.row, check.column): _cell(check) for check in checks}
+    unit = _UNITS.get(name, " (torques in N·m, force jump in N)")
+    result = table(name + unit, "", *columns)
+    for row in rows:
+        result.add_row(row, *(cells[row, column] for column in columns))
+    return result
+
+
+def _cell(check: Check) -> Text:
+    mark, style = _MARK[check.outcome]
+    text = Text(f"{check.printed} {number(check.computed, check.decimals)} ")
+    return text.append(mark, style=style)
+
+
+def _explanations(result: Replication) -> RenderableType | None:
+    explained = dict.fromkeys(
+        check.erratum for check in result.checks if check.outcome is Outcome.ERRATUM
+    )
+    if not explained:
+        return None
+    return Group(*(Text(f"e  {erratum}", style="yellow") for erratum in explained))
+
+
+def _errata() -> TitledTable:
+    result = table("Errata of the paper", "where", "printed", "correct", left=3, folded=(0, 1, 2))
+    for erratum in ERRATA:
+        result.add_row(*erratum)
+    return result
+
+
+def _summary(result: Replication) -> Text:
+    counts = {outcome: result.count(outcome) for outcome in Outcome}
+    text = (
+        f"{len(result.checks)} printed numbers: {counts[Outcome.PASS]} pass, "
+        f"{counts[Outcome.ERRATUM]} explained by errata, {counts[Outcome.FAIL]} fail."
+    )
+    return Text(text, style="bold green" if result.is_successful else "bold red")

@@ -1,0 +1,182 @@
+"""Tables of a sweep."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from ftforce.batch.summary.bins import LINEAR_BINS
+from ftforce.batch.summary.intervals import quantile as quantile_of
+from ftforce.report.sweep import direction_in_words, force_in_words, interval, sweep_sentence
+from ftforce.report.text import NEGLIGIBLE, axes_in_words, ratio, set_of, share
+from ftforce.show.tables.analysis import arm_fact
+from ftforce.show.tables.parts import amount, defined, facts, listing, spaced, warning_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import RenderableType
+
+    from ftforce.batch.result import Sweep
+    from ftforce.batch.set_summaries import SetSummary
+    from ftforce.batch.summary.criticality import JointCriticality
+    from ftforce.show.tables.parts import TitledTable
+
+MOST_SETS = 20
+"""How many fault sets a sweep's table shows, worst first."""
+_BIN = 1.0 / LINEAR_BINS
+_CELLS_LEFT = 0.95  # share of tolerated postures from which a cell counts as surviving
+
+
+def sweep_view(sweep: Sweep, *, most: int = MOST_SETS) -> RenderableType:
+    """Return the tables of a sweep, with the ``most`` worst fault sets."""
+    has_sets = sweep.setting.largest > 1 or sweep.setting.force is not None
+    return spaced(
+        facts(sweep_facts(sweep)),
+        joints_table(sweep),
+        _sets(sweep, most) if has_sets else None,
+        facts(_shares(sweep)),
+        warning_lines(sweep.warnings),
+        Text(sweep_sentence(sweep), style="bold"),
+    )
+
+
+def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
+    """Return what was asked, as names and values."""
+    setting = sweep.setting
+    has_moments = any(name[0] == "m" for name in setting.components)
+    length = f", characteristic length {setting.length:g} m" if has_moments else ""
+    numbered = ", ".join(f"{i} {name}" for i, name in enumerate(setting.joints, start=1))
+    sizes = "1 joint" if setting.largest == 1 else f"1 to {setting.largest} joints"
+    gravity = ", ".join(f"{g:g}" for g in setting.gravity)
+    payload = "" if setting.payload is None else f"; payload {setting.payload}"
+    weight = [("Weight", f"gravity ({gravity}) m/s² in the root's axes{payload}")]
+    weighs = setting.direction is not None or setting.mode == "free"
+    stored = [] if sweep.path is None else [("Stored", f"{sweep.path} (kept: {setting.keep})")]
+    return [
+        arm_fact(setting.robot, setting.n, setting.base, setting.tip),
+        ("Joints", numbered),
+        ("Axes", f"{setting.axes}: vectors are in the axes of {axes_in_words(setting)}"),
+        ("Task", f"{setting.task} ({', '.join(setting.components)}){length}"),
+        ("Postures", setting.postures),
+        ("Faults", f"{len(sweep.sets)} sets of {sizes}, {setting.mode}"),
+        ("Force", force_in_words(setting)),
+        ("Capability", direction_in_words(setting)),
+        *(weight if weighs else []),
+        ("Tolerance", f"rank {setting.rtol:g}, wary below {setting.wary:g}"),
+        *stored,
+    ]
+
+
+def joints_table(sweep: Sweep) -> TitledTable:
+    """Return the joints, most critical first, with 95 % confidence intervals."""
+    several = sweep.setting.largest > 1
+    capable = any(joint.capability is not None for joint in sweep.joints)
+    rows = [_joint(sweep, joint, capable=capable) for joint in sweep.joints]
+    result = listing("Joints, most critical first", rows, left=3, folded=(1,))
+    notes = ["margin, ρ: quantiles over the postures when the joint fails alone"]
+    if several:
+        notes.insert(0, "not tolerated: of all cases, postures × sets that hold the joint")
+        notes.insert(1, "alone: not tolerated when it fails alone")
+    if capable:
+        notes.append("force: median of the capability when it fails alone")
+    result.caption = "\n".join(notes)
+    return result
+
+
+def _joint(
+    sweep: Sweep, joint: JointCriticality, *, capable: bool
+) -> Iterator[tuple[str, str | Text]]:
+    setting, lost = sweep.setting, joint.not_tolerated
+    yield "#", str(joint.joint + 1)
+    yield "joint", setting.joints[joint.joint]
+    style = "bold red" if lost.value > 0.0 else ""
+    yield "not tolerated\n[%] (95 % interval)", Text(interval(lost), style=style)
+    yield "border-\nline [%]", share(joint.borderline)
+    if setting.largest > 1:
+        yield "alone\n[%]", share(joint.alone.value)
+    for name, (low, middle) in {"margin": joint.margin, "ρ": joint.rho}.items():
+        yield f"{name}\n5 %", quantile(low.value)
+        yield "\n50 %", quantile(middle.value)
+    if capable:
+        median = "–" if joint.capability is None else amount(joint.capability.value)
+        yield f"force\n[{setting.capability_unit}]", median
+
+
+def quantile(x: float) -> str:
+    """Write a quantile of margin or ρ; what lies in the first bin may be nothing."""
+    return f"<{_BIN:g}" if x < _BIN else defined(x)
+
+
+def _sets(sweep: Sweep, most: int) -> TitledTable:
+    setting, ranked = sweep.setting, sweep.ranked
+    jumps = any(one.jump is not None for one in ranked)
+    capable = any(one.capability is not None for one in ranked)
+    falls = any(one.falls > 0.0 for one in ranked)
+    rows = [_set(sweep, one, falls=falls, jumps=jumps) for one in ranked[:most]]
+    result = listing(f"Fault sets, {setting.mode}, worst first", rows, folded=())
+    notes = ["falls: nothing holds the arm"] if falls else []
+    if jumps:
+        notes.append("jump: quantiles over the postures, and the largest")
+    if capable:
+        notes.append("force: quantiles of the capability")
+    if len(ranked) > most:
+        notes.append(f"… and {len(ranked) - most} more (--top)")
+    result.caption = "\n".join(notes)
+    return result
+
+
+def _set(sweep: Sweep, one: SetSummary, *, falls: bool, jumps: bool) -> Iterator[tuple[str, str]]:
+    setting = sweep.setting
+    yield setting.mode, set_of(one.faults.joints)
+    yield "not tol.\n[%]", share(one.not_tolerated.value)
+    yield "border-\nline [%]", share(one.borderline.value)
+    if falls:
+        yield "falls\n[%]", share(one.falls)
+    if jumps:
+        headings = (f"jump 50 %\n[{setting.size_unit}]", "\n95 %", "\nmost")
+        yield from zip(headings, _jumps(sweep, one), strict=True)
+    yield "margin\n5 %", quantile(one.margin[0])
+    yield "ρ\n5 %", quantile(one.rho[0])
+    if one.capability is not None:
+        yield f"force 5 %\n[{setting.capability_unit}]", amount(one.capability[0])
+        yield "\n50 %", amount(one.capability[1])
+
+
+def _jumps(sweep: Sweep, one: SetSummary) -> tuple[str, ...]:
+    """Return the jump's quantiles and its largest; what lies in the first bin may be nothing."""
+    edges = sweep.summary.bins.jump
+    if one.jump is None or edges is None:
+        return ("–", "–", "–")
+    *quantiles, most = one.jump
+    if most <= NEGLIGIBLE:
+        return ("0", "0", "0")
+    cells = (_jump(x, float(edges[1]), float(edges[-1])) for x in quantiles)
+    return (*cells, amount(most))
+
+
+def _jump(x: float, first: float, last: float) -> str:
+    if math.isinf(x):
+        return f">{ratio(last)}"
+    return f"<{ratio(first)}" if x < first else amount(x)
+
+
+def _shares(sweep: Sweep) -> list[tuple[str, str]]:
+    summary = sweep.summary
+    visited = summary.cell_postures > 0
+    survives = summary.cell_tolerates_all[visited] >= _CELLS_LEFT * summary.cell_postures[visited]
+    edge = summary.workspace.edge
+    count = int(visited.sum())
+    left = f"{share(float(survives.mean()))} % of them" if count else "none"
+    margins, total = summary.healthy_margin, max(sweep.done, 1)
+    edges, full = summary.bins.share, int(summary.healthy_rank[len(sweep.setting.components)])
+    low, middle = (quantile(float(quantile_of(margins, edges, p))) for p in (0.05, 0.5))
+    rank = f"full rank in {share(full / total)} % of the postures"
+    room = f"{count:,} cells of {edge:g} m with postures, {count * edge**3:.3g} m³"
+    return [
+        ("Healthy arm", f"{rank}; margin {low} (5 %), {middle} (50 %)"),
+        ("Every set tolerated", f"{interval(sweep.every_set)} % of the postures"),
+        ("Workspace", f"{room}; in {left} {_CELLS_LEFT:.0%} of the postures tolerate every set"),
+    ]

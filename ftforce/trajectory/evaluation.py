@@ -1,0 +1,330 @@
+"""Forces and torques of a moving arm, instant by instant: with a remap, and without.
+
+With the remap every instant is what `ftforce.analyze` says of its posture. Without it the
+controller measures positions and velocities, asks all motors for weight, motion and force as if
+they were healthy, and what comes of it is physics.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.analysis.conditions import without_rounding
+from ftforce.core import measures
+from ftforce.core.arrays import Vector, over, read_only
+from ftforce.core.bounded_remap import remap_inside
+from ftforce.core.measures import Verdict
+from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
+from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
+from ftforce.core.verdict import judge
+from ftforce.errors import InputError
+from ftforce.robot.dynamics import mass_matrix, rnea_torque
+from ftforce.robot.kinematics import frame_jacobian, quaternion, rotation_vector
+from ftforce.trajectory.history import CODES, MOTIONS, QUANTITIES, SCALARS, Run, width
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ftforce.analysis.conditions import Conditions
+    from ftforce.core.arrays import Mask, Matrix
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.fault_events import Phase
+    from ftforce.trajectory.reference import Motion
+
+_CHUNK = 500  # instants between two ticks
+
+
+class Case(NamedTuple):
+    """What all instants of all runs share.
+
+    Attributes
+    ----------
+    robot, task, conditions :
+        The arm, the task, gravity and payload.
+    F :
+        Weighted force that is asked for, shape (m,).
+    limits :
+        Those that count, ``None`` if none do.
+    rtol, wary :
+        Tolerances.
+    """
+
+    robot: Robot
+    task: Task
+    conditions: Conditions
+    F: Vector
+    limits: Limits | None
+    rtol: float
+    wary: float
+
+
+class Faults(NamedTuple):
+    """A fault set as the mathematics needs it.
+
+    Attributes
+    ----------
+    locked :
+        True at locked joints, shape (n,).
+    swinging :
+        True at joints without torque, ``None`` if there are none.
+    counted :
+        Largest torques that count, NaN where unknown; ``None`` if none do.
+    known_largest :
+        The same, or if none count what the URDF says.
+    """
+
+    locked: Mask
+    swinging: Mask | None
+    counted: Vector | None
+    known_largest: Vector
+
+    @classmethod
+    def of(cls, case: Case, faults: FaultSet) -> Faults:
+        """Return the masks and limits of a fault set."""
+        n = case.robot.n
+        counted = None if case.limits is None else case.limits.largest_torques(faults)
+        shares = case.robot.effort * faults.factors(n)
+        largest = np.where(faults.mask(n), np.nan, shares) if counted is None else counted
+        return cls(faults.mask(n), faults.swinging_mask(n), counted, largest)
+
+
+class TipPath(NamedTuple):
+    """What the tip should do: position (m) and velocity (m/s), shape (N, 3), and orientation."""
+
+    x: Matrix
+    x_dot: Matrix
+    orientation: Matrix | None
+
+
+class Known(NamedTuple):
+    """Faults, and what the controller takes them for; ``None`` if it knows them."""
+
+    actual: Faults
+    taken_for: Faults | None
+
+
+class Balance(NamedTuple):
+    """Force at the tip (weighted) and the torques that belong to it; NaN if nothing holds the arm.
+
+    Attributes
+    ----------
+    F, F_after :
+        What the healthy arm exerts here, and what is exerted, shape (m,).
+    U, motor :
+        Torques that motors give to the force, and in all, shape (n,).
+    unbalanced :
+        Torques that nothing balances, shape (n,).
+    reduced :
+        The decomposed Jacobians.
+    verdict :
+        Whether the force is kept.
+    """
+
+    F: Vector
+    F_after: Vector
+    U: Vector
+    motor: Vector
+    unbalanced: Vector
+    reduced: ReducedJacobian
+    verdict: Verdict
+
+    @property
+    def torques(self) -> tuple[Vector, Vector, Vector]:
+        """U, motor and unbalanced."""
+        return self.U, self.motor, self.unbalanced
+
+
+def run_of(
+    case: Case,
+    motion: Motion,
+    course: TipPath,
+    times: Vector,
+    phases: Sequence[Phase],
+    *,
+    tick: Callable[[int], None],
+    same: Run | None = None,
+) -> Run:
+    """Return everything about a motion, at each of its instants.
+
+    Parameters
+    ----------
+    case :
+        What all instants share.
+    motion :
+        Of the joints.
+    course :
+        What the tip should do.
+    times, phases :
+        When which faults are there, and known.
+    tick :
+        Called with the number of instants that are done.
+    same :
+        A run that is the same as long as there is no fault: it is not computed twice.
+    """
+    run = _empty_run(case, motion)
+    rows = [int(np.searchsorted(times, phase.start)) for phase in phases] + [len(times)]
+    for phase, first, last in zip(phases, rows, rows[1:], strict=False):
+        if same is not None and not phase.actual:
+            for name in QUANTITIES:
+                getattr(run, name)[first:last] = getattr(same, name)[first:last]
+            tick(last - first)
+            continue
+        actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
+        faults = Known(actual, None if phase.actual == phase.known else known)
+        for i in range(first, last):
+            _fill(run, i, case, course, faults)
+            done = i + 1 - first
+            if not done % _CHUNK or i + 1 == last:
+                tick((done - 1) % _CHUNK + 1)
+        _finish(run, slice(first, last), case, course, actual)
+    _without_sign_changes(run.orientation)
+    return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
+
+
+def _empty_run(case: Case, motion: Motion) -> Run:
+    count, n, m = len(motion.q), case.robot.n, case.task.m
+    rest = [name for name in QUANTITIES if name not in {*MOTIONS, *SCALARS}]
+    arrays = {name: np.zeros((count, width(name, n, m) or 1)) for name in rest}
+    arrays["used"].fill(np.nan)  # a limit that is unknown, or none
+    return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
+
+
+def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
+    """Compute what every instant needs of its own; `_finish` does the rest for all of a phase."""
+    robot, task = case.robot, case.task
+    q, v, a = run.q[i], run.v[i], run.a[i]
+    J = frame_jacobian(robot, q, "world")  # places the tip, too; in tool axes Pinocchio does not
+    pose = robot.data.oMf[robot.tip_frame]
+    run.position[i], R = pose.translation, pose.rotation
+    run.orientation[i] = quaternion(R)
+    if course.orientation is not None:
+        run.orientation_error[i] = rotation_vector(course.orientation @ R.T)
+    run.velocity_jump[i] = J[:3].dot(v)
+    if task.axes == "tool":
+        J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
+    J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
+    own = None if case.conditions.is_model_gravity else case.conditions.gravity
+    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
+    found = _balance(case, q, J, rnea, faults)
+    run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
+    run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
+    run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
+    run.margin[i] = measures.margin(found.reduced)
+    run.verdict[i] = CODES[found.verdict]
+
+
+def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) -> None:
+    """Make of a phase's raw numbers what a run holds."""
+    run.path_error[here] = course.x[here] - run.position[here]
+    run.velocity_jump[here] -= course.x_dot[here]
+    run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
+    load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
+    limited = actual.known_largest > 0.0  # not where it is unknown, or there is no torque
+    run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
+    run.force[here] = case.task.unweigh_force(run.force[here])
+    run.jump[here] = case.task.unweigh_force(run.jump[here])
+
+
+def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
+    """Return what the remap makes of a fault, as `ftforce.analyze` does."""
+    locked, swinging, counted, _ = faults
+    reduced = reduce(read_only(J), locked, case.rtol, swinging)
+    F = supported_force(reduced, case.F)
+    if reduced.rank < reduced.m:
+        F = without_rounding(F, F, case.F)
+    bounded = None
+    if counted is None and swinging is None:
+        F_after: Vector | None = force_jump(reduced, F).F_after
+    else:
+        bounded = remap_inside(reduced, F, rnea, counted)
+        F_after = bounded.F_after
+    verdict = judge(reduced, F, case.wary, bounded, counted)
+    if F_after is None:
+        nothing = np.full(len(rnea), np.nan)
+        lost = np.full(len(F), np.nan)
+        return Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
+    U = np.where(reduced.commanding, F_after.dot(J), 0.0)
+    motor = np.where(reduced.commanding, rnea + U, 0.0)
+    return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
+
+
+def _without_sign_changes(quaternions: Matrix) -> None:
+    """Turn quaternions, of which q and -q mean the same, so that neighbours are close."""
+    turned = np.where(np.vecdot(quaternions[1:], quaternions[:-1]) < 0.0, -1.0, 1.0)
+    quaternions[1:] *= np.cumprod(turned)[:, None]
+
+
+def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+    actual, taken_for = faults
+    if taken_for is None:
+        return _aware(case, J, rnea, actual)
+    if case.limits is None and actual.swinging is None and taken_for.swinging is None:
+        return _aware(case, J, rnea, actual)  # locks alone leave the healthy torques as they were
+    return _unaware(case, q, J, rnea, faults)
+
+
+def _unaware(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+    """Return what comes of torques that are meant for other faults than there are."""
+    actual, known = faults
+    assert known is not None
+    meant = _aware(case, J, rnea, known)
+    reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
+    if np.isnan(meant.motor).any():  # nothing held the arm before
+        return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
+    motor = np.where(reduced.commanding, meant.motor, 0.0)
+    if case.limits is not None:  # a weak motor gives what it can
+        most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
+        motor = np.clip(motor, -most, most)
+    moving = ~actual.locked
+    rest = np.where(moving, motor - rnea, 0.0)  # for the force, at joints that no brake holds
+    F_after = _exerted(case, q, reduced, rest)
+    unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
+    U = np.where(reduced.commanding, motor - rnea, 0.0)
+    scale = math.hypot(*rnea, *meant.F.dot(J))
+    moved = over(math.hypot(*unbalanced), scale, 0.0)
+    if moved <= case.rtol:  # what is lost up to the tolerance moves nothing
+        unbalanced = np.zeros_like(unbalanced)
+    verdict = _verdict(case, reduced, meant.F, F_after, moved)
+    return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
+
+
+def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
+    """Return the force that torques exert at a tip that what it presses on holds in place.
+
+    With masses what is left of them accelerates the arm as it would; else the Euclidean inverse.
+    """
+    # Ranks are judged by the healthy arm, as everywhere.
+    K = np.where(reduced.locked, 0.0, reduced.J)
+    size = float(np.linalg.norm(K, 2))
+    rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
+    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), rtol)
+    F = exerted_force(open_joints, rest)
+    left = np.where(reduced.locked, 0.0, rest - F.dot(reduced.J))
+    if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:
+        return F  # both inverses agree
+    try:
+        M = mass_matrix(case.robot, q, case.conditions.payload)
+    except InputError:
+        return F
+    # A brake is an infinite inertia: its joint takes no part.
+    M = np.where(reduced.locked[:, None] | reduced.locked, np.diag(np.diag(M)), M)
+    return dynamically_exerted_force(open_joints, rest, M)
+
+
+def _verdict(
+    case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
+) -> Verdict:
+    """Judge torques that were not remapped: by the jump, and by the share that moves the arm."""
+    jump = math.hypot(*(F - F_after))
+    off = max(over(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
+    if off > case.wary:
+        return Verdict.NOT_TOLERATED
+    if off > reduced.rtol:
+        return Verdict.BORDERLINE
+    return measures.verdict(reduced, F, case.wary)

@@ -1,0 +1,165 @@
+"""Faults in time: which joints fail when, and from when on the controller knows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from ftforce.analysis.fault_names import named_faults
+from ftforce.core.arrays import is_number
+from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.errors import InputError
+from ftforce.io.text import read_numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ftforce.robot.robot import Robot
+
+EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
+
+
+class FaultEvent(NamedTuple):
+    """Joints that fail at a time.
+
+    Attributes
+    ----------
+    time :
+        In s from the start of the trajectory.
+    faults :
+        The joints that fail then, and how.
+    """
+
+    time: float
+    faults: FaultSet
+
+
+Events: TypeAlias = "str | FaultEvent | Iterable[str | FaultEvent]"
+
+
+class Phase(NamedTuple):
+    """A stretch of time in which neither the faults nor what is known of them change.
+
+    Attributes
+    ----------
+    start :
+        When it begins, s.
+    actual :
+        The faults that there are.
+    known :
+        Those that the controller has reacted to.
+    """
+
+    start: float
+    actual: FaultSet
+    known: FaultSet
+
+
+def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
+    """Return events in the order of their times; those of one time are one.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    events :
+        Texts ``JOINTS@SECONDS``, joints by number (from 1) or name, ``free:`` or ``weak:`` before
+        them: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
+
+    Raises
+    ------
+    InputError
+        A malformed event, a joint that does not exist, one that fails again in the same way or
+        after it locked.
+    """
+    given = [events] if isinstance(events, (str, FaultEvent)) else events
+    if not isinstance(given, Iterable):
+        raise InputError(f"fault events are texts such as {EXAMPLES}, got {events!r}")
+    found = [one if isinstance(one, FaultEvent) else _read(robot, one) for one in given]
+    for event in found:
+        _check(robot, event)
+    found.sort(key=_time)
+    modes: dict[int, Fault] = {}
+    for event in found:
+        for fault in event.faults.faults:
+            before = modes.get(fault.joint)
+            if before is not None and (before == fault or before.mode is FaultMode.LOCKED):
+                name = f"{fault.joint + 1} ({robot.names[fault.joint]})"
+                raise InputError(
+                    f"joint {name} is {before} already at {event.time:g} s; only joints that "
+                    "are free or weak can fail once more, in another way"
+                )
+            modes[fault.joint] = fault
+    together: dict[float, list[FaultEvent]] = {}
+    for event in found:
+        together.setdefault(event.time, []).append(event)
+    return tuple(FaultEvent(time, joined(events)) for time, events in together.items())
+
+
+def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
+    """Return the phases of a trajectory, from time 0; a later fault of a joint replaces its first.
+
+    Parameters
+    ----------
+    events :
+        In the order of their times.
+    delay :
+        Time from a fault until the controller reacts, s; infinite if it never does.
+    """
+    times = {0.0, *(e.time for e in events), *(e.time + delay for e in events)}
+    return tuple(
+        Phase(
+            start,
+            joined(e for e in events if e.time <= start),
+            joined(e for e in events if e.time + delay <= start),
+        )
+        for start in sorted(times)
+        if math.isfinite(start)
+    )
+
+
+def joined(events: Iterable[FaultEvent]) -> FaultSet:
+    """Return all faults of events in the order of their times, of each joint the last."""
+    latest: dict[int, Fault] = {}
+    for event in events:
+        latest |= {fault.joint: fault for fault in event.faults.faults}
+    return FaultSet(tuple(latest.values()))
+
+
+def _read(robot: Robot, text: object) -> FaultEvent:
+    if not isinstance(text, str):
+        raise InputError(f"a fault event is a text such as {EXAMPLES}, got {text!r}")
+    joints, at, time = text.rpartition("@")
+    if not at or not joints.strip() or not time.strip():
+        raise InputError(f"a fault event needs joints and a time, e.g. {EXAMPLES}; got {text!r}")
+    try:
+        seconds = read_numbers(time, 1)[0]
+    except ValueError as problem:
+        raise InputError(f"the time of the fault {text!r}: {problem}; it is in s") from None
+    mode, colon, rest = joints.partition(":")
+    word = mode.strip().lower()
+    if not colon or joints.strip() in robot.names:  # a name may hold a colon
+        return FaultEvent(seconds, named_faults(robot, locked=joints))
+    if word not in set(FaultMode):
+        raise InputError(
+            f"a fault is locked, free or weak, got {mode.strip()!r} in {text!r}; e.g. {EXAMPLES}"
+        )
+    return FaultEvent(seconds, named_faults(robot, **{word: rest}))
+
+
+def _check(robot: Robot, event: FaultEvent) -> None:
+    time, faults = event
+    if not is_number(time) or time < 0.0:
+        shown = f"{time:g} s" if isinstance(time, float) else repr(time)
+        raise InputError(f"a fault happens at 0 s or later, got {shown}")
+    if not isinstance(faults, FaultSet):
+        raise InputError(f"a fault event needs a FaultSet, got {faults!r}")
+    if not faults:
+        raise InputError(f"no joint fails at {time:g} s; give one, e.g. {EXAMPLES}")
+    if any(fault.joint >= robot.n for fault in faults.faults):
+        raise InputError(f"a fault at {time:g} s names a joint beyond {robot.numbered()}")
+
+
+def _time(event: FaultEvent) -> float:
+    return event.time

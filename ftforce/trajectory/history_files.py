@@ -1,0 +1,363 @@
+"""Histories in files, and back bit for bit: CSV, NPZ and Parquet.
+
+A table (CSV, Parquet) has one row per run and instant, and a column per number with its name and
+unit. What was simulated travels along as JSON: in the last column of the first row of a CSV, in
+the metadata of a Parquet file, in the array ``about`` of an NPZ.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import read_only
+from ftforce.core.measures import Verdict
+from ftforce.core.task import Task
+from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
+from ftforce.io.text import read_bytes
+from ftforce.trajectory.history import (
+    QUANTITIES,
+    RUNS,
+    SCALARS,
+    VERDICTS,
+    EventReport,
+    History,
+    JointInfo,
+    Run,
+    Setting,
+    width,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from os import PathLike
+
+    from ftforce.core.arrays import Matrix
+
+FORMATS = ("csv", "npz", "parquet")
+LONGEST_CELL = 10_000_000  # characters: what was simulated stands in one
+LARGEST_FILE = 20_000_000_000  # bytes
+_KIND = "a history that ftforce wrote (.csv, .npz or .parquet)"
+_VERSION = 1
+_ABOUT, _KEY = "about", b"ftforce"
+_WORDS = [verdict.value for verdict in VERDICTS]
+_LISTS = ("force", "effort", "gravity", "warnings", "notes")
+_PER_JOINT = {"q": "", "v": "/s", "a": "/s²"}
+_TORQUES = ("rnea", "force_part", "U", "motor", "brake", "unbalanced")
+_PLACES = {
+    "position": "m",
+    "path_error": "m",
+    "orientation_error": "rad",
+    "velocity_jump": "m/s",
+}
+
+
+class Column(NamedTuple):
+    """A column of the table.
+
+    Attributes
+    ----------
+    quantity :
+        Name of the array.
+    component :
+        Which of its columns; ``None`` if it is a vector.
+    header :
+        Name and unit.
+    """
+
+    quantity: str
+    component: int | None
+    header: str
+
+
+def columns_of(setting: Setting) -> list[Column]:
+    """Return the columns of a run's numbers."""
+    columns: list[Column] = []
+    for quantity in QUANTITIES:
+        if quantity in SCALARS:
+            continue
+        names, units = _components(setting, quantity)
+        columns += [
+            Column(quantity, i, f"{quantity}_{name}" + (f" [{unit}]" if unit else ""))
+            for i, (name, unit) in enumerate(zip(names, units, strict=True))
+        ]
+    return [*columns, *(Column(quantity, None, quantity) for quantity in SCALARS)]
+
+
+def _components(setting: Setting, quantity: str) -> tuple[Sequence[str], Sequence[str]]:
+    """Return names and units of a quantity's components."""
+    joints, task = setting.joints, setting.task
+    if quantity in _PLACES:
+        return "xyz", [_PLACES[quantity]] * 3
+    if quantity == "orientation":
+        return "xyzw", [""] * 4
+    if quantity in {"force", "jump"}:
+        return task.components, task.units
+    names = [joint.name for joint in joints]
+    if quantity in _TORQUES:
+        return names, [joint.torque_unit for joint in joints]
+    if quantity in _PER_JOINT:
+        return names, [joint.unit + _PER_JOINT[quantity] for joint in joints]
+    return names, [""] * len(joints)
+
+
+def history_bytes(history: History, form: str) -> bytes:
+    """Return a history as the content of a file.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    form :
+        ``csv``, ``npz`` or ``parquet``.
+
+    Raises
+    ------
+    InputError
+        Parquet without pyarrow.
+    """
+    return {"csv": _csv_bytes, "npz": _npz_bytes, "parquet": _parquet_bytes}[form](history)
+
+
+def load_history(path: str | PathLike[str]) -> History:
+    """Read a history that `ftforce.save` or ``ftforce simulate -o`` wrote, bit for bit.
+
+    Raises
+    ------
+    InputError
+        The name ends in something else than .csv, .npz or .parquet, or pyarrow is missing.
+    TrajectoryError
+        The file cannot be read, or is no history of ftforce.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> history = ftforce.load_history("run.npz")  # doctest: +SKIP
+    """
+    form = Path(path).suffix.lower().removeprefix(".")
+    if form not in FORMATS:
+        raise InputError(f"{printable(path)}: the name of a history ends in .csv, .npz or .parquet")
+    data = read_bytes(path, TrajectoryError, _KIND, LARGEST_FILE)
+    read = {"csv": _from_csv, "npz": _from_npz, "parquet": _from_parquet}[form]
+    try:
+        return read(data)
+    except FtforceError as problem:
+        if isinstance(problem, InputError):
+            raise TrajectoryError(path, str(problem)) from None
+        raise
+    except Exception as problem:  # whatever a damaged file makes of its reader
+        raise TrajectoryError(
+            path, f"is no history of ftforce, or a damaged one ({printable(problem)})"
+        ) from None
+
+
+# ---- what was simulated ----------------------------------------------------------------------
+
+
+def _about(history: History) -> str:
+    setting = asdict(history.setting)
+    task = history.setting.task
+    setting["effort"] = [None if math.isnan(x) else x for x in history.setting.effort]
+    setting["delay"] = None if math.isinf(history.setting.delay) else history.setting.delay
+    setting["task"] = {"components": task.components, "axes": task.axes, "length": task.length}
+    content = {
+        "format": "ftforce history",
+        "version": _VERSION,
+        "runs": list(history.runs),
+        "verdicts": _WORDS,
+        "setting": setting,
+    }
+    return json.dumps(content, ensure_ascii=False, allow_nan=False)
+
+
+def _read_about(text: str) -> tuple[Setting, list[str]]:
+    about = json.loads(text)
+    if about.get("format") != "ftforce history":
+        raise InputError("is no history of ftforce")
+    if about["version"] != _VERSION:
+        raise InputError(f"has version {about['version']}; this ftforce reads {_VERSION}")
+    content = about["setting"]
+    content["effort"] = [math.nan if x is None else x for x in content["effort"]]
+    content["delay"] = math.inf if content["delay"] is None else content["delay"]
+    task = content["task"]
+    setting = Setting(
+        **{
+            **content,
+            "joints": tuple(JointInfo(**joint) for joint in content["joints"]),
+            "task": Task(tuple(task["components"]), task["axes"], task["length"]),
+            "events": tuple(map(_event, content["events"])),
+            **{name: tuple(content[name]) for name in _LISTS},
+        }
+    )
+    runs = about["runs"]
+    if runs not in [list(RUNS), list(RUNS[:2])] or about["verdicts"] != _WORDS:
+        raise InputError("holds other runs or verdicts than this ftforce knows")
+    return setting, runs
+
+
+def _event(content: dict[str, Any]) -> EventReport:
+    jumps = {name: tuple(content[name]) for name in ("impact_jump", "velocity_jump")}
+    return EventReport(**{**content, **jumps, "verdict": Verdict(content["verdict"])})
+
+
+def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) -> History:
+    """Return a history of arrays by run and quantity, after checking their shapes."""
+    count, n, m = len(t), len(setting.joints), setting.task.m
+    found: dict[str, Run | None] = dict.fromkeys(RUNS)
+    for name, arrays in runs.items():
+        for quantity in QUANTITIES:
+            size = width(quantity, n, m)
+            wanted = (count,) if size is None else (count, size)
+            kind = "int8" if quantity == "verdict" else "float64"
+            if arrays[quantity].shape != wanted or arrays[quantity].dtype != kind:
+                raise InputError(f"holds {quantity} of another shape or type than it needs")
+        codes = arrays["verdict"]
+        if codes.size and not 0 <= codes.min() <= codes.max() < len(VERDICTS):
+            raise InputError("holds a verdict that does not exist")
+        found[name] = Run(**{quantity: read_only(arrays[quantity]) for quantity in QUANTITIES})
+    if t.shape != (count,) or path.shape != (count, 3) or not count:
+        raise InputError("holds times or a path of another shape than it needs")
+    healthy, unremapped = found["healthy"], found["unremapped"]
+    assert healthy is not None
+    assert unremapped is not None
+    return History(setting, read_only(t), read_only(path), healthy, unremapped, found["remapped"])
+
+
+# ---- NPZ -------------------------------------------------------------------------------------
+
+
+def _npz_bytes(history: History) -> bytes:
+    arrays = {"about": np.array(_about(history)), "t": history.t, "path": history.path}
+    for name, run in history.runs.items():
+        arrays |= {f"{name}.{quantity}": getattr(run, quantity) for quantity in QUANTITIES}
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, **arrays)
+    return stream.getvalue()
+
+
+def _from_npz(data: bytes) -> History:
+    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+        if "about" not in archive:
+            raise InputError("is no history of ftforce: it does not say what was simulated")
+        setting, names = _read_about(str(archive["about"]))
+        runs = {
+            name: {quantity: archive[f"{name}.{quantity}"] for quantity in QUANTITIES}
+            for name in names
+        }
+        return _history(setting, archive["t"], archive["path"], runs)
+
+
+# ---- tables ----------------------------------------------------------------------------------
+
+_SHARED = ("t [s]", "path_x [m]", "path_y [m]", "path_z [m]")
+
+
+def _table(history: History) -> dict[str, Any]:
+    """Return the columns of all runs below each other."""
+    runs = history.runs
+    count = len(history.t)
+    table: dict[str, Any] = {"run": np.repeat(list(runs), count)}
+    for header, values in zip(_SHARED, (history.t, *history.path.T), strict=True):
+        table[header] = np.tile(values, len(runs))
+    for quantity, index, header in columns_of(history.setting):
+        arrays = [getattr(run, quantity) for run in runs.values()]
+        table[header] = np.concatenate([x if index is None else x[:, index] for x in arrays])
+    table["verdict"] = np.array(_WORDS)[table["verdict"]]
+    return table
+
+
+def _from_table(setting: Setting, names: list[str], table: dict[str, Any]) -> History:
+    columns = columns_of(setting)
+    wanted = ["run", *_SHARED, *(column.header for column in columns)]
+    if list(table) != wanted:
+        raise InputError("has other columns than a history of this arm")
+    count, rest = divmod(len(table["run"]), len(names))
+    if rest or list(table["run"]) != [name for name in names for _ in range(count)]:
+        raise InputError("has rows missing, or in another order")
+    codes = {word: code for code, word in enumerate(_WORDS)}
+    table["verdict"] = np.array([codes[word] for word in table["verdict"]], dtype=np.int8)
+    runs: dict[str, Any] = {}
+    for i, name in enumerate(names):
+        rows = slice(i * count, (i + 1) * count)
+        arrays: dict[str, list[Any]] = {}
+        for quantity, _, header in columns:
+            arrays.setdefault(quantity, []).append(table[header][rows])
+        runs[name] = {
+            quantity: parts[0].copy() if quantity in SCALARS else np.stack(parts, axis=1)
+            for quantity, parts in arrays.items()
+        }
+    t, *path = (table[header][:count] for header in _SHARED)
+    return _history(setting, t.copy(), np.stack(path, axis=1), runs)
+
+
+def _csv_bytes(history: History) -> bytes:
+    table = _table(history)
+    cells = [list(map(_cell, column.tolist())) for column in table.values()]
+    about = [_about(history), *[""] * (len(cells[0]) - 1)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*table, _ABOUT])
+    writer.writerows(zip(*cells, about, strict=True))
+    return text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    """Return a number with all its digits; what is no number stays empty."""
+    return "" if isinstance(value, float) and math.isnan(value) else value
+
+
+def _from_csv(data: bytes) -> History:
+    usual = csv.field_size_limit(LONGEST_CELL)  # of the whole process, so it is put back
+    try:
+        header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+    finally:
+        csv.field_size_limit(usual)
+    if header[-1:] != [_ABOUT] or not rows:
+        raise InputError("is no history of ftforce: its last column is not 'about'")
+    setting, names = _read_about(rows[0][-1])
+    columns = zip(*rows, strict=True)
+    texts = {"run", "verdict"}
+    table: dict[str, Any] = {
+        name: column if name in texts else np.array([float(x or "nan") for x in column])
+        for name, column in zip(header[:-1], columns, strict=False)
+    }
+    return _from_table(setting, names, table)
+
+
+def _parquet_bytes(history: History) -> bytes:
+    parquet, arrow = _pyarrow()
+    table = arrow.table(_table(history)).replace_schema_metadata({_KEY: _about(history)})
+    stream = io.BytesIO()
+    parquet.write_table(table, stream)
+    return stream.getvalue()
+
+
+def _from_parquet(data: bytes) -> History:
+    parquet, arrow = _pyarrow()
+    # Without threads: at exit they may end the interpreter with an error.
+    table = parquet.read_table(arrow.BufferReader(data), use_threads=False, pre_buffer=False)
+    if _KEY not in (about := table.schema.metadata or {}):
+        raise InputError("is no history of ftforce: it does not say what was simulated")
+    setting, names = _read_about(about[_KEY].decode())
+    columns = {
+        name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)
+    }
+    return _from_table(setting, names, columns)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise FtforceError(
+            "Parquet files need pyarrow: pip install 'ftforce[parquet]'; .npz and .csv need nothing"
+        ) from None
+    return parquet, pyarrow

@@ -1,0 +1,128 @@
+"""Where the tip goes and when: straight lines with a smooth timing law."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
+from ftforce.errors import InputError
+from ftforce.io.text import LARGEST_NUMBER
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+PEAK = 1.875  # largest over mean speed of the timing law
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Straight lines from point to point, at rest in each: a corner cannot be taken at speed.
+
+    Along each line the tip moves by ``s = 10 u³ - 15 u⁴ + 6 u⁵`` of its length, u = 0…1 in time, so
+    speed and acceleration begin and end at zero and the speed peaks in the middle.
+
+    Attributes
+    ----------
+    points :
+        In the root's axes, m, shape (k, 3).
+    times :
+        When the tip is there, s, from 0, shape (k,).
+    speed :
+        Largest speed, m/s.
+    keeps_orientation :
+        Whether the tip keeps the orientation that it starts with; else it may turn freely.
+    """
+
+    points: Matrix
+    times: Vector
+    speed: float
+    keeps_orientation: bool = False
+
+    @classmethod
+    def through(cls, points: ArrayLike, *, speed: float, keep_orientation: bool = False) -> Path:
+        """Return the path through points, each line as fast as ``speed`` at its middle.
+
+        Parameters
+        ----------
+        points :
+            Two or more, in the root's axes, m, shape (k, 3).
+        speed :
+            Largest speed, m/s.
+        keep_orientation :
+            Whether the tip keeps the orientation that it starts with.
+
+        Raises
+        ------
+        InputError
+            Not (k, 3) numbers, neighbours at the same place, or a speed that is not positive.
+        """
+        places = as_floats(points, "the path's points")
+        if places.ndim != 2 or places.shape[1] != 3 or len(places) < 2:
+            raise InputError(
+                f"a path needs two or more points x, y, z in m, got an array of shape "
+                f"{places.shape}"
+            )
+        check_finite(places, "the path's points")
+        if (far := float(np.abs(places).max())) > LARGEST_NUMBER:
+            raise InputError(f"the path's points lie within {LARGEST_NUMBER:g} m, got {far:g} m")
+        if not is_number(speed) or speed <= 0:
+            raise InputError(f"the speed must be positive, m/s, got {speed!r}")
+        lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        if not lengths.all():
+            i = int(lengths.argmin()) + 1
+            raise InputError(f"points {i} and {i + 1} of the path are the same; leave one out")
+        with np.errstate(over="ignore"):
+            times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / float(speed))])
+        if not math.isfinite(times[-1]):
+            raise InputError(f"the path takes for ever at a speed of {speed:g} m/s")
+        if not np.diff(times).all():  # so short that it takes no time
+            i = int(np.diff(times).argmin()) + 1
+            raise InputError(f"points {i} and {i + 1} of the path are too close; leave one out")
+        return cls(read_only(places), read_only(times), float(speed), bool(keep_orientation))
+
+    @property
+    def duration(self) -> float:
+        """How long it takes, s."""
+        return float(self.times[-1])
+
+    @property
+    def length(self) -> float:
+        """How long it is, m."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+    def legs(self) -> tuple[Leg, ...]:
+        """Return the lines, each with its times."""
+        lines, times = np.diff(self.points, axis=0), self.times.tolist()
+        return tuple(map(Leg, times, times[1:], self.points, lines))
+
+    def at(self, t: float) -> tuple[Vector, Vector]:
+        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        return leg_at(self.legs(), t).at(t)
+
+
+class Leg(NamedTuple):
+    """A straight line of a path: from when to when (s), from where (m), and as a vector (m)."""
+
+    start: float
+    end: float
+    point: Vector
+    line: Vector
+
+    def at(self, t: float) -> tuple[Vector, Vector]:
+        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        duration = self.end - self.start
+        u = min(max((t - self.start) / duration, 0.0), 1.0)
+        s = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / duration
+        return self.point + s * self.line, rate * self.line
+
+
+def leg_at(legs: Sequence[Leg], t: float) -> Leg:
+    """Return the leg at a time, the first or last one outside."""
+    return next((leg for leg in legs if t < leg.end), legs[-1])

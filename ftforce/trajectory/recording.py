@@ -1,0 +1,283 @@
+"""Recorded motions: joint positions over time, from arrays or a CSV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
+from ftforce.errors import DimensionError, InputError, TrajectoryError, printable
+from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
+from ftforce.io.text import read_text, shortened
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from os import PathLike
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.robot.robot import Robot
+
+LARGEST_FILE = 2_000_000_000  # bytes
+GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
+_NO_NUMBERS = "needs a header and numbers below it"
+_KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
+_SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
+_LARGEST = 1e12  # of a number in a file; times may count from 1970
+_MISFIT = 0.1  # of the way of a joint: the integral of its velocities may be that far off,
+_STILL = 1e-3  # rad or m: and this much, for encoders of joints that rest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Joint positions over time; between the samples they follow a cubic spline.
+
+    Attributes
+    ----------
+    t :
+        Times, s, rising, shape (N,), N ≥ 4.
+    q :
+        Joint positions along the chain, rad or m, shape (N, n).
+    v :
+        Joint velocities, shape (N, n); ``None`` if they were not recorded.
+    source :
+        Where it comes from.
+    """
+
+    t: Vector
+    q: Matrix
+    v: Matrix | None = None
+    source: str = "given"
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        t: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        *,
+        max_gap: float | None = None,
+        source: str = "given",
+    ) -> Recording:
+        """Check a recorded motion.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        t :
+            Times, s, shape (N,), N ≥ 4.
+        q, v :
+            Positions and velocities along the chain, rad or m, shape (N, n).
+        max_gap :
+            Longest time between two samples, s; ten times the usual one if not given.
+        source :
+            Where it comes from.
+
+        Raises
+        ------
+        InputError
+            Shapes that do not fit, times that do not rise, a gap.
+        """
+        times = as_floats(t, "t")
+        if times.ndim != 1 or len(times) < 4:
+            raise InputError(f"a trajectory needs 4 or more times, got the shape {times.shape}")
+        check_finite(times, "t")
+        _check_times(times, max_gap, lambda i: f"sample {i + 1}")
+        positions = _samples(robot, q, "q", len(times))
+        velocities = None if v is None else _samples(robot, v, "v", len(times))
+        return cls(read_only(times), positions, velocities, source)
+
+    @classmethod
+    def read(
+        cls, robot: Robot, path: str | PathLike[str], *, max_gap: float | None = None
+    ) -> Recording:
+        """Read a CSV file with a column ``t`` and one per joint, ``v_`` before velocities.
+
+        A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``;
+        without it s, rad and m count.
+
+        Raises
+        ------
+        TrajectoryError
+            The file cannot be read; a column is unknown or missing; a cell is empty or no number;
+            times do not rise or leave a gap.
+        """
+        return recording_of(robot, Sheet.read(path), max_gap)
+
+    def doubts(self, names: Sequence[str]) -> Iterator[str]:
+        """Name the joints whose recorded velocities do not fit their positions.
+
+        Parameters
+        ----------
+        names :
+            Of the joints.
+        """
+        if self.v is None:
+            return
+        moved = np.unwrap(self.q, axis=0) - self.q[0]
+        steps = 0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t)[:, None]
+        off = np.abs(moved[1:] - np.cumsum(steps, axis=0)).max(axis=0)
+        size = np.maximum(np.abs(moved).max(axis=0), np.abs(steps).sum(axis=0))
+        for i in np.flatnonzero(off > _MISFIT * size + _STILL).tolist():
+            yield (
+                f"the recorded velocities of {names[i]} do not fit its positions: their integral "
+                f"is {off[i]:.3g} off; are the units right?"
+            )
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample after the first, s."""
+        return float(self.t[-1] - self.t[0])
+
+
+class Sheet(NamedTuple):
+    """A CSV file of numbers.
+
+    Attributes
+    ----------
+    path :
+        The file.
+    table :
+        Its text.
+    values :
+        Its numbers, shape (rows, columns).
+    """
+
+    path: str
+    table: Table
+    values: Matrix
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> Sheet:
+        """Read the file.
+
+        Raises
+        ------
+        TrajectoryError
+            It cannot be read, or a cell is empty or no number.
+        """
+        text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
+        try:
+            table = _table(text)
+            values = table.numbers(range(len(table.header)), _LARGEST)
+            if not len(values):
+                raise InputError(_NO_NUMBERS)
+            return cls(printable(path), table, values)
+        except InputError as problem:
+            raise TrajectoryError(path, printable(problem)) from None
+
+    @property
+    def holds_points(self) -> bool:
+        """Whether it is a list of waypoints rather than a motion of joints."""
+        return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
+
+    def place(self, row: int) -> str:
+        """Return where a row stands, e.g. ``line 2``."""
+        line, _ = next(islice(self.table.rows(), row, None))
+        return f"line {line}"
+
+    def points(self) -> Matrix:
+        """Return the waypoints x, y, z, m, shape (k, 3).
+
+        Raises
+        ------
+        TrajectoryError
+            A unit other than m.
+        """
+        names = []
+        for cell in self.table.header:
+            name, unit = split_unit(cell)
+            if unit not in {"", "m"}:
+                raise TrajectoryError(self.path, f"column {cell!r}: points are in m")
+            names.append(name.lower())
+        return self.values[:, [names.index(axis) for axis in "xyz"]]
+
+
+def _table(text: str) -> Table:
+    table = Table.of(text)
+    if table is None:
+        raise InputError(_NO_NUMBERS)
+    if len(table.header) < 2:
+        got = shortened(table.header[0])
+        raise InputError(f"needs the header t,JOINT,… or x,y,z, got {got}; commas separate cells")
+    return table
+
+
+def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
+    """Return the recorded motion that a file holds, see `Recording.read`."""
+    try:
+        columns = _columns(robot, sheet.table.header)
+        t = read_only(sheet.values[:, columns["t"][0]].copy())
+        if len(t) < 4:
+            raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
+        _check_times(t, max_gap, sheet.place)
+    except InputError as problem:
+        raise TrajectoryError(sheet.path, str(problem)) from None
+
+    def matrix(names: Sequence[str]) -> Matrix:
+        numbers, scales = zip(*(columns[name] for name in names), strict=True)
+        return read_only(sheet.values[:, numbers] * scales)
+
+    velocities = [f"v_{name}" for name in robot.names]
+    v = matrix(velocities) if columns.keys() >= set(velocities) else None
+    return Recording(t, matrix(robot.names), v, sheet.path)
+
+
+def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
+    values = as_floats(x, name)
+    if values.shape != (count, robot.n):
+        hint = f"one row per time, one column per joint, {robot.numbered()}"
+        raise DimensionError(name, (count, robot.n), values.shape, hint)
+    check_finite(values, name)
+    return read_only(values)
+
+
+def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, float]]:
+    """Find the columns ``t``, of each joint and, behind ``v_``, of each velocity."""
+    positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
+    velocities = {
+        f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
+        for name, units in positions.items()
+    }
+    units = {**velocities, **positions, "t": {"": 1.0, "s": 1.0}}
+    needed = ("t", *robot.names)
+    columns = find_columns(header, units, needed)
+    if missing := [name for name in needed if name not in columns]:
+        raise InputError(
+            f"lacks the columns {', '.join(missing)}; a trajectory needs t and every joint: "
+            f"{robot.numbered()}"
+        )
+    if len(needed) < len(columns) < len(units):
+        raise InputError("holds velocities of some joints only; give those of all, or of none")
+    return columns
+
+
+def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) -> None:
+    """Check that times rise without a gap.
+
+    Raises
+    ------
+    InputError
+        They do not; the message says where.
+    """
+    steps = np.diff(t)
+    if (steps < _SHORTEST).any():
+        i = int((steps < _SHORTEST).argmax())
+        what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:.12g} s"
+        least = "times must rise" if steps[i] <= 0.0 else f"steps need {_SHORTEST:g} s or more"
+        raise InputError(f"{place(i + 1)}: the time {t[i + 1]:.12g} s {what}; {least}")
+    usual = float(np.median(steps))
+    if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
+        raise InputError(f"the longest gap must be positive and finite, s, got {max_gap!r}")
+    longest = GAP * usual if max_gap is None else float(max_gap)
+    if steps.max() > longest * (1.0 + 1e-9):
+        i = int(steps.argmax())
+        raise InputError(
+            f"{place(i + 1)}: a gap of {steps[i]:g} s after {t[i]:.12g} s, where the usual step "
+            f"is {usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
+        )

@@ -1,0 +1,334 @@
+"""An arm along its course while joints fail: as if healthy, without the remap and with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.analysis.analyze import Analysis, analyze, limits_for
+from ftforce.analysis.conditions import Conditions
+from ftforce.analysis.limits_files import NONE, choose_limits
+from ftforce.core.arrays import Vector, as_vector, is_number, read_only
+from ftforce.core.changes import change_of_velocity, impact_of_lock
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce
+from ftforce.core.task import Axes, Task
+from ftforce.errors import InputError
+from ftforce.robot.dynamics import mass_matrix
+from ftforce.robot.kinematics import task_jacobian
+from ftforce.trajectory.evaluation import Case, TipPath, run_of
+from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
+from ftforce.trajectory.history import VERDICTS, EventReport, History, JointInfo, Run, Setting
+from ftforce.trajectory.motion import State, advance
+from ftforce.trajectory.start import Start, start_of
+from ftforce.trajectory.warnings import history_doubts
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.analysis.census import Progress
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.posture import Posture
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.start import Trajectory
+
+_LINEAR = Task.parse("force", "world")  # whose velocities are the tip's in the root's axes
+NEVER = math.inf
+
+
+def simulate(
+    robot: Robot,
+    trajectory: Trajectory,
+    q: ArrayLike | Posture | None = None,
+    *,
+    force: ArrayLike,
+    faults: Events = (),
+    delay: float = 0.0,
+    remap: bool = True,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    posture: str | None = None,
+    rate: float | None = None,
+    speed: float | None = None,
+    keep_orientation: bool = False,
+    max_gap: float | None = None,
+    rtol: float = RTOL,
+    wary: float = WARY,
+    progress: Progress | None = None,
+) -> History:
+    """Move an arm along a trajectory while its tip exerts a force and joints fail.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    trajectory :
+        `ftforce.trajectory.Path`, `ftforce.trajectory.Recording`, or a CSV file: ``t`` and the
+        joints' positions, or waypoints ``x,y,z``.
+    q, posture :
+        Posture near which a path begins, as in `ftforce.analyze`.
+    force :
+        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,);
+        zeros for a free motion.
+    faults :
+        Which joints fail when, s: ``"3@50"``, ``"3,4@50"``, ``"free:2@10"``, ``"weak:3:0.5@5"``, a
+        list of these, or of `ftforce.trajectory.FaultEvent`.
+    delay :
+        Time from a fault until the remap acts, s.
+    remap :
+        Whether it ever does.
+    gravity, payload, limits, task, length, axes, rtol, wary :
+        As in `ftforce.analyze`.
+    rate :
+        Samples per second; if not given 100 along a path, and a recording's own.
+    speed, keep_orientation :
+        Largest speed (m/s) along waypoints of a file, and whether the tip must not turn.
+    max_gap :
+        Longest time between two samples of a file, s; ten times the usual one if not given.
+    progress :
+        Called with how many instants are done, of how many.
+
+    Returns
+    -------
+    :
+        The histories as if the arm were healthy, without the remap and with it.
+
+    Raises
+    ------
+    InputError
+        A malformed value; the message says what would have been valid.
+    TrajectoryError, LimitsError
+        A file cannot be read or does not fit the robot.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> from ftforce.trajectory import Path
+    >>> arm = ftforce.load_robot("dh5")
+    >>> line = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.05)
+    >>> history = ftforce.simulate(arm, line, force=[80, 50, 10], faults="3@2")
+    >>> history.answer.verdicts[-1].value
+    'tolerated'
+    """
+    check_tolerances(rtol, wary)
+    endless = isinstance(delay, float) and math.isinf(delay)
+    if not (endless or is_number(delay)) or delay < 0.0:
+        raise InputError(f"the delay must be 0 s or more, got {delay!r}")
+    if delay and not remap:
+        raise InputError("a delay is until the remap acts; leave it out if it never does")
+    wanted = Task.parse(task, axes, length)
+    names = ", ".join(wanted.components)
+    asked = as_vector(force, wanted.m, "force", f"{names} of the task '{wanted}'")
+    events = read_events(robot, faults)
+    start = start_of(
+        robot,
+        trajectory,
+        q,
+        posture,
+        rate=rate,
+        speed=speed,
+        keep_orientation=keep_orientation,
+        max_gap=max_gap,
+    )
+    _check_times(events, start)
+    weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
+    meant = limits_for(next(weak, FaultSet()), limits)  # also if it locks later
+    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
+    F, counted = read_only(wanted.weigh_force(asked)), choose_limits(robot, meant)
+    case = Case(robot, wanted, conditions, F, counted, rtol, wary)
+    scene = _Scene(case, start, events, _tip_path(start), _counted(progress, start, remap=remap))
+    wait = float(delay) if remap else NEVER
+    healthy, unremapped, remapped, arrivals = _runs(scene, wait)
+    reports = tuple(
+        _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
+    )
+    setting = _setting(scene, asked, reports, wait)
+    history = History(setting, start.times, scene.path.x, healthy, unremapped, remapped)
+    if wait == 0.0:  # the table of the faults and that of the instants say the same
+        reports = tuple(_as_sampled(history, event) for event in reports)
+        history = replace(history, setting=replace(history.setting, events=reports))
+    doubts = history_doubts(robot, case.limits, joined(events), history)
+    found = (*start.warnings, *doubts)
+    return replace(history, setting=replace(history.setting, warnings=found))
+
+
+class _Scene(NamedTuple):
+    """Everything that the runs share; ``path`` is the tip's, position and velocity."""
+
+    case: Case
+    start: Start
+    events: tuple[FaultEvent, ...]
+    path: TipPath
+    tick: Callable[[int], None]
+
+
+def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[float, State]]:
+    """Return the three runs, and the states right before the faults in the last of them."""
+    case, start, events, path, tick = scene
+    last = float(start.times[-1])
+    never, later = phases(events, NEVER), phases(events, delay)
+    later = tuple(phase for phase in later if phase.start <= last)
+    stops = sorted({phase.start for phase in (*never, *later)})
+    whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
+    follow = partial(advance, case.robot, start.course, start.q, start.times, tick=tick)
+    evaluate = partial(run_of, case, course=path, times=start.times, tick=tick)
+    planned = follow(whole)
+    healthy = evaluate(planned.motion, phases=whole)
+    unaware = follow(never, planned=planned)
+    unremapped = evaluate(unaware.motion, phases=never, same=healthy)
+    if math.isinf(delay):
+        return healthy, unremapped, None, unaware.arrivals
+    aware = follow(later, planned=planned)
+    remapped = evaluate(aware.motion, phases=later, same=healthy)
+    return healthy, unremapped, remapped, aware.arrivals
+
+
+def _tip_path(start: Start) -> TipPath:
+    targets = [start.course.at(t) for t in start.times.tolist()]
+    x, x_dot = (np.array([target[i] for target in targets]) for i in range(2))
+    return TipPath(read_only(x), read_only(x_dot), start.course.orientation)
+
+
+def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:
+    """Return what counts instants: each run is moved and evaluated, shared ones once."""
+    total, done = 2 * len(start.times) * (3 if remap else 2), 0
+
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        if progress is not None:
+            progress(min(done, total), total)
+
+    return tick
+
+
+def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
+    last = float(start.times[-1])
+    for event in events:
+        if event.time > last:
+            raise InputError(
+                f"the fault at {event.time:g} s comes after the end of the trajectory, {last:g} s"
+            )
+
+
+def _event_report(
+    scene: _Scene, event: FaultEvent, arrival: State | None, healthy: Run
+) -> EventReport:
+    """Return what a fault does in its instant; without an arrival it is the first."""
+    case, events = scene.case, scene.events
+    robot, task = case.robot, case.task
+    state = arrival or State(healthy.q[0], healthy.v[0], healthy.a[0])
+    so_far = joined([other for other in events if other.time <= event.time])
+    impact, velocity = _velocity_jumps(case, state, so_far)
+    found = _analysis(case, state, so_far)
+    force_jump: float | None = None
+    if found.force is not None and found.force.jump is not None:
+        force_jump = found.force.jump_norm if task.force_rows else found.force.moment_jump_norm
+    return EventReport(
+        time=event.time,
+        faults=_in_words(robot, event.faults),
+        all_faults=_in_words(robot, so_far),
+        impact_jump=impact,
+        velocity_jump=velocity,
+        force_jump=force_jump,
+        verdict=found.verdict,
+    )
+
+
+def _as_sampled(history: History, event: EventReport) -> EventReport:
+    """Return the report with force jump and verdict of the first sample with the fault.
+
+    They were those of the state right before it: accelerations change with the fault, and with
+    them the force that a joint without torque leaves.
+    """
+    run = history.answer
+    i = int(np.searchsorted(history.t, event.time))
+    jump = float(history.jump_norm(run)[i])
+    known = None if math.isnan(jump) else jump
+    return replace(event, force_jump=known, verdict=VERDICTS[run.verdict[i]])
+
+
+def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
+    """Return the analysis of an instant."""
+    robot, task, conditions, F, limits, rtol, wary = case
+    by_mode = {mode: [i + 1 for i in faults.in_mode(mode)] for mode in FaultMode}
+    weak: dict[int | str, float] = {
+        fault.joint + 1: fault.factor for fault in faults.faults if fault.mode is FaultMode.WEAK
+    }
+    return analyze(
+        robot,
+        state.q,
+        locked=by_mode[FaultMode.LOCKED],
+        free=by_mode[FaultMode.FREE],
+        weak=weak,
+        force=task.unweigh_force(F),
+        velocity=state.v,
+        acceleration=state.a,
+        gravity=None if conditions.is_model_gravity else conditions.gravity,
+        payload=conditions.payload,
+        limits=NONE if limits is None else limits,
+        task=task,
+        rtol=rtol,
+        wary=wary,
+    )
+
+
+def _velocity_jumps(
+    case: Case, state: State, faults: FaultSet
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the jumps of the tip's velocity at impact and after the remap, in the root's axes."""
+    robot = case.robot
+    locked = faults.mask(robot.n)
+    if not locked.any():
+        return (), ()
+    J = read_only(task_jacobian(robot, state.q, _LINEAR))
+    reduced = reduce(J, locked, case.rtol, faults.swinging_mask(robot.n))
+    remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
+    try:
+        M = mass_matrix(robot, state.q, case.conditions.payload) if robot.mass else None
+    except InputError:
+        M = None
+    if M is None:
+        return (), remapped
+    return tuple(impact_of_lock(reduced, _LINEAR, J, M, state.v).jump.tolist()), remapped
+
+
+def _in_words(robot: Robot, faults: FaultSet) -> str:
+    return ", ".join(f"{f.joint + 1} {robot.names[f.joint]} {f}" for f in faults.faults)
+
+
+def _setting(
+    scene: _Scene, asked: Vector, reports: tuple[EventReport, ...], delay: float
+) -> Setting:
+    case, start = scene.case, scene.start
+    robot, conditions, limits = case.robot, case.conditions, case.limits
+    return Setting(
+        robot=robot.name,
+        base=robot.base,
+        tip=robot.tip,
+        joints=tuple(JointInfo(joint.name, joint.type) for joint in robot.joints),
+        task=case.task,
+        force=tuple(asked.tolist()),
+        course=start.words,
+        start=start.source,
+        events=reports,
+        delay=delay,
+        limits=NONE if limits is None else limits.source,
+        effort=tuple((robot.effort if limits is None else limits.effort).tolist()),
+        gravity=tuple(conditions.gravity.tolist()),
+        payload="" if conditions.payload is None else str(conditions.payload),
+        has_masses=robot.mass > 0.0,
+        rtol=case.rtol,
+        wary=case.wary,
+    )

@@ -1,0 +1,180 @@
+"""What a simulation follows, from what a caller gives: a path, a recording or a file."""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ftforce.core.arrays import Vector, is_number, read_only
+from ftforce.errors import InputError
+from ftforce.robot.inverse_kinematics import check_reach, posture_at
+from ftforce.robot.kinematics import tip_pose
+from ftforce.robot.posture import Posture, choose_posture
+from ftforce.trajectory.path import Path
+from ftforce.trajectory.recording import Recording, Sheet, recording_of
+from ftforce.trajectory.reference import PathCourse, RecordedCourse
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.reference import Course
+
+__all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
+
+RATE = 100.0  # Hz
+MOST_SAMPLES = 5_000_000
+_SAME = 1e-6  # rad or m: so close to a given posture it is that one
+
+Trajectory: TypeAlias = "Path | Recording | str | PathLike[str]"
+
+
+class Start(NamedTuple):
+    """A course with the posture and the times at which it is looked at.
+
+    Attributes
+    ----------
+    course :
+        What the arm follows.
+    q :
+        Joint positions at its start, shape (n,).
+    times :
+        Of the samples, s, from 0, shape (N,).
+    words :
+        The course in words.
+    source :
+        Where the posture comes from.
+    warnings :
+        What is odd about the trajectory.
+    """
+
+    course: Course
+    q: Vector
+    times: Vector
+    words: str
+    source: str
+    warnings: tuple[str, ...] = ()
+
+
+def start_of(
+    robot: Robot,
+    trajectory: Trajectory,
+    q: ArrayLike | Posture | None = None,
+    posture: str | None = None,
+    *,
+    rate: float | None = None,
+    speed: float | None = None,
+    keep_orientation: bool = False,
+    max_gap: float | None = None,
+) -> Start:
+    """Return the course that a trajectory means, and where the arm begins.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    trajectory :
+        A `Path`, a `Recording`, or a CSV file of either (``x,y,z`` or ``t`` and joints).
+    q, posture :
+        Close to which posture a path begins, as in `ftforce.analyze`; not for a recording.
+    rate :
+        Samples per second; if not given those of a recording, and 100 along a path.
+    speed, keep_orientation :
+        Of a path that a file holds.
+    max_gap :
+        Of a recording that a file holds.
+
+    Raises
+    ------
+    InputError
+        A value that makes no sense, or a point that the tip cannot reach.
+    TrajectoryError
+        The file cannot be read or does not fit the robot.
+    """
+    if rate is not None and not (is_number(rate) and rate > 0.0):
+        raise InputError(f"the rate must be positive, samples per second, got {rate!r}")
+    given = trajectory
+    if isinstance(given, (str, PathLike)):
+        sheet = Sheet.read(given)
+        if sheet.holds_points:
+            if speed is None:
+                raise InputError(f"{sheet.path} holds waypoints; give a speed too, m/s (--speed)")
+            given = Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
+            speed, keep_orientation = None, False
+        else:
+            given = recording_of(robot, sheet, max_gap)
+            max_gap = None
+    if speed is not None or keep_orientation or max_gap is not None:
+        raise InputError(
+            "speed and keep_orientation belong to a file of waypoints, max_gap to one of a "
+            "recorded motion; a Path or a Recording says its own when it is made"
+        )
+    if isinstance(given, Recording):
+        if q is not None or posture is not None:
+            raise InputError("a recorded motion begins where it begins; leave out q and posture")
+        return _recorded(robot, given, rate)
+    if not isinstance(given, Path):
+        raise InputError(f"a trajectory is a Path, a Recording or a CSV file, got {given!r}")
+    return _along(robot, given, choose_posture(robot, q, posture), rate or RATE)
+
+
+def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
+    if recording.q.shape[1] != robot.n:
+        raise InputError(
+            f"the recording has {recording.q.shape[1]} joints, and the chain: {robot.numbered()}"
+        )
+    times = recording.t - recording.t[0]
+    if rate is not None:
+        times = np.arange(math.floor(_count(recording.duration * rate) + 1e-9) + 1) / rate
+    words = f"the recorded motion of {recording.source}, {recording.duration:.4g} s"
+    if recording.source == "given":
+        words = f"a recorded motion of {recording.duration:.4g} s"
+    course = RecordedCourse(robot, recording)
+    q, doubts = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
+    return Start(course, q, read_only(times), words, "recorded", doubts)
+
+
+def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
+    check_reach(robot, path.points)
+    q = posture_at(robot, path.points[0], posture.q)
+    source = posture.source
+    if np.abs(q - posture.q).max() > _SAME:
+        source = f"from {source}, with the tip at the start of the path"
+    times = np.arange(math.ceil(_count(path.duration * rate) - 1e-9) + 1) / rate
+    points = " → ".join(map(_in_words, path.points))
+    words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
+    if path.keeps_orientation:
+        words += ", orientation kept"
+    course = PathCourse(robot, path, q)
+    return Start(course, q, read_only(times), words, source, posture.warnings)
+
+
+def _in_words(point: Vector) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in (point.round(6) + 0.0).tolist())})"
+
+
+def _count(samples: float) -> float:
+    """Return duration times rate if that is a number of samples to work with.
+
+    Raises
+    ------
+    InputError
+        Too many, or not even one step.
+    """
+    if samples < 1.0:
+        raise InputError(
+            "the samples lie farther apart than the trajectory is long; ask for a higher rate"
+        )
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"{samples:.3g} samples are more than {MOST_SAMPLES:,}; ask for a lower rate"
+        )
+    return samples
+
+
+def tip_at(robot: Robot, q: ArrayLike | Posture | None, posture: str | None) -> Vector:
+    """Return the place of the tip in a posture, in the root's axes, m, shape (3,)."""
+    return tip_pose(robot, choose_posture(robot, q, posture).q)[1]

@@ -1,0 +1,190 @@
+"""What makes a simulation doubtful, in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.analysis.warnings import unjudged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.core.task import Task
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import History
+
+ON_PATH = 1e-5  # m: away from singularities and limits the tip is no farther from its path
+ORIENTED = 1e-5  # rad: likewise
+_SLACK = 1e-6  # rad, m, or relative: limits are printed rounded
+_STEP = 0.05  # of the largest speed: by more no velocity changes between two samples unforeseen
+
+
+def history_doubts(
+    robot: Robot, limits: Limits | None, faults: FaultSet, history: History
+) -> Iterator[str]:
+    """Name what makes a simulation doubtful.
+
+    Parameters
+    ----------
+    robot, limits :
+        The arm, and the limits that count.
+    faults :
+        All that happen.
+    history :
+        What was found.
+    """
+    if robot.mass == 0.0:
+        yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
+    healthy, t = history.healthy, history.t
+    yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
+    yield from force_doubts(t, history.setting.task, unsupported(history))
+    q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
+    v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
+    yield from limit_doubts(robot, q, v)
+    yield from _steps(history)
+    for event in history.setting.events:
+        acts = event.time + history.setting.delay
+        if math.isfinite(acts) and acts > history.t[-1]:
+            yield (
+                f"the remap of the fault at {event.time:g} s would act at {acts:g} s, after the "
+                f"end at {history.t[-1]:g} s"
+            )
+    yield from unjudged(robot, faults, limits)
+    if limits is None:
+        yield from _beyond_effort(robot, history)
+
+
+def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
+    """Say that even the healthy arm leaves its path, or the orientation it is to keep.
+
+    Parameters
+    ----------
+    t :
+        Times, s, shape (N,).
+    error, turn :
+        How far it is off, m and rad, shape (N,).
+    """
+    where = "it is close to a singularity or to its limits there"
+    worst = int(error.argmax())
+    if error[worst] > ON_PATH:
+        off = length_in_words(float(error[worst]))
+        yield f"even the healthy arm leaves its path, by {off} at {t[worst]:g} s: {where}"
+    worst = int(turn.argmax())
+    if turn[worst] > ORIENTED:
+        degrees = math.degrees(float(turn[worst]))
+        yield f"even the healthy arm turns its tip, by {degrees:.3g}° at {t[worst]:g} s: {where}"
+
+
+def unsupported(history: History) -> Matrix:
+    """Return what even the healthy arm lacks of the force, N and N·m, shape (N, m)."""
+    run, asked = history.healthy, np.array(history.setting.force)
+    return lacking(asked, run.force + run.jump)
+
+
+def lacking(asked: Vector, exerted: Matrix) -> Matrix:
+    """Return what is missing of a force, without rounding, shape (N, m)."""
+    missing = np.nan_to_num(asked - exerted)
+    return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
+
+
+def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
+    """Say that even the healthy arm lacks a part of the force: no fault takes it.
+
+    Parameters
+    ----------
+    t :
+        Times, s, shape (N,).
+    task :
+        The task.
+    missing :
+        What is lacking, N and N·m, shape (N, m).
+    """
+    for rows, unit in ((task.force_rows, "N"), (task.moment_rows, "N·m")):
+        size = np.linalg.norm(missing[:, list(rows)], axis=1)
+        if size.any():
+            worst = int(size.argmax())
+            yield (
+                f"even the healthy arm cannot exert {size[worst]:.3g} {unit} of the force at "
+                f"{t[worst]:g} s: it has no such direction there"
+            )
+
+
+def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
+    """Name joints beyond their limits of position and speed.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q, v :
+        Joint positions and velocities, rad or m, and per s, shape (N, n).
+    """
+    yield from _outside(robot, q)
+    yield from _too_fast(robot, v)
+
+
+def _steps(history: History) -> Iterator[str]:
+    """Say that velocities change in a step where nothing failed: no torque does that."""
+    run, t, setting = history.answer, history.t, history.setting
+    v, a = run.v[run.until_fall], run.a[run.until_fall]
+    off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))
+    for event in setting.events:  # where they may
+        for time in (event.time, event.time + setting.delay):
+            off[max(int(np.searchsorted(t, time)) - 1, 0) :][:1] = 0.0
+    sizes = off.max(axis=1, initial=0.0)
+    if len(sizes) and sizes.max() > _STEP * np.abs(v).max() > 0.0:
+        yield (
+            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (at a limit or a "
+            "singularity, or the rate is low): accelerations and torques there mean little"
+        )
+
+
+def _outside(robot: Robot, q: Matrix) -> Iterator[str]:
+    low, high = q.min(axis=0) < robot.lower - _SLACK, q.max(axis=0) > robot.upper + _SLACK
+    for i in np.flatnonzero(low | high):
+        joint = robot.joints[i]
+        yield (
+            f"joint {joint.number} {joint.name} goes from {q[:, i].min():.4g} to "
+            f"{q[:, i].max():.4g} {joint.unit}, outside its limits {joint.lower:g} to "
+            f"{joint.upper:g}"
+        )
+
+
+def _too_fast(robot: Robot, v: Matrix) -> Iterator[str]:
+    fastest = np.abs(v).max(axis=0).tolist()
+    for joint, speed in zip(robot.joints, fastest, strict=True):
+        if joint.velocity is not None and speed > joint.velocity * (1.0 + _SLACK):
+            yield (
+                f"joint {joint.number} {joint.name} moves with up to {speed:.3g} {joint.unit}/s; "
+                f"its limit is {joint.velocity:g}"
+            )
+
+
+def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
+    """Name motors that are asked for more than the URDF says they can."""
+    motor = np.abs(history.answer.motor)
+    for i, joint in enumerate(robot.joints):
+        if joint.effort is None or np.isnan(motor[:, i]).all():
+            continue
+        worst = int(np.nanargmax(motor[:, i]))
+        if motor[worst, i] > joint.effort * (1.0 + _SLACK):
+            yield (
+                f"joint {joint.number} {joint.name} would need "
+                f"{100.0 * motor[worst, i] / joint.effort:.4g}% of its effort limit of "
+                f"{joint.effort:g} {joint.torque_unit} at {history.t[worst]:g} s "
+                "(limits are not counted)"
+            )
+
+
+def length_in_words(x: float) -> str:
+    """Write a distance in a unit that suits it."""
+    for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
+        if x * scale >= 0.9995:
+            return f"{x * scale:.3g} {unit}"
+    return "< 1 µm"

@@ -1,0 +1,1 @@
+"""What an arm looks like: its visuals, solids and meshes, within bounds."""

@@ -1,0 +1,193 @@
+"""Triangles from COLLADA, read by pycollada within bounds.
+
+pycollada is called without trimesh's reader around it, which passes over what is broken, and makes
+triangles of polygons and instances before they could be counted. As ROS does, a file's unit counts
+and its up axis does not.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import TYPE_CHECKING, TypeAlias
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ftforce.errors import FileError, printable
+from ftforce.io.text import parse_xml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+    from xml.etree.ElementTree import Element
+
+    from collada import Collada
+    from collada.geometry import Geometry
+    from collada.primitive import Primitive
+    from trimesh import Trimesh
+
+    from ftforce.core.arrays import Matrix
+
+Faces: TypeAlias = NDArray[np.int64]
+
+MOST_NODES = 10_000
+_MOST_READ = 1_000_000  # elements of the scene, each time that pycollada reads them
+_FARTHEST = 1e9  # of a transformation's numbers, in the file's unit
+_NAMESPACE = "http://www.collada.org/2005/11/COLLADASchema"
+
+_SCENES = ("library_nodes", "library_visual_scenes")
+_TRIANGLES = ("triangles", "tristrips", "trifans", "polylist", "polygons")
+_TRANSFORMATIONS = ("matrix", "translate", "rotate", "scale")
+_READ = {
+    "COLLADA": ("library_geometries", *_SCENES, "scene"),
+    "mesh": ("source", "vertices", *_TRIANGLES),
+    "node": ("node", "instance_node", "instance_geometry", *_TRANSFORMATIONS),
+    "instance_geometry": (),
+}
+
+
+def read_collada(text: str, path: Path, most_triangles: int) -> Trimesh:
+    """Read the triangles of a COLLADA file.
+
+    Parameters
+    ----------
+    text, path :
+        The file's text, and its name for messages.
+    most_triangles :
+        How many it may have.
+
+    Raises
+    ------
+    FileError
+        It is no COLLADA, or uses what is not read here.
+    """
+    root = parse_xml(text, path, FileError)
+    if root.tag != "COLLADA":
+        raise FileError(path, f"is no COLLADA: its root element is <{root.tag}>")
+    try:
+        metre = _metre(root)
+        return _scene(_parsed(root), most_triangles).apply_scale(metre)
+    except Exception as problem:  # pycollada raises whatever it stumbles over
+        reason = printable(getattr(problem, "msg", problem))[:200]
+        raise FileError(path, f"cannot be read as COLLADA ({reason})") from None
+
+
+def _metre(root: Element) -> float:
+    unit = root.find("asset/unit")
+    metre = float(unit.get("meter", "1")) if unit is not None else 1.0
+    if not (math.isfinite(metre) and metre > 0.0):
+        raise ValueError("its unit is no length")
+    return metre
+
+
+def _parsed(root: Element) -> Collada:
+    """Return what pycollada makes of the geometries and of the scene.
+
+    Everything else is taken out before: materials, images, cameras can neither be wrong nor name
+    a file. What pycollada reads is written anew, so it is what was checked.
+    """
+    from collada import Collada
+
+    for parent in root.iter():
+        if parent.tag in _READ:
+            parent[:] = [child for child in parent if child.tag in _READ[parent.tag]]
+    scene = [one.tag for tag in _SCENES for library in root.findall(tag) for one in library.iter()]
+    # A node is read again for each one that it names and that comes after it.
+    if len(scene) * (1 + scene.count("instance_node")) > _MOST_READ:
+        raise ValueError("its scene has too many nodes")
+    for one in root.iter("rotate"):
+        one.text = _of_unit_axis(one.text or "")
+    root.set("xmlns", _NAMESPACE)
+    return Collada(io.BytesIO(ElementTree.tostring(root)))
+
+
+def _of_unit_axis(rotation: str) -> str:
+    """Return a rotation about an axis of length 1: pycollada takes every axis for one."""
+    x, y, z, angle = map(float, rotation.split())
+    length = math.hypot(x, y, z) or 1.0
+    return f"{x / length} {y / length} {z / length} {angle}"
+
+
+def _scene(file: Collada, most: int) -> Trimesh:
+    from trimesh.util import concatenate
+
+    done: dict[int, Trimesh] = {}
+    meshes, count = [], 0
+    for geometry, pose in _instances(file):
+        if id(geometry) not in done:
+            done[id(geometry)] = _mesh(geometry, most)
+        mesh = done[id(geometry)]
+        count += len(mesh.faces)
+        _check_count(count, most)
+        meshes.append(mesh.copy().apply_transform(pose))
+    return concatenate(meshes)
+
+
+def _instances(file: Collada) -> Iterator[tuple[Geometry, Matrix]]:
+    """Yield geometries, and where each stands."""
+    from collada.scene import GeometryNode, Node
+
+    scene = file.scene or next(iter(file.scenes), None)
+    if scene is None:  # geometries alone
+        yield from ((geometry, np.eye(4)) for geometry in file.geometries)
+        return
+    waiting = [(node, np.eye(4)) for node in scene.nodes]
+    for _ in range(MOST_NODES):
+        if not waiting or len(waiting) > MOST_NODES:
+            break
+        node, above = waiting.pop()
+        if isinstance(node, GeometryNode):
+            yield node.geometry, above
+        elif isinstance(node, Node):
+            pose = above @ node.matrix
+            if not np.abs(pose).max() < _FARTHEST:  # nor NaN
+                raise ValueError("a node's place is not finite, or far away")
+            waiting += [(child, pose) for child in node.children]
+    if waiting:
+        raise ValueError("its scene has too many nodes")
+
+
+def _mesh(geometry: Geometry, most: int) -> Trimesh:
+    """Return a geometry, in its own axes and unit."""
+    import trimesh
+
+    meshes, count = [], 0
+    for part in geometry.primitives:
+        count += _count(part)
+        _check_count(count, most)
+        meshes.append(_triangles(part))
+    if not meshes:
+        return trimesh.Trimesh()
+    vertices, faces = trimesh.util.append_faces(*zip(*meshes, strict=True))
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _count(part: Primitive) -> int:
+    """Return how many triangles a part has, at least 1: empty ones take time too."""
+    from collada.polylist import Polylist
+
+    if not isinstance(part, Polylist):
+        return max(len(part), 1)
+    if len(part) and (part.vcounts.min() < 0 or part.nvertices > len(part.index)):
+        raise ValueError("polygons have more corners than there are")
+    return max(int(np.maximum(part.vcounts - 2, 0).sum()), 1)
+
+
+def _triangles(part: Primitive) -> tuple[Matrix, Faces]:
+    """Return a part's vertices, without those that it does not use, and its triangles."""
+    from collada.polylist import Polylist
+
+    triangles = part.triangleset() if isinstance(part, Polylist) else part
+    if not len(triangles):
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    used, faces = np.unique(triangles.vertex_index, return_inverse=True)
+    if used[0] < 0:  # pycollada looks at the largest only
+        raise ValueError("it names vertices that do not exist")
+    return triangles.vertex[used], faces.reshape(-1, 3)
+
+
+def _check_count(count: int, most: int) -> None:
+    if count > most:
+        raise ValueError(f"over {most} triangles")

@@ -1,0 +1,109 @@
+"""Triangles from a file: STL, COLLADA and OBJ, within bounds, so that no file can do harm."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.errors import FileError, printable
+from ftforce.io.text import read_bytes, read_text
+from ftforce.view.geometry.collada import read_collada
+from ftforce.view.geometry.shapes import is_degenerate
+from ftforce.view.geometry.visuals import LARGEST_LENGTH
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from trimesh import Trimesh
+
+LARGEST_MESH = 64_000_000  # bytes of one file; the largest of the known robots has 6 MB
+MOST_TRIANGLES = 1_000_000  # of one file
+
+_SMALLEST_SCALE = 1e-4  # of a mesh in the URDF: many are in mm
+_MOST_SOLIDS = 1_000  # of an ASCII STL
+
+
+def read_mesh(path: Path) -> Trimesh:
+    """Read a mesh.
+
+    Parameters
+    ----------
+    path :
+        A file that ends in one of `ftforce.view.geometry.visuals.MESH_ENDINGS`.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, is too large, or holds no triangles.
+    """
+    with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
+        # Older versions of numpy go on with the numbers before what is no number.
+        warnings.filterwarnings("error", "string or file could not be read")
+        mesh = _read(path)
+    if len(mesh.faces) > MOST_TRIANGLES:
+        count = len(mesh.faces)
+        raise FileError(path, f"holds {count} triangles; at most {MOST_TRIANGLES} are shown")
+    if not np.abs(mesh.vertices).max(initial=0.0) <= LARGEST_LENGTH / _SMALLEST_SCALE:  # nor NaN
+        raise FileError(path, "has vertices that are not finite, or far away")
+    if path.suffix.lower() == ".stl":  # each of its triangles has vertices of its own
+        mesh.merge_vertices()
+        mesh.update_faces(~is_degenerate(np.asarray(mesh.faces)))
+    if not len(mesh.faces):
+        raise FileError(path, "holds no triangles")
+    return mesh
+
+
+def _read(path: Path) -> Trimesh:
+    ending = path.suffix.lower()
+    if ending == ".stl":
+        return _stl(read_bytes(path, FileError, "a mesh", LARGEST_MESH), path)
+    text = read_text(path, FileError, "a mesh", LARGEST_MESH)
+    return read_collada(text, path, MOST_TRIANGLES) if ending == ".dae" else _obj(text, path)
+
+
+def _stl(data: bytes, path: Path) -> Trimesh:
+    import trimesh
+
+    try:
+        if data.lower().count(b"endsolid") > _MOST_SOLIDS:  # trimesh looks for a new name for each
+            raise ValueError(f"over {_MOST_SOLIDS} solids")
+        mesh = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
+    except Exception as problem:  # trimesh raises whatever it stumbles over
+        raise FileError(path, f"cannot be read as an STL ({printable(problem)[:200]})") from None
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)  # no normals or attributes
+
+
+def _obj(text: str, path: Path) -> Trimesh:
+    """Return the polygons of an OBJ as fans of triangles; all its objects together.
+
+    trimesh would count relative indices from the end of the file, and take 0 for the first vertex.
+    """
+    import trimesh
+
+    points: list[list[float]] = []
+    faces: list[tuple[int, int, int]] = []
+    try:
+        for line in text.splitlines():
+            kind, *words = line.split() or [""]
+            if kind == "v":
+                points.append([float(word) for word in words[:3]])
+            elif kind == "f":
+                corners = [_obj_index(word, len(points)) for word in words]
+                faces += [(corners[0], *pair) for pair in pairwise(corners[1:])]
+        vertices = np.array(points, dtype=np.float64).reshape(-1, 3)
+    except (ValueError, IndexError) as problem:
+        raise FileError(path, f"cannot be read as an OBJ ({problem})") from None
+    return trimesh.Trimesh(vertices, np.array(faces).reshape(-1, 3), process=False)
+
+
+def _obj_index(word: str, count: int) -> int:
+    """Return the index, from 0, of a corner such as 3/1/2; negative ones count from the end."""
+    number = int(word.partition("/")[0])
+    index = number - 1 if number > 0 else count + number
+    if number == 0 or not 0 <= index < count:
+        raise ValueError(f"there is no vertex {number}")
+    return index

@@ -1,0 +1,109 @@
+"""Simple solids as triangles, and what is done to triangles."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from trimesh import Trimesh
+
+    from ftforce.core.arrays import Matrix, Vector
+
+ROUND = 32  # sides of what is round
+_SMOOTH = np.radians(30.0)  # edges below this angle are shaded as one surface
+
+
+def box(x: float, y: float, z: float) -> Trimesh:
+    """Return a box around the origin, sides in m."""
+    return _unit_box().copy().apply_scale((x, y, z))
+
+
+def sphere(radius: float) -> Trimesh:
+    """Return a sphere around the origin, radius in m."""
+    return capsule(radius, 0.0)
+
+
+def capsule(radius: float, length: float) -> Trimesh:
+    """Return a cylinder on z with a half sphere at each end; ``length`` is the cylinder's, m."""
+    from trimesh import creation
+
+    # trimesh's own capsule has its full width since version 5 only.
+    quarter = np.linspace(0.0, np.pi / 2.0, ROUND // 4 + 1)
+    half = np.column_stack([np.cos(quarter), np.sin(quarter)]) * radius + [0.0, length / 2.0]
+    return creation.revolve(np.concatenate([half[::-1] * [1.0, -1.0], half]), sections=ROUND)
+
+
+def cylinder(radius: float, length: float) -> Trimesh:
+    """Return a cylinder on z around the origin, m."""
+    return _unit_cylinder().copy().apply_scale((radius, radius, length))
+
+
+def between(start: Vector, end: Vector, radius: float) -> Trimesh:
+    """Return a capsule from one point to another, m, shape (3,) each."""
+    mesh = along(capsule(radius, float(np.linalg.norm(end - start))), end - start)
+    return mesh.apply_translation((start + end) / 2.0)
+
+
+def along(mesh: Trimesh, direction: Vector) -> Trimesh:
+    """Return the mesh, turned about the origin so that its z points in a direction."""
+    from trimesh.geometry import align_vectors
+
+    return mesh.apply_transform(align_vectors([0.0, 0.0, 1.0], direction))
+
+
+def coarser(mesh: Trimesh, cell: Vector) -> Trimesh:
+    """Return the mesh with all vertices in a cell of a grid made one, at their mean.
+
+    Parameters
+    ----------
+    mesh :
+        The mesh.
+    cell :
+        Size of a cell along x, y and z, in the mesh's unit, shape (3,).
+    """
+    from trimesh import Trimesh
+    from trimesh.grouping import unique_rows
+
+    if mesh.is_empty:
+        return mesh
+    points: Matrix = np.asarray(mesh.vertices)
+    places = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    _, inverse = unique_rows(places)
+    sums = [np.bincount(inverse, points[:, axis]) for axis in range(3)]
+    vertices = np.column_stack(sums) / np.bincount(inverse)[:, None]
+    faces = inverse[np.asarray(mesh.faces)]
+    faces = faces[~is_degenerate(faces)]
+    first, _ = unique_rows(np.sort(faces, axis=1))
+    return Trimesh(vertices, faces[first], process=False)
+
+
+def is_degenerate(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which triangles have a corner twice."""
+    a, b, c = faces.T
+    degenerate: NDArray[np.bool_] = (a == b) | (b == c) | (a == c)
+    return degenerate
+
+
+@cache
+def _unit_box() -> Trimesh:
+    from trimesh import creation
+
+    return _with_sharp_edges(creation.box())
+
+
+@cache
+def _unit_cylinder() -> Trimesh:
+    from trimesh import creation
+
+    return _with_sharp_edges(creation.cylinder(radius=1.0, height=1.0, sections=ROUND))
+
+
+def _with_sharp_edges(mesh: Trimesh) -> Trimesh:
+    """Return the mesh with no vertex shared across an edge: the page would shade it round."""
+    from trimesh.graph import smooth_shade
+
+    return smooth_shade(mesh, angle=_SMOOTH, facet_minarea=None)

@@ -1,0 +1,201 @@
+"""The answer to what is asked on the page: the one place that calls `analyze` and `census`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.analysis.analyze import Analysis, analyze, load_without_force, shown_limits
+from ftforce.analysis.capability import Amount, Capability, capability_of
+from ftforce.analysis.census import Census, census
+from ftforce.core.faults import Fault, FaultMode
+from ftforce.core.feasible_forces import Reading
+from ftforce.errors import FtforceError
+from ftforce.report.text import NEGLIGIBLE
+
+if TYPE_CHECKING:
+    from ftforce.robot.robot import Robot
+    from ftforce.view.model.state import State
+
+
+@dataclass(frozen=True, slots=True)
+class JointLoad:
+    """What one joint does before and after the fault; NaN where something is unknown.
+
+    Attributes
+    ----------
+    number, name, unit :
+        Its number along the chain, name, and unit of its torque (N·m, or N if prismatic).
+    fault :
+        How it fails; ``None`` if it is healthy.
+    before, after :
+        What its motor gives, weight and motion included if the URDF has masses; ``after`` is 0 at
+        a joint that is locked or without torque.
+    part_before, part_after :
+        The force part of that, JᵀF; 0 without a force.
+    brake :
+        What its lock carries; NaN if it is not locked.
+    limit :
+        Of its motor, or if it is locked of its brake.
+    used :
+        Share of the limit that motor or brake gives after the fault.
+    """
+
+    number: int
+    name: str
+    unit: str
+    fault: Fault | None
+    before: float
+    after: float
+    part_before: float
+    part_after: float
+    brake: float
+    limit: float
+    used: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What `ftforce.analyze` and `ftforce.census` say to a question.
+
+    Attributes
+    ----------
+    state :
+        The question.
+    analysis :
+        What the faults do.
+    census :
+        All fault sets of the posture, worst first; ``None`` if they are not asked for.
+    census_problem :
+        Why there is no census although it is asked for; empty if there is one.
+    capability :
+        Forces that can be held; ``None`` if nothing that is shown needs them.
+    loads :
+        What each joint does.
+    """
+
+    state: State
+    analysis: Analysis
+    census: Census | None
+    census_problem: str
+    capability: Capability | None
+    loads: tuple[JointLoad, ...]
+
+    @property
+    def weakest(self) -> tuple[Amount, Amount] | None:
+        """How much can be commanded in the weakest direction before and after, if that is shown."""
+        if self.capability is None or not self.state.shown.weakest:
+            return None
+        found = self.capability.weakest
+        return found.before[Reading.COMMANDED], found.after[Reading.COMMANDED]
+
+
+def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
+    """Answer a question.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    state :
+        The question.
+    earlier :
+        An answer about the same arm; its census is taken over if the new one would be the same.
+
+    Raises
+    ------
+    InputError
+        Something about the question is malformed.
+    """
+    # Analyze's own check says where a position that was given lies outside the limits.
+    place = state.q if state.posture.source == "given" else state.posture
+    faults = state.faults
+    analysis = analyze(
+        robot,
+        place,
+        locked=[i + 1 for i in faults.in_mode(FaultMode.LOCKED)],
+        free=[i + 1 for i in faults.in_mode(FaultMode.FREE)],
+        weak=[(f.joint + 1, f.factor) for f in faults.faults if f.mode is FaultMode.WEAK],
+        limits=state.asked_limits,
+        **state.options(),
+    )
+    all_sets, problem = _census(robot, state, analysis, earlier)
+    needs_capability = state.shown.weakest or state.shown.solid == "polytope"
+    return Answer(
+        state=state,
+        analysis=analysis,
+        census=all_sets,
+        census_problem=problem,
+        capability=capability_of(analysis) if needs_capability else None,
+        loads=_loads(analysis),
+    )
+
+
+def _census(
+    robot: Robot, state: State, analysis: Analysis, earlier: Answer | None
+) -> tuple[Census | None, str]:
+    """Return the census, and why there is none."""
+    if not state.shown.census:
+        return None, ""
+    if earlier is not None and earlier.state.census_question() == state.census_question():
+        return earlier.census, earlier.census_problem
+    try:
+        found = census(
+            robot,
+            analysis.posture,
+            faults=min(state.shown.census, robot.n),
+            mode=state.shown.census_mode,
+            limits=analysis.limits,  # also where they count because a joint is weak
+            **state.options(),
+        )
+    except FtforceError as error:  # the fault set that is shown has its answer all the same
+        return None, str(error)
+    return found, ""
+
+
+def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
+    robot, torque, rnea = analysis.robot, analysis.torque, analysis.rnea
+    unknown, nothing = np.full(robot.n, np.nan), np.zeros(robot.n)
+    if torque is not None:
+        part = torque.before, unknown if torque.after is None else torque.after
+        before = torque.before if torque.total_before is None else torque.total_before
+        after = part[1] if torque.total_after is None else torque.total_after
+        brake = unknown if torque.brake_load is None else torque.brake_load
+    else:
+        part, before, after, brake = (nothing, nothing), rnea.before, unknown, unknown
+        if not rnea.is_known:
+            before = unknown
+        elif analysis.can_stand_still:
+            brake = load_without_force(analysis)
+            after = np.where(analysis.reduced.commanding, brake, 0.0)
+    limits, faults = shown_limits(analysis), {f.joint: f for f in analysis.faults.faults}
+    rows = []
+    for i, joint in enumerate(robot.joints):
+        is_locked = bool(analysis.reduced.locked[i])
+        load, limit = float((brake if is_locked else after)[i]), float(limits[i])
+        rows.append(
+            JointLoad(
+                number=joint.number,
+                name=joint.name,
+                unit=joint.torque_unit,
+                fault=faults.get(i),
+                before=float(before[i]),
+                after=float(after[i]),
+                part_before=float(part[0][i]),
+                part_after=float(part[1][i]),
+                brake=load if is_locked else math.nan,
+                limit=limit,
+                used=_share(load, limit),
+            )
+        )
+    return tuple(rows)
+
+
+def _share(load: float, limit: float) -> float:
+    """Return the share of a limit, NaN if it is not known, infinite if the limit is nothing."""
+    if limit == 0.0:
+        return math.inf if abs(load) > NEGLIGIBLE else 0.0
+    return abs(load) / limit

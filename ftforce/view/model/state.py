@@ -1,0 +1,520 @@
+"""What is asked on the page: everything that its controls set, and the command that asks it."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ftforce.analysis.analyze import limits_for
+from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
+from ftforce.analysis.fault_names import named_faults
+from ftforce.analysis.limits_files import NONE, URDF, choose_limits
+from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.task import COMPONENTS, DEFAULT_LENGTH, Task
+from ftforce.errors import InputError, UnknownNameError
+from ftforce.robot.posture import Posture, choose_posture
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.core.limits import Limits
+    from ftforce.core.task import Axes
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.robot import Robot
+
+HEALTHY = "healthy"
+MODES = (HEALTHY, *(mode.value for mode in FaultMode))
+LOADS = ("force", "torques", "every direction")
+SOLIDS = ("nothing", "ellipsoid", "polytope")
+FIRST_FORCE = 20.0  # N (N·m of a task of moments): what is pushed with if nothing was asked for
+_FIRST_FACTOR = 0.5  # of the torque of a joint that turns weak
+
+
+class Origin(NamedTuple):
+    """How the user named the arm: what the command line repeats.
+
+    Attributes
+    ----------
+    robot :
+        A path or a known name.
+    base, tip :
+        Links; ``None`` if none was named.
+    posture :
+        The named posture with which the robot was loaded; ``None`` for its default.
+    note :
+        Why the command line may answer otherwise than the page; empty if it does not.
+    """
+
+    robot: str
+    base: str | None = None
+    tip: str | None = None
+    posture: str | None = None
+    note: str = ""
+
+
+class Shown(NamedTuple):
+    """What the page shows besides the answer to the question.
+
+    Attributes
+    ----------
+    census :
+        Size of the largest fault sets of the census; 0 for none.
+    census_mode :
+        How their joints fail, ``locked`` or ``free``.
+    solid :
+        ``nothing``, ``ellipsoid`` or ``polytope``: the forces before and after the fault.
+    weakest :
+        Whether the weakest direction is shown.
+    see_through :
+        Whether the arm is.
+    """
+
+    census: int = 1
+    census_mode: FaultMode = FaultMode.LOCKED
+    solid: str = SOLIDS[0]
+    weakest: bool = False
+    see_through: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """One question: posture, faults, load and conditions.
+
+    Attributes
+    ----------
+    posture :
+        Joint positions, rad or m, and where they come from.
+    is_start :
+        Whether the posture is the one with which the robot was loaded.
+    modes :
+        Per joint ``healthy``, ``locked``, ``free`` or ``weak``.
+    factors :
+        Share of the torque that each joint keeps when it is weak, 0 to 1; kept while it is not.
+    load :
+        What the tip exerts: ``force``; ``torques``, which are meant for it; ``every direction``.
+    wrench :
+        The force, N and N·m, in the task's axes, one for each of `COMPONENTS`, shape (6,); those
+        that the task lacks are kept for another task.
+    torque :
+        Motor torques meant for the tip's force, N·m (N), shape (n,); ``None`` if none were given.
+    velocity, acceleration :
+        Of the joints before the fault, rad or m, per s and per s², shape (n,); or ``None``.
+    task :
+        Components, axes and length.
+    limits :
+        What counts if limits count.
+    is_limited :
+        Whether they do; ``None`` as in `ftforce.analyze` only where a joint is weak.
+    own_gravity :
+        Instead of the model's, in the root's axes, m/s², shape (3,); ``None`` takes the model's.
+    weighs :
+        Whether there is gravity.
+    payload :
+        What the tip carries; ``None`` if nothing.
+    inverse, rtol, wary :
+        As in `ftforce.analyze`.
+    origin :
+        How the user named the arm.
+    shown :
+        What the page shows.
+    """
+
+    posture: Posture
+    is_start: bool
+    modes: tuple[str, ...]
+    factors: tuple[float, ...]
+    load: str
+    wrench: Vector
+    torque: Vector | None
+    velocity: Vector | None
+    acceleration: Vector | None
+    task: Task
+    limits: Limits
+    is_limited: bool | None
+    own_gravity: Vector | None
+    weighs: bool
+    payload: Payload | None
+    inverse: Inverse
+    rtol: float
+    wary: float
+    origin: Origin
+    shown: Shown = field(default_factory=Shown)
+
+    @property
+    def q(self) -> Vector:
+        """Joint positions, rad or m, shape (n,)."""
+        return self.posture.q
+
+    @property
+    def faults(self) -> FaultSet:
+        """The fault set."""
+        return FaultSet(
+            tuple(
+                Fault(i, FaultMode(mode), factor if mode == FaultMode.WEAK else 1.0)
+                for i, (mode, factor) in enumerate(zip(self.modes, self.factors, strict=True))
+                if mode != HEALTHY
+            )
+        )
+
+    @property
+    def force(self) -> Vector | None:
+        """Force at the tip, N and N·m, in the task's axes, shape (m,); ``None`` if none counts."""
+        if self.load != "force":
+            return None
+        return read_only(self.wrench[[COMPONENTS.index(name) for name in self.task.components]])
+
+    @property
+    def asked_torque(self) -> Vector | None:
+        """Torques meant for the tip's force, N·m (N), shape (n,); ``None`` if none count."""
+        return self.torque if self.load == "torques" else None
+
+    @property
+    def gravity(self) -> Vector | None:
+        """Gravity in the root's axes, m/s², shape (3,); ``None`` for the model's."""
+        return self.own_gravity if self.weighs else read_only(np.zeros(3))
+
+    @property
+    def asked_limits(self) -> Limits | str | None:
+        """Limits as `ftforce.analyze` takes them."""
+        if self.is_limited is None:
+            return None
+        return self.limits if self.is_limited else NONE
+
+    @property
+    def counts_limits(self) -> bool:
+        """Whether limits count."""
+        return limits_for(self.faults, self.asked_limits) not in (None, NONE)
+
+    # ---- what controls change ----------------------------------------------------------------
+
+    def at(self, q: ArrayLike) -> State:
+        """Return the same question at joint positions q, rad or m, shape (n,).
+
+        Raises
+        ------
+        InputError
+            They are not n finite numbers.
+        """
+        place = as_vector(q, len(self.q), "q")
+        return replace(self, posture=Posture(place, "given"), is_start=False)
+
+    def in_posture(self, posture: Posture) -> State:
+        """Return the same question in a posture that has a name."""
+        return replace(self, posture=posture, is_start=False)
+
+    def with_joint(self, joint: int, position: float) -> State:
+        """Return the same question with one joint (index from 0) at a position, rad or m."""
+        q = self.q.copy()
+        q[joint] = position
+        return self.at(q)
+
+    def failing(self, joint: int, mode: str, factor: float | None = None) -> State:
+        """Return the same question with one joint (index from 0) in a mode.
+
+        Parameters
+        ----------
+        joint :
+            Index from 0.
+        mode :
+            ``healthy``, ``locked``, ``free`` or ``weak``.
+        factor :
+            Share of its torque that a weak joint keeps, 0 to 1; as it was if not given.
+
+        Raises
+        ------
+        InputError
+            There is no such mode, or the factor does not lie between 0 and 1.
+        """
+        if mode not in MODES:
+            raise UnknownNameError("state of a joint", mode, MODES)
+        share = self.factors[joint] if factor is None else float(factor)
+        if not 0.0 <= share <= 1.0:  # nor is NaN
+            raise InputError(f"the factor of joint {joint + 1} must lie between 0 and 1")
+        modes, factors = list(self.modes), list(self.factors)
+        modes[joint], factors[joint] = mode, share
+        return replace(self, modes=tuple(modes), factors=tuple(factors))
+
+    def with_faults(self, faults: FaultSet) -> State:
+        """Return the same question about a fault set."""
+        modes, factors = [HEALTHY] * len(self.modes), list(self.factors)
+        for fault in faults.faults:
+            modes[fault.joint] = fault.mode.value
+            if fault.mode is FaultMode.WEAK:
+                factors[fault.joint] = fault.factor
+        return replace(self, modes=tuple(modes), factors=tuple(factors))
+
+    def pushing(self, wrench: ArrayLike) -> State:
+        """Return the same question about a force; N and N·m for each of `COMPONENTS`, shape (6,).
+
+        Raises
+        ------
+        InputError
+            They are not six finite numbers.
+        """
+        six = as_vector(wrench, 6, "force", ", ".join(COMPONENTS))
+        return replace(self, wrench=six, load="force")
+
+    def loaded(self, load: str) -> State:
+        """Return the same question about another kind of load, one of `LOADS`.
+
+        Raises
+        ------
+        InputError
+            There is none such, or no torques were given.
+        """
+        if load not in LOADS:
+            raise UnknownNameError("load", load, LOADS)
+        if load == "torques" and self.torque is None:
+            raise InputError("no torques were given; start the page with --torque")
+        return replace(self, load=load)
+
+    def asking(self, task: str, axes: str, length: float | None = None) -> State:
+        """Return the same question about another task, in other axes.
+
+        Raises
+        ------
+        InputError
+            As `ftforce.core.task.Task.parse`.
+        """
+        L = self.task.length if length is None else length
+        return replace(self, task=Task.parse(task, axes, L))  # type: ignore[arg-type] # checked
+
+    def limited(self, counts: bool) -> State:
+        """Return the same question with limits, or without."""
+        return self if counts == self.counts_limits else replace(self, is_limited=counts)
+
+    def weighing(self, weighs: bool) -> State:
+        """Return the same question with gravity, or without."""
+        return replace(self, weighs=weighs)
+
+    def carrying(self, payload: Payload | None) -> State:
+        """Return the same question with something at the tip."""
+        return replace(self, payload=payload)
+
+    def showing(self, **changes: Any) -> State:
+        """Return the same question with something else on the page: fields of `Shown`."""
+        return replace(self, shown=self.shown._replace(**changes))
+
+    # ---- what is asked -----------------------------------------------------------------------
+
+    def options(self) -> dict[str, Any]:
+        """Return what `ftforce.analyze` and `ftforce.census` take alike, limits apart."""
+        return {
+            "force": self.force,
+            "torque": self.asked_torque,
+            "velocity": self.velocity,
+            "acceleration": self.acceleration,
+            "gravity": self.gravity,
+            "payload": self.payload,
+            "inverse": self.inverse,
+            "task": self.task,
+            "rtol": self.rtol,
+            "wary": self.wary,
+        }
+
+    def question(self) -> tuple[object, ...]:
+        """Return what a verdict depends on besides posture, faults, payload and given limits."""
+        options = self.options() | {
+            "load": self.load,
+            "limits": self.counts_limits,
+            "payload": None,
+        }
+        return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in options.values())
+
+    def census_question(self) -> tuple[object, ...]:
+        """Return what the census depends on: two states that agree in it have the same one."""
+        own = (self.q.tobytes(), id(self.limits), self.payload)
+        return (*self.question(), *own, self.shown.census, self.shown.census_mode)
+
+
+def initial_state(
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    *,
+    origin: Origin | None = None,
+    locked: Joints = (),
+    free: Joints = (),
+    weak: WeakJoints = (),
+    force: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = None,
+    inverse: Inverse = "euclidean",
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    rtol: float = RTOL,
+    wary: float = WARY,
+) -> State:
+    """Return the question with which the page starts.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q, locked, free, weak, torque, velocity, acceleration, gravity, payload, limits, inverse :
+        As in `ftforce.analyze`.
+    task, length, axes, rtol, wary :
+        As in `ftforce.analyze`.
+    force :
+        As in `ftforce.analyze`; if neither a force nor torques are given, 20 N along each axis.
+    origin :
+        How the user named the arm; its URDF if not given.
+
+    Raises
+    ------
+    InputError
+        As `ftforce.analyze`.
+    """
+    check_tolerances(rtol, wary)
+    if force is not None and torque is not None:
+        raise InputError("give either a force or torques, not both")
+    if inverse not in INVERSES:
+        raise UnknownNameError("inverse", inverse, INVERSES)
+    named = Origin(robot.path) if origin is None else origin
+    wanted = Task.parse(task, axes, length)
+    start = choose_posture(robot, None, named.posture)
+    place = start if q is None else choose_posture(robot, q)
+    faults = named_faults(robot, locked, free, weak)
+    conditions = Conditions.of(
+        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    )
+    counted = choose_limits(robot, limits)
+    state = State(
+        posture=place,
+        is_start=place is start,
+        modes=(HEALTHY,) * robot.n,
+        factors=(_FIRST_FACTOR,) * robot.n,
+        load="force" if torque is None else "torques",
+        wrench=_first_wrench(wanted, force),
+        torque=None if torque is None else as_vector(torque, robot.n, "torque", robot.numbered()),
+        velocity=conditions.velocity,
+        acceleration=conditions.acceleration,
+        task=wanted,
+        limits=counted or _urdf_limits(robot),
+        is_limited=None if limits is None else counted is not None,
+        own_gravity=None if conditions.is_model_gravity else conditions.gravity,
+        weighs=True,
+        payload=conditions.payload,
+        inverse=inverse,
+        rtol=rtol,
+        wary=wary,
+        origin=named,
+    )
+    return state.with_faults(faults)
+
+
+def command_line(robot: Robot, state: State) -> str:
+    """Return the ``ftforce analyze`` command that asks the same question, quoted for a shell.
+
+    Numbers have all their digits, so that its answer has the page's numbers.
+    """
+    task, faults, origin = state.task, state.faults, state.origin
+    locked, free = (
+        ",".join(_joint(robot, i) for i in faults.in_mode(mode))
+        for mode in (FaultMode.LOCKED, FaultMode.FREE)
+    )
+    weak = (f for f in faults.faults if f.mode is FaultMode.WEAK)
+    options = {
+        "locked": locked,
+        "free": free,
+        "weak": ",".join(f"{_joint(robot, f.joint)}:{f.factor!r}" for f in weak),
+        "posture": origin.posture if state.is_start else None,
+        "q": None if state.is_start else _numbers(state.q),
+        "force": _numbers(state.force),
+        "torque": _numbers(state.asked_torque),
+        "velocity": _numbers(state.velocity),
+        "acceleration": _numbers(state.acceleration),
+        "gravity": _numbers(state.gravity),
+        "payload": _payload(state.payload),
+        "limits": _limits(state),
+        "inverse": _unless(INVERSES[0], state.inverse),
+        "task": _unless("force", str(task)),
+        "length": _unless(DEFAULT_LENGTH, task.length),
+        "axes": _unless("tool", task.axes),
+        "base": origin.base,
+        "tip": origin.tip,
+        "rtol": _unless(RTOL, state.rtol),
+        "wary": _unless(WARY, state.wary),
+    }
+    # Each in one word: a value may begin with a minus.
+    given = (f"--{option}={value}" for option, value in options.items() if value)
+    return shlex.join(["ftforce", "analyze", _argument(origin.robot), *given])
+
+
+def _unless(default: object, value: object) -> str:
+    """Return a value with all its digits; nothing if it is the default."""
+    return "" if value == default else str(value)
+
+
+def _argument(robot: str) -> str:
+    return f"./{robot}" if robot.startswith("-") else robot
+
+
+def _joint(robot: Robot, i: int) -> str:
+    """Return a joint's number, or its name where the number is the name of another one."""
+    number = str(i + 1)
+    return robot.names[i] if number in robot.names and robot.names[i] != number else number
+
+
+def _numbers(vector: Vector | None) -> str:
+    return "" if vector is None else ",".join(repr(x + 0.0) for x in vector.tolist())
+
+
+def _payload(payload: Payload | None) -> str:
+    if payload is None:
+        return ""
+    place = f"@{_numbers(payload.offset)}" if payload.offset.any() else ""
+    return f"{payload.mass!r}{place}"
+
+
+def _limits(state: State) -> str:
+    if state.is_limited is None:
+        return ""
+    return state.limits.source if state.is_limited else NONE
+
+
+def _urdf_limits(robot: Robot) -> Limits:
+    limits = choose_limits(robot, URDF)
+    assert limits is not None
+    return limits
+
+
+def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
+    """Return the force that was given, or a first one, for each of `COMPONENTS`, shape (6,)."""
+    if force is None:
+        unit = "f" if task.force_rows else "m"
+        return read_only(np.array([FIRST_FORCE * (name[0] == unit) for name in COMPONENTS]))
+    names = ", ".join(task.components)
+    given = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
+    return read_only(in_components(task.components, given))
+
+
+def in_components(components: Sequence[str], vectors: Vector) -> Vector:
+    """Return vectors (..., m) over some of `COMPONENTS` as ones over all, (..., 6), 0 elsewhere."""
+    six = np.zeros((*vectors.shape[:-1], len(COMPONENTS)))
+    six[..., [COMPONENTS.index(name) for name in components]] = vectors
+    return six
+
+
+def shown_position(unit: str, position: float) -> float:
+    """Return a joint's position (rad or m) as it is shown: degrees or m."""
+    return math.degrees(position) if unit == "rad" else position
+
+
+def meant_position(unit: str, shown: float) -> float:
+    """Return the position (rad or m) that is meant by what is shown: degrees or m."""
+    return math.radians(shown) if unit == "rad" else shown

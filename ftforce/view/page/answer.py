@@ -1,0 +1,227 @@
+"""The page's answer as HTML: verdict, tables, census, legend, command."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ftforce.report import analysis as sentences
+from ftforce.report import text as words
+from ftforce.report.text import ratio, size
+from ftforce.show.tables.analysis import situation
+from ftforce.view.page.html import block, cell, css, element, facts, row, style, table
+from ftforce.view.page.tables import brake_loads, force_table, load_table
+from ftforce.view.scene.colours import ARROW_COLOURS, FAULT_COLOURS, NEUTRAL, RAMP, VERDICT_COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from markupsafe import Markup
+
+    from ftforce.analysis.census import Census
+    from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.measures import Verdict
+    from ftforce.view.model.answer import Answer
+    from ftforce.view.scene.colours import Colour
+    from ftforce.view.scene.picture import Picture
+
+MOST_SETS = 40
+_FALLS = "cannot stand still"
+_ROUNDING = 1e-6  # a share of a force that is smaller is none
+
+# The text is in the element's data, never in the script.
+_COPY = (
+    "const b=this,t=b.dataset.text;"
+    "const say=x=>{b.textContent=x;setTimeout(()=>{b.textContent=b.dataset.label},1500)};"
+    "const old=()=>{const a=document.createElement('textarea');a.value=t;"
+    "document.body.append(a);a.select();const ok=document.execCommand('copy');a.remove();"
+    "say(ok?'copied':'select the text and copy it')};"
+    "navigator.clipboard?navigator.clipboard.writeText(t).then(()=>say('copied'),old):old()"
+)
+
+
+# ---- the banner ------------------------------------------------------------------------------
+
+
+def banner(answer: Answer) -> Markup:
+    """Return the verdict in words, and the warnings."""
+    analysis = answer.analysis
+    no_census = [f"No census: {answer.census_problem}."] if answer.census_problem else []
+    told = sentences.verdict_sentence(analysis)
+    return verdict_banner(analysis.verdict, told, analysis.warnings, no_census)
+
+
+def verdict_banner(
+    verdict: Verdict, words_: str, doubts: Iterable[str], notes: Iterable[str] = ()
+) -> Markup:
+    """Return a verdict in words, what makes it doubtful, and what else is to be warned of."""
+    warned = [*(f"Warning: {doubt}." for doubt in doubts), *notes]
+    warnings = (element("div", text, class_="warning") for text in warned)
+    told = _banner(VERDICT_COLOURS[verdict], words_)
+    return block(style(), told, element("div", *warnings, data_testid="warnings"))
+
+
+def problem_banner(problem: str) -> Markup:
+    """Return why there is no answer."""
+    return block(style(), _banner((90, 90, 90), problem))
+
+
+def _banner(colour: Colour, words_: str) -> Markup:
+    look, name = f"background:{css(colour)}", "verdict"
+    return element("div", words_, class_=name, style=look, data_testid=name, role="status")
+
+
+# ---- the answer -----------------------------------------------------------------------------
+
+
+def measures(answer: Answer) -> Markup:
+    """Return margin, rank, lost directions, brake loads and what else measures the answer."""
+    analysis = answer.analysis
+    reduced, bounded = analysis.reduced, analysis.bounded
+    rho = analysis.relative_manipulability
+    kept = "undefined" if math.isnan(rho) else ratio(rho)
+    pairs = [
+        ("Margin", f"{ratio(analysis.margin)} = σ_min(K)/σ_max(J)"),
+        ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank}), ρ {kept}"),
+        ("Lost", words.lost_directions(analysis.task, list(analysis.lost_directions))),
+    ]
+    if bounded is not None and analysis.limits is not None:
+        names = ", ".join(analysis.robot.names[j] for j in bounded.binding)
+        pairs.append(("At the limit", names or "none"))
+    pairs += brake_loads(answer.loads)
+    if (weakest := answer.weakest) is not None:
+        before, after = (_weakest(amount.most) for amount in weakest)
+        unit = words.unit_of_size(analysis.task)
+        pairs.append(("Weakest", f"{before} before, {after} after [{unit}]"))
+    return facts(pairs, "measures")
+
+
+def _weakest(most: float) -> str:
+    if math.isnan(most):
+        return "none"
+    return "no limit" if math.isinf(most) else size(most, 1)
+
+
+def answer_part(answer: Answer) -> Markup:
+    """Return tables of torques and forces, and the measures."""
+    analysis = answer.analysis
+    asked = facts(situation(analysis), "question")
+    question = element("details", element("summary", "The question"), asked)
+    torques = load_table(answer.loads, analysis.rnea.is_known)
+    tables = torques, force_table(analysis), measures(answer)
+    return block(*tables, question, testid="answer")
+
+
+# ---- the census ------------------------------------------------------------------------------
+
+
+def set_label(report: SetReport) -> str:
+    """Return a fault set and what it does in a line, as plain text."""
+    share = report.relative_jump
+    if not report.can_stand_still:
+        return f"{_joints(report)} {_FALLS}"
+    lost = f", {100.0 * share:.2g}% lost" if share > _ROUNDING else ""
+    return f"{_joints(report)} {report.verdict}{lost}"
+
+
+def _joints(report: SetReport) -> str:
+    return "{" + ", ".join(str(i + 1) for i in report.faults.joints) + "}"
+
+
+def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
+    """Return all fault sets, worst first.
+
+    Parameters
+    ----------
+    census :
+        ``None`` if there is none.
+    chosen :
+        Indices of the joints of the set that is shown.
+    """
+    if census is None:
+        return block(element("span", "no census", class_="note"), testid="census")
+    columns = [
+        (census.mode.value, "l", "70px"),
+        ("verdict", "l", ""),
+        ("jump", "", "84px"),
+        ("margin", "", "54px"),
+    ]
+    rows = [_set_row(report, chosen) for report in census.sets[:MOST_SETS]]
+    more = len(census.sets) - MOST_SETS
+    note = f"… and {more} more in the list above" if more > 0 else ""
+    return block(
+        element("div", sentences.critical_joint(census)),
+        table(columns, rows, "census"),
+        *_notes(note),
+    )
+
+
+def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
+    verdict = report.verdict.value if report.can_stand_still else _FALLS
+    look = f"color:{css(VERDICT_COLOURS[report.verdict])}"
+    parts = ((report.jump_norm, "N"), (report.moment_jump_norm, "N·m"))
+    jump = " ".join(f"{size(norm)} {unit}" for norm, unit in parts if norm is not None) or "–"
+    return row(
+        [
+            cell(_joints(report), "l"),
+            element("td", verdict, class_="l", style=look),
+            cell(jump),
+            cell(ratio(report.margin)),
+        ],
+        "b" if report.faults.joints == chosen else "",
+    )
+
+
+# ---- legend, command -------------------------------------------------------------------------
+
+
+def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
+    """Return what colours, arrows and lines mean; with remarks, on missing meshes mostly."""
+    told = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
+    lines = {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
+    told += [_key(colour, label, "line") for label, colour in lines.items()]
+    told += [_key(solid.colour, solid.label) for solid in picture.solids]
+    told += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
+    told.append(_key(NEUTRAL, "unknown"))
+    steps = ", ".join(css(colour) for colour in RAMP)
+    look = f"width:50px;background:linear-gradient(90deg,{steps})"
+    ramp = element("span", class_="key", style=look)
+    told.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
+    notes = _notes(*picture.notes, *remarks)
+    return block(element("h3", "Legend"), *told, *notes, testid="legend")
+
+
+def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str) -> Markup:
+    """Return what colours mean, and what else is to be said."""
+    told = (_key(colour, words_) for colour, words_ in pairs)
+    return block(style(), *told, *_notes(*notes), testid=testid)
+
+
+def _notes(*notes: str) -> list[Markup]:
+    return [element("div", note, class_="note") for note in notes]
+
+
+def _key(colour: Colour, words_: str, kind: str = "") -> Markup:
+    sample = element("span", class_=f"key {kind}".strip(), style=f"background:{css(colour)}")
+    return element("span", sample, words_, class_="entry")
+
+
+def command_part(command: str, note: str = "") -> Markup:
+    """Return the command line with a button that copies it."""
+    label = "Copy command line"
+    button = element(
+        "button", label, data_text=command, data_label=label, data_testid="copy", onclick=_COPY
+    )
+    shown = element("code", command, data_testid="command")
+    return block(button, shown, *_notes(note))
+
+
+def static_page(
+    answer: Answer, picture: Picture, command: str, remarks: Iterable[str] = ()
+) -> Markup:
+    """Return the whole answer for a page on which nothing can be changed."""
+    parts = [banner(answer), answer_part(answer), legend(picture, remarks)]
+    if answer.census is not None:
+        parts.append(census_part(answer.census, answer.analysis.faults.joints))
+    parts.append(command_part(command, answer.state.origin.note))
+    return element("div", *parts, data_testid="static")

@@ -1,0 +1,128 @@
+"""HTML: the only file that writes markup, so that no name can be any.
+
+What `element` returns is markupsafe's `Markup`, and only that is taken into another element as it
+is; a plain string, whatever stands in it, is escaped.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ftforce.errors import FtforceError
+from ftforce.view import NEEDS_EXTRA
+
+try:
+    from markupsafe import Markup, escape
+except ImportError:
+    raise FtforceError(NEEDS_EXTRA) from None
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ftforce.view.scene.colours import Colour
+
+STYLE = """
+.ftf{font:12px/1.35 system-ui,'Noto Sans','DejaVu Sans',sans-serif;color:#1a1a1a;padding:4px 10px}
+.ftf h3{font-size:12px;font-weight:600;margin:8px 0 2px}
+.ftf table{border-collapse:collapse;width:100%;table-layout:fixed}
+.ftf td,.ftf th{padding:1px 3px;text-align:right;white-space:nowrap}
+.ftf td,.ftf th{overflow:hidden;text-overflow:ellipsis}
+.ftf th{color:#666;font-weight:400}
+.ftf .l{text-align:left}
+.ftf .w{white-space:normal;overflow-wrap:anywhere}
+.ftf .b td{font-weight:600;border-top:1px solid #ddd}
+.ftf .bar{position:relative;height:12px;background:#eee;border:1px solid #bbb;box-sizing:border-box}
+.ftf .bar i{position:absolute;left:0;top:0;bottom:0}
+.ftf .over{color:#aa2814;font-weight:600}
+.ftf .verdict{padding:7px 9px;border-radius:5px;color:#fff;font-size:12.5px;overflow-wrap:anywhere}
+.ftf .warning{background:#fff4d6;border-left:3px solid #e69f00}
+.ftf .warning{padding:2px 6px;margin:4px 0;overflow-wrap:anywhere}
+.ftf .key{display:inline-block;width:14px;height:9px;margin-right:5px;border:1px solid #999}
+.ftf .line{height:3px;border:0;vertical-align:middle}
+.ftf .entry{display:inline-block;margin-right:10px}
+.ftf .note{color:#666}
+.ftf code{font:11px monospace;overflow-wrap:anywhere;user-select:all}
+.ftf button{font:12px system-ui,sans-serif;padding:5px 10px;cursor:pointer;width:100%}
+.ftf .plot{position:relative;height:96px;border:1px solid #bbb}
+.ftf .plot svg{position:absolute;width:100%;height:100%;left:0;top:0}
+.ftf .plot b{position:absolute;top:0;bottom:0;width:2px;margin-left:-1px;background:#000}
+.ftf .ends{display:flex;justify-content:space-between;color:#666}
+.ftf .names i{display:inline-block;width:14px;height:3px;margin-right:5px;vertical-align:middle}
+.ftf summary{cursor:pointer;font-weight:600;margin-top:8px}
+"""
+
+
+def element(name: str, *children: str, **attributes: str) -> Markup:
+    """Return an element; plain strings in it, and all its attributes, are escaped.
+
+    Parameters
+    ----------
+    name :
+        Of the element.
+    children :
+        Texts and `Markup`.
+    attributes :
+        ``class_`` is class, ``data_testid`` is data-testid; empty ones are left out.
+    """
+    given = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
+        for key, value in attributes.items()
+        if value
+    )
+    return Markup(f"<{name}{given}>{''.join(map(escape, children))}</{name}>")
+
+
+def style(rules: str = STYLE) -> Markup:
+    """Return rules of CSS, not of others' making; if none are given, what the parts look like."""
+    return Markup(f"<style>{rules}</style>")
+
+
+def block(*children: str, testid: str = "") -> Markup:
+    """Return a part of the page."""
+    return element("div", *children, class_="ftf", data_testid=testid)
+
+
+def css(colour: Colour) -> str:
+    """Return a colour as CSS has it."""
+    return f"rgb({colour[0]},{colour[1]},{colour[2]})"
+
+
+def text_on(colour: Colour) -> str:
+    """Return black or white, whichever is read better on a colour."""
+    return "#000" if sum(colour) > 400 else "#fff"
+
+
+def table(columns: Sequence[tuple[str, str, str]], rows: Iterable[Markup], testid: str) -> Markup:
+    """Return a table.
+
+    Parameters
+    ----------
+    columns :
+        Title, class and CSS width of each.
+    rows :
+        Made by `row`.
+    testid :
+        For tests.
+    """
+    heads = (
+        element("th", title, class_=kind, style=width and f"width:{width}")
+        for title, kind, width in columns
+    )
+    head = element("thead", row(heads))
+    return element("table", head, element("tbody", *rows), data_testid=testid)
+
+
+def row(cells: Iterable[Markup], kind: str = "") -> Markup:
+    """Return a row of a table."""
+    return element("tr", *cells, class_=kind)
+
+
+def cell(words_: str, kind: str = "", title: str = "") -> Markup:
+    """Return a cell; ``title`` is shown when one points at it."""
+    return element("td", words_, class_=kind, title=title)
+
+
+def facts(pairs: Iterable[tuple[str, str]], testid: str) -> Markup:
+    """Return names and values in two columns."""
+    rows = (row([cell(name, "l w"), cell(value, "l w")]) for name, value in pairs)
+    return table([("", "l", "96px"), ("", "l", "")], rows, testid)

@@ -1,0 +1,471 @@
+"""The controls of the page, shared by all its tabs, and the answer beside them.
+
+Callbacks run in viser's threads, many at a time and in any order. So they read what their control
+says now, change the newest question with it, and leave the answer to the session's one worker.
+"""
+
+from __future__ import annotations
+
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from markupsafe import Markup
+
+from ftforce.core.faults import FaultMode
+from ftforce.core.task import AXES
+from ftforce.robot.dynamics import Payload
+from ftforce.robot.posture import choose_posture
+from ftforce.robot.robot import BUILT_IN_POSTURES
+from ftforce.view.model.state import LOADS, MODES, SOLIDS, State, command_line, meant_position
+from ftforce.view.page.answer import (
+    answer_part,
+    banner,
+    census_part,
+    command_part,
+    legend,
+    problem_banner,
+    set_label,
+)
+from ftforce.view.page.controls import Control, shortened, slider_range, slider_step, slider_value
+from ftforce.view.scene.arrow_nodes import assign
+from ftforce.view.scene.colours import VERDICT_COLOURS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    import viser
+
+    from ftforce.core.faults import FaultSet
+    from ftforce.robot.robot import Joint, Robot
+    from ftforce.view.model.answer import Answer
+    from ftforce.view.scene.picture import Picture
+    from ftforce.view.session import Session
+
+    Change: TypeAlias = Callable[[State, Any], State]
+    """What becomes of a question when a control is given a value."""
+
+ANSWER_WIDTH, CONTROL_WIDTH = 350, 385  # px
+_TASKS = ("force", "moment", "wrench", "fx,fy", "fx,fz", "fy,fz", "fx", "fy", "fz")
+_CENSUS = ("none", "single faults", "single and double faults")
+_BUTTONS = 8  # fault sets that have a button of their own, the worst
+_CHOOSE = "choose …"
+_HEAVIEST = 1000.0  # kg
+_DIGITS = 4  # after the point of what is typed
+
+
+class Panel:
+    """Controls to the right, the answer to the left.
+
+    Parameters
+    ----------
+    server :
+        The viser server.
+    robot :
+        The arm.
+    state :
+        The question with which the page starts.
+    session :
+        Does what the controls say.
+    first_tab :
+        Label of a `Mode`'s own tab; empty if there is none.
+    is_played :
+        Whether posture, faults and load are a `Mode`'s: then controls show the first two, and
+        there is no question to be changed.
+
+    Attributes
+    ----------
+    first_tab :
+        The `Mode`'s tab, in which the page opens; ``None`` if there is none.
+    notes :
+        On the arm's meshes.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        robot: Robot,
+        state: State,
+        session: Session,
+        *,
+        first_tab: str = "",
+        is_played: bool = False,
+    ) -> None:
+        self.robot = robot
+        self.notes: tuple[str, ...] = ()
+        self._gui: Any = server.gui
+        self._session = session
+        self._start = state
+        self._is_played = is_played
+        self._own = threading.local()  # whether this thread is writing what the question says
+        self._controls: dict[str, Control] = {}
+        self._labels: tuple[str, ...] = ()
+        self._sets: tuple[FaultSet, ...] = ()
+        others = (name for name in BUILT_IN_POSTURES if name not in robot.postures)
+        self._postures = (_CHOOSE, *robot.postures, *others)
+        self._initial = self._values(state)
+        self._build_answer()
+        self._build_controls(state, first_tab)
+
+    # ---- building ----------------------------------------------------------------------------
+
+    def _build_answer(self) -> None:
+        panel = self._gui.add_panel()
+        with panel.add_tab("Answer"):
+            self._banner = self._gui.add_html("")
+            self._answer = self._gui.add_html("")
+            self._legend = self._gui.add_html("")
+        panel.dock_left()
+        panel.set_width(ANSWER_WIDTH)
+
+    def _build_controls(self, state: State, first_tab: str) -> None:
+        gui = self._gui
+        tabs = gui.add_tab_group()  # it opens with its first
+        self.first_tab: Any = tabs.add_tab(first_tab) if first_tab else None
+        with tabs.add_tab("Arm"):
+            if self._is_played:
+                self._build_look()
+            self._build_arm(state)
+        if not self._is_played:
+            with tabs.add_tab("Force"):
+                self._build_force(state)
+            with tabs.add_tab("Census"):
+                self._build_census()
+        with tabs.add_tab("Take along"):
+            if not self._is_played:
+                self._command = gui.add_html("")
+            self._button("save_picture", "Save picture", self._session.save_picture)
+            self._button("save_page", "Save page", self._session.save_page)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(CONTROL_WIDTH)
+
+    def _build_arm(self, state: State) -> None:
+        hint = f"At the start: {state.posture.source}"
+        self._choice("posture", "Posture", self._postures, self._in_posture, hint)
+        self._button("reset", "Reset", lambda _client: self._reset())
+        for i, joint in enumerate(self.robot.joints):
+            self._build_slider(i, joint)
+        for i, joint in enumerate(self.robot.joints):
+            self._build_fault(i, joint)
+        if self._is_played:
+            for name, control in self._controls.items():
+                control.handle.disabled = name != "see_through"
+
+    def _build_slider(self, i: int, joint: Joint) -> None:
+        low, high = slider_range(joint)
+        unit = "m" if joint.unit == "m" else "degrees"
+
+        def move(state: State, value: float) -> State:
+            position = meant_position(joint.unit, value)
+            return state.with_joint(i, min(max(position, joint.lower), joint.upper))
+
+        slider = self._gui.add_slider(
+            f"{joint.number} {shortened(joint.name)}",
+            low,
+            high,
+            slider_step(joint),
+            self._initial[f"q{i}"],
+            hint=f"{joint.name}, {joint.type}, {unit}",
+        )
+        self._control(f"q{i}", slider, move)
+
+    def _build_fault(self, i: int, joint: Joint) -> None:
+        def fail(state: State, mode: str) -> State:
+            return state.failing(i, mode)
+
+        def weaken(state: State, percent: float) -> State:
+            return state.failing(i, FaultMode.WEAK.value, percent / 100.0)
+
+        self._choice(f"mode{i}", f"Fault {joint.number}", MODES, fail, f"How {joint.name} fails")
+        factor = self._gui.add_slider(
+            f"Torque {joint.number} (%)",
+            0.0,
+            100.0,
+            0.1,
+            self._initial[f"factor{i}"],
+            visible=self._initial[f"mode{i}"] == FaultMode.WEAK,
+            hint=f"Share of its largest torque that {joint.name} can still give",
+        )
+        self._control(f"factor{i}", factor, weaken)
+
+    def _build_force(self, state: State) -> None:
+        loads = tuple(x for x in LOADS if x != "torques" or state.torque is not None)
+        hint = "A force at the tip, or what becomes of every direction"
+        self._choice("load", "Load", loads, State.loaded, hint)
+        self._vector("force", "Force (N)", slice(0, 3))
+        self._vector("moment", "Moment (N·m)", slice(3, 6))
+        hint = "Components of force and moment that count"
+        self._choice("task", "Task", _tasks(str(state.task)), _with_task, hint)
+        self._choice(
+            "axes", "Axes", AXES, _with_axes, "tool: of the tip; world: of the root, at the tip"
+        )
+        self._number("length", "Length L (m)", _with_length, 0.01, "Weighs moments against forces")
+        hint = f"Limits: {state.limits.source}"
+        self._checkbox("limits", "Torque limits count", State.limited, hint)
+        self._checkbox("gravity", "Gravity", State.weighing)
+        heaviest = max(_HEAVIEST, self._initial["payload"])
+        self._number("payload", "Payload (kg)", _carrying, 0.1, "At the tip", min=0.0, max=heaviest)
+        hint = "All forces before and after the fault; a polytope needs known limits"
+        self._choice("solid", "Forces as", SOLIDS, _showing("solid"), hint)
+        self._checkbox("weakest", "Weakest direction", _showing("weakest"))
+        self._build_look()
+
+    def _build_look(self) -> None:
+        self._checkbox("see_through", "See through the arm", _showing("see_through"))
+
+    def _build_census(self) -> None:
+        gui, modes = self._gui, (FaultMode.LOCKED.value, FaultMode.FREE.value)
+        self._choice("census", "Census of", _CENSUS, _showing("census", _CENSUS.index))
+        self._choice("census_mode", "Joints are", modes, _showing("census_mode", FaultMode))
+        self._all_sets = gui.add_dropdown(
+            "Show a set", (_CHOOSE,), initial_value=_CHOOSE, hint="All fault sets, worst first"
+        )
+        self._chosen_set = Control(self._all_sets)
+        self._all_sets.on_update(lambda _event: self._choose_set())
+        self._buttons = [gui.add_button(_CHOOSE, visible=False) for _ in range(_BUTTONS)]
+        for k, button in enumerate(self._buttons):
+            button.on_click(lambda _event, k=k: self._show_set(k))
+        self._census = gui.add_html("")
+
+    # ---- single controls ---------------------------------------------------------------------
+
+    def _choice(
+        self,
+        name: str,
+        label: str,
+        options: Sequence[str],
+        meaning: Change,
+        hint: str | None = None,
+    ) -> None:
+        first = self._initial[name]
+        handle = self._gui.add_dropdown(label, tuple(options), initial_value=first, hint=hint)
+        self._control(name, handle, meaning)
+
+    def _checkbox(self, name: str, label: str, meaning: Change, hint: str | None = None) -> None:
+        handle = self._gui.add_checkbox(label, self._initial[name], hint=hint)
+        self._control(name, handle, meaning)
+
+    def _number(
+        self, name: str, label: str, meaning: Change, step: float, hint: str, **ends: float
+    ) -> None:
+        handle = self._gui.add_number(label, self._initial[name], step=step, hint=hint, **ends)
+        handle.precision = _DIGITS  # viser takes the step's, and lets nobody type more
+        self._control(name, handle, meaning)
+
+    def _vector(self, name: str, label: str, rows: slice) -> None:
+        def push(state: State, value: tuple[float, float, float]) -> State:
+            wrench = state.wrench.copy()
+            wrench[rows] = value
+            return state.pushing(wrench)
+
+        handle = self._gui.add_vector3(
+            label,
+            self._initial[name],
+            step=1.0,
+            hint="Of the robot on its environment, x, y, z in the task's axes; or drag the "
+            "handle at the tip of the blue arrow",
+        )
+        handle.precision = _DIGITS
+        self._control(name, handle, push)
+
+    def _control(self, name: str, handle: Any, meaning: Change) -> None:
+        """Take a control into the panel; ``meaning`` changes a question by its value.
+
+        Its hand on the page and the session's worker write it; who writes says so, and what the
+        question already says is nobody's wish.
+        """
+        control = self._controls[name] = Control(handle)
+
+        def update(_event: Any) -> None:
+            if self.is_writing:
+                return
+
+            def change(state: State) -> State:
+                # Under the session's lock: what the control says now, however late this runs.
+                control.value = handle.value
+                return meaning(state, handle.value)
+
+            self._session.change(change)
+
+        handle.on_update(update)
+
+    def _button(self, name: str, label: str, act: Callable[[Any], None]) -> None:
+        handle = self._gui.add_button(label)
+        handle.on_click(lambda event: act(event.client))
+        self._controls[name] = Control(handle)
+
+    # ---- what controls mean ------------------------------------------------------------------
+
+    def handle(self, name: str) -> Any:
+        """Return viser's handle of a control: ``q0``, ``mode0``, ``force``, ``limits``, ….
+
+        Setting its value does what a hand on the page does.
+        """
+        return self._controls[name].handle
+
+    def _in_posture(self, state: State, name: str) -> State:
+        if name == _CHOOSE:
+            return state
+        return state.in_posture(choose_posture(self.robot, None, name))
+
+    def begin_with(self, state: State) -> None:
+        """Let Reset go back to another question: for a `Mode` that asks one."""
+        self._start = state
+
+    def _reset(self) -> None:
+        """Go back to the question with which the page started; what is shown stays."""
+        start = self._start
+        self._session.change(lambda state: start.showing(**state.shown._asdict()))
+
+    def _choose_set(self) -> None:
+        if self.is_writing:
+            return
+        value = self._chosen_set.value = self._all_sets.value
+        if value in self._labels:
+            self._show_set(self._labels.index(value))
+
+    def _show_set(self, k: int) -> None:
+        sets = self._sets
+        if k < len(sets):
+            self._session.change(lambda state: state.with_faults(sets[k]))
+
+    # ---- writing -----------------------------------------------------------------------------
+
+    @property
+    def is_writing(self) -> bool:
+        """Whether this thread writes what the question says: then nobody's hand moves a control."""
+        return getattr(self._own, "writes", False)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Write controls without acting on it: viser calls callbacks of what it is told, too."""
+        self._own.writes = True
+        try:
+            yield
+        finally:
+            self._own.writes = False
+
+    def sync(self, state: State) -> None:
+        """Let the controls show a question; the session's lock is held."""
+        values = self._values(state)
+        with self.writing():
+            self._offer_task(values["task"])
+            for name in values.keys() & self._controls.keys():
+                self._controls[name].tell(values[name])
+            visible = {f"factor{i}": mode == FaultMode.WEAK for i, mode in enumerate(state.modes)}
+            visible |= dict.fromkeys(("moment", "length"), bool(state.task.moment_rows))
+            for name in visible.keys() & self._controls.keys():
+                assign(self._controls[name].handle, "visible", visible[name])
+
+    def _values(self, state: State) -> dict[str, Any]:
+        """Return what each control says of a question."""
+        shown, task = state.shown, state.task
+        name = state.posture.source.removeprefix("posture '").removesuffix("'")
+        values: dict[str, Any] = {
+            "posture": name if name in self._postures else _CHOOSE,
+            "load": state.load,
+            "force": tuple(state.wrench[:3].tolist()),
+            "moment": tuple(state.wrench[3:].tolist()),
+            "task": str(task),
+            "axes": task.axes,
+            "length": task.length,
+            "limits": state.counts_limits,
+            "gravity": state.weighs,
+            "payload": 0.0 if state.payload is None else state.payload.mass,
+            "solid": shown.solid,
+            "weakest": shown.weakest,
+            "see_through": shown.see_through,
+            "census": _CENSUS[shown.census],
+            "census_mode": shown.census_mode.value,
+        }
+        for i, joint in enumerate(self.robot.joints):
+            values[f"q{i}"] = slider_value(joint, float(state.q[i]))
+            values[f"mode{i}"] = state.modes[i]
+            values[f"factor{i}"] = round(100.0 * state.factors[i], 6)
+        return values
+
+    def _offer_task(self, task: str) -> None:
+        """Let the task be one that can be chosen: a mode may have another than the usual ones."""
+        if "task" in self._controls:
+            control = self._controls["task"]
+            if task not in control.handle.options:
+                control.handle.options = _tasks(task)
+                control.value = control.handle.value  # viser chooses when it is replaced
+
+    def show(self, answer: Answer, picture: Picture) -> None:
+        """Show an answer."""
+        self.show_parts(banner(answer), answer_part(answer), legend(picture, self.notes))
+        if self._is_played:
+            return
+        command = command_line(self.robot, answer.state)
+        _write(self._command, command_part(command, answer.state.origin.note))
+        _write(self._census, census_part(answer.census, answer.analysis.faults.joints))
+        self._show_sets(answer)
+
+    def show_problem(self, problem: str) -> None:
+        """Show why there is no answer; the last one stays below."""
+        _write(self._banner, problem_banner(problem))
+
+    def static_parts(self) -> Markup:
+        """Return the answer's HTML as it stands on the page."""
+        parts = (self._banner, self._answer, self._legend)
+        return Markup().join(Markup(part.content) for part in parts)  # as `_write` wrote it
+
+    def show_parts(self, top: Markup, parts: Markup, below: Markup) -> None:
+        """Show HTML where the verdict, the tables and the legend are."""
+        _write(self._banner, top)
+        _write(self._answer, parts)
+        _write(self._legend, below)
+
+    def _show_sets(self, answer: Answer) -> None:
+        reports = () if answer.census is None else answer.census.sets
+        labels = tuple(set_label(report) for report in reports)
+        self._sets = tuple(report.faults for report in reports)
+        shown = answer.analysis.faults
+        chosen = next(
+            (label for label, faults in zip(labels, self._sets, strict=True) if faults == shown),
+            _CHOOSE,
+        )
+        with self.writing():
+            if labels != self._labels:
+                self._labels = labels
+                self._all_sets.options = (_CHOOSE, *labels)
+                self._chosen_set.value = self._all_sets.value  # viser chooses, if need be
+            self._chosen_set.tell(chosen)
+        for k, button in enumerate(self._buttons):
+            assign(button, "visible", k < len(labels))
+            if k < len(labels):
+                assign(button, "label", labels[k])
+                assign(button, "color", VERDICT_COLOURS[reports[k].verdict])
+
+
+def _tasks(task: str) -> tuple[str, ...]:
+    """Return tasks that can be chosen, this one among them."""
+    return _TASKS if task in _TASKS else (task, *_TASKS)
+
+
+def _with_task(state: State, task: str) -> State:
+    return state.asking(task, state.task.axes)
+
+
+def _with_axes(state: State, axes: str) -> State:
+    return state.asking(str(state.task), axes)
+
+
+def _with_length(state: State, length: float) -> State:
+    return state.asking(str(state.task), state.task.axes, length)
+
+
+def _carrying(state: State, mass: float) -> State:
+    offset = np.zeros(3) if state.payload is None else state.payload.offset
+    return state.carrying(Payload.of(mass, offset) if mass > 0.0 else None)
+
+
+def _showing(name: str, meant: Callable[[Any], Any] = lambda value: value) -> Change:
+    """Return what changes one field of `Shown`, to what is meant by a control's value."""
+    return lambda state, value: state.showing(**{name: meant(value)})
+
+
+def _write(handle: Any, content: Markup) -> None:
+    assign(handle, "content", str(content))  # viser knows plain strings only

@@ -1,0 +1,156 @@
+"""Torques and forces as tables of HTML, with bars against the limits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ftforce.core.faults import FaultMode
+from ftforce.report import text
+from ftforce.report.text import number, size
+from ftforce.view.page.html import cell, css, element, row, table, text_on
+from ftforce.view.scene.arrows import norm
+from ftforce.view.scene.colours import colour_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from markupsafe import Markup
+
+    from ftforce.analysis.analyze import Analysis
+    from ftforce.core.arrays import Vector
+    from ftforce.core.task import Task
+    from ftforce.view.model.answer import JointLoad
+    from ftforce.view.scene.colours import Colour
+
+
+def load_table(
+    loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
+) -> Markup:
+    """Return what each motor gives, with a bar against its limit.
+
+    Parameters
+    ----------
+    loads :
+        Of the joints.
+    has_masses :
+        Whether the weight is known.
+    names :
+        Of the two columns.
+    """
+    units = {load.unit for load in loads}
+    unit = units.pop() if len(units) == 1 else "N·m, N"
+    title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
+    columns = [
+        ("#", "l", "31px"),
+        ("joint", "l", ""),
+        (names[0], "", "56px"),
+        (names[1], "", "51px"),
+        ("of limit", "l", "50px"),
+        ("", "", "40px"),
+    ]
+    rows = (_load_row(load) for load in loads)
+    return element("div", element("h3", title), table(columns, rows, "torques"))
+
+
+def _load_row(load: JointLoad) -> Markup:
+    after = torque_text(load.after)
+    hint = f"force part {torque_text(load.part_before)} → {torque_text(load.part_after)}"
+    mode = None if load.fault is None else load.fault.mode
+    if mode is FaultMode.LOCKED:
+        after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
+    colour = colour_of(mode, load.used)
+    look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
+    # Not by colour alone; the names of joints leave no room for the whole word.
+    place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
+    name = load.name if load.fault is None else f"{load.name}: {load.fault}"
+    limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
+    return row(
+        [
+            element("td", place, class_="l", style=look, title=name),
+            cell(load.name, "l", name),
+            cell(torque_text(load.before), "", hint),
+            cell(after, "", hint),
+            element("td", bar(load.used, colour), title=f"limit {limit}"),
+            cell(share_text(load.used), "over" if load.used > 1.0 else "", f"limit {limit}"),
+        ]
+    )
+
+
+def brake_loads(loads: Sequence[JointLoad]) -> list[tuple[str, str]]:
+    """Return what the locks carry, with its name, as `facts` takes it; nothing if there is none."""
+    told = [f"{x.name} {number(x.brake)} {x.unit}" for x in loads if not math.isnan(x.brake)]
+    return [("Brake load", ", ".join(told))] if told else []
+
+
+def torque_text(torque: float) -> str:
+    """Return a torque, or what stands for one that is not known."""
+    return "–" if math.isnan(torque) else number(torque)
+
+
+def share_text(share: float) -> str:
+    """Return a share of a limit in per cent."""
+    if math.isinf(share):
+        return "∞"
+    return "?" if math.isnan(share) else f"{share:.0%}"
+
+
+def bar(share: float, colour: Colour) -> Markup:
+    """Return a bar that is as full as a share of a limit."""
+    width = 0.0 if math.isnan(share) else 100.0 * min(share, 1.0)
+    # The darker half of the ramp: its light end would vanish on a page.
+    filled = element("i", style=f"width:{width:.0f}%;background:{css(colour)}")
+    return element("div", filled, class_="bar")
+
+
+def force_table(analysis: Analysis) -> Markup:
+    """Return the force at the tip before and after, and its jump, per axis and their norms."""
+    task, change = analysis.task, analysis.force
+    if change is None:
+        return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
+    vectors: dict[str, Vector | None] = {}
+    if change.requested is not None and text.is_noticeable(change.unsupported):
+        vectors["asked"] = change.requested
+    vectors |= {"before": change.before, "after": change.after, "jump": change.jump}
+    return vector_table(task, vectors)
+
+
+def _force_title(task: Task) -> str:
+    return f"Force at the tip, in the axes of {text.axes_in_words(task)}"
+
+
+def vector_table(task: Task, vectors: Mapping[str, Vector | None]) -> Markup:
+    """Return named forces at the tip per axis, N and N·m, and their norms."""
+    columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name in vectors)]
+    values = [np.full(task.m, np.nan) if F is None else F for F in vectors.values()]
+    rows = [
+        _force_row([name, unit], [F[i] for F in values])
+        for i, (name, unit) in enumerate(zip(task.components, task.units, strict=True))
+    ]
+    for name, unit, own in (
+        ("|force|", "N", list(task.force_rows)),
+        ("|moment|", "N·m", list(task.moment_rows)),
+    ):
+        if own:
+            rows.append(_force_row([name, unit], [norm(F[own]) for F in values], "b"))
+    return element("div", element("h3", _force_title(task)), table(columns, rows, "forces"))
+
+
+def _force_row(names: Iterable[str], values: Iterable[float], kind: str = "") -> Markup:
+    texts = ("–" if math.isnan(x) else size(float(x)) for x in values)
+    return row([*(cell(name, "l") for name in names), *map(cell, texts)], kind)
+
+
+def _unit_forces(analysis: Analysis) -> Markup:
+    """Return what is kept and lost of 1 N (1 N·m) along each axis."""
+    task = analysis.task
+    columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
+    asked = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))
+    kept = (force.after for force, _ in analysis.unit_forces)
+    rows = [
+        _force_row([name], np.full(task.m, np.nan) if after is None else after)
+        for name, after in zip(asked, kept, strict=True)
+    ]
+    return table(columns, rows, "forces")

@@ -1,0 +1,1 @@
+"""What is drawn: links, arrows, sets of forces."""

@@ -1,0 +1,129 @@
+"""Arrows in the scene: arrow-shaped handles of viser's transform controls.
+
+They alone can be drawn over everything else, so that no arrow ever hides inside the arm; the arrow
+of an axis has its colour.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+if TYPE_CHECKING:
+    import viser
+
+    from ftforce.core.arrays import Vector
+    from ftforce.view.scene.arrows import Arrow
+
+_AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
+IN_FRONT: dict[str, Any] = {  # transform controls that are arrows, over everything else
+    "disable_rotations": True,
+    "disable_sliders": True,
+    "depth_test": False,
+    "visible": False,
+}
+_ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels that do not overlap
+    "requested": "bottom-center",
+    "kept": "top-center",
+    "lost": "bottom-right",
+}
+_MOMENT_ANCHOR: dict[str, Any] = {
+    "requested": "center-right",
+    "kept": "center-left",
+    "lost": "top-center",
+}
+_SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
+_SAME = 1e-9  # m: what moved by less did not move
+_SECOND_HEAD = 0.78  # of a moment's arrow: where the other one ends, of its length
+_WIDTH, _MOMENT_WIDTH = 6.0, 4.0  # px
+
+
+class ArrowNodes:
+    """The nodes of one arrow: one handle, or of a moment two, and its label.
+
+    Parameters
+    ----------
+    server :
+        Whose scene it is.
+    prefix :
+        Of the names of its nodes.
+    kind, is_moment :
+        As of `ftforce.view.scene.arrows.Arrow`.
+    """
+
+    def __init__(self, server: viser.ViserServer, prefix: str, kind: str, is_moment: bool) -> None:
+        self._axis = _AXIS[kind]
+        self._last: Arrow | None = None
+        self._lengths = (1.0, _SECOND_HEAD) if is_moment else (1.0,)
+        width = _MOMENT_WIDTH if is_moment else _WIDTH
+        self._handles = [
+            self._handle(server, f"{prefix}/{kind}_{i}", width) for i in range(len(self._lengths))
+        ]
+        anchor = (_MOMENT_ANCHOR if is_moment else _ANCHOR)[kind]
+        self._label: Any = server.scene.add_label(
+            f"{prefix}/{kind}_label", kind, anchor=anchor, visible=False, font_screen_scale=0.85
+        )
+
+    def _handle(self, server: viser.ViserServer, name: str, width: float) -> Any:
+        node: Any = server.scene.add_transform_controls(
+            name,
+            scale=1.0,
+            line_width=width,
+            active_axes=(self._axis == 0, self._axis == 1, self._axis == 2),
+            **IN_FRONT,
+        )
+        node.on_update(lambda event: self._put_back(node, event))
+        return node
+
+    def _put_back(self, node: Any, event: Any) -> None:
+        """Undo the drag of an arrow: only the handle at the tip is there to be dragged."""
+        if event.phase == "end" and self._last is not None:
+            node.position = self._last.start + np.array([0.0, 0.0, _SAME])  # sent anew
+            node.position = self._last.start
+
+    def show(self, arrow: Arrow) -> None:
+        """Show it as it is now."""
+        self._last = arrow
+        # Under an arrow that lies on it, it would only flicker.
+        is_shown = arrow.length > _SHORTEST and (bool(arrow.mark) or arrow.kind == "kept")
+        assign(self._label, "visible", is_shown and bool(arrow.mark))
+        for node, length in zip(self._handles, self._lengths, strict=True):
+            assign(node, "visible", is_shown)
+            if is_shown:
+                assign(node, "scale", length * arrow.length)
+                assign(node, "position", arrow.start)
+                assign(node, "wxyz", along(arrow.end - arrow.start, self._axis))
+        if is_shown:
+            assign(self._label, "text", arrow.mark)
+            assign(self._label, "position", arrow.end)
+
+    def hide(self) -> None:
+        """Hide it until it is shown again."""
+        for node in (*self._handles, self._label):
+            assign(node, "visible", False)
+
+
+def along(vector: Vector, axis: int) -> Vector:
+    """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
+    turn = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
+    return np.array([turn.w, turn.x, turn.y, turn.z])
+
+
+def assign(node: Any, name: str, value: Any) -> None:
+    """Assign what differs: viser sends every assignment to every tab."""
+    if not is_same(getattr(node, name), value):
+        setattr(node, name, value)
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """Return whether two values are equal; of arrays, but for rounding."""
+    if isinstance(other, np.ndarray):
+        return np.shape(one) == other.shape and not moved(one, other)
+    return bool(one == other)
+
+
+def moved(one: Vector, other: Vector) -> bool:
+    """Return whether two places, or turns, differ by more than rounding."""
+    return bool(np.abs(one - other).max(initial=0.0) > _SAME)

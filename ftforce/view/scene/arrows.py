@@ -1,0 +1,207 @@
+"""Forces as arrows at the tip, and moments as arrows with two heads. Arrays only."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.report.text import NEGLIGIBLE, size
+from ftforce.view.model.state import in_components
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ftforce.core.task import Task
+
+ARROW_KINDS = ("requested", "kept", "lost")
+LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
+_LONGEST_MOMENT = 0.3  # likewise: one along a force shows its heads on the other's shaft
+_NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+class Scales(NamedTuple):
+    """Length of an arrow per N, and per N·m, m; NaN where the task has no such components."""
+
+    force: float
+    moment: float
+
+    def of(self, task: Task) -> float:
+        """Return that of the task's forces, or if it has none of its moments."""
+        return self.force if task.force_rows else self.moment
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the scales in words."""
+        found = []
+        for scale, what, unit in ((self.force, "arrows", "N"), (self.moment, "two heads", "N·m")):
+            if not math.isnan(scale):
+                found.append(f"{what}: 0.1 m is {size(0.1 / scale, 1)} {unit}")
+        return tuple(found)
+
+
+class TipAxes(NamedTuple):
+    """The task's axes at the tip, in the root's: place, m, shape (3,), and rotation (3, 3)."""
+
+    place: Vector
+    rotation: Matrix
+
+    def point(self, F: Vector, scale: float) -> Vector:
+        """Return where forces (moments) in the task's axes end, m, shape (..., 3).
+
+        Parameters
+        ----------
+        F :
+            N (N·m), shape (..., 3).
+        scale :
+            Length per N (N·m), m.
+        """
+        return read_only(self.place + scale * F @ self.rotation.T)
+
+
+class Arrow(NamedTuple):
+    """A force or a moment at the tip.
+
+    Attributes
+    ----------
+    kind :
+        One of `ARROW_KINDS`.
+    is_moment :
+        Whether it is one: then it has two heads.
+    start, end :
+        In the root's axes, m, shape (3,); equal if there is none.
+    label :
+        What it is, with its size and unit.
+    mark :
+        What is written beside it; empty where another arrow lies on it and says it.
+    """
+
+    kind: str
+    is_moment: bool
+    start: Vector
+    end: Vector
+    label: str
+    mark: str
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return float(np.linalg.norm(self.end - self.start))
+
+
+def has_both(task: Task) -> bool:
+    """Return whether a task has forces and moments: the one are no size of the other."""
+    return bool(task.force_rows and task.moment_rows)
+
+
+def forces_of(task: Task, F: Vector) -> Vector:
+    """Return the forces of vectors of task components, N, shape (..., m), as (..., 3)."""
+    return in_components(task.components, F)[..., :3]
+
+
+def moments_of(task: Task, F: Vector) -> Vector:
+    """Return the moments of vectors of task components, N·m, shape (..., m), as (..., 3)."""
+    return in_components(task.components, F)[..., 3:]
+
+
+def spatial(task: Task, F: Vector) -> Vector:
+    """Return forces, or the moments if the task has no forces, of shape (..., m), as (..., 3)."""
+    return forces_of(task, F) if task.force_rows else moments_of(task, F)
+
+
+def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
+    """Return the scales at which all arrows fit.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    vectors :
+        N and N·m, in the task's components, shape (..., m) each; NaN does not count.
+    extent :
+        Size of the scene, m.
+    """
+    whole = np.vstack([np.zeros(task.m), *(F.reshape(-1, task.m) for F in vectors)])
+    whole = whole[np.isfinite(whole).all(axis=1)]
+    force, moment = (
+        float(np.linalg.norm(part(task, whole), axis=1).max()) for part in (forces_of, moments_of)
+    )
+    longest = _LONGEST_MOMENT if has_both(task) else LONGEST
+    return Scales(
+        nice_scale(force, extent) if task.force_rows else math.nan,
+        nice_scale(moment, extent, longest) if task.moment_rows else math.nan,
+    )
+
+
+def nice_scale(largest: float, extent: float, longest: float = LONGEST) -> float:
+    """Return a length per N (N·m), m, at which the largest force fits, in steps of 1, 2, 5.
+
+    Parameters
+    ----------
+    largest :
+        Size of the force, N (N·m).
+    extent :
+        Size of the scene, m.
+    longest :
+        Share of it that the longest arrow may have.
+    """
+    if largest <= NEGLIGIBLE:
+        largest = 1.0
+    exact = largest / (longest * extent)  # N per m: the next larger nice number fits
+    power = 10.0 ** math.floor(math.log10(exact))
+    return 1.0 / next(step * power for step in _NICE if step * power >= exact * (1.0 - 1e-9))
+
+
+def arrows_of(
+    task: Task, vectors: dict[str, Vector | None], axes: TipAxes, scales: Scales
+) -> tuple[Arrow, ...]:
+    """Return the arrows: first three of the forces, then three of the moments, as the task has any.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    vectors :
+        One for each of `ARROW_KINDS`, N and N·m, in the task's components, shape (m,); ``None``
+        where an arm that falls has none. Empty if no force is asked for: then there are no arrows.
+    axes :
+        The task's axes, at the tip.
+    scales :
+        Of the arrows.
+    """
+    found: list[Arrow] = []
+    for rows, part, scale, unit, noun in (
+        (task.force_rows, forces_of, scales.force, "N", "force "),
+        (task.moment_rows, moments_of, scales.moment, "N·m", "moment "),
+    ):
+        if vectors and rows:
+            own = {kind: None if F is None else part(task, F) for kind, F in vectors.items()}
+            found += _three(own, axes, scale, unit, noun if has_both(task) else "")
+    return tuple(found)
+
+
+def _three(
+    vectors: dict[str, Vector | None], axes: TipAxes, scale: float, unit: str, noun: str
+) -> list[Arrow]:
+    arrows, is_moment = [], unit == "N·m"
+    requested, kept = vectors["requested"], vectors["kept"]
+    everything_kept = (
+        requested is not None and kept is not None and norm(requested - kept) <= NEGLIGIBLE
+    )
+    for kind, F in vectors.items():
+        end, label, mark = axes.place, f"{noun}{kind}: nothing holds the arm", ""
+        if F is not None:
+            amount = f"{size(norm(F), 1)} {unit}"
+            label = f"{noun}{kind} {amount}"
+            if norm(F) > NEGLIGIBLE:
+                end, mark = axes.point(F, scale), label
+        if mark and everything_kept:  # one arrow lies on the other
+            mark = f"{noun}all kept {amount}" if kind == "kept" else ""
+        arrows.append(Arrow(kind, is_moment, axes.place, end, label, mark))
+    return arrows
+
+
+def norm(x: Vector) -> float:
+    """Return the length of a vector."""
+    return math.hypot(*x.tolist())

@@ -1,0 +1,69 @@
+"""The page's colours, for the scene and for what stands beside it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from ftforce.core.faults import FaultMode
+from ftforce.core.measures import Verdict
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ftforce.core.arrays import Vector
+
+Colour: TypeAlias = tuple[int, int, int]
+
+# Okabe and Ito's colours: told apart with every kind of colour vision.
+NEUTRAL: Colour = (190, 190, 184)
+FIXED: Colour = (212, 212, 208)
+FAULT_COLOURS: dict[FaultMode, Colour] = {
+    FaultMode.LOCKED: (213, 94, 0),
+    FaultMode.FREE: (204, 121, 167),
+    FaultMode.WEAK: (230, 159, 0),
+}
+# From no load to the limit: one hue that darkens, so that grey eyes read it too.
+RAMP: tuple[Colour, ...] = ((236, 240, 245), (158, 202, 225), (49, 130, 189), (8, 48, 107))
+LOST_LINE: Colour = (120, 0, 60)
+WEAKEST_LINE: Colour = (120, 90, 0)
+BEFORE_SOLID: Colour = (86, 180, 233)
+AFTER_SOLID: Colour = (0, 158, 115)
+VERDICT_COLOURS: dict[Verdict, Colour] = {
+    Verdict.TOLERATED: (0, 110, 80),
+    Verdict.BORDERLINE: (150, 95, 0),
+    Verdict.NOT_TOLERATED: (170, 40, 20),
+}
+ARROW_COLOURS: dict[str, Colour] = {  # those that viser gives to the axes z, y and x of a gizmo
+    "requested": (32, 128, 255),
+    "kept": (32, 190, 110),
+    "lost": (255, 32, 96),
+}
+
+
+def colour_of(mode: FaultMode | None, used: float) -> Colour:
+    """Return a joint's colour.
+
+    Parameters
+    ----------
+    mode :
+        How it fails; ``None`` if it is healthy.
+    used :
+        Share of the limit that its motor gives, NaN if that is unknown.
+    """
+    if mode is not None:
+        return FAULT_COLOURS[mode]
+    if math.isnan(used):
+        return NEUTRAL
+    red, green, blue = along_ramp(RAMP, np.array([used]))[0].tolist()
+    return red, green, blue
+
+
+def along_ramp(ramp: tuple[Colour, ...], shares: Vector) -> NDArray[np.uint8]:
+    """Return the colours of a ramp at shares of it, 0 to 1, shape (k, 3)."""
+    steps = np.linspace(0.0, 1.0, len(ramp))
+    channels = [np.interp(shares, steps, channel) for channel in np.array(ramp, dtype=float).T]
+    found: NDArray[np.uint8] = np.rint(np.column_stack(channels)).astype(np.uint8)
+    return found

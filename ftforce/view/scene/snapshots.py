@@ -1,0 +1,258 @@
+"""What a history has at a time: its numbers, in words, and as a scene.
+
+Every number stands in the history's arrays; nothing is analysed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.report import text
+from ftforce.show.plots.canvas import STROKES
+from ftforce.trajectory.history import VERDICTS
+from ftforce.view.model.answer import JointLoad
+from ftforce.view.scene.arrows import Scales, TipAxes, arrows_of, scales_for
+from ftforce.view.scene.colours import NEUTRAL
+from ftforce.view.scene.picture import Picture, joint_colours, joint_poses, pose_of
+
+if TYPE_CHECKING:
+    from ftforce.core.arrays import Vector
+    from ftforce.core.measures import Verdict
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import History, Run
+
+ROUNDING = 1e-9  # s: a time on the slider that is meant to be a sample's
+_WEAK = re.compile(r"weak (\S+)")
+
+
+class Snapshot(NamedTuple):
+    """What a run has at a time.
+
+    Attributes
+    ----------
+    sample :
+        Its index.
+    time :
+        Of the sample, s.
+    q :
+        Joint positions, rad or m, shape (n,); the last that are known, if nothing holds the arm.
+    run, healthy :
+        The run that is shown, and the one without a fault.
+    faults :
+        Joints that have failed by then.
+    requested, kept, lost :
+        Force that is asked for, at the tip, and missing there, N and N·m, in the task's axes,
+        shape (m,); ``None`` from where nothing holds the arm.
+    loads :
+        What each joint does: ``before`` is the healthy run's.
+    verdict :
+        Of this instant.
+    """
+
+    sample: int
+    time: float
+    q: Vector
+    run: Run
+    healthy: Run
+    faults: FaultSet
+    requested: Vector
+    kept: Vector | None
+    lost: Vector | None
+    loads: tuple[JointLoad, ...]
+    verdict: Verdict
+
+
+def faults_at(history: History, time: float) -> FaultSet:
+    """Return the joints that have failed by a time, s."""
+    told = [event.all_faults for event in history.setting.events if event.time <= time + ROUNDING]
+    if not told:
+        return FaultSet()
+    found, rest = [], told[-1]
+    for i, joint in enumerate(history.setting.joints):  # a set is in the order of the joints
+        start = f"{i + 1} {joint.name} "
+        if rest.startswith(start):
+            mode, _, rest = rest.removeprefix(start).partition(", ")
+            found.append(_fault(i, mode))
+    return FaultSet(tuple(found))
+
+
+def _fault(joint: int, mode: str) -> Fault:
+    weak = _WEAK.fullmatch(mode)
+    return Fault(joint, FaultMode.WEAK, float(weak[1])) if weak else Fault(joint, FaultMode(mode))
+
+
+def snapshot(history: History, name: str, time: float) -> Snapshot:
+    """Return what a run has at a time.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    name :
+        Of the run, one of `ftforce.trajectory.history.RUNS`.
+    time :
+        In s; the last sample at or before it counts.
+    """
+    i, run = history.index(time + ROUNDING), history.runs[name]
+    at, fall = float(history.t[i]), run.falls_from
+    faults = FaultSet() if name == "healthy" else faults_at(history, at)
+    holds = fall is None or i < fall
+    return Snapshot(
+        sample=i,
+        time=at,
+        q=run.q[i if holds else fall],
+        run=run,
+        healthy=history.healthy,
+        faults=faults,
+        requested=np.array(history.setting.force),
+        kept=run.force[i] if holds else None,
+        lost=run.jump[i] if holds else None,
+        loads=_loads(history, run, i, faults, holds),
+        verdict=VERDICTS[int(run.verdict[i])],
+    )
+
+
+def first_with(history: History, time: float) -> float:
+    """Return the time of the first sample that knows of an event at a time, s."""
+    i = int(np.searchsorted(history.t, time - ROUNDING))
+    return float(history.t[min(i, len(history.t) - 1)])
+
+
+def _loads(
+    history: History, run: Run, i: int, faults: FaultSet, holds: bool
+) -> tuple[JointLoad, ...]:
+    by_joint = {fault.joint: fault for fault in faults.faults}
+    rows = []
+    for j, joint in enumerate(history.setting.joints):
+        fault = by_joint.get(j)
+        is_locked = fault is not None and fault.mode is FaultMode.LOCKED
+        rows.append(
+            JointLoad(
+                number=j + 1,
+                name=joint.name,
+                unit=joint.torque_unit,
+                fault=fault,
+                before=float(history.healthy.motor[i, j]),
+                after=float(run.motor[i, j]) if holds else math.nan,
+                part_before=float(run.force_part[i, j]),
+                part_after=float(run.U[i, j]) if holds else math.nan,
+                brake=float(run.brake[i, j]) if is_locked and holds else math.nan,
+                limit=_limit(history, run, i, j, fault),
+                used=float(run.used[i, j]) if holds else math.nan,
+            )
+        )
+    return tuple(rows)
+
+
+def _limit(history: History, run: Run, i: int, j: int, fault: Fault | None) -> float:
+    """Return the largest torque of what holds a joint, N·m (N), NaN if it is not known."""
+    if fault is not None and fault.mode is FaultMode.LOCKED:  # a brake, of which the share stands
+        used = float(run.used[i, j])
+        return abs(float(run.brake[i, j])) / used if used > 0.0 else math.nan
+    share = 1.0 if fault is None or fault.mode is not FaultMode.WEAK else fault.factor
+    return share * history.setting.effort[j]
+
+
+# ---- words -----------------------------------------------------------------------------------
+
+
+def sentence(history: History, name: str, now: Snapshot) -> str:
+    """Say what a run keeps at a time."""
+    told = [event for event in history.setting.events if event.time <= now.time + ROUNDING]
+    faults = told[-1].all_faults if told else "every joint healthy"
+    parts = [
+        f"{now.time:.2f} s, {STROKES[name].words}, {faults}: {now.verdict}.",
+        _kept(now, history),
+    ]
+    acts = [event.time + history.setting.delay for event in told]
+    pending = [f"{time:g} s" for time in acts if now.time < time - ROUNDING]
+    if name == "remapped" and pending:
+        parts.append(f"The remap acts at {text.joined(pending)}.")
+    if now.kept is None and (fall := now.run.falls_from) is not None:
+        parts.append(
+            f"From {history.t[fall]:g} s on nothing holds the arm; where that takes it is not "
+            "simulated."
+        )
+    return " ".join(parts)
+
+
+def _kept(now: Snapshot, history: History) -> str:
+    task = history.setting.task
+    if now.kept is None or now.lost is None:
+        return "Nothing holds the arm."
+    if text.is_noticeable(now.lost):
+        lost = text.amounts(task, now.lost)
+        return f"{lost} of {text.amounts(task, now.requested)} are missing at the tip."
+    if not now.requested.any():
+        return "The arm carries its own weight."
+    whole = text.amounts(task, now.requested)
+    if text.is_noticeable(now.requested - now.kept):
+        return f"It exerts what the healthy arm can of the {whole}."
+    return f"The whole {whole} is exerted."
+
+
+# ---- the scene -------------------------------------------------------------------------------
+
+
+def history_scales(history: History, extent: float) -> Scales:
+    """Return the scales at which the largest force, and the largest moment, of a history fit."""
+    vectors = [np.array(history.setting.force)]
+    vectors += [x for run in history.runs.values() for x in (run.force, run.jump)]
+    return scales_for(history.setting.task, vectors, extent)
+
+
+def scene(
+    robot: Robot, history: History, now: Snapshot, scales: Scales, see_through: bool
+) -> Picture:
+    """Return what the scene shows at a time."""
+    task = history.setting.task
+    poses, (turn, place) = joint_poses(robot, now.q)
+    axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
+    forces = {
+        "requested": now.requested,
+        "kept": now.kept,
+        "lost": now.lost,
+    }
+    return Picture(
+        joints=poses,
+        colours=joint_colours(robot, now.loads),
+        tip=pose_of(axes.rotation, place),
+        arrows=arrows_of(task, forces, axes, scales),
+        lines=(),
+        solids=(),
+        scales=scales,
+        notes=scales.notes(),
+        see_through=see_through,
+        can_pull=False,
+    )
+
+
+def ghost(robot: Robot, picture: Picture, q: Vector, offset: Vector) -> Picture:
+    """Return the arm as if healthy, without any force.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    picture :
+        Of the other arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    offset :
+        From the other arm's root to its own, m, shape (3,).
+    """
+    poses, _ = joint_poses(robot, q)
+    return replace(
+        picture,
+        joints=tuple(pose._replace(position=pose.position + offset) for pose in poses),
+        colours=(NEUTRAL,) * len(poses),
+        arrows=(),
+        notes=(),
+        see_through=True,
+    )

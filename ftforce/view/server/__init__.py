@@ -1,0 +1,1 @@
+"""viser's server, for this machine alone; the page as a file or a picture."""

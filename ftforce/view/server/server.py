@@ -1,0 +1,203 @@
+"""A viser server that only its own page can talk to, from its start to its end."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import socket
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ftforce.errors import FtforceError, InputError, printable
+from ftforce.view import NEEDS_EXTRA
+from ftforce.view.server.guard import guarding, is_loopback, names_of
+from ftforce.view.viser_private import changed, close_tunnel
+
+if TYPE_CHECKING:
+    import viser
+
+    from ftforce.view.server.guard import Guard
+
+FIRST_PORT = 8080
+_MOST_PORTS = 100  # how many are tried before the system chooses
+_BRAND = (30, 90, 160)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A server that is open.
+
+    Attributes
+    ----------
+    server :
+        viser's.
+    address :
+        Where a browser on this machine finds the page, with a slash at its end.
+    port :
+        Where it listens.
+    warning :
+        What a user should know of the address it listens on; empty if only this machine reaches
+        it.
+    """
+
+    server: viser.ViserServer
+    address: str
+    port: int
+    warning: str
+    _guard: Guard
+
+    def close(self) -> None:
+        """Close the server and all connections; what viser prints is not shown."""
+        self._guard.hang_up()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+
+def open_server(
+    host: str = "127.0.0.1", port: int | None = None, *, title: str = "ftforce"
+) -> Opened:
+    """Open a page that is empty yet.
+
+    Parameters
+    ----------
+    host :
+        Address to listen on. From others than loopback everybody who reaches it can use the page.
+    port :
+        Port to listen on; ``None`` for the first one from 8080 that is free, 0 for any.
+    title :
+        Of the page.
+
+    Raises
+    ------
+    InputError
+        The host is none of this machine's, or the port is taken.
+    FtforceError
+        viser is missing, or is a version that cannot be guarded.
+    """
+    if port is not None and not 0 <= port <= 65535:
+        raise InputError(f"a port is a number from 1 to 65535, got {port}")
+    viser = _viser()
+    listening = _listening(host, port)
+    address, found, *_ = listening.getsockname()
+    here = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(address, address)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as undone:
+        undone.callback(listening.close)
+        with guarding(names_of(host), title, listening) as guard:
+            server = viser.ViserServer(host=address, port=found, verbose=False)
+        undone.pop_all()  # the server closes it
+    place = f"[{here}]:{found}" if ":" in here else f"{here}:{found}"
+    opened = Opened(server, f"http://{place}/", found, exposure(host), guard)
+    try:
+        _check(guard, (here, found), place)
+        close_tunnel(server)
+        _set_up(server)
+    except BaseException:
+        opened.close()
+        raise
+    return opened
+
+
+def exposure(host: str) -> str:
+    """Return a warning about an address to listen on; empty if only this machine reaches it."""
+    if is_loopback(host):
+        return ""
+    return (
+        f"everybody who reaches {printable(host)} can see and change what this page shows, "
+        "without a password and unencrypted"
+    )
+
+
+def _set_up(server: viser.ViserServer) -> None:
+    gui, scene = server.gui, server.scene
+    gui.configure_theme(
+        show_share_button=False, show_logo=False, control_width="large", brand_color=_BRAND
+    )
+    gui.set_panel_label("ftforce")
+    # Without shadows and surroundings, which cost seconds where there is no GPU.
+    scene.world_axes.visible = False
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(True, cast_shadow=False)
+    scene.add_light_ambient("/ambient", intensity=1.5)  # or the arm is black from below
+
+
+def _viser() -> Any:
+    try:
+        import viser
+    except ImportError:
+        raise FtforceError(NEEDS_EXTRA) from None
+    return viser
+
+
+# ---- address and port ------------------------------------------------------------------------
+
+
+def _listening(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens: viser would try for ever, or take another port."""
+    name = "127.0.0.1" if host == "localhost" else host
+    ports = [*range(FIRST_PORT, FIRST_PORT + _MOST_PORTS), 0] if port is None else [port]
+    try:
+        family, *_, place = socket.getaddrinfo(name, 0, type=socket.SOCK_STREAM)[0]
+        for one in ports[:-1]:
+            with contextlib.suppress(OSError):
+                return socket.create_server((str(place[0]), one), family=family)
+        return socket.create_server((str(place[0]), ports[-1]), family=family)
+    except (OSError, UnicodeError) as problem:
+        raise _refused(host, port, getattr(problem, "errno", None)) from None
+
+
+def _refused(host: str, port: int | None, reason: int | None) -> InputError:
+    """Return in words why nothing can listen at a place."""
+    if reason == errno.EACCES:
+        words = f"port {port} needs an administrator's rights; give one from 1024 to 65535"
+    elif reason == errno.EADDRINUSE:
+        words = (
+            f"port {port} of {printable(host)} is taken; end the program that uses it, give "
+            "another --port, or none for the first one that is free"
+        )
+    else:
+        words = (
+            f"{printable(host)!r} is no address of this machine; "
+            "give 127.0.0.1, or 0.0.0.0 for all of its addresses"
+        )
+    return InputError(words)
+
+
+# ---- does the guard stand? -------------------------------------------------------------------
+
+
+def _check(guard: Guard, address: tuple[str, int], own: str) -> None:
+    """Ask as strangers would; fail unless they are refused.
+
+    Parameters
+    ----------
+    guard :
+        Of the server.
+    address :
+        Where it is found.
+    own :
+        Its Host.
+
+    Raises
+    ------
+    FtforceError
+        viser has changed, and anybody could connect.
+    """
+    connect = (
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        f"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+        f"Sec-WebSocket-Protocol: {guard.protocol}\r\n"
+    )
+    strangers = (
+        "Host: ftforce.invalid\r\n",
+        f"Host: {own}\r\n{connect}",
+        f"Host: {own}\r\nOrigin: http://ftforce.invalid\r\n{connect}",
+    )
+    if not guard.is_used or not all(_is_refused(address, one) for one in strangers):
+        raise changed("cannot be guarded against other web pages")
+
+
+def _is_refused(address: tuple[str, int], headers: str) -> bool:
+    with socket.create_connection(address, timeout=10.0) as connection:
+        connection.sendall(f"GET / HTTP/1.1\r\n{headers}\r\n".encode())
+        return connection.recv(64).startswith(b"HTTP/1.1 403 ")
