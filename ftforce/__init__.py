@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ftforce.batch.store.store import open_sweep
     from ftforce.batch.sweep import sweep
     from ftforce.core.faults import Fault, FaultMode, FaultSet
-    from ftforce.core.measures import Verdict
     from ftforce.core.remap import Remap, remap
     from ftforce.core.task import Task
+    from ftforce.core.verdict import Verdict
     from ftforce.documents import to_dict
     from ftforce.errors import FtforceError
     from ftforce.report.files import save

@@ -19,6 +19,7 @@ from ftforce.comparison_documents import comparison_rows
 from ftforce.core.arrays import over
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import Reading
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
 from ftforce.map_documents import map_rows
 from ftforce.report import text
@@ -33,7 +34,6 @@ from ftforce.report.parts import (
 )
 from ftforce.robot.robot import Robot
 from ftforce.sweep_documents import sweep_rows
-from ftforce.trajectory.history import VERDICTS
 from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:

@@ -20,8 +20,7 @@ from ftforce.report.sweep import sweep_sentence
 
 if TYPE_CHECKING:
     from ftforce.batch.result import Sweep
-    from ftforce.batch.set_summaries import SetSummary
-    from ftforce.batch.summary.criticality import JointCriticality
+    from ftforce.batch.summary.criticality import JointCriticality, SetSummary
 
 
 def sweep_document(sweep: Sweep) -> Document:

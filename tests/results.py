@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.report.files import to_text
 from urdfs import LINKS, arm, followed, j2, link, load
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ftforce.core.arrays import Svd, as_vector, read_only
+from ftforce.core.arrays import as_vector, read_only
 from ftforce.core.reduced_jacobian import reduce
+from ftforce.core.svd import Svd
 from ftforce.errors import DimensionError, InputError
 from helpers import RATIOS, assert_close, jacobians, with_singular_values
 

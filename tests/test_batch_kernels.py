@@ -13,12 +13,11 @@ from numba import njit
 
 import urdfs
 from ftforce import analyze, census, load_robot
-from ftforce.batch import eigenvalues
 from ftforce.batch.kernels import fast, lanes, secular, spectrum
+from ftforce.batch.kernels import three as eigenvalues
 from ftforce.batch.kernels.layout import LANES, UNDECIDED
 from ftforce.batch.kernels.three import LEAST_MARGIN
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, empty_answers, faults_of, question_of
+from ftforce.batch.plan import Plan, empty_answers, faults_of, mechanism_of, question_of
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.core.limits import Limits
 from ftforce.core.task import Task

@@ -13,10 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
-from ftforce.batch import sobol
-from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.postures import drawn
+from ftforce.batch.postures.drawn import Drawn, sobol_columns, sobol_integers
 from ftforce.batch.postures.postures import Grid, Listed
-from ftforce.batch.sobol import sobol_columns, sobol_integers
 from ftforce.errors import InputError, UnknownNameError
 from helpers import campaign, load_text, serial_urdf
 
@@ -188,9 +187,9 @@ def test_sobol_within_the_limits(arm):
 
 def test_the_block_looks_up_no_more_than_it_needs(arm, monkeypatch):
     sizes = []
-    real = sobol._first_points
+    real = drawn._first_points
     monkeypatch.setattr(
-        sobol, "_first_points", lambda c, bits: (sizes.append(bits), real(c, bits))[1]
+        drawn, "_first_points", lambda c, bits: (sizes.append(bits), real(c, bits))[1]
     )
     postures = Drawn.of(arm, 10**6)
     postures.block(777_777, 777_778)

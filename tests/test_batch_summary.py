@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ftforce.batch.results import Block
+from ftforce.batch.kernels.layout import Block
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.summary.summary import Summary
 from ftforce.errors import InputError

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ftforce.dh_reader import read_dh_table
 from ftforce.errors import DHTableError
-from ftforce.robot.formats.dh import DHRow, DHTable
+from ftforce.robot.formats.dh import DHRow, DHTable, read_dh_table
 
 DH5 = Path(__file__).parents[1] / "robots" / "dh5.toml"
 
@@ -58,7 +57,7 @@ def test_dh5_is_table_1_of_the_paper():
 def test_a_table_knows_no_file_until_it_is_asked_for_one():
     code = (
         "import sys, ftforce.robot.formats.dh\n"
-        "assert not {'tomllib', 'ftforce.dh_reader', 'ftforce.io.text'} & set(sys.modules)\n"
+        "assert not {'tomllib', 'ftforce.robot.formats.dh', 'ftforce.io.text'} & set(sys.modules)\n"
         f"print(ftforce.robot.formats.dh.DHTable.from_toml({str(DH5)!r}).source)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

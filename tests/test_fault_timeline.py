@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import FtforceError, InputError
 from ftforce.robot.kinematics import frame_jacobian
 from ftforce.trajectory import Path, Recording
-from ftforce.trajectory.history import VERDICTS
 from ftforce.trajectory.simulate import simulate
 from ftforce.trajectory.timeline import timeline
 from helpers import assert_close, straight

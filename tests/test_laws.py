@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 import ftforce
 from ftforce.core.feasible_forces import Reading, feasible_forces, reach
-from ftforce.core.measures import Verdict, relative_manipulability, worst_manipulability_bound
+from ftforce.core.measures import relative_manipulability, worst_manipulability_bound
 from ftforce.core.reduced_jacobian import RTOL, reduce
 from ftforce.core.remap import force_jump, supported_force, velocity_remap
+from ftforce.core.verdict import Verdict
 from ftforce.robot.kinematics import tip_pose
 from helpers import (
     KNOWN,

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ftforce.core import measures
-from ftforce.core.measures import Verdict
 from ftforce.core.reduced_jacobian import WARY, reduce
+from ftforce.core.verdict import Verdict
 from helpers import assert_close, campaign, diagonal, jacobians, orthogonal, seeds
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict

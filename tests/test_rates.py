@@ -6,8 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from ftforce.core.arrays import Svd
 from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
+from ftforce.core.svd import Svd
 from helpers import assert_close, campaign, jacobians, seeds, with_singular_values
 
 law = settings(deadline=None, max_examples=campaign(150, 50))

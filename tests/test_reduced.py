@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from ftforce.core.arrays import Svd
 from ftforce.core.reduced_jacobian import (
     RTOL,
     WARY,
@@ -13,6 +12,7 @@ from ftforce.core.reduced_jacobian import (
     reduce,
     reduce_decomposed,
 )
+from ftforce.core.svd import Svd
 from ftforce.errors import DimensionError, InputError
 from helpers import assert_close, diagonal
 

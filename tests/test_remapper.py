@@ -27,10 +27,10 @@ from ftforce.batch.remapper import Remapper
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.core.reduced_jacobian import RTOL, WARY
 from ftforce.core.task import Task
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import DimensionError, FtforceError, InputError, UnknownNameError
 from ftforce.robot.dynamics import Payload
 from ftforce.robot.kinematics import task_jacobian
-from ftforce.trajectory.history import VERDICTS
 from helpers import (
     KNOWN,
     arms,

@@ -13,11 +13,11 @@ import pytest
 from ftforce import known_robots, load_robot
 from ftforce.core.reduced_jacobian import WARY
 from ftforce.errors import FtforceError, InputError, URDFError
+from ftforce.robot.chain import tip_candidates
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.kinematics import frame_jacobian
 from ftforce.robot.model import full_model, restore_names
 from ftforce.robot.posture import choose_posture, is_singular
-from ftforce.tips import tip_candidates
 from helpers import CAMPAIGN
 
 KNOWN = tuple(known_robots())

@@ -11,7 +11,7 @@ import ftforce
 from ftforce.errors import InputError
 from ftforce.report.files import to_text
 from ftforce.rows import to_rows
-from ftforce.show.export import to_text as to_table
+from ftforce.show.render import to_text as to_table
 from results import (
     CAPABLE,
     CASES,

@@ -11,11 +11,11 @@ import pytest
 from scipy.stats import binomtest
 
 import ftforce
-from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
+from ftforce.batch.kernels.layout import BORDERLINE, NOT_TOLERATED, TOLERATED
 from ftforce.batch.summary.criticality import Estimate
 from ftforce.report.files import to_text
 from ftforce.report.sweep import force_in_words, interval, share, sweep_sentence
-from ftforce.show.export import to_text as to_table
+from ftforce.show.render import to_text as to_table
 from results import csv_of
 
 pytestmark = pytest.mark.thorough

@@ -14,14 +14,13 @@ import ftforce
 from ftforce.analysis.capability import Amount
 from ftforce.analysis.paper import replicate
 from ftforce.core.feasible_forces import End
-from ftforce.core.measures import Verdict
 from ftforce.core.task import Task
+from ftforce.core.verdict import Verdict
 from ftforce.report import analysis as sentences
 from ftforce.report import capability as capability_words
 from ftforce.report import text as words
 from ftforce.robot.known_robots import known_robots
-from ftforce.show.export import to_html, to_svg, to_text
-from ftforce.show.render import render
+from ftforce.show.render import render, to_html, to_svg, to_text
 from ftforce.show.tables.analysis import analysis_view
 from helpers import CAMPAIGN
 from results import massless

@@ -13,12 +13,13 @@ import ftforce
 import physics
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.limits import Limits
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import DimensionError, FtforceError, InputError, TrajectoryError
 from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.posture import choose_posture
 from ftforce.trajectory import Path, Recording
 from ftforce.trajectory.fault_events import phases, read_events
-from ftforce.trajectory.history import QUANTITIES, VERDICTS
+from ftforce.trajectory.history import QUANTITIES
 from ftforce.trajectory.simulate import simulate
 from helpers import CAMPAIGN, SLIDING, assert_close, campaign, serial_urdf, straight
 from results import massless

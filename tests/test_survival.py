@@ -21,8 +21,8 @@ from ftforce.errors import InputError, UnknownNameError
 from ftforce.map_documents import map_document, map_rows
 from ftforce.report.map import map_sentence
 from ftforce.show import figures, plots
-from ftforce.show.export import to_text
 from ftforce.show.plots import workspace
+from ftforce.show.render import to_text
 from ftforce.show.tables.map import map_view
 from helpers import CAMPAIGN, assert_close
 

@@ -3,9 +3,9 @@
 import pytest
 
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.robot.chain import choose_base, choose_tip, links_above, moving_path, tip_candidates
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.srdf import Srdf
-from ftforce.tips import choose_base, choose_tip, links_above, moving_path, tip_candidates
 from urdfs import arm, chain, end_effector, hand, joint, link, load, robot, write
 
 ENDS = "last link before several moving parts"

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 
 from ftforce.core.bounded_remap import nearest_force, remap_inside
 from ftforce.core.feasible_forces import feasible_forces
-from ftforce.core.measures import Verdict, tolerance_that_loses, verdict
 from ftforce.core.reduced_jacobian import RTOL, WARY, reduce
-from ftforce.core.verdict import judge
+from ftforce.core.verdict import Verdict, judge, tolerance_that_loses, verdict
 from helpers import RATIOS, campaign, orthogonal, seeds, with_singular_values
 from problems import draw_problem
 

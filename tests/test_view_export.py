@@ -13,7 +13,7 @@ from ftforce.errors import FtforceError
 from ftforce.io.text import write_whole
 from ftforce.view.server.export import PANEL_WIDTH, record, scene_html
 from ftforce.view.server.server import open_server
-from ftforce.view.viser_private import NOTICES, TRIED
+from ftforce.view.server.viser_private import NOTICES, TRIED
 
 ANSWER = Markup(
     '<h2 data-testid="verdict">the fault is tolerated</h2><p>&lt;b&gt;no markup&lt;/b&gt;</p>'

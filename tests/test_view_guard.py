@@ -15,7 +15,7 @@ from ftforce.errors import FtforceError, InputError
 from ftforce.view.server import guard, server
 from ftforce.view.server.guard import Names, is_loopback, names_of, refusal
 from ftforce.view.server.server import exposure, open_server
-from ftforce.view.viser_private import protocol
+from ftforce.view.server.viser_private import protocol
 
 pytestmark = pytest.mark.thorough
 

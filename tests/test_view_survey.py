@@ -13,7 +13,7 @@ import ftforce
 from browser import chromium, watched
 from ftforce import cli
 from ftforce.batch.workspace_map import workspace_map
-from ftforce.trajectory.history import VERDICTS
+from ftforce.core.verdict import VERDICTS
 from ftforce.view.model.state import initial_state
 from ftforce.view.scene.stage import linear
 from ftforce.view.session import Session

@@ -11,7 +11,7 @@ import viser
 import websockets
 
 from ftforce.errors import FtforceError
-from ftforce.view import viser_private
+from ftforce.view.server import viser_private
 from ftforce.view.server.server import open_server
 
 pytestmark = pytest.mark.thorough
@@ -22,9 +22,7 @@ SOURCES = [*CLIENT.glob("src/**/*.ts"), *CLIENT.glob("src/**/*.tsx")]
 
 def changed(what):
     tried = viser_private.TRIED
-    return (
-        f"{what} in viser {viser.__version__}; ftforce/view/viser_private.py was tried on {tried}"
-    )
+    return f"{what} in viser {viser.__version__}; viser_private.py was tried on {tried}"
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,8 @@ import numpy as np
 
 from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.analysis.fault_names import named_faults
-from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.analysis.limits_files import choose_limits
+from ftforce.analysis.question import limits_for
 from ftforce.analysis.warnings import (
     beyond_limits,
     lacking_rank,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.limits import Limits
-    from ftforce.core.measures import Verdict
+    from ftforce.core.verdict import Verdict
     from ftforce.robot.robot import Robot
 
 
@@ -347,11 +348,6 @@ def analyze(
         impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
         verdict=verdict or measures.verdict(reduced, F, wary),
     )
-
-
-def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
-    """Return the limits that are meant if none were named: a weak joint is nothing without."""
-    return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits
 
 
 def _impact(

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.analysis.question import Progress, check_size, checked_mode, direction_or_force
 from ftforce.core import measures
-from ftforce.core.arrays import Svd, Vector, as_vector, read_only
+from ftforce.core.arrays import Vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.measures import Verdict
 from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.core.svd import Svd
 from ftforce.core.task import Axes, Task
+from ftforce.core.verdict import Verdict
 from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture, choose_posture
@@ -32,19 +34,10 @@ if TYPE_CHECKING:
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
-MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep keeps no single sets
-
 RankBy = Literal["jump", "capability"]
 
 _RANKINGS: tuple[str, ...] = get_args(RankBy)
 _SEVERITY = {Verdict.NOT_TOLERATED: 0, Verdict.BORDERLINE: 1, Verdict.TOLERATED: 2}
-
-
-class Progress(Protocol):
-    """Called with how many fault sets are done, of how many."""
-
-    def __call__(self, done: int, total: int, /) -> None:
-        """Take note."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,68 +251,6 @@ def census(
         sets=tuple(sorted(reports, key=_weakness if by_capability else _badness)),
         joints=_rank_joints(robot, reports, by_capability),
     )
-
-
-def checked_mode(mode: FaultMode | str) -> FaultMode:
-    """Return how the joints of many fault sets fail.
-
-    Raises
-    ------
-    InputError
-        There is no such mode, or sets have none in common: weak joints have factors.
-    """
-    how = FaultMode.parse(mode)
-    if how is FaultMode.WEAK:
-        raise InputError(
-            "many sets at once take locked or free joints; ask analyze about weak ones"
-        )
-    return how
-
-
-def direction_or_force(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
-    """Return a capability's direction, unweighted and of unit length; ``None`` if open.
-
-    Parameters
-    ----------
-    task :
-        The task.
-    direction :
-        As it was asked for, in the task's axes, shape (m,).
-    F :
-        Weighted force whose direction counts if none was asked for.
-
-    Raises
-    ------
-    InputError
-        The direction is malformed or zero.
-    """
-    if direction is not None:
-        names = ", ".join(task.components)
-        vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
-        if not vector.any():
-            raise InputError("the direction needs a component that is not zero")
-        return task.direction_of(vector)
-    if F is None or not F.any():
-        return None
-    return task.direction_of(task.unweigh_force(F))
-
-
-def check_size(robot: Robot, faults: int) -> None:
-    """Check the size of the largest fault sets.
-
-    Raises
-    ------
-    InputError
-        It is no number of the arm's joints, or there are too many sets.
-    """
-    if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
-        raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
-    total = count_fault_sets(robot.n, faults)
-    if total > MOST_SETS:
-        raise InputError(
-            f"{total:,} fault sets of up to {faults} of {robot.n} joints are more than one census "
-            f"takes ({MOST_SETS:,}); ask for smaller sets"
-        )
 
 
 def _weakness(report: SetReport) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ftforce.analysis.conditions import Conditions, rnea_change
 from ftforce.core import measures
-from ftforce.core.arrays import Svd, Vector, read_only
+from ftforce.core.arrays import Vector, read_only
 from ftforce.core.bounded_remap import BoundedRemap, overloaded, remap_inside
 from ftforce.core.changes import RneaChange, split_norms
 from ftforce.core.feasible_forces import (
@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from ftforce.core.faults import FaultSet
     from ftforce.core.feasible_forces import FeasibleForces, Reach
     from ftforce.core.limits import Limits
-    from ftforce.core.measures import Verdict
+    from ftforce.core.svd import Svd
     from ftforce.core.task import Task
+    from ftforce.core.verdict import Verdict
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 

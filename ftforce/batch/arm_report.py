@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.batch.results import BORDERLINE, TOLERATED
+from ftforce.batch.kernels.layout import BORDERLINE, TOLERATED
 from ftforce.batch.summary.criticality import Estimate, capability_counts
 from ftforce.batch.summary.intervals import quantile, quantile_interval, wilson
 from ftforce.core.arrays import read_only

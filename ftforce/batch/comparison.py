@@ -11,10 +11,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ftforce.batch.arm_report import ArmReport, arm_report
+import numpy as np
+
+from ftforce.analysis.conditions import Conditions
+from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
+from ftforce.batch.job import PIECE, Job
 from ftforce.batch.result import Sweep, SweepSetting
+from ftforce.batch.runner import threads_of
+from ftforce.batch.summary.bins import Bins, Workspace
+from ftforce.batch.sweep import plan_of
 from ftforce.core.arrays import is_number
 from ftforce.core.display import Displayed
+from ftforce.core.faults import FaultSet
+from ftforce.core.task import Task
 from ftforce.errors import InputError, listed, printable
 from ftforce.robot.robot import Robot
 
@@ -23,11 +33,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.census import Progress
     from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.analysis.question import Progress
     from ftforce.batch.postures.drawn import Drawn
+    from ftforce.batch.result import SweepSetting
+    from ftforce.batch.summary.criticality import Estimate
     from ftforce.core.faults import FaultMode
-    from ftforce.core.task import Axes, Task
+    from ftforce.core.task import Axes
     from ftforce.robot.dynamics import Payload
 
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
@@ -282,8 +294,8 @@ class _Reports:
 
     def _drawn(self, name: str, robot: Robot) -> Drawn:
         """Return the postures of an arm, and check what may suit the others but not this one."""
-        from ftforce.analysis.census import check_size
         from ftforce.analysis.limits_files import choose_limits
+        from ftforce.analysis.question import check_size
         from ftforce.batch.postures.drawn import Drawn
 
         asked = {key: self.asked[key] for key in ("method", "seed") if key in self.asked}
@@ -293,7 +305,6 @@ class _Reports:
             return Drawn.of(robot, self.asked.get("n", SAMPLES), **asked)
 
     def _swept(self, one: _Entry, robot: Robot, postures: Drawn) -> tuple[_Entry, Any]:
-        from ftforce.batch.healthy import healthy_capability
         from ftforce.batch.sweep import sweep
         from ftforce.robot.kinematics import reach_bound
 
@@ -438,3 +449,55 @@ def _doubts_of_postures(reports: Sequence[ArmReport]) -> list[str]:
             "cells of other sizes beside the reach: shares of the workspace compare roughly only"
         )
     return found
+
+
+_ANYWHERE = Workspace((0.0, 0.0, 0.0), 1.0, (1, 1, 1))
+
+
+def healthy_capability(
+    robot: Robot,
+    setting: SweepSetting,
+    postures: Drawn,
+    *,
+    limits: LimitsLike = None,
+    payload: Any = None,
+    threads: int | None = None,
+) -> tuple[Estimate, Estimate] | None:
+    """Return the quantiles 5 % and 50 % of the capability, N (N·m); ``None`` without a direction.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    setting :
+        What its sweep asked.
+    postures :
+        Those of the sweep.
+    limits, payload :
+        As the sweep was given them.
+    threads :
+        On this machine; one per processor if not given.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    if setting.direction is None:
+        return None
+    axes: Any = setting.axes
+    plan = plan_of(
+        robot,
+        (FaultSet(),),
+        Task.parse(setting.components, axes, setting.length),
+        Conditions.of(robot, gravity=setting.gravity, payload=payload),
+        weighs=True,
+        force=None,
+        direction=np.array(setting.direction),
+        limits=choose_limits(robot, URDF if limits is None else limits),
+        rtol=setting.rtol,
+        wary=setting.wary,
+    )
+    job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
+    summary = job.empty_summary()
+    with ThreadPoolExecutor(threads_of(threads)) as pool:
+        for part, _ in pool.map(job.run, range(job.chunks)):
+            summary.merge(part)
+    return capability_of(summary)

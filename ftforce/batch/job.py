@@ -15,10 +15,9 @@ from ftforce.batch.summary.summary import Summary
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ftforce.batch.kernels.layout import Answers
+    from ftforce.batch.kernels.layout import Answers, Block
     from ftforce.batch.plan import Plan
     from ftforce.batch.postures.postures import Postures
-    from ftforce.batch.results import Block
     from ftforce.batch.summary.bins import Bins, Workspace
     from ftforce.core.arrays import Matrix
 

@@ -8,23 +8,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.analysis.census import check_size, checked_mode
 from ftforce.analysis.conditions import Conditions
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import faults_of, question_of
+from ftforce.analysis.question import check_size, checked_mode
+from ftforce.batch.plan import faults_of, mechanism_of, question_of
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet, fault_sets
 from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
 from ftforce.core.task import Axes, Task
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import FtforceError, InputError
-from ftforce.trajectory.history import VERDICTS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from ftforce.analysis.fault_names import Joints
     from ftforce.batch.kernels.layout import Faults, Mechanism, Question, Whole
-    from ftforce.core.measures import Verdict
+    from ftforce.core.verdict import Verdict
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
@@ -63,7 +62,7 @@ class Remapped(NamedTuple):
     rank_lost :
         Rank of J less that of K, shape (S,).
     verdict :
-        Index in ``ftforce.trajectory.history.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
+        Index in ``ftforce.core.verdict.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 
@@ -310,7 +309,7 @@ def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[Fault
 def _constants(
     mechanism: Mechanism, question: Question, faults: Faults
 ) -> tuple[NDArray[Any], ...]:
-    """Return tree, body, task, locked and free as `ftforce.batch.kernels.single.answer` takes them."""
+    """Return tree, body, task, locked and free as `single.answer` takes them."""
     from ftforce.batch.kernels import single
 
     E, m, n = len(mechanism.parent), len(question.rows), faults.locked.shape[1]
@@ -335,7 +334,7 @@ def _constants(
 def _workspace(
     joints: int, task: Task, n: int, sets: int
 ) -> tuple[tuple[NDArray[Any], ...], Remapped]:
-    """Return what `ftforce.batch.kernels.single.answer` writes to, and the part of it that it answers."""
+    """Return what `single.answer` writes to, and the part of it that it answers."""
     from ftforce.batch.kernels import single
 
     m = task.m

@@ -6,8 +6,12 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from ftforce.batch.set_summaries import set_summaries, tolerating_every_set
-from ftforce.batch.summary.criticality import criticality, survival
+from ftforce.batch.summary.criticality import (
+    criticality,
+    set_summaries,
+    survival,
+    tolerating_every_set,
+)
 from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 
@@ -16,8 +20,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from ftforce.batch.set_summaries import SetSummary
-    from ftforce.batch.summary.criticality import Estimate, JointCriticality, Survival
+    from ftforce.batch.summary.criticality import Estimate, JointCriticality, SetSummary, Survival
     from ftforce.batch.summary.summary import Summary
 
 Keep = Literal["all", "worst", "summary"]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
     from concurrent.futures import Future
 
-    from ftforce.analysis.census import Progress
+    from ftforce.analysis.question import Progress
     from ftforce.batch.job import Job, Samples
     from ftforce.batch.store.store import Opened
     from ftforce.batch.summary.summary import Summary

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.__version__ import __version__
-from ftforce.analysis.census import check_size, checked_mode, direction_or_force
 from ftforce.analysis.conditions import Conditions
 from ftforce.analysis.limits_files import NONE, URDF, choose_limits
+from ftforce.analysis.question import check_size, checked_mode, direction_or_force
 from ftforce.batch.job import PIECE, Job
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
@@ -36,8 +35,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.census import Progress
     from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.analysis.question import Progress
     from ftforce.batch.runner import Runner
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
@@ -99,8 +98,9 @@ def sweep(
     direction :
         Of the capability, in the task's axes, shape (m,); the force's if not given.
     limits :
-        Of the capability: ``urdf`` (if not given), a TOML or CSV file, `ftforce.core.limits.Limits`;
-        ``none`` asks for no capability. Verdict and jump do not count them.
+        Of the capability: ``urdf`` (if not given), a TOML or CSV file, or
+        `ftforce.core.limits.Limits`; ``none`` asks for no capability. Verdict and jump do not
+        count them.
     gravity, payload, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     keep :

@@ -9,7 +9,7 @@ import inspect
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -381,9 +381,29 @@ def _plot(result: Any, path: Path) -> bytes:
 
 
 def _picture(shown: "RenderableType", output: Path, title: str) -> str:
-    from ftforce.show import export
+    from ftforce.show import render
 
     ending = output.suffix.lower()
     if ending == ".svg":
-        return export.to_svg(shown, title)
-    return export.to_page(shown, title) if ending in {".html", ".htm"} else export.to_text(shown)
+        return render.to_svg(shown, title)
+    return render.to_page(shown, title) if ending in {".html", ".htm"} else render.to_text(shown)
+
+
+def given_options(context: typer.Context, among: Container[str]) -> list[str]:
+    """Return the options, as one types them, that stand on the command line.
+
+    Parameters
+    ----------
+    context :
+        Of the command that runs.
+    among :
+        Names of the parameters that are looked at.
+    """
+    named = []
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        source = context.get_parameter_source(name)
+        if name in among and source is not None and source.name == "COMMANDLINE":
+            is_argument = parameter.param_type_name == "argument"
+            named.append(name.upper() if is_argument else parameter.opts[0])
+    return named

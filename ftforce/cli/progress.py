@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
 
-    from ftforce.analysis.census import Progress
+    from ftforce.analysis.question import Progress
 
 PATIENCE = 1.0  # s without a progress bar
 

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ftforce.cli.given import given_options
 from ftforce.cli.options import (
     AxesOption,
     Base,
@@ -24,6 +23,7 @@ from ftforce.cli.options import (
     Tip,
     Wary,
     emit,
+    given_options,
     load,
     numbers,
 )

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ftforce.cli.given import given_options
 from ftforce.cli.options import (
     Acceleration,
     AxesOption,
@@ -29,6 +28,7 @@ from ftforce.cli.options import (
     Velocity,
     Wary,
     Weak,
+    given_options,
     load,
     numbers,
     refuse_force_and_torque,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import threading
 from numbers import Real
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
-from eigenpy import ColPivHhJacobiSVD, DecompositionOptions
 from numpy.typing import ArrayLike, NDArray
 
 from ftforce.errors import DimensionError, InputError
@@ -20,7 +18,6 @@ Mask: TypeAlias = NDArray[np.bool_]
 _Size = TypeVar("_Size", float, Vector)
 
 _FLOAT = np.dtype(np.float64)  # NumPy has one object for it: an identity costs the least
-_THIN_U_FULL_V = int(DecompositionOptions.ComputeThinU | DecompositionOptions.ComputeFullV)
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -112,126 +109,3 @@ def is_number(value: object) -> bool:
         return math.isfinite(value)
     except OverflowError:  # an integer beyond all floats
         return False
-
-
-class Svd:
-    """Singular value decomposition ``A = U[:, :r] diag(s[:r]) Vᵀ``, by Jacobi rotations.
-
-    Eigen's two-sided Jacobi is used rather than LAPACK's divide and conquer because it keeps small
-    singular values to high relative accuracy (ranks are decided on them) and, at the size of a
-    manipulator Jacobian, costs 1.5 µs from Python instead of 8.5 µs: the decomposition is done in
-    a workspace that is kept per thread and shape, and V stays there.
-
-    Parameters
-    ----------
-    A :
-        Finite matrix, shape (m, n).
-
-    Attributes
-    ----------
-    A :
-        The matrix.
-    U :
-        All left singular vectors, shape (m, m).
-    s :
-        Singular values, descending, padded with zeros to m numbers.
-    """
-
-    __slots__ = ("A", "U", "_count", "_workspace", "s")
-
-    def __init__(self, A: Matrix, *, left_only: bool = False) -> None:
-        m, n = A.shape
-        self.A = A
-        self._workspace = workspace = _workspace(A.shape, left_only)
-        self._count = workspace.decompose(A)
-        U = workspace.left_vectors()
-        self.U = U if U.ndim == 2 else U.reshape(m, m)  # eigenpy returns a 1 x 1 as a vector
-        self.s: list[float] = workspace.solver.singularValues().tolist()
-        if n < m:
-            self.s += [0.0] * (m - n)
-
-    def rank(self, threshold: float) -> int:
-        """Return how many singular values lie above ``threshold``."""
-        rank = len(self.s)
-        while rank and self.s[rank - 1] <= threshold:
-            rank -= 1
-        return rank
-
-    def solve_transposed(self, tau: Vector, rtol: float) -> Vector:
-        """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
-        workspace = _workspace(self.A.shape, False)
-        if workspace is not self._workspace or workspace.count != self._count:
-            workspace.decompose(self.A)  # it has served another matrix since
-        # Eigen keeps a singular value that equals the threshold; here it counts as lost.
-        workspace.solver.setThreshold(rtol * (1.0 + 1e-15))
-        F: Vector = workspace.solver.solve(tau)
-        return F if F.ndim == 1 else F.reshape(-1)
-
-    def solve(self, x: Vector, rank: int) -> Vector:
-        """Return A† x with the first ``rank`` singular values, shape (n,)."""
-        # With V of its own decomposition: Aᵀ U / s would lose the digits that a small s costs.
-        decomposition = ColPivHhJacobiSVD(self.A.T, _THIN_U_FULL_V)
-        U, V = decomposition.matrixV(), decomposition.matrixU()
-        y = x.dot(U.reshape(len(x), -1)[:, :rank]) / self.s[:rank]
-        v: Vector = V.reshape(len(V), -1)[:, :rank].dot(y)
-        return v
-
-    def project(self, x: Vector, rank: int) -> Vector:
-        """Return A A† x, the part of x in the range of the first ``rank`` directions."""
-        U = self.U[:, :rank]
-        kept: Vector = U.dot(x.dot(U))
-        return kept
-
-    def beyond(self, x: Vector, rank: int) -> Vector:
-        """Return (I - A A†) x, the part of x outside the range of the first ``rank`` directions."""
-        U = self.U[:, rank:]
-        lost: Vector = U.dot(x.dot(U))
-        return lost
-
-    def __reduce__(self) -> tuple[type[Svd], tuple[Matrix]]:
-        """Pickle the matrix; the decomposition is made anew."""
-        return Svd, (self.A,)
-
-
-class _Workspace:
-    """One of Eigen's solvers for one shape, used again and again; counts its decompositions.
-
-    It decomposes Aᵀ, so that it can solve for forces, or A itself where only U and s are wanted.
-    """
-
-    __slots__ = ("count", "left_only", "solver")
-
-    def __init__(self, shape: tuple[int, ...], left_only: bool) -> None:
-        m, n = shape
-        self.left_only = left_only
-        self.solver = (
-            ColPivHhJacobiSVD(m, n, int(DecompositionOptions.ComputeFullU))
-            if left_only
-            else ColPivHhJacobiSVD(n, m, _THIN_U_FULL_V)
-        )
-        self.count = 0
-
-    def decompose(self, A: Matrix) -> int:
-        self.solver.compute(A if self.left_only else A.T)
-        self.count += 1
-        return self.count
-
-    def left_vectors(self) -> Matrix:
-        U: Matrix = self.solver.matrixU() if self.left_only else self.solver.matrixV()
-        return U
-
-
-class _Workspaces(threading.local):
-    def __init__(self) -> None:
-        self.by_shape: dict[tuple[tuple[int, ...], bool], _Workspace] = {}
-
-
-_workspaces = _Workspaces()
-
-
-def _workspace(shape: tuple[int, ...], left_only: bool) -> _Workspace:
-    key = (shape, left_only)
-    workspace = _workspaces.by_shape.get(key)
-    if workspace is None:
-        workspace = _workspaces.by_shape[key] = _Workspace(shape, left_only)
-    return workspace

@@ -25,6 +25,6 @@ class Displayed:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
-        from ftforce.show.export import to_html
+        from ftforce.show.render import to_html
 
         return to_html(self)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from math import comb
 from typing import TYPE_CHECKING
 
@@ -13,17 +12,6 @@ from ftforce.core.arrays import Matrix, Vector, over, read_only
 
 if TYPE_CHECKING:
     from ftforce.core.reduced_jacobian import ReducedJacobian
-
-
-class Verdict(StrEnum):
-    """Whether the force at the tip survives the fault."""
-
-    TOLERATED = "tolerated"
-    """The healthy joints can go on exerting the whole force."""
-    BORDERLINE = "borderline"
-    """The answer depends on the tolerance: the arm is close to losing, or keeping, the force."""
-    NOT_TOLERATED = "not tolerated"
-    """Part of the force can no longer be commanded."""
 
 
 def margin(reduced: ReducedJacobian) -> float:
@@ -93,68 +81,6 @@ def _along_axes(projector: Matrix, count: int) -> Matrix:
         rest = rest - np.outer(row, row @ rest)
         rows.append(row * math.copysign(1.0, row[int(np.argmax(np.round(np.abs(row), 9)))]))
     return np.array(rows)
-
-
-def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
-    """Judge a fault set for a force, or for every force that the healthy arm can exert.
-
-    One tolerance t decides both what is lost, σ_i(K) ≤ t·σ_max(J), and what counts as no jump,
-    ‖ΔF‖ ≤ t·‖F̂‖. The verdict is `BORDERLINE` if not every t from ``reduced.rtol`` to ``wary``
-    gives the same answer.
-
-    Parameters
-    ----------
-    reduced :
-        The decomposed Jacobians.
-    F :
-        Force F̂ that the healthy arm exerts, shape (m,); ``None`` asks about all of them.
-    wary :
-        Largest tolerance tried.
-    """
-    if reduced.damaged.s[-1] > wary * reduced.sigma_max:
-        return Verdict.TOLERATED  # no tolerance gives a direction away
-    answers = _answers_for_all(reduced, wary) if F is None else _answers(reduced, F, wary)
-    if len(answers) > 1:
-        return Verdict.BORDERLINE
-    return Verdict.TOLERATED if True in answers else Verdict.NOT_TOLERATED
-
-
-def _answers_for_all(reduced: ReducedJacobian, wary: float) -> set[bool]:
-    """Return whether every force is kept, at both ends of the tolerances (it is monotonous)."""
-    kept_at_wary = sum(s > wary * reduced.sigma_max for s in reduced.damaged.s)
-    return {reduced.rank_after >= reduced.rank, kept_at_wary >= reduced.rank}
-
-
-def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
-    """Return the set of answers that the tolerances from rtol to wary give for one force."""
-    largest = max(map(abs, F.tolist()))
-    if largest == 0.0:
-        return {True}
-    if not 1e-100 < largest < 1e100:  # its square could vanish or overflow
-        F = F / largest
-    size = float(F.dot(F))
-    share = [c * c / size for c in F.dot(reduced.damaged.U).tolist()]  # of ‖F̂‖², per left vector
-    scale = reduced.sigma_max
-    # Between neighbouring σ_i the jump is the same for all t, and t is allowed to be anything
-    # from the interval's start (strictest) to its end.
-    doubtful = sorted(
-        tolerance_that_loses(s, scale)
-        for s in reduced.damaged.s
-        if reduced.rtol * scale < s <= wary * scale
-    )
-    starts = [reduced.rtol, *doubtful]
-    answers = set()
-    for start, end in zip(starts, [*doubtful, wary], strict=True):
-        lost = sum(c for c, s in zip(share, reduced.damaged.s, strict=True) if s <= start * scale)
-        relative_jump = math.sqrt(lost)
-        answers |= {relative_jump <= start, relative_jump <= end}
-    return answers
-
-
-def tolerance_that_loses(s: float, scale: float) -> float:
-    """Return the least tolerance t that gives a singular value away, s ≤ t · scale."""
-    t = s / scale
-    return t if s <= t * scale else math.nextafter(t, math.inf)  # a quotient may be rounded down
 
 
 def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:

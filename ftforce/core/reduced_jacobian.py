@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Svd, Vector, as_floats, check_finite, read_only
+from ftforce.core.arrays import Mask, Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.core.svd import Svd
 from ftforce.errors import DimensionError, InputError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Svd, Vector, as_vector, read_only
+from ftforce.core.arrays import Mask, Matrix, Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.core.reduced_jacobian import (
     RTOL,
@@ -21,6 +21,7 @@ from ftforce.core.reduced_jacobian import (
     check_tolerances,
     reduce,
 )
+from ftforce.core.svd import Svd
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

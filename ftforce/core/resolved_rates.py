@@ -7,11 +7,14 @@ saturation in the null space (Flacco, De Luca & Khatib 2012).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Svd, Vector
+from ftforce.core.svd import Svd
+
+if TYPE_CHECKING:
+    from ftforce.core.arrays import Mask, Matrix, Vector
 
 _ROUNDING = 1e-12  # relative: a velocity at its bound is not beyond it
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ftforce.core.faults import FaultMode
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import Verdict
 from ftforce.report.text import (
     amounts,
     is_noticeable,

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.report.text import amounts, joined, number, percent, ratio, size
-from ftforce.trajectory.history import VERDICTS
 from ftforce.trajectory.warnings import ON_PATH, ORIENTED, length_in_words, unsupported
 
 if TYPE_CHECKING:

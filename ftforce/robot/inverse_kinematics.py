@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.core.arrays import Svd, Vector, read_only
+from ftforce.core.arrays import Vector, read_only
 from ftforce.core.resolved_rates import damped_inverse
+from ftforce.core.svd import Svd
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import frame_jacobian, reach_bound, tip_pose
 from ftforce.robot.posture import samples

@@ -13,14 +13,13 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
 from ftforce.errors import UnknownNameError, listed
-from ftforce.robot.chain import Chain, choose_chain, leaders_of
+from ftforce.robot.chain import GIVEN, Chain, choose_chain, leaders_of, moving_path, tip_candidates
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.posture import usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.robot.srdf import Srdf, read_srdf
-from ftforce.tips import GIVEN, moving_path, tip_candidates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ftforce.show.plots.timeline import Quantity
+    from ftforce.show.plots.trajectory import Kind
 
 # What would make two files of one result differ: dates, and versions of libraries.
 _METADATA: dict[str, dict[str, Any]] = {
@@ -127,7 +128,7 @@ def _settle(drawn: Figure) -> None:
 
 def _of_history(drawn: Figure, history: History) -> None:
     task = history.setting.task
-    kinds: list[trajectory.Kind] = ["force"] if task.force_rows else []
+    kinds: list[Kind] = ["force"] if task.force_rows else []
     kinds += ["moment"] if task.moment_rows else []
     heights = [1.6, 1.6, *(1.5 for _ in kinds), 1.2, 1.2]
     drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), HIGHEST))

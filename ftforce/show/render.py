@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from functools import singledispatch
+from html import escape
 from typing import TYPE_CHECKING
 
+from rich.console import Console, RenderableType
 from rich.text import Text
 
 from ftforce.analysis.analyze import Analysis
@@ -16,8 +19,7 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.robot.robot import Robot
-from ftforce.show.remap import remap_view
-from ftforce.show.tables.analysis import analysis_view
+from ftforce.show.tables.analysis import analysis_view, remap_view
 from ftforce.show.tables.capability import capability_view
 from ftforce.show.tables.census import census_view
 from ftforce.show.tables.comparison import comparison_view
@@ -51,3 +53,42 @@ render.register(Robot, robot_view)
 render.register(Sweep, sweep_view)
 render.register(Timeline, timeline_view)
 render.register(WorkspaceMap, map_view)
+
+
+WIDTH = 80
+
+
+def to_text(shown: RenderableType, width: int = WIDTH) -> str:
+    """Return plain text without colours."""
+    stream = io.StringIO()
+    Console(file=stream, width=width, color_system=None).print(shown)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
+
+
+def to_svg(shown: RenderableType, title: str, width: int = WIDTH) -> str:
+    """Return a picture of a terminal window."""
+    return _recorded(shown, width).export_svg(title=title, unique_id="ftforce")
+
+
+def to_html(shown: RenderableType, width: int = 100) -> str:
+    """Return a fragment of HTML, for notebooks; texts are escaped."""
+    style = "font-family:Menlo,Consolas,'DejaVu Sans Mono',monospace;line-height:1.25"
+    return _recorded(shown, width).export_html(
+        inline_styles=True, code_format=f'<pre style="{style}"><code>{{code}}</code></pre>'
+    )
+
+
+def to_page(shown: RenderableType, title: str) -> str:
+    """Return a page of HTML."""
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>{escape(title)}</title></head>\n<body>{to_html(shown)}</body></html>\n"
+    )
+
+
+def _recorded(shown: RenderableType, width: int) -> Console:
+    console = Console(
+        file=io.StringIO(), record=True, width=width, force_terminal=True, color_system="truecolor"
+    )
+    console.print(shown)
+    return console

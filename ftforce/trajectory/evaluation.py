@@ -16,14 +16,13 @@ from ftforce.analysis.conditions import without_rounding
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, over, read_only
 from ftforce.core.bounded_remap import remap_inside
-from ftforce.core.measures import Verdict
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
-from ftforce.core.verdict import judge
+from ftforce.core.verdict import CODES, Verdict, judge
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
 from ftforce.robot.kinematics import frame_jacobian, quaternion, rotation_vector
-from ftforce.trajectory.history import CODES, MOTIONS, QUANTITIES, SCALARS, Run, width
+from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.core.display import Displayed
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.robot.robot import JointUnits
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.task import Task
 
-VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
-CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}
 RUNS = ("healthy", "unremapped", "remapped")
 
 
@@ -173,7 +171,7 @@ class Run:
     margin :
         σ_min(K)/σ_max(J), shape (N,).
     verdict :
-        Index in ``ftforce.trajectory.history.VERDICTS``, shape (N,): 0 tolerated, 1 borderline, 2 not
+        Index in ``ftforce.core.verdict.VERDICTS``, shape (N,): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 

@@ -18,15 +18,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.core.arrays import read_only
-from ftforce.core.measures import Verdict
 from ftforce.core.task import Task
+from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
 from ftforce.io.text import read_bytes
 from ftforce.trajectory.history import (
     QUANTITIES,
     RUNS,
     SCALARS,
-    VERDICTS,
     EventReport,
     History,
     JointInfo,

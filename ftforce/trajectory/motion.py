@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Svd, Vector
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import RTOL, WARY
 from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
+from ftforce.core.svd import Svd
 from ftforce.robot.kinematics import frame_jacobian, rotation_vector
 from ftforce.trajectory.reference import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.faults import FaultSet
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.fault_events import Phase

@@ -12,7 +12,7 @@ from ftforce.trajectory.path import Path
 from ftforce.trajectory.simulate import simulate
 
 if TYPE_CHECKING:
-    from ftforce.analysis.census import Progress
+    from ftforce.analysis.question import Progress
     from ftforce.trajectory.history import History
 
 START = (1.150, -0.134, 0.034)  # R_s, m

@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.analyze import Analysis, analyze, limits_for
+from ftforce.analysis.analyze import Analysis, analyze
 from ftforce.analysis.conditions import Conditions
 from ftforce.analysis.limits_files import NONE, choose_limits
+from ftforce.analysis.question import limits_for
 from ftforce.core.arrays import Vector, as_vector, is_number, read_only
 from ftforce.core.changes import change_of_velocity, impact_of_lock
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce
 from ftforce.core.task import Axes, Task
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.trajectory.evaluation import Case, TipPath, run_of
 from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
-from ftforce.trajectory.history import VERDICTS, EventReport, History, JointInfo, Run, Setting
+from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
 from ftforce.trajectory.warnings import history_doubts
@@ -32,8 +34,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.census import Progress
     from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.analysis.question import Progress
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot

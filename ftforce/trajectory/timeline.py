@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.census import check_size, checked_mode, direction_or_force
 from ftforce.analysis.conditions import Conditions, rnea_change, without_rounding
 from ftforce.analysis.fault_set import SharedCase, commanded_force, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
-from ftforce.core.arrays import Matrix, Svd, Vector, as_vector, read_only
+from ftforce.analysis.question import check_size, checked_mode, direction_or_force
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.measures import Verdict
 from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce_decomposed
 from ftforce.core.remap import supported_force
+from ftforce.core.svd import Svd
 from ftforce.core.task import Axes, Task
+from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import rotation_vector, task_jacobian, tip_pose
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.fault_events import Phase
-from ftforce.trajectory.history import CODES, VERDICTS
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.start import start_of
 from ftforce.trajectory.warnings import force_doubts, lacking, limit_doubts, off_path
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from ftforce.analysis.census import Progress
     from ftforce.analysis.limits_files import LimitsLike
+    from ftforce.analysis.question import Progress
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
@@ -117,7 +117,7 @@ class Timeline(Displayed):
     warnings :
         What makes the answer doubtful.
     verdict :
-        Index in ``ftforce.trajectory.history.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
+        Index in ``ftforce.core.verdict.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 

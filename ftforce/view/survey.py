@@ -11,9 +11,9 @@ import numpy as np
 from ftforce.batch.store.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.core.arrays import read_only
+from ftforce.core.verdict import VERDICTS
 from ftforce.errors import SweepError
 from ftforce.report.text import percent
-from ftforce.trajectory.history import VERDICTS
 from ftforce.view.model.fitting import difference, displacement
 from ftforce.view.model.state import in_components
 from ftforce.view.modes import Mode
@@ -76,7 +76,7 @@ class Points(NamedTuple):
     tip :
         In the root's axes, m, shape (k, 3).
     verdict :
-        Index in ``ftforce.trajectory.history.VERDICTS``, of each fault set that can be chosen, shape (k, s).
+        Index in `ftforce.core.verdict.VERDICTS`, of each set that can be chosen, shape (k, s).
     worst :
         Index of the fault set that is worst in each posture, the first of several, shape (k,).
     total :

@@ -16,8 +16,7 @@ import pytest
 
 import ftforce
 from effort import QUICK, rounds
-from ftforce.batch.mechanism import mechanism_of
-from ftforce.batch.plan import Plan, faults_of, question_of
+from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.core.faults import FaultMode, fault_sets
 from ftforce.core.task import Task

@@ -17,8 +17,7 @@ from ftforce.batch.kernels.layout import CELL_BINS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ftforce.batch.results import Codes
-    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.batch.kernels.layout import Codes, Matrix, Vector
 
     Counts = NDArray[np.int64]
 

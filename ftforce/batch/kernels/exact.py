@@ -1,8 +1,8 @@
 """The accurate part of the fault analysis: one posture, one fault set, as `analyze` decides it.
 
 One-sided Jacobi rotations keep small singular values to high relative accuracy (Demmel and Veselić
-1992), and ranks are decided on them. What follows is `ftforce.core.reduced_jacobian`, `ftforce.core.measures`,
-`ftforce.core.verdict` and `ftforce.core.feasible_forces` without limits on the force, in arrays.
+1992), and ranks are decided on them. What follows is `reduced_jacobian`, `measures`, `verdict`
+and `feasible_forces` of `ftforce.core`, without limits on the force, in arrays.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import room, rooms
-from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
+from ftforce.batch.kernels.layout import BORDERLINE, NOT_TOLERATED, TOLERATED, room, rooms
 
 _SWEEPS = 40
 _ORTHOGONAL = 4e-16
@@ -214,7 +213,7 @@ def verdict_of(yes, no):
 
 @inner
 def judge_locked(one, asks, rtol, wary):
-    """Return the verdict of locks alone (`ftforce.core.measures.verdict`)."""
+    """Return the verdict of locks alone (`ftforce.core.verdict.verdict`)."""
     s, scale, m = one.t, one.s[0], one.t.size
     if s[m - 1] > wary * scale:
         return TOLERATED

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.kernels import lanes, lost, secular, spectrum, three
 from ftforce.batch.kernels.jit import inner, kernel
-from ftforce.batch.kernels.layout import CLEAR, LANES, UNDECIDED, rooms
-from ftforce.batch.results import TOLERATED
+from ftforce.batch.kernels.layout import CLEAR, LANES, TOLERATED, UNDECIDED, rooms
 
 if TYPE_CHECKING:
     import numpy as np
@@ -351,7 +350,7 @@ def limit(locked, free, reach, least, most, first, count, capability):
 
 @inner
 def reaches(question, J, d, weight, lane):
-    """Interval of s·d that each joint's motor, and brake, allows (`ftforce.core.feasible_forces.reach`)."""
+    """Interval of s·d that each joint's motor, and brake, allows."""
     m, n = J.shape[0], J.shape[1]
     lever = lane.a
     size = 0.0

@@ -12,8 +12,15 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import CLEAR, LANES, UNDECIDED, rooms
-from ftforce.batch.results import BORDERLINE, NOT_TOLERATED, TOLERATED
+from ftforce.batch.kernels.layout import (
+    BORDERLINE,
+    CLEAR,
+    LANES,
+    NOT_TOLERATED,
+    TOLERATED,
+    UNDECIDED,
+    rooms,
+)
 
 if TYPE_CHECKING:
     import numpy as np

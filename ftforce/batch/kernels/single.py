@@ -17,7 +17,7 @@ from numba import boolean, float64, int64, njit, types
 
 from ftforce.batch.kernels import exact
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.results import TOLERATED
+from ftforce.batch.kernels.layout import TOLERATED
 
 if TYPE_CHECKING:
     import numpy as np

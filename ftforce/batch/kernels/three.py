@@ -7,12 +7,17 @@ over lanes computes stays in registers.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
-from ftforce.batch import eigenvalues
+import numpy as np
+from numpy.polynomial import chebyshev
+
 from ftforce.batch.kernels import lanes
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import CLEAR, LANES, UNDECIDED
-from ftforce.batch.results import BORDERLINE, TOLERATED
+from ftforce.batch.kernels.layout import BORDERLINE, CLEAR, LANES, TOLERATED, UNDECIDED
+
+if TYPE_CHECKING:
+    from ftforce.batch.kernels.layout import Vector
 
 LEAST_MARGIN = 2e-4
 """Below, the root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
@@ -25,8 +30,8 @@ def evaluate_healthy(rtol, J, lane):
     least = max(rtol * CLEAR, LEAST_MARGIN) ** 2
     smallest, largest, over = lane.smallest, lane.largest, lane.over
     lanes.gram(J, lane.A)
-    eigenvalues.outermost_of_three(lane.A, 1.0, largest, lane.x)
-    eigenvalues.outermost_of_three(lane.A, -1.0, smallest, lane.x)
+    outermost_of_three(lane.A, 1.0, largest, lane.x)
+    outermost_of_three(lane.A, -1.0, smallest, lane.x)
     for b in range(LANES):
         over[0, b] = 1.0 / math.sqrt(largest[b])
         over[1, b] = 1.0 / math.sqrt(max(lane.x[b], 0.0))
@@ -57,7 +62,7 @@ def measure(B, largest, over, safe, first, count, x, sigma_min, margin, rho):
     for b in range(count):
         a00, a10, a11 = B[0, 0, b], B[1, 0, b], B[1, 1, b]
         a20, a21, a22 = B[2, 0, b], B[2, 1, b], B[2, 2, b]
-        smallest, determinant = eigenvalues.smallest_of_three(a00, a10, a11, a20, a21, a22)
+        smallest, determinant = smallest_of_three(a00, a10, a11, a20, a21, a22)
         x[b] = smallest
         unclear += 0 if smallest > safe * largest[b] else 1
         sigma = math.sqrt(max(smallest, 0.0))
@@ -85,7 +90,7 @@ def decide(rtol, wary, b, B, x, largest, force):
     if not second > (wary * CLEAR * CLEAR) ** 2 * largest:
         return UNDECIDED
     asks = force.shape[0] > 0
-    share = eigenvalues.share_of_three(B, b, x, force) if asks else 0.0
+    share = share_of_three(B, b, x, force) if asks else 0.0
     return judge(wary, x / largest, asks, share)
 
 
@@ -99,3 +104,109 @@ def judge(wary, margin2, asks, share):
     if not (share >= 0.0 and abs(share - margin2) > (CLEAR - 1.0) * margin2):
         return UNDECIDED
     return TOLERATED if share < margin2 else BORDERLINE
+
+
+DEGREE = 18  # 2e-15; the next even ones are no better, 16 has 1e-14
+_LEAST = 1e-300  # of three equal eigenvalues nothing is left to divide by
+
+
+def _of_half(u: Vector) -> Vector:
+    """Return cos(acos(r)/3) of u = 2 √((1 + r)/2) - 1."""
+    value: Vector = np.cos(np.arccos(0.5 + 0.5 * u) / 1.5)
+    return value
+
+
+def _trisected() -> tuple[float, ...]:
+    """Return cos(acos(r)/3) for r in [-1, 1] as a polynomial in ``2 √((1 + r)/2) - 1``.
+
+    In √((1 + r)/2) = cos(acos(r)/2) it has no singularity near, so the series ends quickly.
+    """
+    interpolate: Any = chebyshev.chebinterpolate  # annotated for functions of one number
+    half = interpolate(_of_half, DEGREE)
+    return tuple(chebyshev.cheb2poly(half).tolist())
+
+
+_C = _trisected()
+
+
+@inner
+def trisect(r):
+    """Return cos(acos(r)/3), r from -1 to 1.
+
+    The polynomial is summed as a tree (Estrin 1960): Horner's chain of 18 products that wait for
+    one another took four times as long as all the rest.
+    """
+    u = 2.0 * math.sqrt(0.5 + 0.5 * r) - 1.0
+    u2 = u * u
+    u4 = u2 * u2
+    u8 = u4 * u4
+    a = (_C[0] + _C[1] * u) + (_C[2] + _C[3] * u) * u2
+    b = (_C[4] + _C[5] * u) + (_C[6] + _C[7] * u) * u2
+    c = (_C[8] + _C[9] * u) + (_C[10] + _C[11] * u) * u2
+    d = (_C[12] + _C[13] * u) + (_C[14] + _C[15] * u) * u2
+    e = (_C[16] + _C[17] * u) + _C[18] * u2
+    return (a + b * u4) + ((c + d * u4) + e * u8) * u8
+
+
+@inner
+def outermost(a00, a10, a11, a20, a21, a22, side):
+    """Return the smallest (side -1) or largest (side 1) eigenvalue of a matrix.
+
+    With the mean ``t`` of the eigenvalues, ``6 p² = ‖A - t I‖²`` and ``r = det((A - t I)/p)/2``
+    it is ``t ± 2 p cos(acos(±r)/3)`` (Smith 1961).
+    """
+    t = (a00 + a11 + a22) * (1.0 / 3.0)
+    d0, d1, d2 = a00 - t, a11 - t, a22 - t
+    aside = a10 * a10 + a20 * a20 + a21 * a21
+    p2 = (d0 * d0 + d1 * d1 + d2 * d2 + 2.0 * aside) * (1.0 / 6.0)
+    p = math.sqrt(p2)
+    half = 0.5 * (
+        d0 * (d1 * d2 - a21 * a21) - a10 * (a10 * d2 - a21 * a20) + a20 * (a10 * a21 - d1 * a20)
+    )
+    r = min(max(side * half / (p * p2 + _LEAST), -1.0), 1.0)
+    return t + side * 2.0 * p * trisect(r)
+
+
+@inner
+def smallest_of_three(a00, a10, a11, a20, a21, a22):
+    """Return the smallest eigenvalue of a matrix, and the determinant.
+
+    The sum has lost the digits of a small eigenvalue, the determinant has not: λ₁ = det / λ₂λ₃.
+    """
+    first = a11 * a22 - a21 * a21
+    aside = a10 * (a10 * a22 - a21 * a20)
+    determinant = a00 * first - aside + a20 * (a10 * a21 - a11 * a20)
+    x = outermost(a00, a10, a11, a20, a21, a22, -1.0)
+    minors = first + (a00 * a11 - a10 * a10) + (a00 * a22 - a20 * a20)
+    others = minors - x * (a00 + a11 + a22 - x)
+    return determinant / others if others > 0.0 else 0.0, determinant
+
+
+@inner
+def outermost_of_three(A, side, x, determinant):
+    """Smallest (side -1) or largest (side 1) eigenvalue, and with the smallest the determinant."""
+    if side > 0.0:
+        for b in range(LANES):
+            x[b] = outermost(
+                A[0, 0, b], A[1, 0, b], A[1, 1, b], A[2, 0, b], A[2, 1, b], A[2, 2, b], side
+            )
+        return
+    for b in range(LANES):
+        x[b], determinant[b] = smallest_of_three(
+            A[0, 0, b], A[1, 0, b], A[1, 1, b], A[2, 0, b], A[2, 1, b], A[2, 2, b]
+        )
+
+
+@inner
+def share_of_three(A, b, x, F):
+    """Return the share of ‖F‖² along the eigenvector u of lane b for a simple eigenvalue x.
+
+    ``adj(A - x I) = (λ₂ - x)(λ₃ - x) u uᵀ``, whose trace is the factor.
+    """
+    d0, d1, d2 = A[0, 0, b] - x, A[1, 1, b] - x, A[2, 2, b] - x
+    p, q, r = A[1, 0, b], A[2, 0, b], A[2, 1, b]
+    f0, f1, f2 = F[0, b], F[1, b], F[2, b]
+    c0, c1, c2 = d1 * d2 - r * r, d0 * d2 - q * q, d0 * d1 - p * p
+    across = f0 * f1 * (q * r - p * d2) + f0 * f2 * (p * r - q * d1) + f1 * f2 * (p * q - r * d0)
+    along = f0 * f0 * c0 + f1 * f1 * c1 + f2 * f2 * c2 + 2.0 * across
+    return along / ((c0 + c1 + c2) * (f0 * f0 + f1 * f1 + f2 * f2))

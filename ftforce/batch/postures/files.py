@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from ftforce.batch.posture_columns import matched
-from ftforce.batch.posture_parquet import open_parquet
 from ftforce.batch.postures.csv import CsvReader, open_csv
-from ftforce.batch.postures.npy_parquet import open_npy
+from ftforce.batch.postures.npy_parquet import matched, open_npy, open_parquet
 from ftforce.batch.postures.postures import checked_block
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
 

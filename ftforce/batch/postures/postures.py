@@ -1,8 +1,8 @@
 """Where the postures of a sweep come from: what they share; postures on a grid, and given ones.
 
 Any block can be asked for, in any order and on any machine, and the numbers are the same: a sweep
-is cut into chunks, stopped and taken up again. Random postures are drawn in `ftforce.batch.postures.drawn`,
-files read in `ftforce.batch.postures.files`.
+is cut into chunks, stopped and taken up again. Random postures are drawn in `drawn`, files read in
+`files`, beside this module.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import Verdict
 from ftforce.report import text
 from ftforce.show.plots.canvas import (
     BLACK,

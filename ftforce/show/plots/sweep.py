@@ -9,7 +9,7 @@ import numpy as np
 
 from ftforce.batch.summary.intervals import quantile, wilson
 from ftforce.batch.workspace_map import check_quantity
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import Verdict
 from ftforce.report.text import share
 from ftforce.show.plots.canvas import (
     BLACK,

@@ -65,7 +65,7 @@ def torques(
     run :
         ``healthy``, ``unremapped`` or ``remapped``.
     quantity :
-        ``motor``, or ``U``, ``force_part``, ``rnea``, ``brake``: see `ftforce.trajectory.history.Run`.
+        ``motor``, or ``U``, ``force_part``, ``rnea``, ``brake``: see `Run`.
     ax :
         Axes to draw on; a new figure's if not given.
 

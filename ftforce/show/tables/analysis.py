@@ -29,6 +29,8 @@ from ftforce.show.tables.parts import (
     facts,
     listing,
     spaced,
+    state_text,
+    table,
     vectors,
     warning_lines,
 )
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
     from ftforce.core.changes import ForceChange
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
+    from ftforce.core.remap import Remap
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
@@ -233,3 +236,19 @@ def _force_error(analysis: Analysis) -> str:
     sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
     per = "N·m or N" if sliding else "N·m"
     return f"up to {ratio(analysis.force_error)} {unit} per {per} of torque error"
+
+
+def remap_view(result: Remap) -> RenderableType:
+    """Return the tables of a remap of the array core; joints and rows count from 0 as arrays do."""
+    joints = table("Torque remap", "column", "state", "before", "after", "brake load", left=2)
+    columns = (result.tau, result.U, result.brake_load)
+    locked = result.reduced.locked.tolist()
+    for i, failed in enumerate(locked):
+        values = [number(float(x[i]), 4) for x in columns]
+        joints.add_row(str(i), state_text(failed), *(values if failed else [*values[:2], ""]))
+    force = table("Force", "row", "before", "after", "jump")
+    for i in range(result.reduced.m):
+        cells = (number(float(x[i]), 4) for x in (result.F, result.F_after, result.jump))
+        force.add_row(str(i), *cells)
+    norm = facts([("Jump norm", number(result.jump_norm, 4))])
+    return spaced(joints, force, norm)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.text import Text
 
+from ftforce.core.verdict import VERDICTS
 from ftforce.report import text
 from ftforce.report.history import history_sentence, peak, worst_verdict
 from ftforce.report.text import number, ratio, size
@@ -22,7 +23,6 @@ from ftforce.show.tables.parts import (
     verdict_text,
     warning_lines,
 )
-from ftforce.trajectory.history import VERDICTS
 from ftforce.trajectory.warnings import length_in_words
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ftforce.core.faults import Fault, FaultMode
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import Verdict
 from ftforce.report.text import number, ratio, size
 
 if TYPE_CHECKING:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from ftforce.batch.result import Sweep
-    from ftforce.batch.set_summaries import SetSummary
-    from ftforce.batch.summary.criticality import JointCriticality
+    from ftforce.batch.summary.criticality import JointCriticality, SetSummary
     from ftforce.show.tables.parts import TitledTable
 
 MOST_SETS = 20

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.analyze import limits_for
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
 from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.limits_files import NONE, URDF, choose_limits
+from ftforce.analysis.question import limits_for
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances

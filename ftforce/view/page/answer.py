@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.census import Census
     from ftforce.analysis.fault_set import SetReport
-    from ftforce.core.measures import Verdict
+    from ftforce.core.verdict import Verdict
     from ftforce.view.model.answer import Answer
     from ftforce.view.scene.colours import Colour
     from ftforce.view.scene.picture import Picture

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ftforce.core.faults import FaultMode
-from ftforce.core.measures import Verdict
+from ftforce.core.verdict import Verdict
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

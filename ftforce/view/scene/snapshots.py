@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.verdict import VERDICTS
 from ftforce.report import text
 from ftforce.show.plots.canvas import STROKES
-from ftforce.trajectory.history import VERDICTS
 from ftforce.view.model.answer import JointLoad
 from ftforce.view.scene.arrows import Scales, TipAxes, arrows_of, scales_for
 from ftforce.view.scene.colours import NEUTRAL
@@ -23,7 +23,7 @@ from ftforce.view.scene.picture import Picture, joint_colours, joint_poses, pose
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
-    from ftforce.core.measures import Verdict
+    from ftforce.core.verdict import Verdict
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History, Run
 

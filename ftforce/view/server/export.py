@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from markupsafe import Markup
 
-from ftforce.view import viser_private
 from ftforce.view.page.html import style
+from ftforce.view.server import viser_private
 from ftforce.view.server.guard import content_policy
 
 if TYPE_CHECKING:

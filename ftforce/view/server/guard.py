@@ -3,8 +3,7 @@
 viser answers everybody. A web page from anywhere could then connect to the server on the user's
 own machine and read along, since a browser's rule of the same origin does not hold for
 websockets. viser has no hook for a check, so its way of starting its server is wrapped while it
-starts (`ftforce.view.viser_private`); `ftforce.view.server.server` makes sure that this worked before
-anything is shown.
+starts (`viser_private`); `server` makes sure that this worked before anything is shown.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 from weakref import WeakKeyDictionary
 
-from ftforce.view import viser_private
+from ftforce.view.server import viser_private
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

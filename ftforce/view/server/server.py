@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ftforce.errors import FtforceError, InputError, printable
 from ftforce.view import NEEDS_EXTRA
 from ftforce.view.server.guard import guarding, is_loopback, names_of
-from ftforce.view.viser_private import changed, close_tunnel
+from ftforce.view.server.viser_private import changed, close_tunnel
 
 if TYPE_CHECKING:
     import viser
