@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ftforce.__version__ import __version__ as __version__
+from ftforce.core.display import show_with
 
 if TYPE_CHECKING:
     from ftforce.analysis.analyze import Analysis, analyze
@@ -121,3 +122,18 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """List the public names."""
     return sorted([*__all__, "__version__"])
+
+
+def _render(result: Any) -> Any:
+    from ftforce.show.render import render  # rich: needed only when a result is displayed
+
+    return render(result)
+
+
+def _to_html(result: Any) -> str:
+    from ftforce.show.render import to_html
+
+    return to_html(result)
+
+
+show_with(_render, _to_html)

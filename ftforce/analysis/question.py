@@ -1,4 +1,4 @@
-"""TODO ftforce.analysis.question."""
+"""What a caller asks: how it is checked, and what is meant where nothing was said."""
 
 from __future__ import annotations
 

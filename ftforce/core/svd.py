@@ -1,4 +1,4 @@
-"""TODO ftforce.core.svd."""
+"""The singular value decomposition of small matrices, by Jacobi rotations of Eigen."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from typing import TextIO
 
-    from ftforce.core.arrays import Matrix
+    from numpy.typing import NDArray
 
 # Of a joint's unit, those that its column may be in, and what turns them into it.
 POSITION_UNITS = {
@@ -120,7 +120,7 @@ class Table(NamedTuple):
                 raise InputError(f"line {line}: needs {len(self.header)} cells, got {len(cells)}")
             yield line, cells
 
-    def numbers(self, columns: Sequence[int], largest: float = LARGEST_NUMBER) -> Matrix:
+    def numbers(self, columns: Sequence[int], largest: float = LARGEST_NUMBER) -> NDArray[np.float64]:
         """Return the numbers of some columns, up to the largest, shape (rows, columns).
 
         Raises
@@ -137,7 +137,7 @@ class Table(NamedTuple):
             ]
             return np.array(found).reshape(-1, len(columns))
 
-    def _numbers_at_once(self, columns: Sequence[int], largest: float) -> Matrix:
+    def _numbers_at_once(self, columns: Sequence[int], largest: float) -> NDArray[np.float64]:
         if not self.text or self.text.isspace():
             return np.empty((0, len(columns)))
         if '"' in self.text:
