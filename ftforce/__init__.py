@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from ftforce.core.remap import Remap, remap
     from ftforce.core.task import Task
     from ftforce.core.verdict import Verdict
-    from ftforce.documents import to_dict
     from ftforce.errors import FtforceError
-    from ftforce.report.files import save
+    from ftforce.report.files import save, to_dict
     from ftforce.robot.formats.dh import DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
     from ftforce.robot.known_robots import known_robots
@@ -71,7 +70,7 @@ _HOMES = {
     "simulate": "trajectory.simulate",
     "sweep": "batch.sweep",
     "timeline": "trajectory.timeline",
-    "to_dict": "documents",
+    "to_dict": "report.files",
     "write_robot": "robot.formats.dh_to_urdf",
 }
 

@@ -20,9 +20,8 @@ from ftforce.batch.comparison import _ranked, compare
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.batch.summary.criticality import Estimate
 from ftforce.batch.sweep import sweep
-from ftforce.comparison_documents import comparison_document, comparison_rows
 from ftforce.errors import FileError, InputError, UnknownNameError
-from ftforce.report.comparison import comparison_sentence
+from ftforce.report.comparison import comparison_document, comparison_rows, comparison_sentence
 from ftforce.report.files import _unsigned
 from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
 from ftforce.show.tables.comparison import comparison_view

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce.report.history import history_sentence, peak, timeline_sentence, worst_verdict
+from ftforce.report.history import history_sentence, peak, worst_verdict
+from ftforce.report.timeline import timeline_sentence
 from ftforce.trajectory import Path
 from ftforce.trajectory.section_v import END, START
 from urdfs import joint, link, load, robot

@@ -9,8 +9,7 @@ import pytest
 
 import ftforce
 from ftforce.errors import InputError
-from ftforce.report.files import to_text
-from ftforce.rows import to_rows
+from ftforce.report.files import to_rows, to_text
 from ftforce.show.render import to_text as to_table
 from results import (
     CAPABLE,

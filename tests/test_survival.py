@@ -18,8 +18,7 @@ from ftforce.batch.summary.cells import PLANES, Cells, pooled
 from ftforce.batch.sweep import sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.map_documents import map_document, map_rows
-from ftforce.report.map import map_sentence
+from ftforce.report.map import map_document, map_rows, map_sentence
 from ftforce.show import figures, plots
 from ftforce.show.plots import workspace
 from ftforce.show.render import to_text

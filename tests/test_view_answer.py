@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 import ftforce
 from ftforce import cli
 from ftforce.core.faults import FaultMode
-from ftforce.documents import to_dict
 from ftforce.errors import InputError
+from ftforce.report.files import to_dict
 from ftforce.view.model.answer import answer
 from ftforce.view.model.state import Origin, initial_state
 from helpers import assert_close

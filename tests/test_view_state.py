@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 import ftforce
 from ftforce import cli
 from ftforce.core.faults import Fault, FaultMode, FaultSet
-from ftforce.documents import to_dict
 from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.report.files import to_dict
 from ftforce.robot.dynamics import Payload
 from ftforce.robot.posture import choose_posture
 from ftforce.view.model.answer import answer

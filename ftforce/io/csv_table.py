@@ -120,7 +120,9 @@ class Table(NamedTuple):
                 raise InputError(f"line {line}: needs {len(self.header)} cells, got {len(cells)}")
             yield line, cells
 
-    def numbers(self, columns: Sequence[int], largest: float = LARGEST_NUMBER) -> NDArray[np.float64]:
+    def numbers(
+        self, columns: Sequence[int], largest: float = LARGEST_NUMBER
+    ) -> NDArray[np.float64]:
         """Return the numbers of some columns, up to the largest, shape (rows, columns).
 
         Raises

@@ -2,11 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import capability_of
+from ftforce.core import measures
+from ftforce.core.arrays import over
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
+from ftforce.report.parts import (
+    Document,
+    Row,
+    arm_part,
+    capability_part,
+    conventions_part,
+    finite,
+    force_part,
+    limits_part,
+    limits_source,
+    modes_part,
+    posture_part,
+    rnea_part,
+    torque_part,
+    total_part,
+    velocity_part,
+)
 from ftforce.report.text import (
     amounts,
     is_noticeable,
@@ -14,17 +36,15 @@ from ftforce.report.text import (
     lost_directions,
     percent,
     ratio,
-    size,
     torque_of,
-    unit_of_size,
-    vector_in_words,
     with_units,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ftforce.analysis.analyze import Analysis
-    from ftforce.analysis.census import Census
-    from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.arrays import Vector
     from ftforce.core.changes import ForceChange
 
 
@@ -213,46 +233,191 @@ def _support(analysis: Analysis) -> str:
     )
 
 
-def critical_joint(census: Census) -> str:
-    """Say which joint is the critical one."""
-    worst, robot = census.joints[0], census.robot
-    name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
-    if worst.alone.capability is not None:
-        return f"Critical joint: {name}. When it fails alone, {_left(census, worst.alone)}."
-    for count, verdict in (
-        (worst.not_tolerated, Verdict.NOT_TOLERATED),
-        (worst.borderline, Verdict.BORDERLINE),
-    ):
-        if count and worst.sets == 1:
-            return f"Critical joint: {name}. Its fault is {verdict.value}."
-        if count:
-            share = "all" if count == worst.sets else f"{count} of"
-            return (
-                f"Critical joint: {name}. Of the fault sets that hold it, {share} "
-                f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
+def analysis_document(analysis: Analysis) -> Document:
+    """Return what JSON holds of an analysis."""
+    names, reduced = analysis.robot.names, analysis.reduced
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    limited = analysis.limits is not None
+    document: Document = {
+        **_situation(analysis),
+        "jacobian": {
+            "matrix": analysis.J.tolist(),
+            "rank": reduced.rank,
+            "rank_after": reduced.rank_after,
+            "sigma_max": reduced.sigma_max,
+            "sigma_min": reduced.healthy.s[-1],
+            "sigma_min_after": reduced.damaged.s[-1],
+            "margin": analysis.margin,
+            "condition_number_after": finite(measures.condition_number(reduced)),
+            "relative_manipulability": finite(analysis.relative_manipulability),
+            "lost_directions": analysis.lost_directions.tolist(),
+            "force_error_per_torque": finite(analysis.force_error),
+        },
+        "force": force_part(analysis.force),
+        "torque": {
+            **torque_part(names, locked, analysis.torque),
+            **rnea_part(names, analysis.rnea),
+            "total": total_part(names, locked, analysis.torque),
+        },
+        "velocity": velocity_part(names, analysis.velocity, analysis.impact),
+        "verdict": analysis.verdict.value,
+        "summary": verdict_sentence(analysis),
+        **modes_part(names, analysis.faults),
+        "limits": _limits(analysis),
+        "standing": _standing(analysis),
+        "capability": capability_part(capability_of(analysis)) if limited else None,
+        "residuals": dict(analysis.residuals()),
+        "warnings": list(analysis.warnings),
+    }
+    if analysis.unit_forces:
+        document["unit_forces"] = [
+            {
+                "component": component,
+                "force": force_part(force),
+                "torque": torque_part(names, locked, torque),
+            }
+            for component, (force, torque) in zip(
+                analysis.task.components, analysis.unit_forces, strict=True
             )
-    return (
-        f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "
-        f"{ratio(worst.alone.margin)}, when it fails alone."
-    )
+        ]
+    return document
 
 
-def _left(census: Census, report: SetReport) -> str:
-    """Say which force a fault set leaves."""
-    found = report.capability
-    assert found is not None
-    where = "in the weakest direction"
-    if census.direction is not None:
-        where = f"along {vector_in_words(census.direction)}"
-    if not report.can_stand_still:
-        return "the arm cannot stand still"
-    if math.isnan(found.commanded) and census.direction is None:
-        return "the arm stands still only with a force at the tip"
-    if math.isnan(found.commanded):
-        return f"the arm does not stand still with any force {where}"
-    if math.isinf(found.commanded):
-        return f"no known limit ends the force {where} that the motors can command"
-    if found.commanded == 0.0:
-        return f"the motors can command no force {where}"
-    unit = unit_of_size(census.task, census.direction)
-    return f"the motors can command {size(found.commanded)} {unit} {where}"
+def _situation(analysis: Analysis) -> Document:
+    return {
+        "robot": arm_part(analysis.robot),
+        "conventions": {
+            **conventions_part(
+                analysis.task, analysis.reduced.rtol, analysis.wary, analysis.conditions
+            ),
+            "inverse": analysis.inverse,
+        },
+        "posture": posture_part(analysis.posture),
+        "locked": list(analysis.locked),
+    }
+
+
+def _limits(analysis: Analysis) -> Document | None:
+    bounded, names = analysis.bounded, analysis.robot.names
+    if analysis.limits is None or bounded is None:
+        return None
+    return {
+        **limits_part(names, analysis.limits),
+        "unknown": [names[i] for i in analysis.unknown_limits],
+        "binding": [names[j] for j in bounded.binding],
+        "share": bounded.share if analysis.force is not None else None,
+    }
+
+
+def _standing(analysis: Analysis) -> Document:
+    bounded, names = analysis.bounded, analysis.robot.names
+    support = None
+    if bounded is not None and bounded.F_after is not None and analysis.force is None:
+        support = analysis.task.unweigh_force(bounded.F_after).tolist()
+    return {
+        "can_stand_still": analysis.can_stand_still,
+        "support": support,
+        "unbalanced": {names[j]: x for j, x in unbalanced(analysis).items()},
+        "overloaded": {
+            names[j]: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
+        },
+    }
+
+
+def analysis_rows(analysis: Analysis) -> list[Row]:
+    """Return an analysis as rows, one per quantity and joint or component."""
+    header = ("quantity", "name", "unit", "before", "after", "change")
+    return [header, *_convention_rows(analysis), *_joint_rows(analysis), *_tip_rows(analysis)]
+
+
+def _convention_rows(analysis: Analysis) -> list[Row]:
+    task, reduced, conditions = analysis.task, analysis.reduced, analysis.conditions
+    healthy = over(reduced.healthy.s[-1], reduced.sigma_max, 0.0)
+    gravity = zip("xyz", conditions.gravity.tolist(), strict=True)
+    said = [
+        ("robot", "", analysis.robot.name),
+        ("tip", "", analysis.robot.tip),
+        ("axes", "", task.axes),
+        ("task", "", str(task)),
+        ("length", "m", task.length if task.moment_rows else ""),
+        ("limits", "", limits_source(analysis.limits)),
+        *((f"gravity_{axis}", "m/s²", x) for axis, x in gravity),
+        ("payload", "kg", 0.0 if conditions.payload is None else conditions.payload.mass),
+        ("rtol", "", reduced.rtol),
+        ("wary", "", analysis.wary),
+    ]
+    rho = finite(analysis.relative_manipulability)
+    return [
+        *(("convention", name, unit, value, "", "") for name, unit, value in said),
+        ("verdict", "verdict", "", "", analysis.verdict.value, ""),
+        ("jacobian", "rank", "", reduced.rank, reduced.rank_after, ""),
+        ("jacobian", "margin", "", healthy, analysis.margin, ""),
+        ("jacobian", "relative_manipulability", "", 1.0, rho, ""),
+    ]
+
+
+def _joint_rows(analysis: Analysis) -> list[Row]:
+    robot = analysis.robot
+    faults = {fault.joint: fault for fault in analysis.faults.faults}
+    rows: list[Row] = []
+    for joint, q in zip(robot.joints, analysis.posture.q.tolist(), strict=True):
+        rows.append(("position", joint.name, joint.unit, q, q, 0.0))
+    for joint in robot.joints:
+        fault = faults.get(joint.number - 1, "healthy")
+        rows.append(("state", joint.name, "", "healthy", str(fault), ""))
+    units = [joint.torque_unit for joint in robot.joints]
+    rnea, torque = analysis.rnea, analysis.torque
+    rows += _changes("gravity", robot.names, units, rnea.gravity, rnea.gravity)
+    rows += _changes("motion", robot.names, units, rnea.motion_before, rnea.motion_after)
+    if torque is not None:
+        rows += _changes("torque", robot.names, units, torque.before, torque.after)
+        after = torque.total_after
+        if after is not None:  # what a lock carries is its brake's
+            after = np.where(analysis.reduced.locked, np.nan, after)
+        rows += _changes("total", robot.names, units, torque.total_before, after)
+        if torque.brake_load is not None:
+            for i in analysis.faults.in_mode(FaultMode.LOCKED):
+                load = float(torque.brake_load[i])
+                rows.append(("brake_load", robot.names[i], units[i], "", load, ""))
+    if (velocity := analysis.velocity) is not None:
+        units = [f"{joint.unit}/s" for joint in robot.joints]
+        rows += _changes("velocity", robot.names, units, velocity.before, velocity.after)
+        if (impact := analysis.impact) is not None:
+            name = "velocity at impact"
+            rows += _changes(name, robot.names, units, velocity.before, impact.after)
+    return rows
+
+
+def _changes(
+    quantity: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    before: Vector | None,
+    after: Vector | None,
+) -> list[Row]:
+    """Return one row per name; what is unknown stays empty."""
+    rows = []
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        b = None if before is None else finite(float(before[i]))
+        a = None if after is None else finite(float(after[i]))
+        rows.append((quantity, name, unit, b, a, None if b is None or a is None else a - b))
+    return rows
+
+
+def _tip_rows(analysis: Analysis) -> list[Row]:
+    task = analysis.task
+    forces = [("force", analysis.force)] if analysis.force else []
+    forces += [
+        (f"force for unit {name}", force)
+        for name, (force, _) in zip(task.components, analysis.unit_forces, strict=False)
+    ]
+    rows: list[Row] = []
+    for quantity, force in forces:
+        rows += _changes(quantity, task.components, task.units, force.before, force.after)
+    if (velocity := analysis.velocity) is not None:
+        names, units = task.velocity_components, task.velocity_units
+        rows += _changes("tip velocity", names, units, velocity.tip_before, velocity.tip_after)
+        if (impact := analysis.impact) is not None:
+            name = "tip velocity at impact"
+            rows += _changes(name, names, units, velocity.tip_before, impact.tip_after)
+    return rows

@@ -5,9 +5,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import Amount, Capability
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import End, Reading
-from ftforce.report.analysis import faults_in_words
+from ftforce.report import text
+from ftforce.report.analysis import _situation, faults_in_words
+from ftforce.report.parts import (
+    Document,
+    Row,
+    capability_part,
+    finite,
+    limits_part,
+    limits_source,
+    modes_part,
+    polytope_part,
+    rows_of,
+    task_columns,
+)
 from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
@@ -96,3 +111,55 @@ def end_in_words(analysis: Analysis, amount: Amount, *, after: bool = True) -> s
         for j, name in zip(amount.stops, names, strict=True)
     )
     return joined(words)
+
+
+def capability_document(capability: Capability) -> Document:
+    """Return what JSON holds of a capability."""
+    analysis = capability.analysis
+    names = analysis.robot.names
+    limits = None
+    if analysis.limits is not None:
+        unknown = [names[i] for i in analysis.unknown_limits]
+        limits = {**limits_part(names, analysis.limits), "unknown": unknown}
+    return {
+        **_situation(analysis),
+        **modes_part(names, analysis.faults),
+        "limits": limits,
+        "capability": capability_part(capability),
+        "polytope": polytope_part(capability),
+        "summary": capability_sentence(capability),
+        "warnings": list(analysis.warnings),
+    }
+
+
+def capability_rows(capability: Capability) -> list[Row]:
+    """Return a capability as rows, one per direction."""
+    reports = [(report, report.unit) for report in capability.directions]
+    reports.append((capability.weakest, text.unit_of_size(capability.analysis.task)))
+    found = [
+        ((report.name, unit, when, reading.value), amounts[reading])
+        for report, unit in reports
+        for when, amounts in (("before", report.before), ("after", report.after))
+        for reading in Reading
+    ]
+    loads = zip(("before", "after"), capability.payload, strict=True)
+    found += [(("payload", "kg", when, "held"), amount) for when, amount in loads]
+    return rows_of(_amount(capability, *one) for one in found)
+
+
+def _amount(capability: Capability, about: tuple[str, str, str, str], amount: Amount) -> Document:
+    analysis, task = capability.analysis, capability.analysis.task
+    names, direction = analysis.robot.names, amount.direction.tolist()
+    if not direction or (about[0] == capability.weakest.name and not math.isfinite(amount.most)):
+        direction = [""] * task.m
+    return {
+        **dict(zip(("quantity", "unit", "when", "reading"), about, strict=True)),
+        "most": finite(amount.most),
+        "least": finite(amount.least),
+        "end": amount.end.value,
+        "stops": " ".join(names[j] for j in amount.stops),
+        **{f"direction_{axis}": x for axis, x in zip(task.components, direction, strict=True)},
+        "fault_set": str(analysis.faults),
+        **task_columns(task),
+        "limits": limits_source(analysis.limits),
+    }

@@ -5,29 +5,36 @@ from __future__ import annotations
 import csv
 import io
 import json
+from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ftforce.documents import to_dict
+from ftforce.analysis.analyze import Analysis
+from ftforce.analysis.capability import Capability
+from ftforce.analysis.census import Census
+from ftforce.analysis.paper import Replication
+from ftforce.batch.comparison import Comparison
+from ftforce.batch.result import Sweep
+from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
 from ftforce.io.text import write_whole
-from ftforce.rows import to_rows
+from ftforce.report.analysis import analysis_document, analysis_rows
+from ftforce.report.capability import capability_document, capability_rows
+from ftforce.report.census import census_document, census_rows
+from ftforce.report.comparison import comparison_document, comparison_rows
+from ftforce.report.history import history_document
+from ftforce.report.map import map_document, map_rows
+from ftforce.report.robot import replication_document, replication_rows, robot_document, robot_rows
+from ftforce.report.sweep import sweep_document, sweep_rows
+from ftforce.report.timeline import timeline_document, timeline_rows
+from ftforce.robot.robot import Robot
 from ftforce.trajectory import history_files
 from ftforce.trajectory.history import History
+from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from os import PathLike
     from typing import TypeAlias
-
-    from ftforce.analysis.analyze import Analysis
-    from ftforce.analysis.capability import Capability
-    from ftforce.analysis.census import Census
-    from ftforce.analysis.paper import Replication
-    from ftforce.batch.comparison import Comparison
-    from ftforce.batch.result import Sweep
-    from ftforce.batch.workspace_map import WorkspaceMap
-    from ftforce.robot.robot import Robot
-    from ftforce.trajectory.timeline import Timeline
 
     Result: TypeAlias = (
         Analysis
@@ -41,6 +48,63 @@ if TYPE_CHECKING:
         | Timeline
         | WorkspaceMap
     )
+    from ftforce.report.parts import (
+        Document,
+        Row,
+    )
+
+
+@singledispatch
+def to_rows(result: object) -> list[Row]:
+    """Return a result or a robot as rows, the header first.
+
+    An analysis has one row per quantity and joint or component, a census one per fault set, a robot
+    one per joint, a replication one per printed number.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
+
+
+to_rows.register(Analysis, analysis_rows)
+to_rows.register(Census, census_rows)
+to_rows.register(Capability, capability_rows)
+to_rows.register(Timeline, timeline_rows)
+to_rows.register(Robot, robot_rows)
+to_rows.register(Replication, replication_rows)
+to_rows.register(Comparison, comparison_rows)
+to_rows.register(WorkspaceMap, map_rows)
+to_rows.register(Sweep, sweep_rows)
+
+
+@singledispatch
+def to_dict(result: object) -> Document:
+    """Return a result or a robot as a dictionary of plain numbers, lists and names.
+
+    Unknown and undefined numbers are ``None``. docs/reference/json names every key.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
+
+
+to_dict.register(Analysis, analysis_document)
+to_dict.register(Capability, capability_document)
+to_dict.register(Census, census_document)
+to_dict.register(Robot, robot_document)
+to_dict.register(Replication, replication_document)
+to_dict.register(History, history_document)
+to_dict.register(Comparison, comparison_document)
+to_dict.register(Sweep, sweep_document)
+to_dict.register(WorkspaceMap, map_document)
+to_dict.register(Timeline, timeline_document)
+
 
 FORMATS = ("json", "csv")
 HISTORY_FORMATS = ("json", *history_files.FORMATS)

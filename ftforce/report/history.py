@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.core.verdict import VERDICTS, Verdict
-from ftforce.report.text import amounts, joined, number, percent, ratio, size
+from ftforce.report.parts import (
+    GRAVITY_UNIT,
+    POSITION_UNIT,
+    TORQUE_UNIT,
+    Document,
+    finite,
+    task_part,
+)
+from ftforce.report.text import amounts, joined, number, percent, ratio
 from ftforce.trajectory.warnings import ON_PATH, ORIENTED, length_in_words, unsupported
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ftforce.core.arrays import Vector
-    from ftforce.core.faults import FaultSet
-    from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import EventReport, History, Run
-    from ftforce.trajectory.timeline import Timeline, WorstInstant
 
 
 def worst_verdict(run: Run) -> Verdict:
@@ -127,40 +132,100 @@ def _about_path(history: History, run: Run) -> str:
     )
 
 
-def timeline_sentence(timeline: Timeline) -> str:
-    """Say which fault set hurts most, and when."""
-    worst = timeline.worst()[0]
-    name = faults_in_words(timeline.robot, worst.faults)
-    when = f"Worst: {name}, at {worst.time:g} s"
-    if worst.verdict is Verdict.TOLERATED:
-        kept = "every force" if timeline.force is None else "the force"
-        return (
-            f"Tolerated: whichever of these faults happens, and when, {kept} can be kept. The "
-            f"smallest margin, {ratio(worst.margin)}, is left by {name} at {worst.time:g} s."
-        )
-    share = f"At {percent(worst.not_tolerated)} of all instants it is not tolerated"
-    if worst.verdict is Verdict.BORDERLINE:
-        return f"Borderline. {when}, with a margin of {ratio(worst.margin)}."
-    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}. {share}."
-
-
-def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
-    """Say what the worst instant takes."""
-    if timeline.force is None:
-        return "a direction of force is lost"
-    if math.isnan(worst.jump):
-        return "nothing holds the arm"
-    unit = timeline.task.size_unit
-    return f"the force jumps by {size(worst.jump)} {unit}"
-
-
-def faults_in_words(robot: Robot, faults: FaultSet) -> str:
-    """Name the joints of a set: ``2 joint2 and 4 joint4 locked``."""
-    names = joined(f"{i + 1} {robot.names[i]}" for i in faults.joints)
-    return f"{names} {faults.faults[0].mode}"
-
-
 def peak(values: Vector) -> str:
     """Write the largest absolute value, or a dash where nothing is known."""
     known = np.abs(values[~np.isnan(values)])
     return number(float(known.max())) if len(known) else "–"
+
+
+def history_document(history: History) -> Document:
+    """Return a summary of a simulation: what was simulated, and each run at its worst."""
+    setting, task = history.setting, history.setting.task
+    return {
+        "robot": {
+            "name": setting.robot,
+            "base": setting.base,
+            "tip": setting.tip,
+            "joints": [joint.name for joint in setting.joints],
+            "types": [joint.type for joint in setting.joints],
+        },
+        "conventions": {
+            **task_part(
+                task,
+                {
+                    "time": "s",
+                    "position": POSITION_UNIT,
+                    "torque": TORQUE_UNIT,
+                    "force": "N",
+                    "moment": "N·m",
+                    "path_error": "m",
+                    "velocity_jump": "m/s, in the root's axes",
+                    "gravity": GRAVITY_UNIT,
+                },
+            ),
+            "gravity": list(setting.gravity),
+            "payload": setting.payload or None,
+            "rtol": setting.rtol,
+            "wary": setting.wary,
+        },
+        "course": setting.course,
+        "start": {"q": history.healthy.q[0].tolist(), "source": setting.start},
+        "duration": float(history.t[-1]),
+        "samples": len(history.t),
+        "force": list(setting.force),
+        "limits": setting.limits,
+        "effort": {
+            joint.name: finite(limit)
+            for joint, limit in zip(setting.joints, setting.effort, strict=True)
+        },
+        "delay": finite(setting.delay),
+        "events": [_event(event) for event in setting.events],
+        "runs": {name: _run(history, run) for name, run in history.runs.items()},
+        "verdict": worst_verdict(history.answer).value,
+        "summary": history_sentence(history),
+        "notes": list(setting.notes),
+        "warnings": list(setting.warnings),
+    }
+
+
+def _event(event: EventReport) -> Document:
+    return {
+        "time": event.time,
+        "faults": event.faults,
+        "all_faults": event.all_faults,
+        "impact_jump": list(event.impact_jump) or None,
+        "velocity_jump": list(event.velocity_jump) or None,
+        "force_jump": event.force_jump,
+        "verdict": event.verdict.value,
+    }
+
+
+def _run(history: History, run: Run) -> Document:
+    """Return the worst of a run; what nothing holds is ``None``."""
+    here = run.until_fall
+    jump, error = history.jump_norm(run)[here], run.path_error_norm[here]
+    names = [joint.name for joint in history.setting.joints]
+    return {
+        "verdict": worst_verdict(run).value,
+        "falls_at": None if run.falls_from is None else float(history.t[run.falls_from]),
+        "force_jump": _peak(history.t, jump),
+        "path_error": _peak(history.t, error),
+        "orientation_error": _peak(history.t, run.orientation_error_norm[here]),
+        "margin": {"least": float(run.margin.min()), "time": float(history.t[run.margin.argmin()])},
+        "torque": dict(zip(names, map(_largest, run.motor[here].T), strict=True)),
+        "brake": dict(zip(names, map(_largest, run.brake[here].T), strict=True)),
+        "unbalanced": dict(zip(names, map(_largest, run.unbalanced[here].T), strict=True)),
+        "used": dict(zip(names, map(_largest, run.used[here].T), strict=True)),
+    }
+
+
+def _peak(t: Vector, values: Vector) -> Document:
+    if np.isnan(values).all():
+        return {"most": None, "time": None}
+    worst = int(np.nanargmax(values))
+    return {"most": float(values[worst]), "time": float(t[worst])}
+
+
+def _largest(values: Vector) -> float | None:
+    known = np.abs(values[~np.isnan(values)])
+    return float(known.max()) if len(known) else None

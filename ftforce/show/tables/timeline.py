@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.report import text
-from ftforce.report.history import timeline_sentence
 from ftforce.report.text import ratio, size
+from ftforce.report.timeline import timeline_sentence
 from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
 from ftforce.show.tables.parts import amount, facts, listing, spaced, verdict_text, warning_lines
 
