@@ -56,7 +56,7 @@ _HOMES = {
     "Sweep": "batch.result",
     "Task": "core.task",
     "Timeline": "trajectory.timeline",
-    "Verdict": "core.measures",
+    "Verdict": "core.verdict",
     "analyze": "analysis.analyze",
     "capability": "analysis.capability",
     "census": "analysis.census",

@@ -38,6 +38,7 @@ from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import RTOL, WARY, ReducedJacobian, check_tolerances, reduce
 from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.core.task import Axes, Task
+from ftforce.core.verdict import judge
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload, mass_matrix
 from ftforce.robot.kinematics import task_jacobian
@@ -320,7 +321,6 @@ def analyze(
     bounded, verdict = None, None
     if counted is not None or swinging is not None:
         from ftforce.core.bounded_remap import remap_inside  # the closed form needs neither
-        from ftforce.core.verdict import judge
 
         largest = None if counted is None else counted.largest_torques(faults)
         asked = np.zeros(wanted.m) if F is None else F
@@ -346,7 +346,7 @@ def analyze(
         bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, wanted, v),
         impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
-        verdict=verdict or measures.verdict(reduced, F, wary),
+        verdict=verdict or judge(reduced, F, wary),
     )
 
 

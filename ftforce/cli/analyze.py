@@ -25,11 +25,11 @@ from ftforce.cli.options import (
     Velocity,
     Wary,
     Weak,
-    emit,
     load,
     numbers,
     refuse_force_and_torque,
 )
+from ftforce.cli.output import emit
 
 
 def analyze(

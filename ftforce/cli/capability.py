@@ -23,10 +23,10 @@ from ftforce.cli.options import (
     Tip,
     Velocity,
     Weak,
-    emit,
     load,
     numbers,
 )
+from ftforce.cli.output import emit
 
 
 def capability(

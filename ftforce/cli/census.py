@@ -28,11 +28,11 @@ from ftforce.cli.options import (
     Torque,
     Velocity,
     Wary,
-    emit,
     load,
     numbers,
     refuse_force_and_torque,
 )
+from ftforce.cli.output import emit
 from ftforce.cli.progress import progress_bar
 
 

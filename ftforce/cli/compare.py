@@ -13,9 +13,9 @@ from ftforce.cli.options import (
     Output,
     PayloadOption,
     PlotOption,
-    emit,
     numbers,
 )
+from ftforce.cli.output import emit
 from ftforce.cli.progress import rate_bar
 
 

@@ -1,6 +1,7 @@
 """``ftforce inspect``: what a URDF holds."""
 
-from ftforce.cli.options import Base, FormatOption, Output, RobotArgument, Tip, emit, load
+from ftforce.cli.options import Base, FormatOption, Output, RobotArgument, Tip, load
+from ftforce.cli.output import emit
 
 
 def inspect(

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.options import FormatOption, Output, PlotOption, emit
+from ftforce.cli.options import FormatOption, Output, PlotOption
+from ftforce.cli.output import emit
 
 
 def map(  # noqa: A001 # the command's name

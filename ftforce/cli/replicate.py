@@ -2,7 +2,8 @@
 
 import typer
 
-from ftforce.cli.options import FormatOption, Output, emit
+from ftforce.cli.options import FormatOption, Output
+from ftforce.cli.output import emit
 
 
 def replicate(form: FormatOption = None, output: Output = None) -> None:

@@ -1,6 +1,7 @@
 """``ftforce robots``: the known names."""
 
-from ftforce.cli.options import FormatOption, Output, emit, load
+from ftforce.cli.options import FormatOption, Output, load
+from ftforce.cli.output import emit
 
 
 def robots(form: FormatOption = None, output: Output = None) -> None:

@@ -22,11 +22,11 @@ from ftforce.cli.options import (
     TaskOption,
     Tip,
     Wary,
-    emit,
     given_options,
     load,
     numbers,
 )
+from ftforce.cli.output import emit
 from ftforce.cli.progress import progress_bar
 from ftforce.cli.trajectories import (
     From,

@@ -21,10 +21,10 @@ from ftforce.cli.options import (
     TaskOption,
     Tip,
     Wary,
-    emit,
     load,
     numbers,
 )
+from ftforce.cli.output import emit
 from ftforce.cli.progress import rate_bar
 
 if TYPE_CHECKING:

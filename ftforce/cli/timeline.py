@@ -24,10 +24,10 @@ from ftforce.cli.options import (
     TaskOption,
     Tip,
     Wary,
-    emit,
     load,
     numbers,
 )
+from ftforce.cli.output import emit
 from ftforce.cli.progress import progress_bar
 from ftforce.cli.trajectories import (
     From,

@@ -1,4 +1,4 @@
-"""The verdict for every fault mode, with weight and limits (docs/theory/verdict)."""
+"""The verdict: for locked joints, and for every fault mode with weight and limits."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from ftforce.core.arrays import Vector, norm
-from ftforce.core.bounded_remap import nearest_force
-from ftforce.core.feasible_forces import feasible_forces
 from ftforce.core.reduced_jacobian import reduce_decomposed
 
 if TYPE_CHECKING:
@@ -120,19 +118,23 @@ def judge(
     """
     if bounded is None:
         return verdict(reduced, F, wary)
-    answers = _answers(reduced, F, wary, bounded, largest)
+    answers = _answers_with_limits(reduced, F, wary, bounded, largest)
     if len(answers) > 1:
         return Verdict.BORDERLINE
     return Verdict.TOLERATED if True in answers else Verdict.NOT_TOLERATED
 
 
-def _answers(
+def _answers_with_limits(
     reduced: ReducedJacobian,
     F: Vector | None,
     wary: float,
     bounded: BoundedRemap,
     largest: Vector | None,
 ) -> set[bool]:
+    # Imported lazily: needed only where limits count, or a joint is free.
+    from ftforce.core.bounded_remap import nearest_force
+    from ftforce.core.feasible_forces import feasible_forces
+
     mask = None
     if reduced.swinging is not None:
         mask = ~(reduced.commanding | reduced.locked)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from ftforce.analysis.census import Census
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report import analysis as sentences
 from ftforce.report.parts import (
     Document,
     Row,
@@ -110,7 +109,7 @@ def census_document(census: Census) -> Document:
             }
             for report in census.joints
         ],
-        "summary": sentences.critical_joint(census),
+        "summary": critical_joint(census),
         "warnings": list(census.warnings),
     }
 

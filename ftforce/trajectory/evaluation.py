@@ -18,7 +18,7 @@ from ftforce.core.arrays import Vector, over, read_only
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
-from ftforce.core.verdict import CODES, Verdict, judge
+from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
 from ftforce.robot.kinematics import frame_jacobian, quaternion, rotation_vector
@@ -326,4 +326,4 @@ def _verdict(
         return Verdict.NOT_TOLERATED
     if off > reduced.rtol:
         return Verdict.BORDERLINE
-    return measures.verdict(reduced, F, case.wary)
+    return verdict(reduced, F, case.wary)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from markupsafe import Markup
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import viser
+
     from ftforce.view.geometry.meshes import Geometry
     from ftforce.view.model.state import State
+    from ftforce.view.page.panel import Panel
     from ftforce.view.scene.picture import Picture
-    from ftforce.view.session import Session
+    from ftforce.view.scene.stage import Stage
 
 
 class View(NamedTuple):
@@ -35,12 +38,38 @@ class View(NamedTuple):
     more: Callable[[], None] | None = None
 
 
+class Host(Protocol):
+    """The session, as a mode sees it.
+
+    Attributes
+    ----------
+    server, panel, stage :
+        viser's server, the controls and the scene.
+    state :
+        The newest question.
+    picture :
+        The last scene that was shown; ``None`` before the first.
+    """
+
+    server: viser.ViserServer
+    panel: Panel
+    stage: Stage
+    state: State
+    picture: Picture | None
+
+    def change(self, change: Callable[[State], State]) -> None:
+        """Change the newest question, and have it answered."""
+
+    def refresh(self) -> None:
+        """Have the newest question answered, or the mode asked, again."""
+
+
 class Mode:
     """Something that takes posture and faults out of the user's hands: a history, a sweep.
 
     It fills its own tab, ``session.panel.first_tab``, and adds its own nodes to
-    ``session.server.scene``; when its time, or its point, changes, it calls `Session.refresh`, or
-    `Session.change` with another question.
+    ``session.server.scene``; when its time, or its point, changes, it calls `Host.refresh`, or
+    `Host.change` with another question.
     """
 
     tab = ""
@@ -49,7 +78,7 @@ class Mode:
     takes_over = False
     """Whether posture, faults and load are its own: then the page asks nothing else."""
 
-    def start(self, session: Session) -> None:
+    def start(self, session: Host) -> None:
         """Begin; the session's page is up, and nothing was answered yet."""
 
     def view(self, state: State) -> View | None:  # noqa: ARG002 # others need it

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.history import History
     from ftforce.view.geometry.meshes import Geometry
     from ftforce.view.model.state import State
-    from ftforce.view.session import Session
+    from ftforce.view.modes import Host
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
 _PRINTED = 1e-5  # six digits of a time are enough to mean it
@@ -199,7 +199,7 @@ class Playback(Mode):
 
     # ---- Mode --------------------------------------------------------------------------------
 
-    def start(self, session: Session) -> None:
+    def start(self, session: Host) -> None:
         """Begin, paused."""
         self._session = session
         self._healthy = HealthyArm(session.server, self.robot)

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.meshes import Geometry
     from ftforce.view.model.state import State
+    from ftforce.view.modes import Host
     from ftforce.view.scene.colours import Colour
-    from ftforce.view.session import Session
 
 MOST = 20_000  # points: a browser without a GPU still turns them
 EVERY = "every set"
@@ -224,7 +224,7 @@ class Survey(Mode):
 
     # ---- Mode --------------------------------------------------------------------------------
 
-    def start(self, session: Session) -> None:
+    def start(self, session: Host) -> None:
         """Show the points, and ask what the sweep asked."""
         self._session = session
         with session.panel.first_tab:

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     Values = NDArray[np.float64]
     Counts = NDArray[np.int64]
 
-    from numpy.typing import NDArray
-
-    Counts = NDArray[np.int64]
-
 
 class Estimate(NamedTuple):
     """A number and its confidence interval; NaN where nothing was counted.

@@ -10,7 +10,8 @@ from rich.text import Text
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import Reading
 from ftforce.errors import listed
-from ftforce.report import analysis, text
+from ftforce.report import text
+from ftforce.report.census import critical_joint
 from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import (
     arm_fact,
@@ -50,7 +51,7 @@ def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
         _critical_joints(census),
         facts(bounds) if (bounds := _bounds(census)) else None,
         warning_lines(census.warnings),
-        Text(analysis.critical_joint(census), style="bold"),
+        Text(critical_joint(census), style="bold"),
     )
 
 

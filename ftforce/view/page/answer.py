@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ftforce.report import analysis as sentences
 from ftforce.report import text as words
+from ftforce.report.census import critical_joint
 from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import situation
 from ftforce.view.page.html import block, cell, css, element, facts, row, style, table
@@ -150,7 +151,7 @@ def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
     more = len(census.sets) - MOST_SETS
     note = f"… and {more} more in the list above" if more > 0 else ""
     return block(
-        element("div", sentences.critical_joint(census)),
+        element("div", critical_joint(census)),
         table(columns, rows, "census"),
         *_notes(note),
     )

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from ftforce.core.faults import FaultSet
     from ftforce.robot.robot import Joint, Robot
     from ftforce.view.model.answer import Answer
+    from ftforce.view.model.controller import Controller
     from ftforce.view.scene.picture import Picture
-    from ftforce.view.session import Session
 
     Change: TypeAlias = Callable[[State, Any], State]
     """What becomes of a question when a control is given a value."""
@@ -87,7 +87,7 @@ class Panel:
         server: viser.ViserServer,
         robot: Robot,
         state: State,
-        session: Session,
+        session: Controller,
         *,
         first_tab: str = "",
         is_played: bool = False,

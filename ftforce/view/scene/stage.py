@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.meshes import Geometry
+    from ftforce.view.model.controller import Controller
     from ftforce.view.scene.arrows import Arrow
     from ftforce.view.scene.colours import Colour
     from ftforce.view.scene.force_sets import Solid
     from ftforce.view.scene.picture import Line, Picture
-    from ftforce.view.session import Session
 
 _BOTH_SIDES: dict[str, Any] = {"side": "double", "cast_shadow": False, "receive_shadow": False}
 _SEE_THROUGH = 0.45
@@ -68,7 +68,7 @@ class Stage:
         self,
         server: viser.ViserServer,
         robot: Robot,
-        hands: Session | None = None,
+        hands: Controller | None = None,
         prefix: str = "",
         *,
         floor: bool = True,
@@ -215,7 +215,7 @@ class Stage:
             assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
-    def _dragged(self, event: Any, hands: Session) -> None:
+    def _dragged(self, event: Any, hands: Controller) -> None:
         if event.phase == "start":  # nothing has moved
             self._drags.add(event.client_id)
             return
@@ -308,7 +308,7 @@ def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: fl
     )
 
 
-def _touch(hands: Session, joint: int, _event: Any) -> None:
+def _touch(hands: Controller, joint: int, _event: Any) -> None:
     hands.touch(joint)
 
 
