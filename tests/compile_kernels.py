@@ -53,7 +53,7 @@ def copy(source: Path, target: Path) -> None:
 
 def main(kept: Path | None) -> None:
     """Compile what is not in the cache yet, and keep it."""
-    beside = Path(ftforce.__file__).parent / "batch" / "__pycache__"
+    beside = Path(ftforce.__file__).parent / "batch" / "kernels" / "__pycache__"
     if kept is not None:
         import numba
 

@@ -1,11 +1,18 @@
-"""How kernels are compiled: once per machine, kept on disk, without Python's lock."""
+"""How kernels are compiled: once per machine, kept on disk, without the GIL.
+
+Numba's cache looks at the file of a kernel alone. One that calls kernels of another file would go
+on with their old code, and old kernels are wrong numbers. So an entry counts for one state of all
+files of this package, and for nothing else of ftforce.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numba
 from numba import njit
 
 if TYPE_CHECKING:
@@ -14,14 +21,21 @@ if TYPE_CHECKING:
 # Products may be fused with sums; nothing else is rounded otherwise than it is written.
 _FUSED = {"contract"}
 
+UNKNOWN_CACHE = (
+    f"numba {numba.__version__} keeps compiled code in a way that ftforce does not know; "
+    "its kernels are compiled anew in every process"
+)
+
 
 def kernel(function: Callable[..., Any], **options: bool) -> Any:
     """Compile a function of numbers and arrays; division by zero gives infinity or NaN."""
     compile_: Any = njit  # its annotations leave out some options
-    compiled = compile_(
-        function, cache=True, nogil=True, error_model="numpy", fastmath=_FUSED, **options
-    )
-    return keyed(compiled)
+    common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
+    compiled = compile_(function, cache=True, **common)
+    if numba.config.DISABLE_JIT or _is_keyed(compiled):
+        return compiled
+    warnings.warn(UNKNOWN_CACHE, RuntimeWarning, stacklevel=2)
+    return compile_(function, cache=False, **common)
 
 
 def inner(function: Callable[..., Any]) -> Any:
@@ -29,21 +43,21 @@ def inner(function: Callable[..., Any]) -> Any:
     return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
-def keyed(compiled: Any) -> Any:
-    """Let a kernel on disk count for this state of all kernels only.
+def _is_keyed(compiled: Any) -> bool:
+    """Let what is on disk count for this state of all kernels only; return whether that worked.
 
-    Numba looks at the file of the kernel alone. One that calls kernels of another file would go on
-    with their old code, and with their old arguments, when that file changes.
+    The attributes are private; tried on numba 0.61 to 0.68.
     """
     kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if kept is not None and hasattr(kept, "_source_stamp"):
-        kept._source_stamp = (kept._source_stamp, _STATE)
-    return compiled
+    if not hasattr(kept, "_source_stamp"):
+        return False
+    kept._source_stamp = _STATE
+    return True
 
 
 def _state() -> str:
     files = sorted(Path(__file__).parent.glob("*.py"))
-    content = b"".join(file.read_bytes() for file in files)
+    content = b"\0".join(file.read_bytes() for file in files)
     return hashlib.sha256(content).hexdigest()
 
 
