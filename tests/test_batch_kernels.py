@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.thorough, pytest.mark.no_cover]
 
 WORDS = ("tolerated", "borderline", "not tolerated")
 TASKS = (("force", None), ("wrench", 0.3), ("fx,fz", None), ("my", None), ("fz,mx,fx", 0.5))
-RTOL, WARY = 1e-6, 1e-2
+RTOL, BORDERLINE_RTOL = 1e-6, 1e-2
 LOCKED, FREE = FaultMode.LOCKED, FaultMode.FREE
 
 
@@ -171,7 +171,7 @@ def test_the_fast_part_answers_nearly_all(robots, case):
     robot, task = robots[name], Task.parse(words, "tool", 0.3)
     sets = tuple(fault_sets(robot.n, faults, FaultMode.parse(mode)))
     asked = {"force": np.ones(task.m), "direction": None, "limits": None}
-    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=WARY, weighs=True)
+    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, weighs=True)
     plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
     q = postures_of(robot, 2000, 14)
     answers = empty_answers(plan, len(q))
@@ -180,7 +180,7 @@ def test_the_fast_part_answers_nearly_all(robots, case):
     assert np.mean(answers.verdict == UNDECIDED) < share
 
 
-@pytest.mark.parametrize("bound", [RTOL, WARY])
+@pytest.mark.parametrize("bound", [RTOL, BORDERLINE_RTOL])
 @pytest.mark.parametrize("mode", ["locked", "free"])
 def test_a_force_whose_jump_is_near_a_tolerance(robots, mode, bound):
     robot, task, k = robots["ur5"], Task.parse("wrench", "world"), 2
@@ -288,7 +288,7 @@ def postures_near(robot, task, faulty, margins):
 
 
 @pytest.mark.parametrize("words", ["force", "wrench"])
-@pytest.mark.parametrize("bound", [RTOL, LEAST_MARGIN, WARY])
+@pytest.mark.parametrize("bound", [RTOL, LEAST_MARGIN, BORDERLINE_RTOL])
 def test_postures_near_a_tolerance(robots, words, bound):
     robot, task = robots["panda"], Task.parse(words)
     faulty = FaultSet.locked([3] if words == "wrench" else [0, 2, 4, 6])
@@ -352,7 +352,7 @@ def placed(robot, q, task, payload=None, gravity=None):
     """Return the workspace after kinematics and weight of up to LANES postures."""
     mechanism = mechanism_of(robot, payload=payload, gravity=gravity)
     asked = dict.fromkeys(("force", "direction", "limits"))
-    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=WARY, weighs=True)
+    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, weighs=True)
     work = lanes.workspace(mechanism.parent.size, robot.n, task.m)
     work.chosen[:] = np.minimum(np.arange(LANES), len(q) - 1)
     place(mechanism, question, q, work)

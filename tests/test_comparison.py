@@ -196,7 +196,7 @@ def test_the_healthy_arm_pushes_as_capability_says():
                 robot, q, locked=[1], direction=[1, 1, 1], axes="world", payload=1.0, limits="urdf"
             )
             amounts = {r.value: x for r, x in one.directions[-1].before.items()}
-            most.append(amounts["commanded"].most)
+            most.append(amounts["commanded"].maximum)
         wanted = np.quantile(most, [0.05, 0.5])
         values = [x.value for x in arm.healthy_capability]
         assert np.all(np.abs(values - wanted) <= wanted * (DECADE - 1.0) + 1e-3)

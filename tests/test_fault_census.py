@@ -10,7 +10,7 @@ import pytest
 
 import ftforce
 from ftforce import Verdict, analyze, census
-from ftforce.core.feasible_forces import End, Reading
+from ftforce.core.feasible_forces import LimitingFactor, LockModel
 from ftforce.core.limits import Limits
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import tip_pose
@@ -141,14 +141,14 @@ def test_every_capability_is_what_capability_says(panda, mode, options):
             panda, POSTURE, **{mode: numbers(report)}, direction=result.direction, **same
         )
         wanted = other.weakest if result.direction is None else other.directions[-1]
-        amounts = [wanted.after[reading] for reading in Reading]
+        amounts = [wanted.after[reading] for reading in LockModel]
         np.testing.assert_array_equal(
-            [report.capability.commanded, report.capability.held], [x.most for x in amounts]
+            [report.capability.commanded, report.capability.held], [x.maximum for x in amounts]
         )
         assert [report.capability.end, report.capability.held_end] == [x.end for x in amounts]
-        np.testing.assert_array_equal(report.capability.least, amounts[0].least)
-        by_fault = amounts[0].end is End.FAULT
-        assert report.capability.stops == (() if by_fault else amounts[0].stops)
+        np.testing.assert_array_equal(report.capability.minimum, amounts[0].minimum)
+        by_fault = amounts[0].end is LimitingFactor.FAULT
+        assert report.capability.limiting_joints == (() if by_fault else amounts[0].limiting_joints)
 
 
 def key_of(report):

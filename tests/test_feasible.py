@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from ftforce.core.bounded_remap import overloaded
 from ftforce.core.feasible_forces import (
     NOTHING,
+    LockModel,
     Reach,
-    Reading,
     feasible_forces,
     reach,
     weakest_direction,
@@ -32,7 +32,7 @@ def norm(x):
     return float(np.linalg.norm(x))
 
 
-def forces(J, limits, *, rnea=None, locked=(), free=(), reading=Reading.COMMANDED, rtol=RTOL):
+def forces(J, limits, *, rnea=None, locked=(), free=(), reading=LockModel.COMMANDED, rtol=RTOL):
     """Return the forces that can be held; joints are numbered from 1."""
     n = J.shape[1]
     S, L = (np.isin(np.arange(1, n + 1), joints) for joints in (free, locked))
@@ -41,7 +41,7 @@ def forces(J, limits, *, rnea=None, locked=(), free=(), reading=Reading.COMMANDE
     return feasible_forces(reduce(J, L, rtol, S if S.any() else None), rnea, largest, reading)
 
 
-def forces_of(problem, reading=Reading.COMMANDED):
+def forces_of(problem, reading=LockModel.COMMANDED):
     """Return the forces of a random problem."""
     S = problem.free if problem.free.any() else None
     largest = np.where(problem.free, 0.0, problem.limits)
@@ -54,16 +54,16 @@ def forces_of(problem, reading=Reading.COMMANDED):
 
 @pytest.mark.parametrize("name", ["Held", "", None])
 def test_readings_by_name(name):
-    for reading in Reading:
-        assert Reading.parse(reading.value) is Reading.parse(reading) is reading
+    for reading in LockModel:
+        assert LockModel.parse(reading.value) is LockModel.parse(reading) is reading
     with pytest.raises(UnknownNameError, match=r"no reading of a lock .*: commanded, held"):
-        Reading.parse(name)
+        LockModel.parse(name)
 
 
 def test_a_lock_holds_what_no_motor_commands():
     limits = [2.0, np.nan, 9.0]
     commanded = forces(J, limits, locked=(2, 3))
-    held = forces(J, limits, locked=(2, 3), reading=Reading.HELD)
+    held = forces(J, limits, locked=(2, 3), reading=LockModel.HELD)
     assert reach(commanded, X) == (0.0, 2.0, (0,))
     assert reach(commanded, Y) == (0.0, 0.0, ())
     assert reach(held, X) == (0.0, 2.0, (0,))
@@ -78,9 +78,9 @@ def test_a_lock_holds_what_no_motor_commands():
 def test_forces_of_the_plane_keep_the_equations_of_the_theory(seed):
     rng = np.random.default_rng(seed)
     problem = draw_problem(rng)
-    for reading in Reading:
+    for reading in LockModel:
         feasible = forces_of(problem, reading)
-        space = space_of(problem, held=reading is Reading.HELD)
+        space = space_of(problem, held=reading is LockModel.HELD)
         assert feasible.stands_still == (space is not None)
         F0, Z = feasible.F0, feasible.Z
         assert_close(Z.T @ Z, np.eye(Z.shape[1]))
@@ -179,7 +179,7 @@ def test_a_free_joint_s_weight_asks_for_one_force_of_a_ray():
 @pytest.mark.parametrize(("lever", "ends"), [(1.1e-6, True), (0.9e-6, False), (0.0, False)])
 def test_a_lever_up_to_rtol_is_none(lever, ends):
     lean = np.array([[1.0, lever]])
-    assert reach(forces(lean, [np.nan, 5.0]), np.ones(1)).stops == ((1,) if ends else ())
+    assert reach(forces(lean, [np.nan, 5.0]), np.ones(1)).limiting_joints == ((1,) if ends else ())
     overweight = reach(forces(lean, [np.nan, 5.0], rnea=[0.0, 6.0]), -np.ones(1))
     assert overweight.is_empty is not ends
 
@@ -188,7 +188,7 @@ def test_a_lever_up_to_rtol_is_none(lever, ends):
 def test_a_direction_up_to_rtol_beside_the_plane_lies_in_it(angle, inside):
     feasible = forces(J, [2.0, np.nan, np.nan], locked=(2, 3))
     d = np.array([1.0, angle])
-    assert reach(feasible, d).most == pytest.approx(2.0 if inside else 0.0)
+    assert reach(feasible, d).maximum == pytest.approx(2.0 if inside else 0.0)
 
 
 @pytest.mark.no_cover
@@ -198,7 +198,7 @@ def test_rays_beside_highs():
     kinds, count = Counter(), campaign(500, 150)
     for _ in range(count):
         problem = draw_problem(rng)
-        reading = Reading(rng.choice(list(Reading)))
+        reading = LockModel(rng.choice(list(LockModel)))
         feasible = forces_of(problem, reading)
         d = rng.normal(size=len(problem.J))
         if rng.random() < 0.7 and feasible.Z.any():
@@ -206,17 +206,19 @@ def test_rays_beside_highs():
         if feasible.F0.any() and feasible.stands_still:
             d = feasible.F0 + rng.choice([0.0, 0.3]) * d
         found = reach(feasible, d)
-        wanted = ray_by_highs(problem, d, held=reading is Reading.HELD)
+        wanted = ray_by_highs(problem, d, held=reading is LockModel.HELD)
         if wanted is None:
             assert found.is_empty
             kinds["empty"] += 1
             continue
-        assert (found.least, found.most) == pytest.approx(wanted, rel=1e-6, abs=1e-7)
-        ends = "open" if math.isinf(found.most) else "limit" if found.stops else "plane"
+        assert (found.minimum, found.maximum) == pytest.approx(wanted, rel=1e-6, abs=1e-7)
+        ends = (
+            "open" if math.isinf(found.maximum) else "limit" if found.limiting_joints else "plane"
+        )
         kinds[ends] += 1
-        if found.stops:  # these joints are at their limits there
-            torque = problem.rnea + problem.J.T @ (found.most * d)
-            for joint in found.stops:
+        if found.limiting_joints:  # these joints are at their limits there
+            torque = problem.rnea + problem.J.T @ (found.maximum * d)
+            for joint in found.limiting_joints:
                 assert abs(torque[joint]) == pytest.approx(problem.limits[joint], rel=1e-6)
     for kind in ("empty", "open", "limit", "plane"):
         assert kinds[kind] > count / 50, kinds
@@ -225,10 +227,10 @@ def test_rays_beside_highs():
 @pytest.mark.parametrize("size", [1e-300, 1e-200, 1e-100, 1e150])
 def test_rays_of_any_size(size):
     lost = forces(J, [2.0, np.nan, 9.0], locked=(2, 3))
-    assert reach(lost, size * X).most == pytest.approx(2.0 / size)
+    assert reach(lost, size * X).maximum == pytest.approx(2.0 / size)
     assert reach(lost, size * Y) == (0.0, 0.0, ())
     carried = forces(J, None, free=(2,), rnea=[0.0, -4.0, 0.0])
-    assert reach(carried, size * X).most == pytest.approx(4.0 / size)
+    assert reach(carried, size * X).maximum == pytest.approx(4.0 / size)
 
 
 # ---- the weakest direction -------------------------------------------------------------------
@@ -251,7 +253,7 @@ def test_a_lost_direction_is_the_weakest():
     weakest = weakest_direction(forces(J, [2.0, np.nan, 3.0], locked=(2, 3)), np.eye(2))
     assert_close(weakest.direction, [0, 1])
     assert weakest.reach == (0.0, 0.0, ())
-    held = forces(J, [2.0, np.nan, 3.0], locked=(2, 3), reading=Reading.HELD)
+    held = forces(J, [2.0, np.nan, 3.0], locked=(2, 3), reading=LockModel.HELD)
     assert weakest_direction(held, np.eye(2)).reach == (0.0, 2.0, (0,))
 
 
@@ -293,7 +295,7 @@ def test_the_weakest_direction_of_an_arm_that_exerts_no_force():
 @pytest.mark.parametrize("lever", [1e-12, 1.0, 1e12])
 def test_the_weakest_direction_of_an_arm_without_measure(limit, lever):
     weakest = weakest_direction(forces(lever * J, [limit] * 3), np.eye(2))
-    assert weakest.reach.most == pytest.approx(limit / math.sqrt(2.0) / lever)
+    assert weakest.reach.maximum == pytest.approx(limit / math.sqrt(2.0) / lever)
     assert not weakest.reach.is_empty
 
 
@@ -311,7 +313,7 @@ def test_no_direction_is_weaker_than_the_weakest():
         space = healthy.healthy.U[:, : healthy.rank]
         if not healthy.rank:
             continue
-        for reading in Reading:
+        for reading in LockModel:
             feasible = forces_of(problem, reading)
             weakest = weakest_direction(feasible, space)
             assert norm(weakest.direction) == pytest.approx(1.0)
@@ -319,11 +321,11 @@ def test_no_direction_is_weaker_than_the_weakest():
             directions = rng.normal(size=(40, healthy.rank)) @ space.T
             rays = [reach(feasible, d / norm(d)) for d in directions]
             if weakest.reach.is_empty or feasible.F0.any():
-                assert all(ray.is_empty or ray.least > 0.0 for ray in rays)
+                assert all(ray.is_empty or ray.minimum > 0.0 for ray in rays)
                 continue
-            assert weakest.reach.least == 0.0
-            least = min(ray.most for ray in rays)
-            assert least >= weakest.reach.most * (1.0 - 1e-9)
+            assert weakest.reach.minimum == 0.0
+            least = min(ray.maximum for ray in rays)
+            assert least >= weakest.reach.maximum * (1.0 - 1e-9)
             limited += math.isfinite(least)
     assert limited > count / 2
 
@@ -340,10 +342,10 @@ def test_the_weakest_direction_is_found_exactly():
         feasible = forces_of(problem)
         if feasible.Z.shape[1] < 2 or overloaded(feasible):
             continue
-        weakest = weakest_direction(feasible, np.eye(2)).reach.most
+        weakest = weakest_direction(feasible, np.eye(2)).reach.maximum
         if math.isinf(weakest):
             continue
         compared += 1
-        brute = min(reach(feasible, d).most for d in circle(3600 if CAMPAIGN else 720))
+        brute = min(reach(feasible, d).maximum for d in circle(3600 if CAMPAIGN else 720))
         assert brute == pytest.approx(weakest, rel=1e-6 if CAMPAIGN else 2e-5)  # half a step
     assert compared > count / 10

@@ -9,7 +9,7 @@ import pytest
 import ftforce
 from ftforce import Verdict, analyze, capability
 from ftforce.analysis.capability import capability_of
-from ftforce.core.feasible_forces import End, Reading, reach
+from ftforce.core.feasible_forces import LimitingFactor, LockModel, reach
 from ftforce.core.limits import Limits
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload
@@ -25,7 +25,7 @@ from helpers import (
 )
 from problems import Problem, ray_by_highs
 
-COMMANDED, HELD = Reading
+COMMANDED, HELD = LockModel
 Q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])  # of panda: nothing is special there
 PROGRAM = 1e-6  # of a linear program's numbers; its solver takes torques to 1e-7 N·m
 MOON = [0.1, -0.2, -1.6]
@@ -54,12 +54,12 @@ def assert_as_programmed(result, tol=PROGRAM):
                 problem = problem_of(result.analysis, after)
                 ends = ray_by_highs(problem, amount.direction, held=reading is HELD)
                 least, most = ends or (math.nan, math.nan)
-                assert math.isnan(amount.most) == math.isnan(most)
-                assert math.isinf(amount.most) == math.isinf(most)
+                assert math.isnan(amount.maximum) == math.isnan(most)
+                assert math.isinf(amount.maximum) == math.isinf(most)
                 if math.isfinite(most):
-                    assert_close(amount.most, most, scale=1.0 + most, tol=tol)
+                    assert_close(amount.maximum, most, scale=1.0 + most, tol=tol)
                 if math.isfinite(least):
-                    assert_close(amount.least, least, scale=1.0 + least, tol=tol)
+                    assert_close(amount.minimum, least, scale=1.0 + least, tol=tol)
                 seen.append(amount.end)
     return seen
 
@@ -106,20 +106,20 @@ def test_the_remap_keeps_what_can_be_commanded_and_no_more(panda, case):
     result = capability(panda, direction=[1, 2, -1], **case)
     for report in result.directions:
         amount = report.after[COMMANDED]
-        if amount.end is End.FAULT:
-            assert amount.most == 0.0
+        if amount.end is LimitingFactor.FAULT:
+            assert amount.maximum == 0.0
             lost = analyze(panda, force=amount.direction, limits="urdf", **case)
             assert lost.verdict is Verdict.NOT_TOLERATED
             continue
-        assert amount.end is End.LIMIT
-        force = amount.most * amount.direction
+        assert amount.end is LimitingFactor.LIMIT
+        force = amount.maximum * amount.direction
         inside = analyze(panda, force=force * (1.0 - 1e-9), limits="urdf", **case)
         assert inside.verdict is Verdict.TOLERATED
-        assert_close(inside.force.jump, 0.0, scale=amount.most)
+        assert_close(inside.force.jump, 0.0, scale=amount.maximum)
         beyond = analyze(panda, force=1.25 * force, limits="urdf", **case)
-        assert beyond.force.jump_norm > 0.01 * amount.most
+        assert beyond.force.jump_norm > 0.01 * amount.maximum
         assert beyond.bounded.share == pytest.approx(0.8)
-        (joint,) = amount.stops
+        (joint,) = amount.limiting_joints
         total = analyze(panda, force=force, limits="urdf", **case).torque.total_after
         factor = dict(case.get("weak", {})).get(joint + 1, 1.0)
         assert_close(abs(total[joint]), factor * panda.effort[joint])
@@ -135,7 +135,7 @@ def sampled_reach(result, after, reading, rng):
     feasible = result.feasible(after=after, reading=reading)
     directions = rng.normal(size=(campaign(3000, 1000), space.shape[1])) @ space.T
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    return min(reach(feasible, d).most for d in directions)
+    return min(reach(feasible, d).maximum for d in directions)
 
 
 @pytest.mark.parametrize(
@@ -159,37 +159,42 @@ def test_the_weakest_direction_against_sampled_ones(panda, case):
     for after, amounts in ((False, result.weakest.before), (True, result.weakest.after)):
         for reading, amount in amounts.items():
             sampled = sampled_reach(result, after, reading, rng) * unit
-            assert amount.most <= sampled
+            assert amount.maximum <= sampled
             if task.m < 4:
-                assert amount.most > (0.97 if CAMPAIGN else 0.95) * sampled
+                assert amount.maximum > (0.97 if CAMPAIGN else 0.95) * sampled
             weighted = task.weigh_force(amount.direction)
             assert_close(np.linalg.norm(weighted) * unit, 1.0)
             feasible = result.feasible(after=after, reading=reading)
-            assert_close(reach(feasible, weighted).most, amount.most)
-            assert reach(feasible, weighted).stops == amount.stops
+            assert_close(reach(feasible, weighted).maximum, amount.maximum)
+            assert reach(feasible, weighted).limiting_joints == amount.limiting_joints
             near = weighted + 1e-3 * rng.normal(size=(campaign(50, 15), task.m)) * np.linalg.norm(
                 weighted
             )
             for other in near / (np.linalg.norm(near, axis=1)[:, None] * unit):
-                assert reach(feasible, other).most >= amount.most * (1.0 - 1e-12)
+                assert reach(feasible, other).maximum >= amount.maximum * (1.0 - 1e-12)
 
 
 def test_a_lost_direction_is_the_weakest(panda):
     result = capability(panda, locked=[2, 4])
     amount = result.weakest.after[COMMANDED]
-    assert (amount.most, amount.least, amount.end, amount.stops) == (0.0, 0.0, End.FAULT, (1, 3))
+    assert (amount.maximum, amount.minimum, amount.end, amount.limiting_joints) == (
+        0.0,
+        0.0,
+        LimitingFactor.FAULT,
+        (1, 3),
+    )
     assert_close(np.abs(amount.direction @ result.analysis.lost_directions.T), [1.0])
-    assert result.weakest.after[HELD].end is End.LIMIT
-    assert result.weakest.after[HELD].most > 1.0
+    assert result.weakest.after[HELD].end is LimitingFactor.LIMIT
+    assert result.weakest.after[HELD].maximum > 1.0
 
 
 def test_directions_that_even_the_healthy_arm_lacks_do_not_count():
     arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
     result = capability(arm, [0.1, 0.7, 0.9], locked=1)
     assert result.directions[4].name == "+fz"
-    assert result.directions[4].before[COMMANDED].end is End.FAULT
-    assert result.directions[4].before[COMMANDED].stops == ()
-    assert result.weakest.before[COMMANDED].most > 1.0
+    assert result.directions[4].before[COMMANDED].end is LimitingFactor.FAULT
+    assert result.directions[4].before[COMMANDED].limiting_joints == ()
+    assert result.weakest.before[COMMANDED].maximum > 1.0
     assert abs(result.weakest.before[COMMANDED].direction[2]) < 1e-12
 
 
@@ -241,16 +246,18 @@ def test_a_payload_is_just_within_the_limits(panda, case, brakes):
     present = result.analysis.conditions.payload
     there, offset = (0.0, (0, 0, 0)) if present is None else (present.mass, present.offset)
     for after, amount in zip((False, True), result.payload, strict=True):
-        assert (amount.end, amount.least) == (End.LIMIT, 0.0)
-        assert_close(worst_share(panda, result, there + amount.most, after=after), 1.0)
-        assert worst_share(panda, result, there + 1.01 * amount.most, after=after) > 1.001
-        assert worst_share(panda, result, there + 0.99 * amount.most, after=after) < 1.0
-        torque = torques_with(panda, result, there + amount.most, after=after)
+        assert (amount.end, amount.minimum) == (LimitingFactor.LIMIT, 0.0)
+        assert_close(worst_share(panda, result, there + amount.maximum, after=after), 1.0)
+        assert worst_share(panda, result, there + 1.01 * amount.maximum, after=after) > 1.001
+        assert worst_share(panda, result, there + 0.99 * amount.maximum, after=after) < 1.0
+        torque = torques_with(panda, result, there + amount.maximum, after=after)
         faults = result.analysis.faults if after else ftforce.FaultSet()
         largest = limits.largest_torques(faults)
-        assert_close(np.abs(torque[list(amount.stops)]), largest[list(amount.stops)])
-    for more, overloaded in ((0.99, ()), (1.01, result.payload[1].stops)):
-        load = {**case, "payload": (there + more * result.payload[1].most, offset)}
+        assert_close(
+            np.abs(torque[list(amount.limiting_joints)]), largest[list(amount.limiting_joints)]
+        )
+    for more, overloaded in ((0.99, ()), (1.01, result.payload[1].limiting_joints)):
+        load = {**case, "payload": (there + more * result.payload[1].maximum, offset)}
         analysis = analyze(panda, limits=limits, **load)
         if "locked" not in case:  # brakes hold what motors could not
             assert analysis.bounded.overloaded == overloaded
@@ -266,8 +273,11 @@ def test_a_payload_that_no_joint_feels_weighs_nothing():
     arm = load_text(serial_urdf(("revolute", turned), ("revolute", level), ("revolute", level)))
     result = capability(arm, [0.1, 0.7, 0.9])
     assert result.analysis.rnea.gravity.any()  # 1e-15 N·m
-    assert [amount.most for amount in result.payload] == [math.inf, math.inf]
-    assert [amount.end for amount in result.payload] == [End.UNLIMITED, End.UNLIMITED]
+    assert [amount.maximum for amount in result.payload] == [math.inf, math.inf]
+    assert [amount.end for amount in result.payload] == [
+        LimitingFactor.UNLIMITED,
+        LimitingFactor.UNLIMITED,
+    ]
 
 
 SEESAW = serial_urdf(("revolute", {"axis": (0, 1, 0)})).replace("0.11 0.05 0.03", "1 0 0")
@@ -279,23 +289,23 @@ def test_a_payload_that_balances_a_free_joint_is_the_only_one():
     """The tool of 1 kg at 1 m, and 1 kg at -3 m on the other side: 2 kg more balance it."""
     arm = load_text(SEESAW)
     before, after = capability(arm, [0.0], free=1).payload
-    assert before.end is End.LIMIT
-    assert_close([before.least, before.most], [2.0 - 10.0 / 9.81, 2.0 + 10.0 / 9.81])
-    assert_close([after.least, after.most], [2.0, 2.0])
-    assert (after.end, after.stops) == (End.FAULT, (0,))
+    assert before.end is LimitingFactor.LIMIT
+    assert_close([before.minimum, before.maximum], [2.0 - 10.0 / 9.81, 2.0 + 10.0 / 9.81])
+    assert_close([after.minimum, after.maximum], [2.0, 2.0])
+    assert (after.end, after.limiting_joints) == (LimitingFactor.FAULT, (0,))
     other_way = capability(arm, [math.pi], free=1, gravity=[0, 0, 9.81], payload=3.0).payload[1]
-    assert math.isnan(other_way.most)
+    assert math.isnan(other_way.maximum)
     loaded = capability(arm, [0.0], free=1, payload=2.0).payload[1]
-    assert_close([loaded.least, loaded.most], [0.0, 0.0], scale=1.0)
+    assert_close([loaded.minimum, loaded.maximum], [0.0, 0.0], scale=1.0)
     assert analyze(arm, [0.0], free=1, payload=2.0).can_stand_still
 
 
 def test_a_free_joint_that_the_payload_moves_carries_none(panda):
     result = capability(panda, free=[6], gravity=[0, 0, 0], velocity=[0.5] * 7)
-    assert math.isnan(result.payload[1].most)
+    assert math.isnan(result.payload[1].maximum)
     vertical = capability(panda, free=[1])  # its axis is vertical: no weight turns it
-    assert vertical.payload[1].end is End.LIMIT
-    assert_close(vertical.payload[1].most, vertical.payload[0].most)
+    assert vertical.payload[1].end is LimitingFactor.LIMIT
+    assert_close(vertical.payload[1].maximum, vertical.payload[0].maximum)
 
 
 def test_payloads_without_masses():
@@ -308,7 +318,7 @@ def test_payloads_without_masses():
     )
     result = capability(arm, [0.0, 0.0, 1.0])
     arms_length = 0.3 + 0.11 * math.cos(1.0) + 0.03 * math.sin(1.0)
-    assert_close(result.payload[0].most, 10.0 / (9.81 * arms_length))
+    assert_close(result.payload[0].maximum, 10.0 / (9.81 * arms_length))
     assert result.analysis.warnings == (
         "the URDF has no masses: weight of the arm is missing from the torques",
     )
@@ -324,11 +334,15 @@ def test_unknown_limits_end_nothing():
     for report in (*result.directions, result.weakest):
         for amounts in (report.before, report.after):
             for amount in amounts.values():
-                assert (amount.most, amount.end, amount.stops) == (math.inf, End.UNLIMITED, ())
-    assert [amount.most for amount in result.payload] == [math.inf] * 2
+                assert (amount.maximum, amount.end, amount.limiting_joints) == (
+                    math.inf,
+                    LimitingFactor.UNLIMITED,
+                    (),
+                )
+    assert [amount.maximum for amount in result.payload] == [math.inf] * 2
     none = capability(arm, locked=[2], limits="none")
     assert none.analysis.limits is None
-    assert none.directions[0].after[COMMANDED].most == math.inf
+    assert none.directions[0].after[COMMANDED].maximum == math.inf
 
 
 def test_an_arm_that_cannot_carry_itself(panda):
@@ -341,14 +355,14 @@ def test_an_arm_that_cannot_carry_itself(panda):
         amounts[reading]
         for report in (*result.directions, result.weakest)
         for amounts in (report.before, report.after)
-        for reading in Reading
-        if math.isnan(amounts[reading].most)
+        for reading in LockModel
+        if math.isnan(amounts[reading].maximum)
     ]
     assert len(nothing) > 20
     for amount in (*nothing, *result.payload):
-        assert math.isnan(amount.most)
-        assert math.isnan(amount.least)
-        assert (amount.end, amount.stops) == (End.WEIGHT, (1, 3))
+        assert math.isnan(amount.maximum)
+        assert math.isnan(amount.minimum)
+        assert (amount.end, amount.limiting_joints) == (LimitingFactor.WEIGHT, (1, 3))
     assert result.polytope(after=True).is_empty is not result.analysis.can_stand_still
 
 
@@ -358,10 +372,10 @@ def test_a_force_that_helps_carry_the_arm_has_a_least_amount():
     arm = load_text(urdf.replace("0.11 0.05 0.03", "1 0 0"))
     result = capability(arm, [0.0], axes="world", direction=[0, 0, -1])
     down = result.directions[-1].before[COMMANDED]  # the arm leans on what is below it
-    assert_close([down.least, down.most], [9.81 - 5.0, 9.81 + 5.0])
-    assert (down.end, down.stops) == (End.LIMIT, (0,))
+    assert_close([down.minimum, down.maximum], [9.81 - 5.0, 9.81 + 5.0])
+    assert (down.end, down.limiting_joints) == (LimitingFactor.LIMIT, (0,))
     up = result.directions[4].before[COMMANDED]
-    assert math.isnan(up.most)
+    assert math.isnan(up.maximum)
 
 
 def test_a_free_joint_that_a_force_balances(panda):
@@ -371,22 +385,30 @@ def test_a_free_joint_that_a_force_balances(panda):
     lever = analysis.J[:, 5]
     balancing = -analysis.rnea.gravity[5] * lever / (lever @ lever)
     along = capability(panda, free=[6], direction=balancing).directions[-1].after
-    for reading in Reading:
-        assert_close([along[reading].least, along[reading].most], [np.linalg.norm(balancing)] * 2)
-        assert (along[reading].end, along[reading].stops) == (End.FAULT, (5,))
+    for reading in LockModel:
+        assert_close(
+            [along[reading].minimum, along[reading].maximum], [np.linalg.norm(balancing)] * 2
+        )
+        assert (along[reading].end, along[reading].limiting_joints) == (LimitingFactor.FAULT, (5,))
     across = np.cross(lever, [1.0, 2.0, 3.0])
     square = capability(panda, free=[6], direction=across).directions[-1].after[COMMANDED]
-    assert math.isnan(square.most)
-    assert square.end is End.FAULT
+    assert math.isnan(square.maximum)
+    assert square.end is LimitingFactor.FAULT
 
 
 def test_what_locks_cannot_be_blamed_for(panda):
     """A held force that ends at a fault ends at the joint without torque, not at the lock."""
     result = capability(panda, locked=[2], free=[1], direction=[0, 1, 0])
-    ends = {amount.end: amount.stops for r in result.directions for amount in (r.after[HELD],)}
-    assert ends[End.FAULT] == (0,)
-    ends = {amount.end: amount.stops for r in result.directions for amount in (r.after[COMMANDED],)}
-    assert ends[End.FAULT] == (0, 1)
+    ends = {
+        amount.end: amount.limiting_joints for r in result.directions for amount in (r.after[HELD],)
+    }
+    assert ends[LimitingFactor.FAULT] == (0,)
+    ends = {
+        amount.end: amount.limiting_joints
+        for r in result.directions
+        for amount in (r.after[COMMANDED],)
+    }
+    assert ends[LimitingFactor.FAULT] == (0, 1)
 
 
 # ---- directions, shapes, errors --------------------------------------------------------------
@@ -412,7 +434,7 @@ def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
     assert result.directions[-1].unit == "N·m"
     wanted = result.directions[10]
     assert wanted.name == "+mz"
-    assert_close(result.directions[-1].after[HELD].most, wanted.after[HELD].most)
+    assert_close(result.directions[-1].after[HELD].maximum, wanted.after[HELD].maximum)
 
 
 @pytest.mark.parametrize(

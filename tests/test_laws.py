@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ftforce
-from ftforce.core.feasible_forces import Reading, feasible_forces, reach
+from ftforce.core.feasible_forces import LockModel, feasible_forces, reach
 from ftforce.core.measures import relative_manipulability, worst_manipulability_bound
 from ftforce.core.reduced_jacobian import RTOL, reduce
 from ftforce.core.remap import force_jump, supported_force, velocity_remap
@@ -247,11 +247,11 @@ def test_what_is_held_is_never_less_than_what_is_commanded(case):
     reduced = reduce(problem.J, problem.locked, swinging=S)
     largest = np.where(problem.free, 0.0, problem.limits)
     commanded, held = (
-        reach(feasible_forces(reduced, problem.rnea, largest, reading), F) for reading in Reading
+        reach(feasible_forces(reduced, problem.rnea, largest, reading), F) for reading in LockModel
     )
     if not commanded.is_empty:
-        assert held.most >= commanded.most * (1.0 - 1e-9)
-        assert held.least <= commanded.least * (1.0 + 1e-9)
+        assert held.maximum >= commanded.maximum * (1.0 - 1e-9)
+        assert held.minimum <= commanded.minimum * (1.0 + 1e-9)
 
 
 # ---- arms ------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ import ftforce
 from ftforce.core.faults import FaultSet
 from ftforce.trajectory.fault_events import phases, read_events
 from ftforce.trajectory.motion import GAIN, LIMIT_GAIN, advance, rates_law
-from ftforce.trajectory.reference import PathCourse
+from ftforce.trajectory.reference import PathReference
 from ftforce.trajectory.start import Path, Recording, start_of
 from helpers import (
     CAMPAIGN,
@@ -276,7 +276,7 @@ def test_the_law_after_a_lock_is_appendix_a(seed):
     q = robot.lower + rng.uniform(0.1, 0.9, size=7) * (robot.upper - robot.lower)
     x = tip(robot, q)[0]
     path = Path.through([x, x + rng.normal(scale=0.2, size=3)], speed=0.02)
-    course, t = PathCourse(robot, path, q), float(rng.uniform(0.0, 0.2))
+    course, t = PathReference(robot, path, q), float(rng.uniform(0.0, 0.2))
     locked = rng.choice(7, size=rng.integers(1, 3), replace=False).tolist()
     J = differences(robot, q)[:3]
     H = [i for i in range(7) if i not in locked]
@@ -435,7 +435,7 @@ def test_after_a_lock_a_recorded_tip_keeps_to_its_path(velocities, rate):
     # The others stay close to what was recorded: Appendix A with its velocities.
     i = int(np.flatnonzero(late)[0])
     J, target = differences(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
-    v_H = target.preferred.copy()
+    v_H = target.nominal_velocity.copy()
     place = tip(PANDA, motion.q[i])[0]
     v_H += np.linalg.pinv(J) @ (target.x_dot + GAIN * (target.x - place) - J @ v_H)
     v_H[2], J[:, 2] = 0.0, 0.0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 import ftforce
-from ftforce.core.feasible_forces import Reading, feasible_forces, reach
+from ftforce.core.feasible_forces import LockModel, feasible_forces, reach
 from ftforce.core.limits import Limits
 from ftforce.core.polytope import force_polytope
 from ftforce.core.reduced_jacobian import reduce
@@ -30,7 +30,7 @@ UNKNOWN = math.nan
 ARMS = ["panda", "ur5", "dh5", "kinova"]
 
 
-def feasible_of(J, limits, rnea=None, *, locked=(), free=(), reading=Reading.COMMANDED):
+def feasible_of(J, limits, rnea=None, *, locked=(), free=(), reading=LockModel.COMMANDED):
     """Return the forces within limits; joints by index."""
     J, limits = np.asarray(J, dtype=float), np.array(limits, dtype=float)
     S, L = (np.isin(np.arange(J.shape[1]), list(joints)) for joints in (free, locked))
@@ -95,7 +95,7 @@ def test_known_arms_against_pycapacity(name, task):
         for after, joints in ((False, list(range(arm.n))), (True, H)):
             J, rnea = analysis.J[:, joints], analysis.rnea.after[joints]
             wanted = pycapacity_corners(J, limits[joints], rnea)
-            for reading in Reading:  # no brakes, no lost direction: it makes no difference
+            for reading in LockModel:  # no brakes, no lost direction: it makes no difference
                 found = result.polytope(after=after, reading=reading)
                 assert_same_points(found.vertices, wanted, ROUNDED)
                 assert_close(volume(found.vertices), volume(wanted), tol=ROUNDED)
@@ -200,7 +200,7 @@ def polytopes(draw):
     rnea = rng.integers(-3, 4, size=n) * 0.25 * limits
     locked = draw(st.sets(st.integers(0, n - 1), max_size=2))
     limits[list(locked)] = draw(st.sampled_from([UNKNOWN, 15.0, 90.0]))
-    reading = draw(st.sampled_from(list(Reading)))
+    reading = draw(st.sampled_from(list(LockModel)))
     return J, limits, rnea, feasible_of(J, limits, rnea, locked=locked, reading=reading)
 
 
@@ -350,7 +350,7 @@ def test_unknown_limits_leave_directions_open(unknown):
     assert_close(found.vertices @ found.unlimited.T, 0.0, scale=100.0)
     feasible = feasible_of(J, limits, rnea)
     for direction in found.unlimited:
-        assert reach(feasible, direction).most == reach(feasible, -direction).most == math.inf
+        assert reach(feasible, direction).maximum == reach(feasible, -direction).maximum == math.inf
 
 
 def test_too_many_joints_are_refused_at_once():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ftforce.core.reduced_jacobian import (
+    BORDERLINE_RTOL,
     RTOL,
-    WARY,
     check_core_input,
     check_mask,
     check_tolerances,
@@ -179,9 +179,9 @@ def test_a_mask_has_one_entry_per_joint(given):
         check_core_input(J, given)
 
 
-@pytest.mark.parametrize("rtol", [1e-14, 1e-6, WARY, 0.5])
+@pytest.mark.parametrize("rtol", [1e-14, 1e-6, BORDERLINE_RTOL, 0.5])
 def test_tolerances_in_range(rtol):
-    check_tolerances(rtol, max(rtol, WARY))
+    check_tolerances(rtol, max(rtol, BORDERLINE_RTOL))
     check_tolerances(rtol, 0.999)
 
 

@@ -25,7 +25,7 @@ from ftforce import analyze, load_robot
 from ftforce.batch.kernels import single
 from ftforce.batch.remapper import Remapper
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
-from ftforce.core.reduced_jacobian import RTOL, WARY
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import DimensionError, FtforceError, InputError, UnknownNameError
@@ -195,7 +195,10 @@ def test_random_arms_near_singular_postures(case, seed, words):
     if np.linalg.norm(J, 2) < 1e-12:  # only rounding moves the tip along the task
         return
     # On a tolerance rounding decides, and below it nothing is computed with many digits.
-    if any(np.any((x < 1e-4) & (x > 1e-13)) or np.any(abs(x / WARY - 1) < 1e-6) for x in ratios):
+    if any(
+        np.any((x < 1e-4) & (x > 1e-13)) or np.any(abs(x / BORDERLINE_RTOL - 1) < 1e-6)
+        for x in ratios
+    ):
         return
     check_all(robot, sets, q, tau, **options)
 
@@ -205,7 +208,7 @@ def margin_at(arm, little, locked):
     return analyze(arm, q, locked=locked).margin
 
 
-@pytest.mark.parametrize("bound", [RTOL, WARY])
+@pytest.mark.parametrize("bound", [RTOL, BORDERLINE_RTOL])
 @pytest.mark.parametrize("shift", [-1e-3, -1e-5, 1e-5, 1e-3])
 def test_near_a_tolerance(bound, shift):
     arm, _ = stretched(0.0)

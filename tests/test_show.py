@@ -11,9 +11,9 @@ import pytest
 from rich.text import Text
 
 import ftforce
-from ftforce.analysis.capability import Amount
+from ftforce.analysis.capability import CapabilityRange
 from ftforce.analysis.paper import replicate
-from ftforce.core.feasible_forces import End
+from ftforce.core.feasible_forces import LimitingFactor
 from ftforce.core.task import Task
 from ftforce.core.verdict import Verdict
 from ftforce.report import analysis as sentences
@@ -465,7 +465,7 @@ def test_ranges_of_a_capability(arm):
 
 def test_amounts_in_words():
     def said(least, most):
-        amount = Amount(np.zeros(3), most, least, End.LIMIT, ())
+        amount = CapabilityRange(np.zeros(3), most, least, LimitingFactor.LIMIT, ())
         return capability_words.amount_in_words(amount, "N")
 
     assert said(0.0, 12.345) == "12.35 N"
@@ -481,15 +481,15 @@ def test_ends_in_words(arm):
     analysis = ftforce.analyze(arm, locked=[2], limits="urdf")
 
     def said(end, *stops):
-        amount = Amount(np.zeros(3), 1.0, 0.0, end, stops)
+        amount = CapabilityRange(np.zeros(3), 1.0, 0.0, end, stops)
         return capability_words.end_in_words(analysis, amount)
 
-    assert said(End.LIMIT, 0, 1, 2) == "joint1, brake of joint2 and joint3"
-    assert said(End.FAULT, 1) == "fault of joint2"
-    assert said(End.FAULT) == "the arm lacks it"
-    assert said(End.WEIGHT, 0, 2) == "weight overloads joint1 and joint3"
-    assert said(End.WEIGHT) == "weight"
-    assert said(End.UNLIMITED) == "no known limit"
+    assert said(LimitingFactor.LIMIT, 0, 1, 2) == "joint1, brake of joint2 and joint3"
+    assert said(LimitingFactor.FAULT, 1) == "fault of joint2"
+    assert said(LimitingFactor.FAULT) == "the arm lacks it"
+    assert said(LimitingFactor.WEIGHT, 0, 2) == "weight overloads joint1 and joint3"
+    assert said(LimitingFactor.WEIGHT) == "weight"
+    assert said(LimitingFactor.UNLIMITED) == "no known limit"
 
 
 def test_a_direction_asked_for_is_named_once(arm):

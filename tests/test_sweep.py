@@ -5,7 +5,7 @@ import pytest
 
 import ftforce
 from ftforce.batch import job as jobs
-from ftforce.batch.runner import Turns, threads_of
+from ftforce.batch.runner import BatchSizer, threads_of
 from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.errors import InputError, UnknownNameError
 from helpers import joint, urdf_of
@@ -61,7 +61,7 @@ def test_progress_rises_to_the_number_of_postures(arm):
 
 
 def test_turns_deal_out_every_chunk_once():
-    turns = Turns(iter(range(1000)), 1000)
+    turns = BatchSizer(iter(range(1000)), 1000)
     dealt, sizes = [], []
     while chunks := turns.take(4, 1.0):
         dealt += chunks
@@ -74,7 +74,7 @@ def test_turns_deal_out_every_chunk_once():
 
 
 def test_turns_of_no_time_are_single_chunks():
-    turns = Turns(iter(range(9)), 9)
+    turns = BatchSizer(iter(range(9)), 9)
     turns.took(1, 1e-4)
     assert turns.take(1, 0.0) == [0]
 

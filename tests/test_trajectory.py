@@ -8,7 +8,7 @@ import pytest
 import ftforce
 from ftforce.errors import FtforceError, InputError, TrajectoryError
 from ftforce.robot.posture import Posture
-from ftforce.trajectory.reference import PathCourse, RecordedCourse
+from ftforce.trajectory.reference import PathReference, RecordedReference
 from ftforce.trajectory.start import MOST_SAMPLES, Path, Recording, start_of, tip_at
 from helpers import assert_close
 
@@ -54,7 +54,7 @@ def csv_of(robot, recording):
 
 def test_a_path(dh5, path):
     start = start_of(dh5, path)
-    assert isinstance(start.course, PathCourse)
+    assert isinstance(start.course, PathReference)
     assert_close(tip_at(dh5, start.q, None), POINTS[0], tol=1e-9)
     assert start.words == "(0.9, 0.3, 0.2) → (0.8, 0.4, 0.25) m, at most 0.05 m/s, 5.625 s"
     assert "with the tip at the start of the path" in start.source
@@ -107,7 +107,7 @@ def test_a_rate_that_divides_the_duration(dh5):
 
 def test_a_recording(dh5, recording):
     start = start_of(dh5, recording)
-    assert isinstance(start.course, RecordedCourse)
+    assert isinstance(start.course, RecordedReference)
     assert_close(start.times, recording.t - 3.0)
     assert_close(start.q, recording.q[0])
     assert start.words == "a recorded motion of 2 s"

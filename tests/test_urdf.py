@@ -13,7 +13,7 @@ import pytest
 
 from ftforce import analyze, census, to_dict
 from ftforce.errors import URDFError
-from ftforce.robot.formats.tree import MOMENTS, MOST_IN_A_ROW, UrdfTree
+from ftforce.robot.formats.tree import MAX_DEPTH, MOMENTS, UrdfTree
 from ftforce.robot.formats.urdf import MOST_LINKS, read_urdf
 from ftforce.robot.load import load_robot
 from ftforce.robot.model import full_model, restore_names
@@ -438,15 +438,15 @@ def row(count, moving):
 
 
 def test_links_in_a_row_have_an_end(read):
-    assert len(read(row(MOST_IN_A_ROW, 4)).links) == MOST_IN_A_ROW
-    with pytest.raises(URDFError, match=f"has {MOST_IN_A_ROW + 1} links in a row; at most"):
-        read(row(MOST_IN_A_ROW + 1, 4))
+    assert len(read(row(MAX_DEPTH, 4)).links) == MAX_DEPTH
+    with pytest.raises(URDFError, match=f"has {MAX_DEPTH + 1} links in a row; at most"):
+        read(row(MAX_DEPTH + 1, 4))
     with pytest.raises(URDFError, match="holds 9000 links; at most 5000 are read"):
         read(row(9000, 4))
 
 
 def test_the_longest_row_fits_into_a_small_stack(tmp_path):
-    path = write(tmp_path, row(MOST_IN_A_ROW, 4))
+    path = write(tmp_path, row(MAX_DEPTH, 4))
     program = (
         "import threading, ftforce, pinocchio, rich\n"
         "def work():\n"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 from ftforce.core.bounded_remap import nearest_force, remap_inside
 from ftforce.core.feasible_forces import feasible_forces
-from ftforce.core.reduced_jacobian import RTOL, WARY, reduce
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.verdict import Verdict, judge, tolerance_that_loses, verdict
 from helpers import RATIOS, campaign, orthogonal, seeds, with_singular_values
 from problems import draw_problem
@@ -23,7 +23,7 @@ FAR = [1e6, 1e6, 1e6]
 
 
 def verdict_of(
-    J, F, limits=None, *, locked=(), free=(), rnea=None, wary=WARY, rtol=RTOL
+    J, F, limits=None, *, locked=(), free=(), rnea=None, wary=BORDERLINE_RTOL, rtol=RTOL
 ):  # joints are numbered from 1
     """Judge as `ftforce.analyze` does."""
     J, n = np.asarray(J, dtype=float), np.shape(J)[1]
@@ -182,7 +182,7 @@ def test_a_rank_that_changes_when_a_swinging_column_no_longer_counts(weak, angle
 # ---- all tolerances --------------------------------------------------------------------------
 
 
-def by_trying(J, F, limits=None, *, locked=(), free=(), rnea=None, wary=WARY):
+def by_trying(J, F, limits=None, *, locked=(), free=(), rnea=None, wary=BORDERLINE_RTOL):
     """Judge by trying tolerances, among them those at which a rank changes."""
     n = J.shape[1]
     S, L = (np.isin(np.arange(1, n + 1), joints) for joints in (free, locked))
@@ -269,8 +269,8 @@ def test_a_direction_is_lost_at_its_own_tolerance_however_the_quotient_is_rounde
         assert weak > math.nextafter(t, 0.0) * scale * (1.0 - 1e-15)
         rounded_down += weak / scale * scale < weak
         F = Q.sum(axis=1)
-        assert verdict(reduced, F, WARY) is BORDERLINE
-        assert verdict(reduced, None, WARY) is BORDERLINE
+        assert verdict(reduced, F, BORDERLINE_RTOL) is BORDERLINE
+        assert verdict(reduced, None, BORDERLINE_RTOL) is BORDERLINE
         assert verdict_of(arm, F, [1e9, 1e9]) is BORDERLINE
         assert verdict_of(arm, None, [1e9, 1e9]) is BORDERLINE
     assert rounded_down > campaign(20)  # the others would do without

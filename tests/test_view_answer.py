@@ -171,7 +171,7 @@ def test_capability_is_found_only_where_it_is_shown(panda):
     assert answer(panda, state).weakest is None
     found = answer(panda, state.showing(weakest=True))
     by_itself = ftforce.capability(panda, locked=[2], limits="urdf").weakest
-    assert [amount.most for amount in found.weakest] == [
-        by_itself.before["commanded"].most,
-        by_itself.after["commanded"].most,
+    assert [amount.maximum for amount in found.weakest] == [
+        by_itself.before["commanded"].maximum,
+        by_itself.after["commanded"].maximum,
     ]

@@ -253,7 +253,7 @@ def test_the_weakest_direction_is_a_line_from_the_tip(panda):
     assert_close(line.ends[0], place)
     way = line.ends[1] - line.ends[0]
     assert_close(way / np.linalg.norm(way), R @ found.weakest[1].direction)
-    assert line.label == f"weakest direction: {found.weakest[1].most:.1f} N"
+    assert line.label == f"weakest direction: {found.weakest[1].maximum:.1f} N"
 
 
 def test_the_ellipsoid_takes_joint_torques_of_norm_one(panda):

@@ -35,7 +35,13 @@ from ftforce.core.changes import (
 )
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet
-from ftforce.core.reduced_jacobian import RTOL, WARY, ReducedJacobian, check_tolerances, reduce
+from ftforce.core.reduced_jacobian import (
+    BORDERLINE_RTOL,
+    RTOL,
+    ReducedJacobian,
+    check_tolerances,
+    reduce,
+)
 from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.core.task import Axes, Task
 from ftforce.core.verdict import judge
@@ -244,7 +250,7 @@ def analyze(
     axes: Axes = "tool",
     posture: str | None = None,
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
 ) -> Analysis:
     """Say what faults do to the force at the tip, and which torques to command now.
 

@@ -15,10 +15,10 @@ from ftforce.core.bounded_remap import overloaded
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultSet
 from ftforce.core.feasible_forces import (
-    End,
     FeasibleForces,
+    LimitingFactor,
+    LockModel,
     Reach,
-    Reading,
     end_of,
     feasible_forces,
     reach,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Amount:
+class CapabilityRange:
     """How much of a force, or of a payload, can be held.
 
     Attributes
@@ -48,22 +48,22 @@ class Amount:
         Of the force, in the task's axes, not weighted, shape (m,): its force components have the
         norm 1, or if it has none its moments; in the weakest direction, whose size is that of the
         weighted force, all of it has, weighted. Empty for a payload.
-    most :
+    maximum :
         Largest amount, N (N·m for a moment alone), or kg: infinite if no known limit ends it,
         NaN if none can be held.
-    least :
+    minimum :
         Smallest amount, 0 but for a joint without torque or a limit that weight alone exceeds.
     end :
         What ends it.
-    stops :
+    limiting_joints :
         Indices of the joints that end it.
     """
 
     direction: Vector
-    most: float
-    least: float
-    end: End
-    stops: tuple[int, ...]
+    maximum: float
+    minimum: float
+    end: LimitingFactor
+    limiting_joints: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,8 +82,8 @@ class DirectionReport:
 
     name: str
     unit: str
-    before: dict[Reading, Amount]
-    after: dict[Reading, Amount]
+    before: dict[LockModel, CapabilityRange]
+    after: dict[LockModel, CapabilityRange]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,30 +118,31 @@ class Capability(Displayed):
     def weakest(self) -> DirectionReport:
         """The direction in which the least (weighted) force can be held, of those the arm has.
 
-        It is another direction before and after, and for each reading: see `Amount.direction`.
+        It differs before and after the fault, and with the reading of a lock: see
+        `CapabilityRange.direction`.
         """
         reduced, task = self.analysis.reduced, self.analysis.task
         space, unit = reduced.healthy.U[:, : reduced.rank], task.weighted_unit
         found = {}
         for after in (False, True):
-            for reading in Reading:
+            for reading in LockModel:
                 feasible = self.feasible(after=after, reading=reading)
                 worst = weakest_direction(feasible, space)
                 direction = task.unweigh_force(worst.direction) / unit
                 failed = self._failed(after, reading)
                 found[after, reading] = _amount(feasible, direction, worst.reach, unit, failed)
-        before, after_ = ({r: found[late, r] for r in Reading} for late in (False, True))
+        before, after_ = ({r: found[late, r] for r in LockModel} for late in (False, True))
         return DirectionReport("weakest", "N" if task.force_rows else "N·m", before, after_)
 
     @cached_property
-    def payload(self) -> tuple[Amount, Amount]:
+    def payload(self) -> tuple[CapabilityRange, CapabilityRange]:
         """Mass in kg that the tip can carry, before and after, on top of the payload that is there.
 
         A payload is a load that is held: its weight may hang on locks.
         """
         return self._payload(after=False), self._payload(after=True)
 
-    def feasible(self, *, after: bool, reading: Reading = Reading.COMMANDED) -> FeasibleForces:
+    def feasible(self, *, after: bool, reading: LockModel = LockModel.COMMANDED) -> FeasibleForces:
         """Return the forces that can be held before or after the fault, weighted."""
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
@@ -149,7 +150,7 @@ class Capability(Displayed):
         rnea = analysis.rnea.after if after else analysis.rnea.before
         return feasible_forces(reduced, rnea, self._largest(faults), reading)
 
-    def polytope(self, *, after: bool, reading: Reading | str = Reading.COMMANDED) -> Polytope:
+    def polytope(self, *, after: bool, reading: LockModel | str = LockModel.COMMANDED) -> Polytope:
         """Return vertices and faces of the forces that can be held, N (N·m), in the task's axes.
 
         Parameters
@@ -164,7 +165,7 @@ class Capability(Displayed):
         InputError
             So many joints that there are too many planes to intersect.
         """
-        feasible = self.feasible(after=after, reading=Reading.parse(reading))
+        feasible = self.feasible(after=after, reading=LockModel.parse(reading))
         return force_polytope(feasible, self.analysis.task.weights)
 
     @cached_property
@@ -176,10 +177,10 @@ class Capability(Displayed):
     def _report(self, name: str, direction: Vector) -> DirectionReport:
         task = self.analysis.task
         weighted = task.weigh_force(direction)
-        amounts: list[dict[Reading, Amount]] = []
+        amounts: list[dict[LockModel, CapabilityRange]] = []
         for after in (False, True):
             by_reading = {}
-            for reading in Reading:
+            for reading in LockModel:
                 feasible = self.feasible(after=after, reading=reading)
                 ray = reach(feasible, weighted)
                 failed = self._failed(after, reading)
@@ -188,23 +189,23 @@ class Capability(Displayed):
         forced = bool(direction[list(task.force_rows)].any())
         return DirectionReport(name, "N" if forced else "N·m", *amounts)
 
-    def _payload(self, *, after: bool) -> Amount:
+    def _payload(self, *, after: bool) -> CapabilityRange:
         # A mass loads the joints as a force does that has these levers: one more ratio test.
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
         n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
         levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
         line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.swinging_mask(n))
-        feasible = feasible_forces(line, rnea, self._largest(faults), Reading.HELD)
-        ray, failed = reach(feasible, np.ones(1)), self._failed(after, Reading.HELD)
+        feasible = feasible_forces(line, rnea, self._largest(faults), LockModel.HELD)
+        ray, failed = reach(feasible, np.ones(1)), self._failed(after, LockModel.HELD)
         return _amount(feasible, np.zeros(0), ray, 1.0, failed)
 
-    def _failed(self, after: bool, reading: Reading) -> tuple[int, ...]:
+    def _failed(self, after: bool, reading: LockModel) -> tuple[int, ...]:
         """Return the joints whose fault, rather than a limit, can end what is held."""
         if not after:
             return ()
         faults = self.analysis.faults
-        return faults.joints if reading is Reading.COMMANDED else faults.swinging
+        return faults.joints if reading is LockModel.COMMANDED else faults.swinging
 
     def _largest(self, faults: FaultSet) -> Vector:
         limits = self.analysis.limits
@@ -233,14 +234,14 @@ class Capability(Displayed):
 
 def _amount(
     feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
-) -> Amount:
-    end, stops = end_of(feasible, ray), ray.stops
-    if end is End.WEIGHT:
+) -> CapabilityRange:
+    end, stops = end_of(feasible, ray), ray.limiting_joints
+    if end is LimitingFactor.WEIGHT:
         stops = overloaded(feasible)
-    elif end is End.FAULT:
+    elif end is LimitingFactor.FAULT:
         stops = failed
-    least, most = (math.nan, math.nan) if ray.is_empty else (ray.least * size, ray.most * size)
-    return Amount(read_only(direction.copy()), most, least, end, stops)
+    least, most = (math.nan, math.nan) if ray.is_empty else (ray.minimum * size, ray.maximum * size)
+    return CapabilityRange(read_only(direction.copy()), most, least, end, stops)
 
 
 def capability(
@@ -276,11 +277,12 @@ def capability(
     >>> arm = ftforce.load_robot("panda")
     >>> result = ftforce.capability(arm, locked=[2, 4])
     >>> push = result.directions[4]
-    >>> push.name, round(push.before["commanded"].most), round(push.after["held"].most)
+    >>> push.name, round(push.before["commanded"].maximum), round(push.after["held"].maximum)
     ('+fz', 162, 162)
-    >>> push.after["commanded"].most, push.after["commanded"].end.value
+    >>> push.after["commanded"].maximum, push.after["commanded"].end.value
     (0.0, 'fault')
-    >>> round(result.payload[1].most, 1), [arm.names[j] for j in result.payload[1].stops]
+    >>> after = result.payload[1]
+    >>> round(after.maximum, 1), [arm.names[j] for j in after.limiting_joints]
     (11.3, ['panda_joint6'])
     """
     return capability_of(analyze(robot, q, limits=limits, **case), direction)

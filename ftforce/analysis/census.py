@@ -16,7 +16,7 @@ from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce_decomposed
 from ftforce.core.svd import Svd
 from ftforce.core.task import Axes, Task
 from ftforce.core.verdict import Verdict
@@ -159,7 +159,7 @@ def census(
     axes: Axes = "tool",
     posture: str | None = None,
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
 ) -> Census:
     """Analyse every set of up to ``faults`` failed joints in one posture (eq. 12-13).
@@ -248,12 +248,12 @@ def census(
         requested=None if load is None else load.requested,
         before=None if F is None else read_only(wanted.unweigh_force(F)),
         rank=whole.rank,
-        sets=tuple(sorted(reports, key=_weakness if by_capability else _badness)),
+        sets=tuple(sorted(reports, key=_by_capability if by_capability else _by_severity)),
         joints=_rank_joints(robot, reports, by_capability),
     )
 
 
-def _weakness(report: SetReport) -> tuple[float, ...]:
+def _by_capability(report: SetReport) -> tuple[float, ...]:
     """Sort key: the smallest capability first; an arm that cannot stand still before all."""
     found = report.capability
     assert found is not None
@@ -261,7 +261,7 @@ def _weakness(report: SetReport) -> tuple[float, ...]:
     return round(commanded, 9), round(held, 9), len(report.faults), *report.faults.joints
 
 
-def _badness(report: SetReport) -> tuple[float, ...]:
+def _by_severity(report: SetReport) -> tuple[float, ...]:
     """Sort key: worst first; of equal jumps the one that takes fewer faults."""
     jump = round(report.relative_jump, 9)
     size = len(report.faults) if jump > 0.0 else 0
@@ -287,7 +287,7 @@ def _rank_joints(
                 least_capability=_least(own) if by_capability else None,
             )
         )
-    return tuple(sorted(joints, key=_feebleness if by_capability else _criticality))
+    return tuple(sorted(joints, key=_joint_key if by_capability else _criticality))
 
 
 def _least(reports: list[SetReport]) -> float:
@@ -302,9 +302,9 @@ def _criticality(joint: JointReport) -> tuple[float, ...]:
     return -joint.not_tolerated, -joint.borderline, -mean, margin, joint.joint
 
 
-def _feebleness(joint: JointReport) -> tuple[float, ...]:
+def _joint_key(joint: JointReport) -> tuple[float, ...]:
     """Sort key: what is left when the joint fails alone, then with others."""
     least = joint.least_capability
     assert least is not None
-    alone = _weakness(joint.alone)
+    alone = _by_capability(joint.alone)
     return *alone[:2], -1.0 if math.isnan(least) else round(least, 9), joint.joint

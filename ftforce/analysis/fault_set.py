@@ -14,8 +14,8 @@ from ftforce.core.arrays import Vector, read_only
 from ftforce.core.bounded_remap import BoundedRemap, overloaded, remap_inside
 from ftforce.core.changes import RneaChange, split_norms
 from ftforce.core.feasible_forces import (
-    End,
-    Reading,
+    LimitingFactor,
+    LockModel,
     end_of,
     feasible_forces,
     reach,
@@ -45,21 +45,21 @@ class SetCapability:
     commanded, held :
         In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
         stand still with a force in this direction.
-    least :
+    minimum :
         Smallest force that can be commanded, 0 but for a joint without torque or a limit that
         weight alone exceeds.
     end, held_end :
         What ends the one and the other.
-    stops :
+    limiting_joints :
         Indices of the joints whose limits end what can be commanded.
     """
 
     commanded: float
     held: float
-    least: float
-    end: End
-    held_end: End
-    stops: tuple[int, ...]
+    minimum: float
+    end: LimitingFactor
+    held_end: LimitingFactor
+    limiting_joints: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,17 +206,21 @@ def set_capability(
         Torques for weight and motion, and the largest of each joint, with the set, shape (n,).
     """
     rays, ends, stops = [], [], []
-    for reading in Reading:
+    for reading in LockModel:
         feasible = feasible_forces(reduced, rnea, largest, reading)
         ray, size = _ray(case, feasible)
         end = end_of(feasible, ray)
         rays.append(ray)
         ends.append(end)
         stops.append(
-            ray.stops if end is End.LIMIT else overloaded(feasible) if end is End.WEIGHT else ()
+            ray.limiting_joints
+            if end is LimitingFactor.LIMIT
+            else overloaded(feasible)
+            if end is LimitingFactor.WEIGHT
+            else ()
         )
-    commanded, held = (math.nan if ray.is_empty else ray.most * size for ray in rays)
-    least = math.nan if rays[0].is_empty else rays[0].least * size
+    commanded, held = (math.nan if ray.is_empty else ray.maximum * size for ray in rays)
+    least = math.nan if rays[0].is_empty else rays[0].minimum * size
     return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
 
 
@@ -224,8 +228,8 @@ def commanded_force(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> float:
     """Return the largest force that can be commanded: `set_capability`'s first number alone."""
-    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, Reading.COMMANDED))
-    return math.nan if ray.is_empty else ray.most * size
+    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
+    return math.nan if ray.is_empty else ray.maximum * size
 
 
 def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from ftforce.batch.job import Job, Samples
-    from ftforce.batch.runner import Runner, Turn, Turns
+    from ftforce.batch.runner import BatchSizer, Runner, Turn
     from ftforce.batch.store.store import Opened
     from ftforce.core.arrays import Matrix
 
@@ -74,11 +74,11 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
             "clusters need distributed: install the extra with pip install 'ftforce[cluster]'"
         ) from None
 
-    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
+    def runner(job: Job, opened: Opened, turns: BatchSizer) -> Generator[Turn, None, None]:
         if job.keep != "summary" and output is None:
             raise InputError("samples from a cluster need an output that all workers see")
         with _quiet(), _client(workers, scheduler) as client:
-            yield from _deal(client, job, opened, turns)
+            yield from _submit(client, job, opened, turns)
 
     return runner
 
@@ -195,7 +195,9 @@ def _check_workers(client: Any, scheduler: str) -> None:
         raise FtforceError(f"all workers need ftforce {own}; {listed(wrong, 4)}")
 
 
-def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
+def _submit(
+    client: Any, job: Job, opened: Opened, turns: BatchSizer
+) -> Generator[Turn, None, None]:
     """Give turns to the workers, a few ahead, and take their summaries as they come.
 
     Raises
@@ -215,7 +217,7 @@ def _deal(client: Any, job: Job, opened: Opened, turns: Turns) -> Generator[Turn
         while running.count() < AHEAD * threads and (
             chunks := turns.take(AHEAD * threads, max(TURN, threads / RATE))
         ):
-            task = (_excerpt(job, chunks), path, token, __version__, chunks)
+            task = (_posture_slice(job, chunks), path, token, __version__, chunks)
             # Not pure: Dask shall not compare tasks. The job goes with every turn, for what is
             # left on one worker is lost with it.
             running.add(client.submit(do_turn, *task, pure=False))
@@ -294,16 +296,16 @@ def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[i
     return do_chunks(job, chunks, write)
 
 
-def _excerpt(job: Job, chunks: list[int]) -> Job:
+def _posture_slice(job: Job, chunks: list[int]) -> Job:
     """Return a job that holds of given postures only what a turn needs."""
     if not isinstance(job.postures, Listed):
         return job
     rows = {index: job.postures.block(*job.range(index)) for index in chunks}
-    return replace(job, postures=Excerpt(rows, job.chunk, job.postures.count, job.postures.n))
+    return replace(job, postures=PostureSlice(rows, job.chunk, job.postures.count, job.postures.n))
 
 
 @dataclass(frozen=True, eq=False)
-class Excerpt:
+class PostureSlice:
     """Some chunks of given postures.
 
     Attributes

@@ -13,7 +13,7 @@ from ftforce.analysis.question import check_size, checked_mode
 from ftforce.batch.plan import faults_of, mechanism_of, question_of
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet, fault_sets
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.task import Axes, Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import FtforceError, InputError
@@ -148,7 +148,7 @@ class Remapper:
         length: float | None = None,
         axes: Axes = "tool",
         rtol: float = RTOL,
-        wary: float = WARY,
+        wary: float = BORDERLINE_RTOL,
     ) -> None:
         check_tolerances(rtol, wary)
         self._robot = robot

@@ -47,11 +47,13 @@ class Turn(NamedTuple):
 class Runner(Protocol):
     """Does chunks somewhere, in any order."""
 
-    def __call__(self, job: Job, opened: Opened, turns: Turns, /) -> Generator[Turn, None, None]:
+    def __call__(
+        self, job: Job, opened: Opened, turns: BatchSizer, /
+    ) -> Generator[Turn, None, None]:
         """Yield turns as they are done."""
 
 
-class Turns:
+class BatchSizer:
     """Chunks that are to be done, dealt out in turns of about the same time.
 
     A summary is megabytes, whatever it counts: one for every chunk would cost as much as the
@@ -119,7 +121,7 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
     """
     done, total = opened.done, job.postures.count
     count = int((~done).sum())
-    turns = Turns((index for index in range(job.chunks) if not done[index]), count)
+    turns = BatchSizer((index for index in range(job.chunks) if not done[index]), count)
     saved, is_whole = time.monotonic(), True
     try:
         with closing(runner(job, opened, turns)) as parts:
@@ -163,7 +165,7 @@ def threads_of(threads: int | None) -> int:
 def in_threads(threads: int) -> Runner:
     """Return what does chunks in threads of this process."""
 
-    def runner(job: Job, opened: Opened, turns: Turns) -> Generator[Turn, None, None]:
+    def runner(job: Job, opened: Opened, turns: BatchSizer) -> Generator[Turn, None, None]:
         write = partial(store.write_samples, opened)
         # Samples take longer than the summary, and what is written should count soon.
         seconds = TURN if job.keep == "summary" else 0.0

@@ -24,7 +24,7 @@ from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.faults import FaultMode, fault_sets
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.task import Axes, Task
 from ftforce.errors import FtforceError, InputError, UnknownNameError
 from ftforce.robot.kinematics import reach_bound, tip_pose
@@ -68,7 +68,7 @@ def sweep(
     length: float | None = None,
     axes: Axes = "tool",
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
     keep: Keep | None = None,
     cell: float | None = None,
     output: str | PathLike[str] | None = None,

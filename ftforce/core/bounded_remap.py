@@ -19,8 +19,8 @@ from ftforce.core.arrays import Matrix, Vector, as_vector, norm, over, read_only
 from ftforce.core.feasible_forces import (
     NOTHING,
     FeasibleForces,
+    LockModel,
     Reach,
-    Reading,
     feasible_forces,
     reach,
 )
@@ -348,16 +348,16 @@ def remap_inside(
     reduced: ReducedJacobian, F: Vector, rnea: Vector, largest: Vector | None
 ) -> BoundedRemap:
     """Remap inside limits. The arguments are trusted; the force is F̂, weighted."""
-    feasible = feasible_forces(reduced, rnea, largest, Reading.COMMANDED)
+    feasible = feasible_forces(reduced, rnea, largest, LockModel.COMMANDED)
     return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
 
 
 def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
     """Return the largest s ≤ 1 for which s·F is feasible, ``None`` if there is none."""
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
-    if ray.is_empty or ray.least > 1.0:
+    if ray.is_empty or ray.minimum > 1.0:
         return None
-    return min(ray.most, 1.0)
+    return min(ray.maximum, 1.0)
 
 
 def _at_rest(feasible: FeasibleForces) -> Reach:

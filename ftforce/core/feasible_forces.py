@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-12  # a torque smaller than this, relative to the arm's, is none
 
 
-class Reading(StrEnum):
+class LockModel(StrEnum):
     """What a lock is taken for."""
 
     COMMANDED = "commanded"
@@ -38,7 +38,7 @@ class Reading(StrEnum):
     """Also what locks carry of a load that is there already, up to their brakes' limits."""
 
     @classmethod
-    def parse(cls, reading: str) -> Reading:
+    def parse(cls, reading: str) -> LockModel:
         """Return the reading of this name.
 
         Raises
@@ -52,7 +52,7 @@ class Reading(StrEnum):
             raise UnknownNameError("reading of a lock", reading, list(cls)) from None
 
 
-class End(StrEnum):
+class LimitingFactor(StrEnum):
     """What ends a capability."""
 
     LIMIT = "limit"
@@ -125,21 +125,21 @@ class Reach(NamedTuple):
 
     Attributes
     ----------
-    least, most :
-        The interval of s; ``most`` is infinite if no known limit ends it, and smaller than
-        ``least`` if nothing of the ray lies inside.
-    stops :
+    minimum, maximum :
+        The interval of s; ``maximum`` is infinite if no known limit ends it, and smaller than
+        ``minimum`` if nothing of the ray lies inside.
+    limiting_joints :
         Indices of the joints whose limits end it.
     """
 
-    least: float
-    most: float
-    stops: tuple[int, ...] = ()
+    minimum: float
+    maximum: float
+    limiting_joints: tuple[int, ...] = ()
 
     @property
     def is_empty(self) -> bool:
         """Whether no part of the ray is feasible."""
-        return self.most < self.least
+        return self.maximum < self.minimum
 
 
 NOTHING = Reach(0.0, -1.0)
@@ -149,7 +149,7 @@ def feasible_forces(
     reduced: ReducedJacobian,
     rnea: Vector,
     largest: Vector | None,
-    reading: Reading = Reading.COMMANDED,
+    reading: LockModel = LockModel.COMMANDED,
 ) -> FeasibleForces:
     """Return the forces that can be held.
 
@@ -172,7 +172,7 @@ def feasible_forces(
         if norm(rnea[swinging.joints]) > _ROUNDING * weight:
             F0 = swinging.support(rnea)
             unbalanced = norm(swinging.unbalanced(rnea)) / weight
-    if reading is Reading.COMMANDED:
+    if reading is LockModel.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
         Z = np.eye(reduced.m) if swinging is None else swinging.U[:, swinging.rank :]
@@ -226,14 +226,14 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     return Reach(least, most, stops)
 
 
-def end_of(feasible: FeasibleForces, ray: Reach) -> End:
+def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
     """Return what ends a ray."""
     if ray.is_empty:
         balanced = feasible.stands_still and not feasible.F0.any()
-        return End.WEIGHT if balanced else End.FAULT
-    if ray.stops:
-        return End.LIMIT
-    return End.UNLIMITED if math.isinf(ray.most) else End.FAULT
+        return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
+    if ray.limiting_joints:
+        return LimitingFactor.LIMIT
+    return LimitingFactor.UNLIMITED if math.isinf(ray.maximum) else LimitingFactor.FAULT
 
 
 def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 RTOL = 1e-6
 """Default rank tolerance, relative to σ_max of the healthy arm: URDFs carry rounded angles."""
 
-WARY = 1e-2
+BORDERLINE_RTOL = 1e-2
 """Default upper end of the tolerances that are tried before a verdict counts as certain."""
 
 
@@ -200,7 +200,7 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     return read_only(mask)
 
 
-def check_tolerances(rtol: float, wary: float = WARY) -> None:
+def check_tolerances(rtol: float, wary: float = BORDERLINE_RTOL) -> None:
     """Check the rank tolerance and the upper end of the wary range.
 
     Raises

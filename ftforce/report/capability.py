@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from ftforce.analysis.analyze import Analysis
-from ftforce.analysis.capability import Amount, Capability
+from ftforce.analysis.capability import Capability, CapabilityRange
 from ftforce.core.faults import FaultMode
-from ftforce.core.feasible_forces import End, Reading
+from ftforce.core.feasible_forces import LimitingFactor, LockModel
 from ftforce.report import text
 from ftforce.report.analysis import _situation, faults_in_words
 from ftforce.report.parts import (
@@ -27,7 +27,7 @@ from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_siz
 
 if TYPE_CHECKING:
     from ftforce.analysis.analyze import Analysis
-    from ftforce.analysis.capability import Amount, Capability
+    from ftforce.analysis.capability import Capability, CapabilityRange
 
 
 def capability_sentence(capability: Capability) -> str:
@@ -39,18 +39,20 @@ def capability_sentence(capability: Capability) -> str:
 
 def _about_force(capability: Capability) -> str:
     analysis, weakest = capability.analysis, capability.weakest
-    before, after = (x[Reading.COMMANDED] for x in (weakest.before, weakest.after))
+    before, after = (x[LockModel.COMMANDED] for x in (weakest.before, weakest.after))
     everywhere = "in every direction that the healthy arm has"
     unit = unit_of_size(analysis.task)
     earlier = _earlier(capability, before, after, unit)
-    if math.isfinite(after.most) and after.most > 0.0:
+    if math.isfinite(after.maximum) and after.maximum > 0.0:
         return f"the motors can command {amount_in_words(after, unit)} {everywhere}{earlier}"
-    if math.isinf(after.most):
+    if math.isinf(after.maximum):
         return f"no known limit ends the force that the motors can command{earlier}"
-    if math.isfinite(before.most) and after.most != before.most:  # no amount of the same force
+    if (
+        math.isfinite(before.maximum) and after.maximum != before.maximum
+    ):  # no amount of the same force
         earlier = f" (before: {amount_in_words(before, unit)} in every direction)"
-    if math.isnan(after.most):
-        why = f"{end_in_words(analysis, after)} and " if after.end is End.WEIGHT else ""
+    if math.isnan(after.maximum):
+        why = f"{end_in_words(analysis, after)} and " if after.end is LimitingFactor.WEIGHT else ""
         if analysis.can_stand_still:
             return f"{why}the arm stands still only with a force at the tip{earlier}"
         return f"{why}the arm cannot stand still{earlier}"
@@ -62,53 +64,55 @@ def _about_payload(capability: Capability) -> str:
     before, after = capability.payload
     more = " more" if capability.analysis.conditions.payload is not None else ""
     earlier = _earlier(capability, before, after, "kg")
-    if math.isnan(after.most):
+    if math.isnan(after.maximum):
         return f"no payload lets it stand still{earlier}"
-    if math.isinf(after.most):
+    if math.isinf(after.maximum):
         return f"no known limit ends the payload{earlier}"
-    if after.most == 0.0:
+    if after.maximum == 0.0:
         return f"the tip carries no payload{earlier}"
     return f"the tip carries {amount_in_words(after, 'kg')}{more}{earlier}"
 
 
-def _earlier(capability: Capability, before: Amount, after: Amount, unit: str) -> str:
+def _earlier(
+    capability: Capability, before: CapabilityRange, after: CapabilityRange, unit: str
+) -> str:
     if not capability.analysis.faults.faults:
         return ""
     then, now = (amount_in_words(amount, unit) for amount in (before, after))
     return ", as before" if then == now else f" ({then} before)"
 
 
-def amount_in_words(amount: Amount, unit: str) -> str:
+def amount_in_words(amount: CapabilityRange, unit: str) -> str:
     """Say an amount: nothing, a number or a range, or no limit that is known."""
-    if math.isnan(amount.most):
+    if math.isnan(amount.maximum):
         return "nothing"
-    most = "no known limit" if math.isinf(amount.most) else f"{size(amount.most)} {unit}"
-    if amount.least <= NEGLIGIBLE:
+    most = "no known limit" if math.isinf(amount.maximum) else f"{size(amount.maximum)} {unit}"
+    if amount.minimum <= NEGLIGIBLE:
         return most
-    return f"only {most}" if is_point(amount) else f"only {size(amount.least)} {unit} to {most}"
+    return f"only {most}" if is_point(amount) else f"only {size(amount.minimum)} {unit} to {most}"
 
 
-def is_point(amount: Amount) -> bool:
+def is_point(amount: CapabilityRange) -> bool:
     """Return whether one amount alone holds the arm: with less, too, it does not stand still."""
-    least, most = amount.least, amount.most
+    least, most = amount.minimum, amount.maximum
     if least <= NEGLIGIBLE or math.isinf(most):
         return False
     return most - least <= NEGLIGIBLE * max(1.0, most)
 
 
-def end_in_words(analysis: Analysis, amount: Amount, *, after: bool = True) -> str:
+def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = True) -> str:
     """Say what ends an amount, after the fault or before it, when no brake holds yet."""
-    names = [analysis.robot.names[j] for j in amount.stops]
-    if amount.end is End.UNLIMITED:
+    names = [analysis.robot.names[j] for j in amount.limiting_joints]
+    if amount.end is LimitingFactor.UNLIMITED:
         return "no known limit"
-    if amount.end is End.WEIGHT:
+    if amount.end is LimitingFactor.WEIGHT:
         return f"weight overloads {joined(names)}" if names else "weight"
-    if amount.end is End.FAULT:
+    if amount.end is LimitingFactor.FAULT:
         return f"fault of {joined(names)}" if names else "the arm lacks it"
     locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
     words = (
         f"{'brake of ' if j in locked else ''}{name}"
-        for j, name in zip(amount.stops, names, strict=True)
+        for j, name in zip(amount.limiting_joints, names, strict=True)
     )
     return joined(words)
 
@@ -140,24 +144,26 @@ def capability_rows(capability: Capability) -> list[Row]:
         ((report.name, unit, when, reading.value), amounts[reading])
         for report, unit in reports
         for when, amounts in (("before", report.before), ("after", report.after))
-        for reading in Reading
+        for reading in LockModel
     ]
     loads = zip(("before", "after"), capability.payload, strict=True)
     found += [(("payload", "kg", when, "held"), amount) for when, amount in loads]
     return rows_of(_amount(capability, *one) for one in found)
 
 
-def _amount(capability: Capability, about: tuple[str, str, str, str], amount: Amount) -> Document:
+def _amount(
+    capability: Capability, about: tuple[str, str, str, str], amount: CapabilityRange
+) -> Document:
     analysis, task = capability.analysis, capability.analysis.task
     names, direction = analysis.robot.names, amount.direction.tolist()
-    if not direction or (about[0] == capability.weakest.name and not math.isfinite(amount.most)):
+    if not direction or (about[0] == capability.weakest.name and not math.isfinite(amount.maximum)):
         direction = [""] * task.m
     return {
         **dict(zip(("quantity", "unit", "when", "reading"), about, strict=True)),
-        "most": finite(amount.most),
-        "least": finite(amount.least),
+        "most": finite(amount.maximum),
+        "least": finite(amount.minimum),
         "end": amount.end.value,
-        "stops": " ".join(names[j] for j in amount.stops),
+        "stops": " ".join(names[j] for j in amount.limiting_joints),
         **{f"direction_{axis}": x for axis, x in zip(task.components, direction, strict=True)},
         "fault_set": str(analysis.faults),
         **task_columns(task),

@@ -139,10 +139,10 @@ def _set_document(names: Sequence[str], report: SetReport) -> Document:
         else {
             "commanded": finite(report.capability.commanded),
             "held": finite(report.capability.held),
-            "least": finite(report.capability.least),
+            "least": finite(report.capability.minimum),
             "end": report.capability.end.value,
             "held_end": report.capability.held_end.value,
-            "stops": [names[j] for j in report.capability.stops],
+            "stops": [names[j] for j in report.capability.limiting_joints],
         },
         "verdict": report.verdict.value,
     }
@@ -176,7 +176,7 @@ def _set_record(census: Census, report: SetReport) -> Document:
         "binding": " ".join(names[j] for j in report.binding),
         "commanded": "" if found is None else finite(found.commanded),
         "held": "" if found is None else finite(found.held),
-        "least": "" if found is None else finite(found.least),
+        "least": "" if found is None else finite(found.minimum),
         "end": "" if found is None else found.end.value,
         "held_end": "" if found is None else found.held_end.value,
         **task_columns(task),

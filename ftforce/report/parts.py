@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ftforce.core.faults import FaultMode
-from ftforce.core.feasible_forces import Reading
+from ftforce.core.feasible_forces import LockModel
 from ftforce.report import text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ftforce.analysis.capability import Amount, Capability
+    from ftforce.analysis.capability import Capability, CapabilityRange
     from ftforce.analysis.conditions import Conditions
     from ftforce.analysis.paper import Check
     from ftforce.batch.result import SweepSetting
@@ -260,19 +260,19 @@ def limits_part(names: Sequence[str], limits: Limits) -> Document:
     }
 
 
-def amount_part(names: Sequence[str], amount: Amount) -> Document:
+def amount_part(names: Sequence[str], amount: CapabilityRange) -> Document:
     """Return how much can be held, and what ends it."""
     return {
-        "most": finite(amount.most),
-        "least": finite(amount.least),
+        "most": finite(amount.maximum),
+        "least": finite(amount.minimum),
         "end": amount.end.value,
-        "stops": [names[j] for j in amount.stops],
+        "stops": [names[j] for j in amount.limiting_joints],
     }
 
 
-def _weakest(amount: Amount) -> list[float] | None:
+def _weakest(amount: CapabilityRange) -> list[float] | None:
     """Return the weakest direction; ``None`` if none is weaker than another."""
-    return amount.direction.tolist() if math.isfinite(amount.most) else None
+    return amount.direction.tolist() if math.isfinite(amount.maximum) else None
 
 
 def polytope_part(capability: Capability) -> Document | None:
@@ -287,7 +287,7 @@ def polytope_part(capability: Capability) -> Document | None:
                 "dimension": polytope.dimension,
                 "is_bounded": polytope.is_bounded,
             }
-            for reading in Reading
+            for reading in LockModel
             for polytope in [capability.polytope(after=late, reading=reading)]
         }
         for when, late in (("before", False), ("after", True))
@@ -302,7 +302,7 @@ def capability_part(capability: Capability) -> Document:
         "directions": [
             {
                 "name": report.name,
-                "direction": report.before[Reading.COMMANDED].direction.tolist(),
+                "direction": report.before[LockModel.COMMANDED].direction.tolist(),
                 "unit": report.unit,
                 "before": {r.value: amount_part(names, x) for r, x in report.before.items()},
                 "after": {r.value: amount_part(names, x) for r, x in report.after.items()},

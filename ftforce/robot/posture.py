@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ftforce.core.arrays import Vector, as_vector, read_only
-from ftforce.core.reduced_jacobian import RTOL, WARY
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.robot.kinematics import frame_jacobian
 from ftforce.robot.robot import BUILT_IN_POSTURES
@@ -156,7 +156,7 @@ def is_singular(robot: Robot, q: Vector) -> bool:
     """Return whether the arm has less rank here than elsewhere, for forces or for wrenches."""
     J = frame_jacobian(robot, q)
     for rows in (3, 6):
-        rank = _rank(J[:rows], WARY)
+        rank = _rank(J[:rows], BORDERLINE_RTOL)
         if rank < min(rows, robot.n) and rank < _usual_rank(robot, rows):
             return True
     return False

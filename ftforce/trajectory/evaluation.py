@@ -230,7 +230,7 @@ def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) 
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
-def _aware(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
+def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
     """Return what the remap makes of a fault, as `ftforce.analyze` does."""
     locked, swinging, counted, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, swinging)
@@ -262,17 +262,19 @@ def _without_sign_changes(quaternions: Matrix) -> None:
 def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
     actual, taken_for = faults
     if taken_for is None:
-        return _aware(case, J, rnea, actual)
+        return _with_remap(case, J, rnea, actual)
     if case.limits is None and actual.swinging is None and taken_for.swinging is None:
-        return _aware(case, J, rnea, actual)  # locks alone leave the healthy torques as they were
-    return _unaware(case, q, J, rnea, faults)
+        return _with_remap(
+            case, J, rnea, actual
+        )  # locks alone leave the healthy torques as they were
+    return _without_remap(case, q, J, rnea, faults)
 
 
-def _unaware(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
     """Return what comes of torques that are meant for other faults than there are."""
     actual, known = faults
     assert known is not None
-    meant = _aware(case, J, rnea, known)
+    meant = _with_remap(case, J, rnea, known)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
     if np.isnan(meant.motor).any():  # nothing held the arm before
         return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from ftforce.core.faults import FaultMode
-from ftforce.core.reduced_jacobian import RTOL, WARY
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
 from ftforce.core.svd import Svd
 from ftforce.robot.kinematics import frame_jacobian, rotation_vector
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ftforce.core.faults import FaultSet
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.fault_events import Phase
-    from ftforce.trajectory.reference import Course
+    from ftforce.trajectory.reference import ReferenceTrajectory
 
 GAIN = 10.0  # 1/s: with which the tip returns to its course
 LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
@@ -70,7 +70,7 @@ class Progression(NamedTuple):
 
 def advance(
     robot: Robot,
-    course: Course,
+    course: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     phases: Sequence[Phase],
@@ -127,7 +127,7 @@ def advance(
     return Progression(whole, arrivals)
 
 
-def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
+def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law:
     """Return the joint velocities that follow a course, as a function of time and posture.
 
     Parameters
@@ -156,8 +156,8 @@ def rates_law(robot: Robot, course: Course, known: FaultSet) -> Law:
             # No faster than the tip moves, 1 rad for 1 m: where the orientation cannot be kept,
             # chasing it would drive the arm to where its place cannot be kept either.
             turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
-        healthy, v = Svd(J[:3], left_only=True), target.preferred
-        damped_below = WARY * healthy.s[0]
+        healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
+        damped_below = BORDERLINE_RTOL * healthy.s[0]
         v = rates.moved(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
         if turn is not None:
             v = rates.turned(J, turn, nobody, q, v)
@@ -218,7 +218,7 @@ class _Rates(NamedTuple):
         angular = np.where(fixed, 0.0, J[3:])
         left = Svd(angular - angular.dot(V).dot(V.T), left_only=True)
         scale = Svd(np.ascontiguousarray(J[3:]), left_only=True).s[0]
-        change = damped_inverse(left, turn - J[3:].dot(v), WARY * scale)
+        change = damped_inverse(left, turn - J[3:].dot(v), BORDERLINE_RTOL * scale)
         with np.errstate(divide="ignore", invalid="ignore"):
             room = np.where(change > 0.0, upper - v, lower - v) / change
         share = np.nanmin(np.where(change == 0.0, np.inf, room), initial=1.0)
@@ -227,7 +227,7 @@ class _Rates(NamedTuple):
 
 def _stretch(
     robot: Robot,
-    course: Course,
+    course: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     *,

@@ -22,13 +22,13 @@ class Target(NamedTuple):
     ----------
     x, x_dot :
         Position, m, and velocity, m/s, shape (3,).
-    preferred :
+    nominal_velocity :
         Joint velocities to stay close to, shape (n,).
     """
 
     x: Vector
     x_dot: Vector
-    preferred: Vector
+    nominal_velocity: Vector
 
 
 class Motion(NamedTuple):
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
     a: Matrix
 
 
-class Course(Protocol):
+class ReferenceTrajectory(Protocol):
     """What an arm is to follow."""
 
     @property
@@ -61,7 +61,7 @@ class Course(Protocol):
         """Return the motion of all joints, ``None`` where only the tip's is given."""
 
 
-class PathCourse:
+class PathReference:
     """A path of the tip.
 
     Parameters
@@ -85,7 +85,7 @@ class PathCourse:
         """Return nothing: inverse kinematics finds the motion."""
 
 
-class RecordedCourse:
+class RecordedReference:
     """A recorded motion, splined; its time begins at 0.
 
     Angles of continuous joints may jump by whole turns, as drivers report them.

@@ -16,7 +16,7 @@ from ftforce.analysis.question import limits_for
 from ftforce.core.arrays import Vector, as_vector, is_number, read_only
 from ftforce.core.changes import change_of_velocity, impact_of_lock
 from ftforce.core.faults import FaultMode, FaultSet
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce
 from ftforce.core.task import Axes, Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
@@ -66,7 +66,7 @@ def simulate(
     keep_orientation: bool = False,
     max_gap: float | None = None,
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
 ) -> History:
     """Move an arm along a trajectory while its tip exerts a force and joints fail.

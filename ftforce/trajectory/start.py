@@ -15,13 +15,13 @@ from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.posture import Posture, choose_posture
 from ftforce.trajectory.path import Path
 from ftforce.trajectory.recording import Recording, Sheet, recording_of
-from ftforce.trajectory.reference import PathCourse, RecordedCourse
+from ftforce.trajectory.reference import PathReference, RecordedReference
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.reference import Course
+    from ftforce.trajectory.reference import ReferenceTrajectory
 
 __all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
@@ -51,7 +51,7 @@ class Start(NamedTuple):
         What is odd about the trajectory.
     """
 
-    course: Course
+    course: ReferenceTrajectory
     q: Vector
     times: Vector
     words: str
@@ -132,7 +132,7 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     words = f"the recorded motion of {recording.source}, {recording.duration:.4g} s"
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
-    course = RecordedCourse(robot, recording)
+    course = RecordedReference(robot, recording)
     q, doubts = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
     return Start(course, q, read_only(times), words, "recorded", doubts)
 
@@ -148,7 +148,7 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
     words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
     if path.keeps_orientation:
         words += ", orientation kept"
-    course = PathCourse(robot, path, q)
+    course = PathReference(robot, path, q)
     return Start(course, q, read_only(times), words, source, posture.warnings)
 
 

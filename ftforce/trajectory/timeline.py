@@ -15,7 +15,7 @@ from ftforce.analysis.question import check_size, checked_mode, direction_or_for
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances, reduce_decomposed
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce_decomposed
 from ftforce.core.remap import supported_force
 from ftforce.core.svd import Svd
 from ftforce.core.task import Axes, Task
@@ -146,7 +146,7 @@ class Timeline(Displayed):
     def worst(self) -> tuple[WorstInstant, ...]:
         """Return the worst instant of each set, the worst set first."""
         instants = [self._worst_of(column) for column in range(len(self.sets))]
-        return tuple(sorted(instants, key=_badness))
+        return tuple(sorted(instants, key=_by_severity))
 
     def _worst_of(self, column: int) -> WorstInstant:
         jump, margin = self.jump[:, column], self.margin[:, column]
@@ -190,7 +190,7 @@ def timeline(
     keep_orientation: bool = False,
     max_gap: float | None = None,
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
 ) -> Timeline:
     """Ask at every instant of a trajectory what every set of failed joints would do.
@@ -394,7 +394,7 @@ def _check_count(instants: int, robot: Robot, faults: int) -> None:
         )
 
 
-def _badness(instant: WorstInstant) -> tuple[float, ...]:
+def _by_severity(instant: WorstInstant) -> tuple[float, ...]:
     jump = math.inf if math.isnan(instant.jump) else round(instant.jump, 9)
     worst = (-CODES[instant.verdict], -instant.not_tolerated, -jump, round(instant.margin, 9))
     return *worst, len(instant.faults), *instant.faults.joints

@@ -86,7 +86,7 @@ def test_capability(benchmark, problem):
     J, weight, limits = problem
     reduced = reduce(J, LOCKED)
     ray = benchmark(lambda: reach(feasible_forces(reduced, weight, limits), UP))
-    assert 0.0 < ray.most < np.inf
+    assert 0.0 < ray.maximum < np.inf
 
 
 @pytest.mark.benchmark(group="capability in one direction, goal 15 us")
@@ -96,7 +96,7 @@ def test_capability_with_scipy(benchmark, problem):
     A, b = np.concatenate([lever, -lever])[:, None], np.concatenate([limit - g, limit + g])
     found = benchmark(lambda: linprog([-1.0], A_ub=A, b_ub=b, bounds=[(0, None)]))
     expected = reach(feasible_forces(reduce(J, LOCKED), weight, limits), UP)
-    np.testing.assert_allclose(found.x[0], expected.most, rtol=1e-9)
+    np.testing.assert_allclose(found.x[0], expected.maximum, rtol=1e-9)
 
 
 @pytest.mark.benchmark(group="force polytope, m = 3, n = 7")

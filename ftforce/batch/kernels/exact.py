@@ -13,7 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import BORDERLINE, NOT_TOLERATED, TOLERATED, room, rooms
+from ftforce.batch.kernels.layout import (
+    BORDERLINE,
+    NOT_TOLERATED,
+    TOLERATED,
+    aligned_arrays,
+    aligned_zeros,
+)
 
 _SWEEPS = 40
 _ORTHOGONAL = 4e-16
@@ -45,7 +51,7 @@ def scratch(m, n):
     """Return a workspace of one posture."""
     posture = [(m, n), (m, m), m, m, m, n]
     fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
-    return Scratch(room(1, np.int64), *rooms([*posture, *fault_set]))
+    return Scratch(aligned_zeros(1, np.int64), *aligned_arrays([*posture, *fault_set]))
 
 
 @inner

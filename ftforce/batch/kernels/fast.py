@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.kernels import lanes, lost, secular, spectrum, three
 from ftforce.batch.kernels.jit import inner, kernel
-from ftforce.batch.kernels.layout import CLEAR, LANES, TOLERATED, UNDECIDED, rooms
+from ftforce.batch.kernels.layout import GUARD_BAND, LANES, TOLERATED, UNDECIDED, aligned_arrays
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +40,7 @@ class Lane(NamedTuple):
     a: np.ndarray  # (LANES,): workspace
 
 
-class Bench(NamedTuple):
+class Workspace(NamedTuple):
     """Workspace of `evaluate`, in parts: what takes few arrays is compiled in less time."""
 
     arm: Work
@@ -54,9 +54,9 @@ def bench(joints, n, m):
     """Return a workspace."""
     rows, line = [(3, 3, LANES), (3, 3, LANES)], (LANES,)
     ends = [(2, LANES), (n, 4, LANES), line, line, line]
-    lane = Lane(*rooms([*rows, line, line, line, *ends]))
+    lane = Lane(*aligned_arrays([*rows, line, line, line, *ends]))
     parts = (spectrum.spectrum(m, n), secular.secular(m, n), lost.lost(m, n))
-    return Bench(lanes.workspace(joints, n, m), lane, *parts)
+    return Workspace(lanes.workspace(joints, n, m), lane, *parts)
 
 
 def evaluate(mechanism, faults, question, q, answers, work):
@@ -251,7 +251,7 @@ def evaluate_healthy(rtol, J, lane, spec):
     """Decompose J, and decide whether its rank is beyond doubt."""
     m = J.shape[0]
     spectrum.decompose(J, spec)
-    least = max(rtol * CLEAR, secular.LEAST) ** 2
+    least = max(rtol * GUARD_BAND, secular.LEAST) ** 2
     for b in range(LANES):
         lane.smallest[b], lane.largest[b] = spec.square[m - 1, b], spec.square[0, b]
         lane.over[0, b] = 1.0 / spec.sigma[0, b]
@@ -320,7 +320,7 @@ def answer_single(
         secular.count_below(k, one, below)
         if asks:
             secular.share_along(k, spec.sigma, spec.square, one, share)
-    safe = max(wary * CLEAR, secular.LEAST) ** 2
+    safe = max(wary * GUARD_BAND, secular.LEAST) ** 2
     for b in range(count):
         sigma = math.sqrt(x[b])
         sigma_min[first + b] = sigma

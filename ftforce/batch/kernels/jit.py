@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numba
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +33,7 @@ def kernel(function: Callable[..., Any], **options: bool) -> Any:
     compile_: Any = njit  # its annotations leave out some options
     common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
     compiled = compile_(function, cache=True, **common)
-    if numba.config.DISABLE_JIT or _is_keyed(compiled):
+    if not isinstance(compiled, Dispatcher) or _is_keyed(compiled):  # plain Python if JIT is off
         return compiled
     warnings.warn(UNKNOWN_CACHE, RuntimeWarning, stacklevel=2)
     return compile_(function, cache=False, **common)
@@ -48,7 +49,7 @@ def _is_keyed(compiled: Any) -> bool:
 
     The attributes are private; tried on numba 0.61 to 0.68.
     """
-    kept = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    kept: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if not hasattr(kept, "_source_stamp"):
         return False
     kept._source_stamp = _STATE

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import LANES, room, rooms
+from ftforce.batch.kernels.layout import LANES, aligned_arrays, aligned_zeros
 
 # π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
 # each with a quadrant's number is exact.
@@ -55,7 +55,7 @@ def workspace(joints, n, m):
     line, row, each = (LANES,), (6, LANES), (joints, LANES)
     kinematics = [each, line, line, (joints, 12, LANES), (12, LANES), row]
     loads = [(m, n, LANES), (n, LANES), (joints, 3, LANES), (joints,), row, row]
-    return Work(room(LANES, np.int64), *rooms([*kinematics, *loads]))
+    return Work(aligned_zeros(LANES, np.int64), *aligned_arrays([*kinematics, *loads]))
 
 
 @inner

@@ -21,7 +21,7 @@ CELL_BINS = 32
 UNDECIDED = -1
 """Verdict, or rank, that is left to the accurate part."""
 
-CLEAR = 1.0 + 1e-6
+GUARD_BAND = 1.0 + 1e-6
 """Closer to a tolerance than this, relative, the fast parts decide nothing."""
 
 Vector = NDArray[np.float64]
@@ -43,7 +43,7 @@ def aligned(
     return raw[first : first + size].view(kind).reshape(shape)
 
 
-def room(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
+def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
     """Return zeros that begin at a line of the caches, for a workspace.
 
     Workspaces are made by Python: to compile what makes them takes longer than all they are for.
@@ -53,9 +53,9 @@ def room(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
     return zeros
 
 
-def rooms(shapes: Iterable[int | tuple[int, ...]]) -> list[NDArray[Any]]:
+def aligned_arrays(shapes: Iterable[int | tuple[int, ...]]) -> list[NDArray[Any]]:
     """Return zeros of these shapes, likewise."""
-    return [room(shape) for shape in shapes]
+    return [aligned_zeros(shape) for shape in shapes]
 
 
 class Mechanism(NamedTuple):

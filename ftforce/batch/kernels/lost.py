@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from ftforce.batch.kernels.jit import inner
 from ftforce.batch.kernels.layout import (
     BORDERLINE,
-    CLEAR,
+    GUARD_BAND,
     LANES,
     NOT_TOLERATED,
     TOLERATED,
     UNDECIDED,
-    rooms,
+    aligned_arrays,
 )
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Lost(NamedTuple):
 
 def lost(m, n):
     """Return a workspace."""
-    return Lost(*rooms([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
+    return Lost(*aligned_arrays([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
 
 
 @inner
@@ -163,7 +163,7 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
         is_some = share > (2.0 * _ROUNDING) ** 2 * total[b]
         is_none = not share > (0.5 * _ROUNDING) ** 2 * total[b]
         offset[b] = weight[k, b] / math.sqrt(size[b]) if is_some else 0.0
-        is_column = size[b] > (wary * CLEAR) ** 2 * largest[b]  # for every tolerance
+        is_column = size[b] > (wary * GUARD_BAND) ** 2 * largest[b]  # for every tolerance
         is_zero = size[b] <= _ZERO * _ZERO * largest[b]
         idle[b] = (math.sqrt(share / total[b]) if is_some else 0.0) if is_zero else -1.0
         is_known = (is_column | is_zero) & (is_some | is_none)
@@ -198,9 +198,11 @@ def judge(rtol, wary, largest, first, count, one, verdict):
         left, jump = retained[b], relative[b]
         code = UNDECIDED
         if left > 0.0 and largest[b] > 0.0:
-            if jump > wary * CLEAR:
+            if jump > wary * GUARD_BAND:
                 code = NOT_TOLERATED
-            elif left > (wary * CLEAR) ** 2 * largest[b]:  # no tolerance takes another direction
+            elif (
+                left > (wary * GUARD_BAND) ** 2 * largest[b]
+            ):  # no tolerance takes another direction
                 code = by_tolerance(jump, rtol, wary)
         verdict[first + b] = code
 
@@ -208,11 +210,11 @@ def judge(rtol, wary, largest, first, count, one, verdict):
 @inner
 def by_tolerance(jump, rtol, wary):
     """Return the verdict where nothing but what is compared with the tolerance depends on it."""
-    if jump > wary * CLEAR:
+    if jump > wary * GUARD_BAND:
         return NOT_TOLERATED
-    if jump < rtol / CLEAR:
+    if jump < rtol / GUARD_BAND:
         return TOLERATED
-    return BORDERLINE if rtol * CLEAR < jump < wary / CLEAR else UNDECIDED
+    return BORDERLINE if rtol * GUARD_BAND < jump < wary / GUARD_BAND else UNDECIDED
 
 
 @inner
@@ -254,7 +256,7 @@ def limit_capability(direction, rtol, size, swings, d, one, least, most):
     for b in range(LANES):
         offset = one.offset[b] if swings else 0.0
         is_aside = whole[b] <= nothing
-        close = abs(whole[b] - nothing) <= (CLEAR - 1.0) * nothing
+        close = abs(whole[b] - nothing) <= (GUARD_BAND - 1.0) * nothing
         retained[b] = math.nan if close else retained[b]
         reach = -offset / along[b]
         if swings and one.idle[b] >= 0.0:
@@ -279,7 +281,7 @@ def keep_idle(question, s, first, count, largest, one, answers):
         answers.sigma_min[s, at] = math.sqrt(left)
         answers.margin[s, at] = math.sqrt(left / largest[b])
         answers.rho[s, at] = 1.0
-        is_sure = left > (wary * CLEAR) ** 2 * largest[b]  # no tolerance takes a direction
+        is_sure = left > (wary * GUARD_BAND) ** 2 * largest[b]  # no tolerance takes a direction
         answers.verdict[s, at] = by_tolerance(idle, rtol, wary) if is_sure else UNDECIDED
         falls = idle > rtol  # nothing holds the arm
         if question.force.size:

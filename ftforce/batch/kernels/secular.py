@@ -15,7 +15,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import CLEAR, LANES, rooms
+from ftforce.batch.kernels.layout import GUARD_BAND, LANES, aligned_arrays
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,7 +50,7 @@ class Secular(NamedTuple):
 def secular(m, n):
     """Return a workspace."""
     joints = [(n, m, LANES), (n, n, LANES), (n, LANES), (n, LANES)]
-    return Secular(*rooms([*joints, (m, LANES), (m, LANES), *[LANES] * 8]))
+    return Secular(*aligned_arrays([*joints, (m, LANES), (m, LANES), *[LANES] * 8]))
 
 
 @inner
@@ -114,7 +114,7 @@ def find_root(k, square, largest, rtol, one):
     ``F(x) = x - N_kk/φ(x)`` grows and is convex up to σ_m², for 1/φ is concave: Newton's steps come
     down to the root from the right, and Halley's, which may pass it, are taken if they go further.
     """
-    least = max(rtol * CLEAR, LEAST) ** 2
+    least = max(rtol * GUARD_BAND, LEAST) ** 2
     V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.step, one.upper
     m = V.shape[0]
     start(V, N, square, x, one)
@@ -201,7 +201,7 @@ def prepare_bound(square, largest, wary, one):
     """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
     bound, below = one.bound, one.below
     for b in range(LANES):
-        bound[b] = (wary * CLEAR * CLEAR) ** 2 * largest[b]
+        bound[b] = (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest[b]
         below[b] = 0.0
     for i in range(square.shape[0]):
         for b in range(LANES):

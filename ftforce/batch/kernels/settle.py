@@ -13,7 +13,7 @@ import numpy as np
 
 from ftforce.batch.kernels import exact, lanes, spectrum
 from ftforce.batch.kernels.jit import inner, kernel
-from ftforce.batch.kernels.layout import LANES, UNDECIDED, room
+from ftforce.batch.kernels.layout import LANES, UNDECIDED, aligned_zeros
 
 if TYPE_CHECKING:
     from ftforce.batch.kernels.exact import Scratch
@@ -32,8 +32,8 @@ class Pairs(NamedTuple):
 
 def pairs(m, n):
     """Return a workspace."""
-    pair = (room(LANES, np.int64), room(LANES, np.int64))
-    return Pairs(room((m, n, LANES)), spectrum.spectrum(m, n), *pair, exact.scratch(m, n))
+    pair = (aligned_zeros(LANES, np.int64), aligned_zeros(LANES, np.int64))
+    return Pairs(aligned_zeros((m, n, LANES)), spectrum.spectrum(m, n), *pair, exact.scratch(m, n))
 
 
 def settle(mechanism, faults, question, q, answers, work, group):

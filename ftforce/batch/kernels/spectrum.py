@@ -12,7 +12,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import LANES, rooms
+from ftforce.batch.kernels.layout import LANES, aligned_arrays
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,7 +43,7 @@ class Spectrum(NamedTuple):
 def spectrum(m, n):
     """Return a workspace."""
     rows = [(m, n, LANES), (m, m, LANES), (m, LANES), (m, LANES)]
-    return Spectrum(*rooms([*rows, *[LANES] * 4]))
+    return Spectrum(*aligned_arrays([*rows, *[LANES] * 4]))
 
 
 @inner

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 
 from ftforce.batch.kernels import lanes
 from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import BORDERLINE, CLEAR, LANES, TOLERATED, UNDECIDED
+from ftforce.batch.kernels.layout import BORDERLINE, GUARD_BAND, LANES, TOLERATED, UNDECIDED
 
 if TYPE_CHECKING:
     from ftforce.batch.kernels.layout import Vector
@@ -27,7 +27,7 @@ relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5
 @inner
 def evaluate_healthy(rtol, J, lane):
     """Take σ_max(J), σ_min(J) and w(J) of J Jᵀ, and what divides by them."""
-    least = max(rtol * CLEAR, LEAST_MARGIN) ** 2
+    least = max(rtol * GUARD_BAND, LEAST_MARGIN) ** 2
     smallest, largest, over = lane.smallest, lane.largest, lane.over
     lanes.gram(J, lane.A)
     outermost_of_three(lane.A, 1.0, largest, lane.x)
@@ -44,7 +44,7 @@ def answer(rtol, wary, joints, J, force, first, count, lane, sigma_min, margin, 
     """Answer for a set that locks joints; at least three are left. Without a force it is empty."""
     B, x = lane.B, lane.x
     lanes.downdate(lane.A, J, joints, B)
-    safe = max(wary * CLEAR, LEAST_MARGIN) ** 2
+    safe = max(wary * GUARD_BAND, LEAST_MARGIN) ** 2
     unclear = measure(B, lane.largest, lane.over, safe, first, count, x, sigma_min, margin, rho)
     if unclear:
         for b in range(count):
@@ -79,7 +79,7 @@ def decide(rtol, wary, b, B, x, largest, force):
     That tolerance is the margin. The force is kept with smaller ones, and with larger ones if its
     share along the direction, which then jumps, is below.
     """
-    least = max(rtol * CLEAR, LEAST_MARGIN) ** 2
+    least = max(rtol * GUARD_BAND, LEAST_MARGIN) ** 2
     if not x > least * largest:
         return UNDECIDED
     trace = B[0, 0, b] + B[1, 1, b] + B[2, 2, b] - x
@@ -87,7 +87,7 @@ def decide(rtol, wary, b, B, x, largest, force):
     minors -= B[1, 0, b] ** 2 + B[2, 0, b] ** 2 + B[2, 1, b] ** 2
     product = minors - x * trace  # of the two larger eigenvalues, as trace is their sum
     second = 2.0 * product / (trace + math.sqrt(max(trace * trace - 4.0 * product, 0.0)))
-    if not second > (wary * CLEAR * CLEAR) ** 2 * largest:
+    if not second > (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest:
         return UNDECIDED
     asks = force.shape[0] > 0
     share = share_of_three(B, b, x, force) if asks else 0.0
@@ -97,11 +97,11 @@ def decide(rtol, wary, b, B, x, largest, force):
 @inner
 def judge(wary, margin2, asks, share):
     """Return the verdict where one direction alone is lost by tolerances beyond the margin."""
-    if not margin2 * CLEAR < (wary / CLEAR) ** 2:
+    if not margin2 * GUARD_BAND < (wary / GUARD_BAND) ** 2:
         return UNDECIDED
     if not asks:
         return BORDERLINE
-    if not (share >= 0.0 and abs(share - margin2) > (CLEAR - 1.0) * margin2):
+    if not (share >= 0.0 and abs(share - margin2) > (GUARD_BAND - 1.0) * margin2):
         return UNDECIDED
     return TOLERATED if share < margin2 else BORDERLINE
 

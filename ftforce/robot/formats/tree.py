@@ -25,7 +25,7 @@ MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 # Pinocchio recurses along the tree, 2.2 kB a link: a thread with 8 MB of stack ends at 3700 links
 # in a row, one with 512 kB at 200.
-MOST_IN_A_ROW = 150
+MAX_DEPTH = 150
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -238,10 +238,8 @@ def _check_depth(tree: UrdfTree) -> None:
         raise URDFError(
             tree.path, f"the links {listed(looped)} form a loop apart from the root {tree.root!r}"
         )
-    if (deepest := max(depths.values())) > MOST_IN_A_ROW:
-        raise URDFError(
-            tree.path, f"has {deepest} links in a row; at most {MOST_IN_A_ROW} are read"
-        )
+    if (deepest := max(depths.values())) > MAX_DEPTH:
+        raise URDFError(tree.path, f"has {deepest} links in a row; at most {MAX_DEPTH} are read")
 
 
 def _text(numbers: Numbers) -> str:

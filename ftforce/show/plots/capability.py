@@ -8,7 +8,7 @@ import numpy as np
 
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
-from ftforce.core.feasible_forces import Reading
+from ftforce.core.feasible_forces import LockModel
 from ftforce.core.polytope import Polytope, force_polytope
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.report import text as words
@@ -96,7 +96,7 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
     found = []
     locked = faults.in_mode(FaultMode.LOCKED)
     for when, label, after, reading, look in _LOOKS:
-        if (after and not faults) or (reading is Reading.HELD and not locked):
+        if (after and not faults) or (reading is LockModel.HELD and not locked):
             continue
         feasible = result.feasible(after=after, reading=reading)
         found.append(Slice(when, label, plane_slice(feasible, rows, weights), look))
@@ -104,26 +104,26 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
 
 
 # Wide below narrow: where the sets are the same, all outlines show.
-_LOOKS: tuple[tuple[str, str, bool, Reading, dict[str, Any]], ...] = (
+_LOOKS: tuple[tuple[str, str, bool, LockModel, dict[str, Any]], ...] = (
     (
         "before",
         "before the fault",
         False,
-        Reading.COMMANDED,
+        LockModel.COMMANDED,
         {"facecolor": "#D9EEF9", "edgecolor": SKY, "linewidth": 2.4},
     ),
     (
         "after",
         "after, commanded by motors",
         True,
-        Reading.COMMANDED,
+        LockModel.COMMANDED,
         {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.4, "hatch": "////"},
     ),
     (
         "with locks",
         "after, held with locks",
         True,
-        Reading.HELD,
+        LockModel.HELD,
         {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.0, "linestyle": (0, (4, 2))},
     ),
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from ftforce.core.feasible_forces import Reading
+from ftforce.core.feasible_forces import LockModel
 from ftforce.report import capability as capability_words
 from ftforce.report import text
 from ftforce.report.capability import is_point
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from ftforce.analysis.capability import Amount, Capability, DirectionReport
+    from ftforce.analysis.capability import Capability, CapabilityRange, DirectionReport
     from ftforce.core.polytope import Polytope
 
 
@@ -51,28 +51,28 @@ def _directions(capability: Capability) -> TitledTable:
     end = "after, commanded:\nends at"
     result = table(title, "direction", "unit", *each, end, left=2, folded=(6,))
     for report in capability.directions:
-        end = capability_words.end_in_words(capability.analysis, report.after[Reading.COMMANDED])
+        end = capability_words.end_in_words(capability.analysis, report.after[LockModel.COMMANDED])
         name = "asked for" if report.name == "direction" else report.name
         result.add_row(name, report.unit, *map(_cell, _amounts(report)), end)
     amounts = [amount for report in capability.directions for amount in _amounts(report)]
     notes = []
-    if any(math.isnan(amount.most) for amount in amounts):
+    if any(math.isnan(amount.maximum) for amount in amounts):
         notes.append("– the arm does not stand still with any force in this direction")
-    if any(amount.least > text.NEGLIGIBLE for amount in amounts):
+    if any(amount.minimum > text.NEGLIGIBLE for amount in amounts):
         notes.append("only a, a to b: with less than a the arm does not stand still either")
     result.caption = "\n".join(notes)
     return result
 
 
-def _amounts(report: DirectionReport) -> list[Amount]:
-    return [amounts[r] for amounts in (report.before, report.after) for r in Reading]
+def _amounts(report: DirectionReport) -> list[CapabilityRange]:
+    return [amounts[r] for amounts in (report.before, report.after) for r in LockModel]
 
 
-def _cell(amount: Amount, digits: int = 1) -> str:
-    most = in_words(amount.most, digits)
-    if math.isnan(amount.most) or amount.least <= text.NEGLIGIBLE:
+def _cell(amount: CapabilityRange, digits: int = 1) -> str:
+    most = in_words(amount.maximum, digits)
+    if math.isnan(amount.maximum) or amount.minimum <= text.NEGLIGIBLE:
         return most
-    return f"only {most}" if is_point(amount) else f"{size(amount.least, digits)} to {most}"
+    return f"only {most}" if is_point(amount) else f"{size(amount.minimum, digits)} to {most}"
 
 
 def _weakest(capability: Capability) -> TitledTable:
@@ -80,14 +80,14 @@ def _weakest(capability: Capability) -> TitledTable:
     rows = [
         _weakest_row(capability, when, reading, amounts[reading])
         for when, amounts in (("before", report.before), ("after", report.after))
-        for reading in Reading
+        for reading in LockModel
     ]
     title = "Weakest direction: the one in which the least force can be held"
     return listing(title, rows, left=2, folded=(3 + task.m,))
 
 
 def _weakest_row(
-    capability: Capability, when: str, reading: Reading, amount: Amount
+    capability: Capability, when: str, reading: LockModel, amount: CapabilityRange
 ) -> Iterator[tuple[str, str]]:
     analysis, task = capability.analysis, capability.analysis.task
     yield "when", when
@@ -95,7 +95,7 @@ def _weakest_row(
     yield f"largest\n[{text.unit_of_size(task)}]", _cell(amount)
     for name, x in zip(task.components, amount.direction.tolist() or [0.0] * task.m, strict=True):
         # no direction is weaker than another if none has an end
-        yield name, text.number(x) if math.isfinite(amount.most) else "–"
+        yield name, text.number(x) if math.isfinite(amount.maximum) else "–"
     yield "ends at", capability_words.end_in_words(analysis, amount, after=when == "after")
 
 
@@ -109,7 +109,7 @@ def _payload(capability: Capability) -> TitledTable:
         late = when == "after"
         end = capability_words.end_in_words(capability.analysis, amount, after=late)
         result.add_row(when, _cell(amount, 2), end)
-    if any(math.isnan(amount.most) for amount in capability.payload):
+    if any(math.isnan(amount.maximum) for amount in capability.payload):
         result.caption = "– no payload lets the arm stand still"
     return result
 
@@ -119,7 +119,7 @@ def _polytopes(capability: Capability) -> RenderableType | None:
         return None
     lines = []
     for when, late in (("before", False), ("after", True)):
-        for reading in Reading:
+        for reading in LockModel:
             polytope = capability.polytope(after=late, reading=reading)
             lines.append((f"Polytope {when}, {reading}", _polytope(polytope)))
     return facts(lines)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.core.faults import FaultMode
-from ftforce.core.feasible_forces import Reading
+from ftforce.core.feasible_forces import LockModel
 from ftforce.errors import listed
 from ftforce.report import text
 from ftforce.report.census import critical_joint
@@ -105,7 +105,7 @@ def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
     if census.before is not None and any(one.share is not None for one in census.sets):
         yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
     if report.capability is not None:
-        yield from zip(map(str, Reading), _capability_cells(report.capability), strict=True)
+        yield from zip(map(str, LockModel), _capability_cells(report.capability), strict=True)
     yield "margin", ratio(report.margin)
     yield "ρ", defined(report.relative_manipulability)
     yield "rank\nlost", str(report.rank_lost)
@@ -116,7 +116,7 @@ def _jump(norm: float | None) -> str:
 
 
 def _capability_cells(found: SetCapability) -> tuple[str, str]:
-    mark = "!" if found.least > text.NEGLIGIBLE else ""
+    mark = "!" if found.minimum > text.NEGLIGIBLE else ""
     return amount(found.commanded) + mark, amount(found.held)
 
 
@@ -137,7 +137,7 @@ def _caption(census: Census, most: int) -> str:
         notes.append(f"commanded, held: largest force {where} [{unit}]")
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
             notes[-1] += f"; –: the arm does not stand still {none}"
-        if any(x.capability.least > text.NEGLIGIBLE for x in shown if x.capability):
+        if any(x.capability.minimum > text.NEGLIGIBLE for x in shown if x.capability):
             notes.append("! less than that, or nothing at all, does not hold the arm")
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.analysis.analyze import Analysis, analyze, load_without_force, shown_limits
-from ftforce.analysis.capability import Amount, Capability, capability_of
+from ftforce.analysis.capability import Capability, CapabilityRange, capability_of
 from ftforce.analysis.census import Census, census
 from ftforce.core.faults import Fault, FaultMode
-from ftforce.core.feasible_forces import Reading
+from ftforce.core.feasible_forces import LockModel
 from ftforce.errors import FtforceError
 from ftforce.report.text import NEGLIGIBLE
 
@@ -85,12 +85,12 @@ class Answer:
     loads: tuple[JointLoad, ...]
 
     @property
-    def weakest(self) -> tuple[Amount, Amount] | None:
+    def weakest(self) -> tuple[CapabilityRange, CapabilityRange] | None:
         """How much can be commanded in the weakest direction before and after, if that is shown."""
         if self.capability is None or not self.state.shown.weakest:
             return None
         found = self.capability.weakest
-        return found.before[Reading.COMMANDED], found.after[Reading.COMMANDED]
+        return found.before[LockModel.COMMANDED], found.after[LockModel.COMMANDED]
 
 
 def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:

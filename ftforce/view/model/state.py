@@ -15,7 +15,7 @@ from ftforce.analysis.limits_files import NONE, URDF, choose_limits
 from ftforce.analysis.question import limits_for
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.faults import Fault, FaultMode, FaultSet
-from ftforce.core.reduced_jacobian import RTOL, WARY, check_tolerances
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.task import COMPONENTS, DEFAULT_LENGTH, Task
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.robot.posture import Posture, choose_posture
@@ -357,7 +357,7 @@ def initial_state(
     length: float | None = None,
     axes: Axes = "tool",
     rtol: float = RTOL,
-    wary: float = WARY,
+    wary: float = BORDERLINE_RTOL,
 ) -> State:
     """Return the question with which the page starts.
 
@@ -448,7 +448,7 @@ def command_line(robot: Robot, state: State) -> str:
         "base": origin.base,
         "tip": origin.tip,
         "rtol": _unless(RTOL, state.rtol),
-        "wary": _unless(WARY, state.wary),
+        "wary": _unless(BORDERLINE_RTOL, state.wary),
     }
     # Each in one word: a value may begin with a minus.
     given = (f"--{option}={value}" for option, value in options.items() if value)

@@ -91,7 +91,7 @@ def measures(answer: Answer) -> Markup:
         pairs.append(("At the limit", names or "none"))
     pairs += brake_loads(answer.loads)
     if (weakest := answer.weakest) is not None:
-        before, after = (_weakest(amount.most) for amount in weakest)
+        before, after = (_weakest(amount.maximum) for amount in weakest)
         unit = words.unit_of_size(analysis.task)
         pairs.append(("Weakest", f"{before} before, {after} after [{unit}]"))
     return facts(pairs, "measures")

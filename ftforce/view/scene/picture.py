@@ -241,9 +241,9 @@ def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
     for row in answer.analysis.lost_directions:
         ends, whose = _line(task, task.unweigh_force(row), axes, half, -half)
         lines.append(Line(ends, LOST_LINE, f"lost direction{whose}"))
-    if (weakest := answer.weakest) is not None and math.isfinite(weakest[1].most):
+    if (weakest := answer.weakest) is not None and math.isfinite(weakest[1].maximum):
         ends, whose = _line(task, weakest[1].direction, axes, half, 0.0)
-        amount = f"{size(weakest[1].most, 1)} {text.unit_of_size(task)}"
+        amount = f"{size(weakest[1].maximum, 1)} {text.unit_of_size(task)}"
         lines.append(Line(ends, WEAKEST_LINE, f"weakest direction{whose}: {amount}"))
     return tuple(lines)
 
