@@ -130,6 +130,7 @@ def types(session: nox.Session) -> None:
 def docs(session: nox.Session) -> None:
     """Build the documentation; warnings are errors."""
     session.install(".[all]", *group("docs"))
+    session.run("python", "docs/examples/architecture.py", "--check", env=ENVIRONMENT)
     session.run("sphinx-build", "-W", "--keep-going", "-b", "html", "docs", "docs/_build/html")
 
 
