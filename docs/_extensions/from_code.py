@@ -103,6 +103,8 @@ class CommandOptions(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         lines = ["| option | default | meaning |", "|---|---|---|"]
         for parameter in inspect.signature(COMMANDS[self.arguments[0]]).parameters.values():
+            if parameter.annotation is typer.Context:
+                continue
             kind, info = get_args(parameter.annotation)
             help_text = re.sub(r"(?<!`)(--[a-z-]+)", r"`\1`", info.help)
             cells = (_names(parameter.name, kind, info), _default(parameter, info), help_text)
