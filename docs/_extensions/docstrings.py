@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from sphinx.addnodes import desc_annotation
 from sphinx.util.nodes import make_refnode
 
+import ftforce
+
 if TYPE_CHECKING:
     from docutils import nodes
     from sphinx.addnodes import pending_xref
@@ -69,7 +71,10 @@ def find_home(
     """Resolve a bare name, as modules import it from each other, to its only home."""
     if node.get("refdomain") != "py":
         return None
-    target = node["reftarget"].removeprefix("ftforce.")
+    module, _, name = node["reftarget"].rpartition(".")
+    # What stands at the package's face is documented there, and not in its module.
+    is_public = module.startswith("ftforce.") and name in ftforce.__all__
+    target = name if is_public else node["reftarget"].removeprefix("ftforce.")
     objects = env.domains["py"].objects
     homes = {
         (entry.docname, entry.node_id)

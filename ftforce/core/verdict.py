@@ -31,7 +31,7 @@ def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
     """Judge a fault set for a force, or for every force that the healthy arm can exert.
 
     One tolerance t decides both what is lost, σ_i(K) ≤ t·σ_max(J), and what counts as no jump,
-    ‖ΔF‖ ≤ t·‖F̂‖. The verdict is `BORDERLINE` if not every t from ``reduced.rtol`` to ``wary``
+    ‖ΔF‖ ≤ t·‖F̂‖. The verdict is ``BORDERLINE`` if not every t from ``reduced.rtol`` to ``wary``
     gives the same answer.
 
     Parameters
@@ -99,7 +99,7 @@ def judge(
     """Judge a fault set for a force, or for every force that the healthy arm can exert.
 
     One tolerance t decides what is lost, what counts as no jump, ‖ΔF‖ ≤ t·‖F̂‖, and which torque
-    counts as balanced at a joint without torque. The verdict is `BORDERLINE` if not every t from
+    counts as balanced at a joint without torque. The verdict is ``BORDERLINE`` if not every t from
     ``reduced.rtol`` to ``wary`` gives the same answer.
 
     Parameters
