@@ -33,7 +33,8 @@ def opened(monkeypatch):
     """Collect the sessions that a command opens, and end each at once."""
     sessions, addresses = [], []
 
-    def run_shortly(session):
+    def run_shortly(session, announce):
+        announce()
         sessions.append((session.state, session.mode, session.problem))
 
     monkeypatch.setattr(module.Session, "run", run_shortly)
@@ -164,18 +165,18 @@ def test_a_picture_is_written(opened, tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_ctrl_c_ends_it_cleanly():
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "view", "dh5", "--no-browser"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    try:
-        address = process.stdout.readline().split()[1]
-        with urllib.request.urlopen(address, timeout=20) as page:
-            assert b"<title>" in page.read()
-        process.send_signal(signal.SIGINT)
-        out, errors = process.communicate(timeout=20)
-    finally:
-        process.kill()
+    ) as process:
+        try:
+            address = process.stdout.readline().split()[1]
+            with urllib.request.urlopen(address, timeout=20) as page:
+                assert b"<title>" in page.read()
+            process.send_signal(signal.SIGINT)  # while meshes and their libraries are loaded
+            out, errors = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert (process.returncode, out, errors) == (0, "", "")

@@ -160,10 +160,13 @@ def view(
             return
         if session.problem:  # as `analyze` would
             raise InputError(session.problem)
-        say(f"{arm.name}: {session.address} (Ctrl-C ends it)")
-        if not no_browser:
-            _open(session.address)
-        session.run()
+        session.run(lambda: _announce(arm.name, session.address, no_browser))
+
+
+def _announce(name: str, address: str, no_browser: bool) -> None:
+    say(f"{name}: {address} (Ctrl-C ends it)")
+    if not no_browser:
+        _open(address)
 
 
 def _refuse_question(context: typer.Context) -> None:

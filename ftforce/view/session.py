@@ -7,9 +7,10 @@ that vanishes in the middle of a drag, share one question, and no answer is late
 from __future__ import annotations
 
 import math
+import signal
 import threading
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from ftforce.errors import FtforceError
@@ -22,7 +23,7 @@ from ftforce.view.scene.picture import HAND, picture, pulled
 from ftforce.view.scene.stage import Stage
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     import viser
 
@@ -34,6 +35,24 @@ if TYPE_CHECKING:
     from ftforce.view.scene.picture import Picture
 
 _MISTAKE = "a mistake in ftforce, please report it"
+
+
+@contextmanager
+def ctrl_c() -> Iterator[list[int]]:
+    """Yield a list that is no longer empty once Ctrl-C was pressed.
+
+    `KeyboardInterrupt` could be lost: trimesh catches it while it tries which libraries there are,
+    one of which does not survive it, and Python itself drops it in a callback of a weak reference.
+    """
+    pressed: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield pressed
+        return
+    before = signal.signal(signal.SIGINT, lambda number, _frame: pressed.append(number))
+    try:
+        yield pressed
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class Session:
@@ -246,7 +265,11 @@ class Session:
         """Load the arm's meshes and show them: seconds, so the page is up before."""
         from ftforce.view.geometry.meshes import load_geometry
 
-        self.set_geometry(load_geometry(self.robot))
+        with ctrl_c() as pressed:
+            geometry = load_geometry(self.robot)
+        if pressed:
+            raise KeyboardInterrupt
+        self.set_geometry(geometry)
 
     def set_geometry(self, geometry: Geometry) -> None:
         """Show the arm's links."""
@@ -258,16 +281,20 @@ class Session:
             self.mode.set_geometry(geometry)
         self.refresh()  # the legend says what is missing
 
-    def run(self) -> None:
-        """Load the meshes and stay open until Ctrl-C."""
-        try:
+    def run(self, announce: Callable[[], None] = lambda: None) -> None:
+        """Load the meshes and stay open until Ctrl-C.
+
+        Parameters
+        ----------
+        announce :
+            Called as soon as Ctrl-C ends the page.
+        """
+        with ctrl_c() as pressed, suppress(KeyboardInterrupt):
+            announce()
             self.load_geometry()
-            while not self._ends.wait(0.5):
+            while not (pressed or self._ends.wait(0.2)):
                 pass
-        except KeyboardInterrupt:
-            pass  # how one leaves
-        finally:
-            self.close()
+        self.close()
 
     def close(self) -> None:
         """End the worker, the mode and the server; may be called twice."""
