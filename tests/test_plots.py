@@ -24,10 +24,9 @@ from ftforce.core.limits import Limits
 from ftforce.errors import FtforceError, InputError, OutputError, UnknownNameError
 from ftforce.robot.kinematics import task_jacobian, tip_pose
 from ftforce.robot.posture import choose_posture
-from ftforce.show import figures
+from ftforce.show import figures, plots
 from ftforce.show.plots import (
     canvas,
-    trajectory,
 )
 from ftforce.show.plots import (
     capability as slices,
@@ -135,7 +134,7 @@ def fault_times(ax):
     ],
 )
 def test_torques_are_those_of_the_run(history, run, quantity):
-    ax = trajectory.torques(history, run, quantity=quantity)
+    ax = plots.torques(history, run, quantity=quantity)
     lines = lines_of(ax, len(history.t))
     values = getattr(history.runs[run], quantity)
     assert len(lines) == values.shape[1]
@@ -151,14 +150,14 @@ def test_a_line_has_a_gap_where_nothing_holds_the_arm(history):
     motor = history.remapped.motor.copy()
     motor[5:9] = np.nan
     broken = replaced(history, remapped=replaced(history.remapped, motor=motor))
-    ax = trajectory.torques(broken)
+    ax = plots.torques(broken)
     assert np.isnan(lines_of(ax, len(history.t))[0].get_ydata()[5:9]).all()
     assert legend_of(ax)[-1] == "gap: nothing holds the arm"
-    assert "gap: nothing holds the arm" not in legend_of(trajectory.torques(history))
+    assert "gap: nothing holds the arm" not in legend_of(plots.torques(history))
 
 
 def test_units_of_a_prismatic_joint_stand_in_the_legend(wrench_history):
-    ax = trajectory.torques(wrench_history, "unremapped")
+    ax = plots.torques(wrench_history, "unremapped")
     assert ax.get_ylabel() == "motor torque [N·m, N]"
     assert legend_of(ax)[:2] == ["1 torso_lift_joint [N]", "2 arm_1_joint [N·m]"]
 
@@ -166,7 +165,7 @@ def test_units_of_a_prismatic_joint_stand_in_the_legend(wrench_history):
 def test_every_fault_is_marked_at_its_time(history):
     wanted = [event.time for event in history.setting.events]
     assert wanted == [0.5, 0.6]
-    for draw in (trajectory.torques, trajectory.force, trajectory.jump, trajectory.path_error):
+    for draw in (plots.torques, plots.force, plots.jump, plots.path_error):
         ax = draw(history)
         assert_close(fault_times(ax), wanted)
         names = [text for text in ax.texts if "joint" in text.get_text()]
@@ -186,7 +185,7 @@ def test_a_fault_that_takes_no_room_is_named_by_numbers(history):
 
 
 def test_force_shows_the_components_of_all_runs(history):
-    ax = trajectory.force(history)
+    ax = plots.force(history)
     lines = lines_of(ax, len(history.t))
     wanted = [run.force[:, i] for run in history.runs.values() for i in range(3)]
     assert len(lines) == len(wanted)
@@ -206,7 +205,7 @@ def test_curves_that_coincide_are_all_seen():
 
 
 def test_forces_and_moments_share_no_axes(wrench_history):
-    both = [trajectory.force(wrench_history, kind=kind) for kind in (None, "force", "moment")]
+    both = [plots.force(wrench_history, kind=kind) for kind in (None, "force", "moment")]
     assert [ax.get_ylabel() for ax in both] == [
         "force [N]\n(moments not shown)",
         "force [N]\n(moments not shown)",
@@ -218,12 +217,12 @@ def test_forces_and_moments_share_no_axes(wrench_history):
 
 
 def test_jump_and_path_error_are_sizes(history):
-    ax = trajectory.jump(history)
+    ax = plots.jump(history)
     for line, run in zip(lines_of(ax, len(history.t)), history.runs.values(), strict=True):
         assert_close(line.get_ydata(), np.linalg.norm(run.jump, axis=1))
     assert ax.get_ylabel() == "‖ΔF‖ [N]"
     assert history.jump_norm(history.remapped).max() > 1.0  # or this would test nothing
-    ax = trajectory.path_error(history)
+    ax = plots.path_error(history)
     for line, run in zip(lines_of(ax, len(history.t)), history.runs.values(), strict=True):
         assert_close(line.get_ydata(), 1000.0 * np.linalg.norm(run.path_error, axis=1))
     assert ax.get_ylabel() == "path error [mm]"
@@ -232,12 +231,12 @@ def test_jump_and_path_error_are_sizes(history):
 def test_rounding_looks_like_nothing(history):
     noise = replaced(history.healthy, jump=np.full_like(history.healthy.jump, 1e-13))
     quiet = replaced(history, healthy=noise, unremapped=noise, remapped=noise)
-    assert trajectory.jump(quiet).get_ylim() == (0.0, 1.0)
-    assert trajectory.jump(history).get_ylim()[1] > history.jump_norm(history.remapped).max()
+    assert plots.jump(quiet).get_ylim() == (0.0, 1.0)
+    assert plots.jump(history).get_ylim()[1] > history.jump_norm(history.remapped).max()
 
 
 def test_the_path_is_in_metres_and_one_scale(history):
-    ax = trajectory.path(history)
+    ax = plots.path(history)
     drawn = [np.array(line.get_data_3d()).T for line in ax.lines]
     runs = [run.position for run in history.runs.values()]
     for got, wanted in zip(drawn, [history.path, *runs], strict=False):
@@ -255,7 +254,7 @@ def test_the_path_is_in_metres_and_one_scale(history):
 
 @pytest.mark.parametrize("quantity", heat.QUANTITIES)
 def test_a_heat_map_shows_every_cell(timeline, quantity):
-    ax = trajectory.heat_map(timeline, quantity=quantity)
+    ax = plots.heat_map(timeline, quantity=quantity)
     values = getattr(timeline, quantity).T
     mesh = ax.collections[0].get_array()
     assert mesh.shape == values.shape
@@ -283,7 +282,7 @@ def test_a_heat_map_is_dark_where_it_is_bad_and_has_a_unit(timeline):
         ("margin", False, "σ_min(K) / σ_max(J)"),
         ("capability", False, "force [N]"),
     ):
-        ax = trajectory.heat_map(timeline, quantity=quantity)
+        ax = plots.heat_map(timeline, quantity=quantity)
         colour = ax.collections[0].cmap
         assert bool(luminance(colour(0.0)) > luminance(colour(1.0))) is reverse
         assert label in [other.get_ylabel() for other in ax.figure.axes]
@@ -292,14 +291,14 @@ def test_a_heat_map_is_dark_where_it_is_bad_and_has_a_unit(timeline):
 def test_what_no_known_limit_ends_is_white_and_not_a_colour(timeline):
     capability = timeline.capability.copy()
     capability[:, 3] = np.inf
-    ax = trajectory.heat_map(replaced(timeline, capability=capability), quantity="capability")
+    ax = plots.heat_map(replaced(timeline, capability=capability), quantity="capability")
     assert "no known limit" in legend_of(ax)
     painted, white = ax.collections[:2]
     assert np.ma.getmaskarray(painted.get_array())[3].all()
     assert not np.ma.getmaskarray(white.get_array())[3].any()
     assert to_rgb(white.to_rgba(0.0)) == (1.0, 1.0, 1.0)
     nowhere = replaced(timeline, capability=np.full_like(capability, np.inf))
-    trajectory.heat_map(nowhere, quantity="capability")
+    plots.heat_map(nowhere, quantity="capability")
 
 
 def test_a_column_of_many_instants_shows_the_worst_of_them(timeline):
@@ -321,7 +320,7 @@ def test_a_column_of_many_instants_shows_the_worst_of_them(timeline):
 
 
 def test_many_sets_are_cut_to_the_worst(timeline):
-    ax = trajectory.heat_map(timeline, most=5)
+    ax = plots.heat_map(timeline, most=5)
     worst = {worst.faults for worst in timeline.worst()[:5]}
     kept = [one for one in timeline.sets if one in worst]
     labels = [label.get_text() for label in ax.get_yticklabels()]
@@ -336,7 +335,7 @@ def test_sets_of_long_names_are_named_by_numbers():
 
 
 def test_census_bars_are_jumps_by_verdict(census):
-    ax = trajectory.census(census, most=8)
+    ax = plots.census(census, most=8)
     jumps = [report.jump_norm for report in census.sets[:8]]
     assert_close([bar.get_width() for bar in ax.patches], jumps)
     for bar, report in zip(ax.patches, census.sets, strict=False):
@@ -353,20 +352,20 @@ def test_census_bars_are_jumps_by_verdict(census):
 def test_census_bars_are_what_it_ranks_by():
     arm = ftforce.load_robot("panda")
     result = ftforce.census(arm, mode="free", rank_by="capability", direction=[0, 0, 1])
-    ax = trajectory.census(result)
+    ax = plots.census(result)
     wanted = [report.capability.commanded for report in result.sets]
     assert np.isnan(wanted).any()
     assert_close([bar.get_width() for bar in ax.patches], np.nan_to_num(wanted))
     assert [text.get_text() for text in ax.texts][np.isnan(wanted).argmax()] == heat.NOTHING
     assert ax.get_xlabel() == "force [N]"
     margins = ftforce.census(arm)
-    ax = trajectory.census(margins)
+    ax = plots.census(margins)
     assert_close([bar.get_width() for bar in ax.patches], [one.margin for one in margins.sets])
     assert ax.get_xlabel() == "σ_min(K) / σ_max(J)"
     moments = ftforce.census(arm, task="moment", force=[1, 2, 3])
-    assert trajectory.census(moments).get_xlabel() == "‖ΔF‖ [N·m]"
+    assert plots.census(moments).get_xlabel() == "‖ΔF‖ [N·m]"
     none = ftforce.census(arm, rank_by="capability", limits=Limits.of([np.nan] * 7))
-    assert "no known limit" in texts_of(trajectory.census(none))
+    assert "no known limit" in texts_of(plots.census(none))
 
 
 # Slices, found independently
@@ -439,7 +438,7 @@ def test_slices_end_where_linear_programming_ends(case, x, y):
 
 
 def test_the_polygon_drawn_is_the_slice(capability):
-    ax = trajectory.capability(capability, ["fx", "fz"])
+    ax = plots.capability(capability, ["fx", "fz"])
     before, held = [patch for patch in ax.patches if isinstance(patch, Polygon)]
     wanted = slices.slices_of(capability, (0, 2))
     assert legend_of(ax) == [one.words for one in wanted]
@@ -457,7 +456,7 @@ def test_the_polygon_drawn_is_the_slice(capability):
 
 def test_a_plane_of_two_units_has_two_scales():
     arm = ftforce.load_robot("panda")
-    ax = trajectory.capability(ftforce.capability(arm, locked=[1], task="fx,my"))
+    ax = plots.capability(ftforce.capability(arm, locked=[1], task="fx,my"))
     assert [ax.get_xlabel(), ax.get_ylabel()] == ["fx [N]", "my [N·m]"]
     assert ax.get_aspect() == "auto"
 
@@ -465,23 +464,20 @@ def test_a_plane_of_two_units_has_two_scales():
 def test_what_has_no_outline_is_said():
     arm = ftforce.load_robot("dh5")
     nowhere = ftforce.capability(arm, locked=[2, 3, 4], limits=Limits.of([np.nan] * 5))
-    assert "before, with locks: no known limit" in trajectory.capability(nowhere).get_title()
+    assert "before, with locks: no known limit" in plots.capability(nowhere).get_title()
     one = ftforce.capability(arm, locked=[3], limits=Limits.of([150, *[np.nan] * 4]))
-    ax = trajectory.capability(one)
+    ax = plots.capability(one)
     title = ax.get_title().replace("\n", " ")
     assert "no known limit along fx" in title
-    slanted = trajectory.capability(one, ["fy", "fz"]).get_title().replace("\n", " ")
+    slanted = plots.capability(one, ["fy", "fz"]).get_title().replace("\n", " ")
     assert "before, after, with locks: no known limit along (0.74, -0.67)" in slanted
     strip = np.abs(ax.patches[0].get_xy()).max()
     assert strip > 10.0 * np.abs([*ax.get_xlim(), *ax.get_ylim()]).max()
     panda = ftforce.load_robot("panda")
     heavy = ftforce.capability(panda, locked=[4], payload=200)
-    assert (
-        "before, after, with locks: nothing holds the arm"
-        in trajectory.capability(heavy).get_title()
-    )
+    assert "before, after, with locks: nothing holds the arm" in plots.capability(heavy).get_title()
     lost = ftforce.capability(panda, locked=[1, 2, 3, 4, 5, 6, 7])
-    assert "after: no force" in trajectory.capability(lost).get_title()
+    assert "after: no force" in plots.capability(lost).get_title()
 
 
 # For all eyes, and in print
@@ -604,13 +600,13 @@ def test_twelve_joints_of_long_names_have_room(history):
 
 def test_given_axes_are_returned_and_drawn_on(history, timeline, census, capability):
     for draw, result in (
-        (trajectory.torques, history),
-        (trajectory.force, history),
-        (trajectory.jump, history),
-        (trajectory.path_error, history),
-        (trajectory.heat_map, timeline),
-        (trajectory.census, census),
-        (trajectory.capability, capability),
+        (plots.torques, history),
+        (plots.force, history),
+        (plots.jump, history),
+        (plots.path_error, history),
+        (plots.heat_map, timeline),
+        (plots.census, census),
+        (plots.capability, capability),
     ):
         ax = Figure().add_subplot()
         assert draw(result, ax=ax) is ax
@@ -621,13 +617,13 @@ def test_given_axes_are_returned_and_drawn_on(history, timeline, census, capabil
         with pytest.raises(InputError, match="matplotlib axes"):
             draw(result, ax="here")
     solid = Figure().add_subplot(projection="3d")
-    assert trajectory.path(history, ax=solid) is solid
+    assert plots.path(history, ax=solid) is solid
     with pytest.raises(InputError, match="projection='3d'"):
-        trajectory.path(history, ax=Figure().add_subplot())
+        plots.path(history, ax=Figure().add_subplot())
 
 
 def test_a_later_title_takes_the_place_of_ours_above_the_faults(history):
-    ax = trajectory.torques(history, ax=Figure().add_subplot())
+    ax = plots.torques(history, ax=Figure().add_subplot())
     ax.set_title("Fig. 3")
     titles = [ax.get_title(loc) for loc in ("left", "center", "right")]
     assert titles == ["", "Fig. 3", ""]
@@ -638,22 +634,22 @@ def test_a_later_title_takes_the_place_of_ours_above_the_faults(history):
 
 def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
     with pytest.raises(UnknownNameError, match=r"no run 'helthy'.*did you mean 'healthy'"):
-        trajectory.torques(history, "helthy")
+        plots.torques(history, "helthy")
     with pytest.raises(UnknownNameError, match="no run 'remapped'; there is: healthy, unremapped;"):
-        trajectory.torques(wrench_history)
+        plots.torques(wrench_history)
     with pytest.raises(UnknownNameError, match="no torque 'speed'"):
-        trajectory.torques(history, quantity="speed")
+        plots.torques(history, quantity="speed")
     with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; there is: force"):
-        trajectory.force(history, kind="moment")
+        plots.force(history, kind="moment")
     with pytest.raises(UnknownNameError, match="no quantity 'heat'; there is: jump, margin"):
-        trajectory.heat_map(timeline, quantity="heat")
+        plots.heat_map(timeline, quantity="heat")
     with pytest.raises(InputError, match="without a force there is no jump"):
-        trajectory.heat_map(replaced(timeline, force=None))
+        plots.heat_map(replaced(timeline, force=None))
     with pytest.raises(UnknownNameError, match="no component 'mx' in the task 'force'"):
-        trajectory.capability(capability, ["fx", "mx"])
+        plots.capability(capability, ["fx", "mx"])
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):
         with pytest.raises(InputError, match="two different components of the task"):
-            trajectory.capability(capability, components)
+            plots.capability(capability, components)
     with pytest.raises(InputError, match="no figure of Robot, but of: History, Timeline"):
         figures.figure(ftforce.load_robot("dh5"))
     with pytest.raises(InputError, match="two different components"):
@@ -725,19 +721,19 @@ def test_endings_that_are_none_are_refused_and_nothing_is_written(census, tmp_pa
 
 def test_drawing_changes_no_settings(history, census):
     before = dict(rcParams)
-    trajectory.torques(history)
-    trajectory.path(history)
+    plots.torques(history)
+    plots.path(history)
     figures.figure_bytes(census, "a.svg")
     assert dict(rcParams) == before
 
 
 def test_without_matplotlib_one_sentence_says_what_to_do(census, history, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for draw in (figures.figure, trajectory.census):
+    for draw in (figures.figure, plots.census):
         with pytest.raises(FtforceError, match=r"pip install 'ftforce\[plot\]'"):
             draw(census)
     with pytest.raises(FtforceError, match="plots need matplotlib"):
-        trajectory.path(history)
+        plots.path(history)
 
 
 def test_plots_load_matplotlib_late_and_pyplot_never():

@@ -98,7 +98,8 @@ def test_a_path_needs_no_models(fresh, monkeypatch, tmp_path):
 
 def test_the_folder_of_an_installed_package_is_found(monkeypatch, tmp_path):
     (tmp_path / "ftforce").mkdir()
-    monkeypatch.setattr(registry, "__file__", str(tmp_path / "ftforce" / "registry.py"))
+    file = tmp_path / "ftforce" / "robot" / "known_robots.py"
+    monkeypatch.setattr(registry, "__file__", str(file))
     assert robots_folder() == tmp_path / "robots"
     (tmp_path / "ftforce" / "robots").mkdir()
     assert robots_folder() == tmp_path / "ftforce" / "robots"

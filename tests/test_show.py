@@ -19,6 +19,7 @@ from ftforce.core.verdict import Verdict
 from ftforce.report import analysis as sentences
 from ftforce.report import capability as capability_words
 from ftforce.report import text as words
+from ftforce.report.census import critical_joint
 from ftforce.robot.known_robots import known_robots
 from ftforce.show.render import render, to_html, to_svg, to_text
 from ftforce.show.tables.analysis import analysis_view
@@ -200,14 +201,14 @@ def test_the_verdict_in_words(arm):
 
 
 def test_the_critical_joint_in_words(arm):
-    assert "all 5 are not tolerated" in sentences.critical_joint(ftforce.census(arm, faults=2))
+    assert "all 5 are not tolerated" in critical_joint(ftforce.census(arm, faults=2))
     one = ftforce.census(arm, faults=1)
-    assert sentences.critical_joint(one) == "Critical joint: 3 joint3. Its fault is not tolerated."
+    assert critical_joint(one) == "Critical joint: 3 joint3. Its fault is not tolerated."
     panda = ftforce.census(ftforce.load_robot("panda"))
     assert all(report.verdict is Verdict.TOLERATED for report in panda.sets)
-    assert "Every fault set is tolerated here" in sentences.critical_joint(panda)
+    assert "Every fault set is tolerated here" in critical_joint(panda)
     near = ftforce.census(ftforce.load_robot("tiago"), wary=0.03)
-    assert "borderline" in sentences.critical_joint(near)
+    assert "borderline" in critical_joint(near)
 
 
 # ---- weight, limits and fault modes ----------------------------------------------------------
@@ -384,7 +385,7 @@ def test_the_critical_joint_by_capability_in_words(arm):
     tiago, so101 = ftforce.load_robot("tiago"), ftforce.load_robot("so101")
 
     def said(robot, **options):
-        sentence = sentences.critical_joint(ftforce.census(robot, rank_by="capability", **options))
+        sentence = critical_joint(ftforce.census(robot, rank_by="capability", **options))
         return sentence.split(". When it fails alone, ")[1]
 
     assert said(arm) == "the motors can command no force in the weakest direction."
