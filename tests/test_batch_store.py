@@ -317,7 +317,7 @@ def test_only_one_process_writes(arm, tmp_path):
 def test_a_lock_of_a_killed_process_blocks_nobody(arm, tmp_path):
     path = tmp_path / "s"
     script = (
-        "import sys, pathlib; from ftforce.batch import folder; "
+        "import sys, pathlib; from ftforce.batch.store import folder; "
         "held = folder.lock(pathlib.Path(sys.argv[1])); print(flush=True); sys.stdin.read()"
     )
     pipe = subprocess.PIPE

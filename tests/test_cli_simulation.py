@@ -203,8 +203,8 @@ def test_interrupted_nothing_is_written(tmp_path):
     start = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from ftforce import simulation
 from ftforce.cli import main
+from ftforce.trajectory import simulate as simulation
 def simulate(*_, **__):
     print("begun", file=sys.stderr, flush=True)
     time.sleep(60)

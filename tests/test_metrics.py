@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ftforce.core import measures
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, reduce
-from ftforce.core.verdict import Verdict
+from ftforce.core.verdict import Verdict, verdict
 from helpers import assert_close, campaign, diagonal, jacobians, orthogonal, seeds
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = Verdict
@@ -144,10 +144,10 @@ def test_lost_directions_span_what_the_projectors_say(seed, m, data):
 def test_all_forces_around_both_tolerances(ratio, expected):
     J = np.array([[1.0, ratio, 0.0], [0.0, 0.0, 1.0]])
     reduced = reduce(J / np.linalg.norm(J, 2), np.array([True, False, False]))
-    assert measures.verdict(reduced, None, BORDERLINE_RTOL) is expected
+    assert verdict(reduced, None, BORDERLINE_RTOL) is expected
     # A force along that direction alone stands or falls with it, and one square to it does not.
-    assert measures.verdict(reduced, np.array([5.0, 0.0]), BORDERLINE_RTOL) is expected
-    assert measures.verdict(reduced, np.array([0.0, 5.0]), BORDERLINE_RTOL) is TOLERATED
+    assert verdict(reduced, np.array([5.0, 0.0]), BORDERLINE_RTOL) is expected
+    assert verdict(reduced, np.array([0.0, 5.0]), BORDERLINE_RTOL) is TOLERATED
 
 
 @pytest.mark.parametrize(
@@ -164,21 +164,19 @@ def test_all_forces_around_both_tolerances(ratio, expected):
 )
 def test_a_share_of_the_force_along_a_lost_direction(share, expected):
     F = 40.0 * np.array([share, math.sqrt(1.0 - share**2)])
-    assert measures.verdict(diagonal(1, 1, locked=[0]), F, BORDERLINE_RTOL) is expected
+    assert verdict(diagonal(1, 1, locked=[0]), F, BORDERLINE_RTOL) is expected
 
 
 def test_a_healthy_arm_may_itself_be_borderline():
-    assert measures.verdict(diagonal(1, 1e-4), None, BORDERLINE_RTOL) is BORDERLINE
-    assert measures.verdict(diagonal(1, 1e-4), np.array([1.0, 1.0]), BORDERLINE_RTOL) is BORDERLINE
-    assert measures.verdict(diagonal(1, 1e-4), np.array([1.0, 0.0]), BORDERLINE_RTOL) is TOLERATED
+    assert verdict(diagonal(1, 1e-4), None, BORDERLINE_RTOL) is BORDERLINE
+    assert verdict(diagonal(1, 1e-4), np.array([1.0, 1.0]), BORDERLINE_RTOL) is BORDERLINE
+    assert verdict(diagonal(1, 1e-4), np.array([1.0, 0.0]), BORDERLINE_RTOL) is TOLERATED
 
 
 def test_a_direction_that_the_healthy_arm_lacks_is_not_asked_for():
-    assert measures.verdict(diagonal(1, 1, 0), None, BORDERLINE_RTOL) is TOLERATED
-    assert measures.verdict(diagonal(1, 1, 0, locked=[2]), None, BORDERLINE_RTOL) is TOLERATED
-    assert (
-        measures.verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), BORDERLINE_RTOL) is TOLERATED
-    )
+    assert verdict(diagonal(1, 1, 0), None, BORDERLINE_RTOL) is TOLERATED
+    assert verdict(diagonal(1, 1, 0, locked=[2]), None, BORDERLINE_RTOL) is TOLERATED
+    assert verdict(diagonal(1, 1, locked=[0, 1]), np.zeros(2), BORDERLINE_RTOL) is TOLERATED
 
 
 @pytest.mark.parametrize("scale", [1e-320, 1e-200, 1e-160, 1e150, 1e200])
@@ -186,8 +184,8 @@ def test_the_size_of_a_force_does_not_matter_to_the_verdict(scale):
     for direction in ([1.0, 0.0], [0.0, 1.0], [0.005, 1.0], [1.0, 1.0]):
         F = np.array(direction)
         for reduced in (diagonal(1, 1, locked=[0]), diagonal(1, 1e-4), diagonal(3, 2)):
-            expected = measures.verdict(reduced, F, BORDERLINE_RTOL)
-            assert measures.verdict(reduced, scale * F, BORDERLINE_RTOL) is expected
+            expected = verdict(reduced, F, BORDERLINE_RTOL)
+            assert verdict(reduced, scale * F, BORDERLINE_RTOL) is expected
 
 
 @given(jacobians(), seeds)
@@ -218,5 +216,5 @@ def test_shares_are_the_same_numbers_in_every_unit(J, seed):
 def test_an_answer_may_change_twice():
     # Lost from 1e-4 on is 1e-3 of the force: kept below 1e-4, a jump up to 1e-3, harmless beyond.
     F = np.array([1.0, 1e-3])
-    assert measures.verdict(diagonal(1, 1e-4), F, 5e-5) is TOLERATED
-    assert measures.verdict(diagonal(1, 1e-4), F, BORDERLINE_RTOL) is BORDERLINE
+    assert verdict(diagonal(1, 1e-4), F, 5e-5) is TOLERATED
+    assert verdict(diagonal(1, 1e-4), F, BORDERLINE_RTOL) is BORDERLINE

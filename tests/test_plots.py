@@ -25,18 +25,10 @@ from ftforce.errors import FtforceError, InputError, OutputError, UnknownNameErr
 from ftforce.robot.kinematics import task_jacobian, tip_pose
 from ftforce.robot.posture import choose_posture
 from ftforce.show import figures, plots
-from ftforce.show.plots import (
-    canvas,
-)
-from ftforce.show.plots import (
-    capability as slices,
-)
-from ftforce.show.plots import (
-    census as bars,
-)
-from ftforce.show.plots import (
-    timeline as heat,
-)
+from ftforce.show.plots import canvas
+from ftforce.show.plots import timeline as heat
+from ftforce.show.plots.capability import slices_of
+from ftforce.show.plots.census import LOOKS
 from ftforce.trajectory import Path
 from ftforce.trajectory.history import History, JointInfo
 from helpers import CAMPAIGN, assert_close, campaign
@@ -339,7 +331,7 @@ def test_census_bars_are_jumps_by_verdict(census):
     jumps = [report.jump_norm for report in census.sets[:8]]
     assert_close([bar.get_width() for bar in ax.patches], jumps)
     for bar, report in zip(ax.patches, census.sets, strict=False):
-        colour, hatch = bars.LOOKS[report.verdict]
+        colour, hatch = LOOKS[report.verdict]
         assert to_rgb(bar.get_facecolor()) == to_rgb(colour)
         assert (bar.get_hatch() or "") == hatch
     assert ax.get_xlabel() == "‖ΔF‖ [N]"
@@ -424,7 +416,7 @@ def test_slices_end_where_linear_programming_ends(case, x, y):
     arm = ftforce.load_robot("panda")
     limits = Limits.of(arm.effort, 0.3 * np.asarray(arm.effort))
     result = ftforce.capability(arm, limits=limits, **{"axes": "world", **CASES[case]})
-    for one in slices.slices_of(result, (x, y)):
+    for one in slices_of(result, (x, y)):
         after, held = one.when != "before", one.when == "with locks"
         for angle in np.linspace(0.0, 2.0 * np.pi, campaign(7, 4)):
             way = np.array([np.cos(angle), np.sin(angle)])
@@ -440,7 +432,7 @@ def test_slices_end_where_linear_programming_ends(case, x, y):
 def test_the_polygon_drawn_is_the_slice(capability):
     ax = plots.capability(capability, ["fx", "fz"])
     before, held = [patch for patch in ax.patches if isinstance(patch, Polygon)]
-    wanted = slices.slices_of(capability, (0, 2))
+    wanted = slices_of(capability, (0, 2))
     assert legend_of(ax) == [one.words for one in wanted]
     for patch, one in ((before, wanted[0]), (held, wanted[2])):
         corners = patch.get_xy()[:-1]
@@ -538,7 +530,7 @@ def test_lines_are_told_apart_without_colour():
 
 
 def test_verdicts_are_told_apart_without_colour():
-    looks = list(bars.LOOKS.values())
+    looks = list(LOOKS.values())
     for (one, hatch), (other, other_hatch) in combinations(looks, 2):
         assert abs(luminance(one) - luminance(other)) > 10.0
         assert hatch != other_hatch
