@@ -128,6 +128,15 @@ def test_every_instant_with_the_remap_is_an_analysis(case):
         assert_as_analyzed(robot, history.healthy, i, FaultSet(), **options)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_without_the_remap_a_weak_motor_gives_what_it_can_either_way(panda, sign):
+    case = {"force": (0.0, 0.0, sign * 60.0), "gravity": (0, 0, 0), "limits": "urdf", "rate": 5}
+    history = simulate(panda, straight(panda), faults="weak:2:0.1@0.5", remap=False, **case)
+    after = history.t >= 0.5
+    assert (sign * history.healthy.motor[after, 1] > 0.1 * panda.effort[1]).all()
+    assert_close(history.unremapped.motor[after, 1], np.full(after.sum(), sign * 8.7))
+
+
 def test_once_the_remap_acts_every_instant_is_an_analysis(panda):
     """And before, it is not."""
     events, delay = ["4@0.5", "free:2@0.9"], 0.3

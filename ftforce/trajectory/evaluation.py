@@ -264,9 +264,8 @@ def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> B
     if taken_for is None:
         return _with_remap(case, J, rnea, actual)
     if case.limits is None and actual.swinging is None and taken_for.swinging is None:
-        return _with_remap(
-            case, J, rnea, actual
-        )  # locks alone leave the healthy torques as they were
+        # Locks alone leave the healthy torques as they were.
+        return _with_remap(case, J, rnea, actual)
     return _without_remap(case, q, J, rnea, faults)
 
 
