@@ -1,4 +1,4 @@
-"""Array types, read-only results and the checks at the border that the mathematics trusts."""
+"""Array types, read-only arrays and input validation."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 _Size = TypeVar("_Size", float, Vector)
 
-_FLOAT = np.dtype(np.float64)  # NumPy has one object for it: an identity costs the least
+_FLOAT = np.dtype(np.float64)  # a singleton in NumPy, so it can be compared by identity
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Mark an array that we own as read-only and return it."""
-    array.setflags(False)  # type: ignore[call-arg] # write=False; by keyword it takes twice the time
+    """Mark an array as read-only, in place, and return it."""
+    array.setflags(False)  # type: ignore[call-arg] # write=False; half the time of the keyword
     return array
 
 
 def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> Vector:
-    """Return a checked, read-only copy of ``value`` as a vector.
+    """Return a validated, read-only copy of ``value`` as a vector.
 
     Parameters
     ----------
     value :
-        Anything NumPy can turn into a vector.
+        Anything NumPy can convert to a vector.
     size :
-        The number of elements that is wanted; ``None`` takes any.
+        Required number of elements; ``None`` for any.
     name, hint :
-        What the value is, and what a message should add about its elements.
+        Name of the value and an explanation of its elements, for error messages.
 
     Raises
     ------
     DimensionError
-        Wrong number of elements.
+        The number of elements is wrong.
     InputError
-        Not numbers, or not finite.
+        An element is not a finite real number.
     """
     vector = as_floats(value, name)
     if vector.ndim != 1 or (size is not None and len(vector) != size):
@@ -54,12 +54,12 @@ def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> 
 
 
 def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Return a copy of real numbers; complex ones, texts and truth values are none.
+    """Return a float copy of an array of real numbers; complex, text and boolean are rejected.
 
     Raises
     ------
     InputError
-        Something else than real numbers, or a ragged list.
+        The values are not real numbers, or form a ragged list.
     """
     try:
         array = np.array(value)
@@ -73,17 +73,17 @@ def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def check_finite(array: NDArray[np.float64], name: str) -> None:
-    """Raise an error that shows where ``array`` holds NaN or infinity.
+    """Check that all elements are finite.
 
     Raises
     ------
     InputError
-        An element is not finite.
+        An element is NaN or infinite; the message gives its position.
     """
-    if math.isfinite(np.vdot(array, array)):  # one fast pass for the good case
+    if math.isfinite(np.vdot(array, array)):  # fast path: one pass
         return
     bad = np.argwhere(~np.isfinite(array))
-    if not len(bad):  # finite numbers whose squares overflow
+    if not len(bad):  # finite elements whose squares overflow
         raise InputError(f"{name} holds numbers too large to compute with")
     place = ", ".join(str(i + 1) for i in bad[0])
     raise InputError(
@@ -92,20 +92,20 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
 
 
 def norm(x: Vector) -> float:
-    """Return ‖x‖, also where squares vanish or overflow."""
+    """Return ‖x‖ without underflow or overflow of the squares."""
     return math.hypot(*x.tolist())
 
 
 def over(x: _Size, scale: float, otherwise: _Size) -> _Size:
-    """Return x / scale, or something else without a scale."""
+    """Return x / scale, or ``otherwise`` if the scale is zero."""
     return x / scale if scale > 0.0 else otherwise
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a finite real number; a truth value is none."""
+    """Return whether a value is a finite real number; booleans are rejected."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     try:
         return math.isfinite(value)
-    except OverflowError:  # an integer beyond all floats
+    except OverflowError:  # an integer too large for a float
         return False

@@ -1,9 +1,9 @@
-"""The remap inside torque limits: the feasible force closest to the one that is wanted.
+"""Torque remap within torque limits: the feasible force closest to the desired one.
 
     minimise ‖F̂ - F'‖²  over F' = F₀ + Z z  subject to  lower ≤ rows F' ≤ upper
 
-which is the quadratic program of docs/theory/limits for every fault mode. It has at most six
-variables; daqp's dual active set finds the limits that bind, to rounding.
+This is the quadratic program of docs/theory/limits, common to all fault modes. It has at most six
+variables; daqp's dual active-set method solves it to rounding error.
 """
 
 from __future__ import annotations
@@ -41,26 +41,26 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-SLACK = 1e-9  # relative to a limit: closer than this a torque is at its limit
-_INFEASIBLE = -1  # daqp's exit flag; positive ones are solutions
-_CLAIM = 1e-6  # of the unit: a solution that lies farther beyond a limit is none
-_FINEST = 1e-5  # of the distances in a problem: a finer unit would show the solver rounding
-_THIN = 4e-11  # of the unit; bounds that are closer than a quarter of it, daqp takes for equal
-_ROUNDING = 1e-15  # of a sum's terms
+SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
+_INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
+_CLAIM = 1e-6  # of the unit: a solution farther beyond a limit is rejected
+_FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
+_THIN = 4e-11  # of the unit; daqp treats bounds closer than a quarter of it as equal
+_ROUNDING = 1e-15  # relative to the terms of a sum
 _PRECISION = {"primal_tol": 1e-11, "dual_tol": 1e-11}
 
 
 class Nearest(NamedTuple):
-    """The feasible force that is closest to the wanted one.
+    """The feasible force closest to the desired one.
 
     Attributes
     ----------
     F :
-        Wanted force F̂, weighted, shape (m,).
+        Desired force F̂, weighted, shape (m,).
     F_after :
-        The closest feasible one, shape (m,); ``None`` if there is none.
+        Closest feasible force, weighted, shape (m,); ``None`` if no force is feasible.
     multipliers :
-        Of the limits, positive at upper ones, shape (k,).
+        Lagrange multipliers of the limits, positive at upper limits, shape (k,).
     """
 
     F: Vector
@@ -68,14 +68,14 @@ class Nearest(NamedTuple):
     multipliers: Vector
 
     def residuals(self, feasible: FeasibleForces) -> dict[str, float]:
-        """Return how far the result is from an optimum of the quadratic program, relative.
+        """Return the relative residuals of the optimality (KKT) conditions.
 
         Returns
         -------
         :
-            ``equality``: F' - F₀ - Z z; ``limit``: the largest torque beyond a limit;
-            ``optimality``: the gradient of the Lagrangian, multipliers of the wrong sign and
-            those of limits that do not bind. Empty if nothing is feasible.
+            ``equality``: F' - F₀ - Z z; ``limit``: the largest limit violation; ``optimality``:
+            the gradient of the Lagrangian, and complementary slackness. Empty if no force is
+            feasible.
         """
         if self.F_after is None:
             return {}
@@ -87,7 +87,7 @@ class Nearest(NamedTuple):
         beyond = np.maximum(torque - feasible.upper, feasible.lower - torque) - rounding
         gradient = z - self.F.dot(feasible.Z) + y.dot(A)
         slack = np.where(y > 0.0, feasible.upper - torque, torque - feasible.lower) - rounding
-        with np.errstate(over="ignore"):  # beyond a limit of next to nothing
+        with np.errstate(over="ignore"):  # the limit may be almost zero
             beyond, slack = beyond / width, slack / width
         idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
         steepest = max(norm(gradient), float(idle.max(initial=0.0)))
@@ -98,7 +98,7 @@ class Nearest(NamedTuple):
         }
 
     def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:
-        """Return the joints whose torque is at its limit."""
+        """Return the indices of the joints whose torque is at its limit, from 0."""
         if self.F_after is None:
             return ()
         torque, width, rounding = self._torques(feasible)
@@ -109,7 +109,7 @@ class Nearest(NamedTuple):
         )
 
     def _torques(self, feasible: FeasibleForces) -> tuple[Vector, Vector, Vector]:
-        """Return the torques that F' takes, half the width between limits, and rounding."""
+        """Return the torques J_iᵀ F', half the width between limits, and the rounding error."""
         F, rows = self.F_after, feasible.rows
         assert F is not None
         size = max(norm(self.F), norm(F))
@@ -120,36 +120,36 @@ class Nearest(NamedTuple):
 
 
 def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
-    """Return the feasible force that is closest to F, both in weighted task coordinates.
+    """Return the feasible force closest to F, in weighted task coordinates.
 
     Parameters
     ----------
     feasible :
         The feasible forces.
     F :
-        Wanted force F̂, shape (m,).
+        Desired force F̂, shape (m,).
     """
     none = np.zeros(len(feasible.joints))
     if not feasible.stands_still:
         return Nearest(F, None, none)
     wanted = F.dot(feasible.Z)
-    whole = len(wanted) == len(F)  # Z is a basis of all forces, and F₀ is zero
+    whole = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
     closed = F if whole else feasible.F0 + feasible.Z.dot(wanted)
     if not feasible.joints or _is_within(feasible, closed):
-        return Nearest(F, closed, none)  # no limit binds: the closed form
+        return Nearest(F, closed, none)  # no limit is active: the closed form holds
     z = _solve(feasible, wanted, none)
     return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), none)
 
 
 def _is_within(feasible: FeasibleForces, F: Vector) -> bool:
     torque = feasible.rows.dot(F)
-    # Lists: for a handful of joints they are faster than reductions of arrays.
+    # For a handful of joints, lists are faster than NumPy reductions.
     over = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
     return True not in over
 
 
 def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vector | None:
-    """Return z, ``None`` if nothing is feasible, and fill in the multipliers."""
+    """Return z, or ``None`` if infeasible, and write the multipliers in place."""
     A = feasible.rows.dot(feasible.Z)
     lower, upper = feasible.lower, feasible.upper
     if feasible.F0.dot(feasible.F0):
@@ -157,16 +157,16 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
         lower, upper = lower - offset, upper - offset
     low, high = lower.tolist(), upper.tolist()
     levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
-    # daqp takes short rows for none and has absolute tolerances. So rows get the length 1, which
-    # makes distances of the bounds, and the narrowest of these becomes the unit.
+    # daqp ignores short rows and has absolute tolerances. Normalizing the rows turns the bounds
+    # into distances; the narrowest interval sets the unit.
     narrow, far = math.inf, norm(wanted)
     for i, lever in enumerate(levers):
         if lever > least:
             low[i] /= lever
             high[i] /= lever
             narrow = min(narrow, high[i] - low[i])
-            far = max(far, low[i], -high[i])  # no solution is closer to z = 0 than these two
-        elif high[i] < 0.0 or low[i] > 0.0:  # a torque that no force changes
+            far = max(far, low[i], -high[i])  # lower bounds on a solution's distance from z = 0
+        elif high[i] < 0.0 or low[i] > 0.0:  # no force changes this torque
             return None
         else:
             low[i], high[i], levers[i] = -math.inf, math.inf, math.inf
@@ -175,7 +175,7 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     unit = max(0.5 * narrow, _FINEST * far)
     lengths = np.array(levers)
     lower, upper = (np.array([x / unit for x in bounds]) for bounds in (low, high))
-    if narrow < _THIN * unit:  # thinner than rounding: daqp would make it an equation
+    if narrow < _THIN * unit:  # thinner than rounding error: daqp would treat it as an equality
         thin = upper - lower < _THIN
         lower[thin], upper[thin] = lower[thin] - 0.5 * _THIN, upper[thin] + 0.5 * _THIN
     z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
@@ -192,7 +192,7 @@ def _quadratic_program(
     A: Matrix, wanted: Vector, lower: Vector, upper: Vector
 ) -> tuple[Vector | None, Vector]:
     """Minimise ½‖z - wanted‖² subject to lower ≤ A z ≤ upper."""
-    import daqp  # only who has limits pays for it
+    import daqp  # imported lazily: needed only when a limit is active
 
     identity, inequalities = _constant(*A.shape)
     z, _, flag, info = daqp.solve(
@@ -202,7 +202,7 @@ def _quadratic_program(
         return None, np.zeros(len(A))
     torque = A.dot(z)
     beyond = max((torque - upper).tolist() + (lower - torque).tolist())
-    if flag <= 0 or not beyond <= _CLAIM:  # checked: versions of daqp have claimed too much
+    if flag <= 0 or not beyond <= _CLAIM:  # some daqp versions report success wrongly
         raise SolverError(
             f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
             "the limits)"
@@ -217,18 +217,18 @@ def _constant(k: int, d: int) -> tuple[Matrix, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoundedRemap:
-    """Torques inside limits after joints failed, and what becomes of the force.
+    """Motor torques within limits after a fault, and the resulting tip force.
 
     Attributes
     ----------
     reduced :
         The decomposed Jacobians.
     rnea :
-        Torques for weight and motion, shape (n,).
+        Gravity and motion torques, shape (n,).
     feasible :
-        The forces that can be held.
+        The forces that the arm can hold.
     nearest :
-        The one of them that is closest to the wanted force.
+        The feasible force closest to the desired one.
     """
 
     reduced: ReducedJacobian
@@ -238,19 +238,19 @@ class BoundedRemap:
 
     @property
     def F_after(self) -> Vector | None:
-        """Force that can still be held, weighted, shape (m,); ``None`` if nothing is feasible."""
+        """Force that can still be held, weighted, shape (m,); ``None`` if infeasible."""
         return self.nearest.F_after
 
     @property
     def jump(self) -> Vector | None:
-        """ΔF = F̂ - F', shape (m,); ``None`` if nothing is feasible."""
+        """Force jump ΔF = F̂ - F', weighted, shape (m,); ``None`` if infeasible."""
         return None if self.F_after is None else self.nearest.F - self.F_after
 
     @property
     def U(self) -> Vector | None:
-        """Motor torques to command, weight and motion included, shape (n,).
+        """Motor torques to command, including gravity and motion torques, shape (n,).
 
-        0 at joints that are locked or without torque; ``None`` if nothing is feasible.
+        Zero at locked and free-swinging joints; ``None`` if infeasible.
         """
         if self.F_after is None:
             return None
@@ -259,21 +259,21 @@ class BoundedRemap:
 
     @property
     def share(self) -> float | None:
-        """Largest s ≤ 1 for which s·F̂, the same direction, can be held; ``None`` if none."""
+        """Largest s ≤ 1 for which s·F̂ can be held (direction preserved); ``None`` if none."""
         return share_of(self.feasible, self.nearest.F)
 
     @property
     def binding(self) -> tuple[int, ...]:
-        """Indices of the joints whose torque is at its limit."""
+        """Indices of the joints whose torque is at its limit, from 0."""
         return self.nearest.binding(self.feasible)
 
     @property
     def overloaded(self) -> tuple[int, ...]:
-        """Indices of the joints that weight and motion alone overload (with F₀ at the tip)."""
+        """Indices of the joints that gravity and motion alone overload (with F₀ at the tip)."""
         return overloaded(self.feasible)
 
     def residuals(self) -> Mapping[str, float]:
-        """Return the residuals of `Nearest.residuals`."""
+        """Return the relative residuals of `Nearest.residuals`."""
         return self.nearest.residuals(self.feasible)
 
 
@@ -287,29 +287,31 @@ def bounded_remap(
     rnea: ArrayLike | None = None,
     rtol: float = RTOL,
 ) -> BoundedRemap:
-    """Remap joint torques inside limits, for a Jacobian from any library.
+    """Remap joint torques within limits after a fault, for a Jacobian from any library.
 
     Parameters
     ----------
     J :
-        Task Jacobian at the tip, shape (m, n); rows in N or weighted so that they share a norm.
+        Task Jacobian at the tip, shape (m, n); rows weighted so that they share a unit.
     tau :
-        Motor torques meant for the tip's force (N·m; weight and motion taken off), shape (n,).
+        Motor torques that produce the tip force, without gravity and motion torques (N·m), shape
+        (n,).
     locked :
         True at locked joints, shape (n,).
     limits :
-        Largest torque of each motor, or of the brake of a locked joint; NaN where unknown, (n,).
+        Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
+        (n,).
     free :
-        True at joints without torque, shape (n,).
+        True at free-swinging joints, shape (n,).
     rnea :
-        Torques for weight and motion, shape (n,); 0 if not given.
+        Gravity and motion torques, shape (n,); zero by default.
     rtol :
-        Singular values up to ``rtol · σ_max(J)`` count as lost.
+        Singular values up to ``rtol · σ_max(J)`` count as zero.
 
     Raises
     ------
     InputError
-        Shapes that do not match, a joint both locked and free, a limit that is not positive.
+        Shapes do not match, a joint is both locked and free, or a limit is not positive.
 
     Examples
     --------
@@ -347,13 +349,13 @@ def bounded_remap(
 def remap_inside(
     reduced: ReducedJacobian, F: Vector, rnea: Vector, largest: Vector | None
 ) -> BoundedRemap:
-    """Remap inside limits. The arguments are trusted; the force is F̂, weighted."""
+    """Remap within limits, given the weighted force F̂; arguments are not validated."""
     feasible = feasible_forces(reduced, rnea, largest, LockModel.COMMANDED)
     return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
 
 
 def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
-    """Return the largest s ≤ 1 for which s·F is feasible, ``None`` if there is none."""
+    """Return the largest s ≤ 1 for which s·F is feasible, or ``None`` if there is none."""
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
     if ray.is_empty or ray.minimum > 1.0:
         return None
@@ -361,14 +363,14 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
 
 
 def _at_rest(feasible: FeasibleForces) -> Reach:
-    """Return everything if no force at all is feasible: a share of nothing is all of it."""
+    """Return an unbounded range if zero force is feasible: any multiple of zero is zero."""
     bare = not feasible.F0.any() and feasible.stands_still
     inside = bool((feasible.lower <= 0.0).all() and (feasible.upper >= 0.0).all())
     return Reach(0.0, math.inf) if bare and inside else NOTHING
 
 
 def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
-    """Return the joints whose limits weight and motion exceed, with F₀ at the tip at most."""
+    """Return the joints that gravity and motion overload, with only F₀ at the tip."""
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
     return tuple(j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over)

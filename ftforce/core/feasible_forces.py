@@ -1,13 +1,13 @@
-"""The forces F' that a damaged arm can hold at its tip (docs/theory/limits).
+"""The set of forces F' that a damaged arm can hold at its tip (docs/theory/limits).
 
-Motors, brakes and joints without torque each say something about ``τ = rnea + JᵀF'``:
+Motors, brakes and free-swinging joints each constrain ``τ = rnea + JᵀF'``:
 
-    F' in range(K)                        what motors can command (the reading *commanded*)
-    [rnea]_k + J_kᵀ F' = 0                 a joint k without torque
-    -limit_i ≤ [rnea]_i + J_iᵀ F' ≤ limit_i   a motor or a brake whose limit is known
+    F' in range(K)                        commandable by the motors (lock model *commanded* only)
+    [rnea]_k + J_kᵀ F' = 0                 free-swinging joint k
+    -limit_i ≤ [rnea]_i + J_iᵀ F' ≤ limit_i   motor or brake i with a known limit
 
-The first two make a plane, ``F' = F₀ + Z z``, and the third cuts a polytope out of it. In the
-reading *held* the first is dropped: a load that is there already is carried by the locks.
+The equality constraints define an affine subspace, ``F' = F₀ + Z z``; the inequalities bound a
+polytope in it. The lock model *held* drops the first constraint: locked joints carry existing load.
 """
 
 from __future__ import annotations
@@ -26,25 +26,30 @@ if TYPE_CHECKING:
     from ftforce.core.reduced_jacobian import ReducedJacobian
 
 
-_ROUNDING = 1e-12  # a torque smaller than this, relative to the arm's, is none
+_ROUNDING = 1e-12  # smaller torques, relative to the arm's, count as zero
 
 
 class LockModel(StrEnum):
-    """What a lock is taken for."""
+    """How a locked joint is modelled."""
 
     COMMANDED = "commanded"
-    """Only what the motors that are left can make (the paper's reading)."""
+    """Only forces that the remaining motors can produce (the paper's model)."""
     HELD = "held"
-    """Also what locks carry of a load that is there already, up to their brakes' limits."""
+    """Also existing loads that the locked joints carry, up to their brake limits."""
 
     @classmethod
     def parse(cls, reading: str) -> LockModel:
-        """Return the reading of this name.
+        """Return the lock model with the given name.
+
+        Parameters
+        ----------
+        reading :
+            ``commanded`` or ``held``.
 
         Raises
         ------
         UnknownNameError
-            There is no such reading.
+            There is no such lock model.
         """
         try:
             return cls(reading)
@@ -53,16 +58,16 @@ class LockModel(StrEnum):
 
 
 class LimitingFactor(StrEnum):
-    """What ends a capability."""
+    """What limits a force capability."""
 
     LIMIT = "limit"
     """The torque limit of a motor or brake."""
     FAULT = "fault"
-    """The fault itself: no motor commands this direction, or a joint without torque yields."""
+    """The fault itself: no motor can act in this direction, or a free-swinging joint yields."""
     WEIGHT = "weight"
-    """Weight and motion alone: the arm cannot carry itself."""
+    """Gravity and motion torques alone exceed the limits: the arm cannot carry itself."""
     UNLIMITED = "unlimited"
-    """No limit that is known."""
+    """No known limit applies."""
 
 
 class FeasibleForces(NamedTuple):
@@ -71,20 +76,20 @@ class FeasibleForces(NamedTuple):
     Attributes
     ----------
     F0 :
-        Smallest force that balances the joints without torque, shape (m,).
+        Minimum-norm force that balances the free-swinging joints, shape (m,).
     Z :
-        Orthonormal basis of the plane, square to ``F0``, shape (m, d).
+        Orthonormal basis of the subspace, orthogonal to ``F0``, shape (m, d).
     rows :
-        J_iᵀ of the joints whose limit is known, shape (k, m).
+        J_iᵀ of the joints with a known limit, shape (k, m).
     lower, upper :
-        Bounds on J_iᵀ F', which is the limit without weight and motion, shape (k,).
+        Bounds on J_iᵀ F': the limits minus the gravity and motion torques, shape (k,).
     joints :
-        Indices of these joints.
+        Indices of these joints, from 0.
     unbalanced :
-        Torque at the joints without torque that no force at the tip balances, relative to the
-        arm's weight and motion; 0 is ideal.
+        Torque at the free-swinging joints that no tip force can balance, relative to the arm's
+        gravity and motion torques; ideally 0.
     rtol :
-        What is smaller than this, relative, counts as zero.
+        Relative tolerance below which values count as zero.
     scale :
         σ_max(J).
     """
@@ -101,19 +106,19 @@ class FeasibleForces(NamedTuple):
 
     @property
     def stands_still(self) -> bool:
-        """Whether some force at the tip balances the joints without torque."""
+        """Whether some tip force balances the free-swinging joints."""
         return self.unbalanced <= self.rtol
 
 
 class Weakest(NamedTuple):
-    """The direction in which the least force can be held.
+    """The direction in which the arm can hold the least force.
 
     Attributes
     ----------
     direction :
         Unit vector in weighted task coordinates, shape (m,).
     reach :
-        How far it goes.
+        Range of feasible forces along it.
     """
 
     direction: Vector
@@ -121,15 +126,15 @@ class Weakest(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How far a ray ``s·d``, s ≥ 0, lies inside the feasible forces.
+    """The feasible part of a ray ``s·d``, s ≥ 0.
 
     Attributes
     ----------
     minimum, maximum :
-        The interval of s; ``maximum`` is infinite if no known limit ends it, and smaller than
-        ``minimum`` if nothing of the ray lies inside.
+        Interval of s. ``maximum`` is infinite if no known limit bounds it, and smaller than
+        ``minimum`` if no point of the ray is feasible.
     limiting_joints :
-        Indices of the joints whose limits end it.
+        Indices of the joints whose limits determine ``maximum``, from 0.
     """
 
     minimum: float
@@ -151,19 +156,19 @@ def feasible_forces(
     largest: Vector | None,
     reading: LockModel = LockModel.COMMANDED,
 ) -> FeasibleForces:
-    """Return the forces that can be held.
+    """Return the set of forces that the arm can hold.
 
     Parameters
     ----------
     reduced :
         The decomposed Jacobians.
     rnea :
-        Torques for weight and motion after the fault, shape (n,).
+        Gravity and motion torques after the fault, shape (n,).
     largest :
-        Largest torque of each motor, or brake of a locked joint, NaN where unknown, shape (n,);
-        ``None`` counts none.
+        Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
+        (n,). ``None`` applies no limits.
     reading :
-        What a lock is taken for.
+        Lock model.
     """
     swinging = reduced.swinging
     F0, unbalanced = np.zeros(reduced.m), 0.0
@@ -182,7 +187,7 @@ def feasible_forces(
         return FeasibleForces(
             F0, Z, np.zeros((0, reduced.m)), none, none, [], unbalanced, reduced.rtol, scale
         )
-    # NaN is unknown; 0 is a joint without torque, which is in F0 and Z.
+    # NaN is unknown; 0 is a free-swinging joint, already accounted for in F0 and Z.
     joints = (largest > 0.0).nonzero()[0]
     weights, limit = rnea[joints], largest[joints]
     rows, bounds, names = reduced.J.T[joints], (-limit - weights, limit - weights), joints.tolist()
@@ -190,7 +195,7 @@ def feasible_forces(
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
-    """Return how far ``s·d``, s ≥ 0, is feasible: a ratio test, no solver.
+    """Return the feasible range of ``s·d``, s ≥ 0, by a ratio test.
 
     Parameters
     ----------
@@ -211,7 +216,7 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     bounds = (feasible.lower.tolist(), feasible.upper.tolist())
     rows = zip(feasible.joints, lever.tolist(), *bounds, strict=True)
     for joint, x, lower, upper in rows:
-        if abs(x) <= size:  # the force does not load this joint: only its weight and motion do
+        if abs(x) <= size:  # the force does not load this joint
             if lower > 0.0 or upper < 0.0:
                 return NOTHING
             continue
@@ -227,7 +232,7 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
 
 
 def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
-    """Return what ends a ray."""
+    """Return what limits the force along a ray."""
     if ray.is_empty:
         balanced = feasible.stands_still and not feasible.F0.any()
         return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
@@ -237,34 +242,33 @@ def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
 
 
 def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
-    """Return the direction of a space in which the smallest force ends the feasible ones.
+    """Return the direction within a subspace in which the arm can hold the least force.
 
     Parameters
     ----------
     feasible :
         The feasible forces.
     space :
-        Orthonormal basis of the directions that count, shape (m, r); without any the first axis
-        counts.
+        Orthonormal basis of the directions to consider, shape (m, r); the first axis if r = 0.
     """
     if not space.size:
         space = np.eye(len(space), 1)
-    if not feasible.stands_still or feasible.F0.any():  # no force at all is not among them
+    if not feasible.stands_still or feasible.F0.any():  # zero force is not feasible
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
     _, s, Vt = np.linalg.svd(missing)
-    if s[0] > feasible.rtol:  # a direction of which nothing is left, either way along it
+    if s[0] > feasible.rtol:  # a direction that is lost, in both senses
         direction = space.dot(Vt[0])
         largest = direction[int(np.argmax(np.abs(direction)))]
         direction = math.copysign(1.0, largest) * direction
-        return Weakest(direction, reach(feasible, direction))  # 0, or nothing at all
+        return Weakest(direction, reach(feasible, direction))  # zero force, or infeasible
     levers = feasible.rows.dot(space)
     size = np.sqrt(np.einsum("ij,ij->i", levers, levers))
     loaded = size > feasible.rtol * feasible.scale
     if not loaded.any():
         return Weakest(space[:, 0], reach(feasible, space[:, 0]))
-    # The closest of the planes ``J_iᵀ F = bound``, both bounds of every joint.
-    with np.errstate(over="ignore"):  # too far away for a number
+    # The nearest of the planes ``J_iᵀ F = bound``, over both bounds of every joint.
+    with np.errstate(over="ignore"):  # so far away that it overflows
         distance = np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0)
     i = int(np.argmin(np.where(loaded, distance, math.inf)))
     sign = 1.0 if feasible.upper[i] <= -feasible.lower[i] else -1.0
@@ -273,7 +277,7 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
 
 
 def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
-    """Return the interval of s for which ``s·d`` lies in the plane ``F₀ + Z z``."""
+    """Return the interval of s for which ``s·d`` lies in the subspace ``F₀ + Z z``."""
     Z, F0 = feasible.Z, feasible.F0
     offset = norm(F0)
     if Z.shape[1] == len(d) and offset == 0.0:

@@ -1,11 +1,11 @@
-"""The reduced Jacobian K = ᔆJ of eq. (8)-(16), decomposed once for everything that follows.
+"""The reduced Jacobian K = ᔆJ of eq. (8)-(16), decomposed once and reused by the other modules.
 
-Columns of locked joints are zeroed rather than dropped: range, projector and singular values are
-the same, and every vector keeps one number per joint.
+Columns of locked joints are zeroed rather than dropped: the range, the projector and the nonzero
+singular values are unchanged, and every vector keeps one entry per joint.
 
-A joint without torque (free-swinging) cannot balance anything: of the forces in the range of K
-only those are left that need no torque at it, ``J_kᵀ F' = 0`` apart from its weight. So K is
-projected onto the complement of the swinging columns, and every law that holds for K goes on.
+A free-swinging joint k transmits no torque, so only forces in range(K) that load it with none
+remain: ``J_kᵀ F' = 0``, apart from its gravity torque. K is therefore projected onto the orthogonal
+complement of the columns of the free-swinging joints, and every result for K still holds.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 RTOL = 1e-6
-"""Default rank tolerance, relative to σ_max of the healthy arm: URDFs carry rounded angles."""
+"""Default rank tolerance relative to σ_max of the healthy arm; URDFs contain rounded angles."""
 
 BORDERLINE_RTOL = 1e-2
-"""Default upper end of the tolerances that are tried before a verdict counts as certain."""
+"""Default upper end of the range of tolerances over which a verdict must not change."""
 
 
 class Swinging(NamedTuple):
-    """The columns of joints without torque, decomposed.
+    """Singular value decomposition of the Jacobian columns of the free-swinging joints.
 
     Attributes
     ----------
     joints :
-        Their indices, f of them.
+        Indices of the f joints, from 0.
     U, s, Vt :
-        Singular value decomposition of the columns J_S: (m, m), (min(m, f),) and (f, f).
+        Decomposition of the columns J_S, shapes (m, m), (min(m, f),) and (f, f).
     rank :
         Number of singular values above ``rtol · σ_max(J)``.
     """
@@ -49,36 +49,36 @@ class Swinging(NamedTuple):
     rank: int
 
     def support(self, rnea: Vector) -> Vector:
-        """Return the smallest force that balances the joints, -(J_Sᵀ)† [rnea]_S, shape (m,)."""
+        """Return the minimum-norm balancing force, -(J_Sᵀ)† [rnea]_S, shape (m,)."""
         r = self.rank
         force: Vector = -self.U[:, :r].dot(self.Vt[:r].dot(rnea[self.joints]) / self.s[:r])
         return force
 
     def unbalanced(self, rnea: Vector) -> Vector:
-        """Return the torque at the joints that no force at the tip balances, shape (f,)."""
+        """Return the torque at these joints that no tip force can balance, shape (f,)."""
         V = self.Vt[self.rank :]
         torque: Vector = V.dot(rnea[self.joints]).dot(V)
         return torque
 
 
 class ReducedJacobian(NamedTuple):
-    """Jacobian before and after joints fail, with the ranks that one tolerance gives them.
+    """Task Jacobian before and after a fault, with their ranks under a common tolerance.
 
     Attributes
     ----------
     healthy :
         Decomposition of the weighted task Jacobian J, shape (m, n).
     damaged :
-        Decomposition of K, shape (m, n): J with the columns of locked joints zeroed, and projected
-        onto the complement of the columns of joints without torque.
+        Decomposition of K, shape (m, n): J with the columns of locked joints zeroed, projected
+        onto the orthogonal complement of the columns of the free-swinging joints.
     locked :
         True at locked joints, shape (n,).
     rank, rank_after :
-        Number of singular values above ``rtol · σ_max(J)`` of J and of K.
+        Number of singular values of J and of K above ``rtol · σ_max(J)``.
     rtol :
-        The tolerance.
+        Rank tolerance.
     swinging :
-        The joints without torque; ``None`` if there are none.
+        The free-swinging joints; ``None`` if there are none.
     """
 
     healthy: Svd
@@ -96,12 +96,12 @@ class ReducedJacobian(NamedTuple):
 
     @property
     def K(self) -> Matrix:
-        """The reduced Jacobian, shape (m, n)."""
+        """Reduced Jacobian, shape (m, n)."""
         return self.damaged.A
 
     @property
     def commanding(self) -> Mask:
-        """True at the joints whose motors still give torque, shape (n,)."""
+        """True at joints whose motors still produce torque, shape (n,)."""
         mask = ~self.locked
         if self.swinging is not None:
             mask[self.swinging.joints] = False
@@ -109,7 +109,7 @@ class ReducedJacobian(NamedTuple):
 
     @property
     def sigma_max(self) -> float:
-        """Largest singular value of J, the scale of every tolerance."""
+        """Largest singular value of J, to which all tolerances are relative."""
         return self.healthy.s[0]
 
     @property
@@ -126,15 +126,15 @@ class ReducedJacobian(NamedTuple):
 def reduce(
     J: Matrix, locked: Mask, rtol: float = RTOL, swinging: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose J and K. The arguments are trusted: see `check_core_input`."""
+    """Decompose J and K; arguments are not validated (see `check_core_input`)."""
     return reduce_decomposed(Svd(J), locked, rtol, swinging)
 
 
 def reduce_decomposed(
     healthy: Svd, locked: Mask, rtol: float, swinging: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose K for one of many fault sets of a Jacobian that is decomposed already."""
-    lost = rtol * healthy.s[0]  # all ranks are judged by the healthy arm
+    """Decompose K for a fault set, given the decomposition of J."""
+    lost = rtol * healthy.s[0]  # ranks are relative to the healthy arm
     damaged, columns = healthy, None
     if True in locked.tolist():
         K = healthy.A.copy()
@@ -158,23 +158,23 @@ def _swinging(J: Matrix, mask: Mask, lost: float) -> Swinging:
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
-    """Check a Jacobian and a mask that come from outside.
+    """Validate a user-supplied Jacobian and joint mask and return read-only copies.
 
     Parameters
     ----------
     J :
-        Task Jacobian, shape (m, n), m ≤ 6 not required.
+        Task Jacobian, shape (m, n); m may exceed 6.
     locked :
         Boolean mask, shape (n,).
 
     Raises
     ------
     DimensionError
-        J is no matrix, or the mask has another length than J has columns.
+        The mask does not have one entry per column of J.
     InputError
-        J holds NaN or infinity, or the mask is not boolean.
+        J is not a nonempty matrix or contains NaN or infinity, or the mask is not boolean.
     """
-    J = as_floats(J, "J")  # a copy: results keep it
+    J = as_floats(J, "J")  # a copy, because results keep it
     if J.ndim != 2 or not J.size:
         raise InputError(f"J needs the shape (m, n), got {J.shape}")
     check_finite(J, "J")
@@ -182,12 +182,12 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
 
 
 def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
-    """Check a mask of joints that comes from outside, one entry per column of J.
+    """Validate a user-supplied joint mask, one entry per column of J.
 
     Raises
     ------
     InputError
-        The mask is not boolean, or has not n entries.
+        The mask is not boolean or does not have n entries.
     """
     mask = np.array(joints)
     if mask.dtype != np.bool_:
@@ -201,12 +201,12 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
 
 
 def check_tolerances(rtol: float, wary: float = BORDERLINE_RTOL) -> None:
-    """Check the rank tolerance and the upper end of the wary range.
+    """Check the rank tolerance and the borderline tolerance.
 
     Raises
     ------
     InputError
-        Not ``1e-14 ≤ rtol ≤ wary < 1``.
+        Unless ``1e-14 ≤ rtol ≤ wary < 1``.
     """
     if not (math.isfinite(rtol) and 1e-14 <= rtol < 1.0):
         raise InputError(f"rtol must lie between 1e-14 and 1, got {rtol}")

@@ -1,7 +1,8 @@
-"""The closed forms: torque remap and force jump, velocity remap and velocity jump.
+"""Closed-form solutions: torque remap and force jump, velocity remap and velocity jump.
 
-Equation numbers are the paper's, in the corrected form of docs/theory: the torques are
-``U = ᔆJᵀ (Jᵀ)† τ`` (eq. 39 as eq. 42 uses it), the jump is ``ΔF = (I - K K†) F̂`` (eq. 40).
+Equation numbers are those of the paper, in the corrected form of docs/theory: the remapped torques
+are ``U = ᔆJᵀ (Jᵀ)† τ`` (eq. 39, as used in eq. 42), the force jump is ``ΔF = (I - K K†) F̂``
+(eq. 40).
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ PROOF_TOLERANCE = 1e-9
 
 
 class Jump(NamedTuple):
-    """What locked joints take from a force at the tip.
+    """Tip force before and after joints lock.
 
     Attributes
     ----------
     F :
-        Force before, F̂, as far as the healthy arm can exert it, shape (m,).
+        Force before the fault, F̂: the part that the healthy arm can exert, shape (m,).
     F_after :
-        Force that the healthy joints can still command, shape (m,).
+        Force that the healthy joints can still produce, shape (m,).
     jump :
         ΔF = F̂ - F_after, shape (m,).
     """
@@ -56,18 +57,18 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remap(Displayed):
-    """Motor torques after joints locked, and the force jump that no torque can avoid.
+    """Remapped motor torques after joints lock, and the unavoidable force jump.
 
     Attributes
     ----------
     tau :
-        Motor torques meant for the tip's force before the fault, shape (n,).
+        Motor torques before the fault that produce the tip force, shape (n,).
     U :
-        Motor torques to command now, shape (n,); 0 at locked joints.
+        Motor torques to command after the fault, shape (n,); 0 at locked joints.
     F, F_after, jump :
-        Force at the tip before and after, and their difference ΔF, shape (m,), as in `Jump`.
+        Tip force before and after the fault, and the jump ΔF = F - F_after, shape (m,).
     reduced :
-        The decomposed Jacobians, with ranks and the tolerance that decided them.
+        The decomposed Jacobians, with their ranks and the rank tolerance.
     """
 
     tau: Vector
@@ -84,24 +85,24 @@ class Remap(Displayed):
 
     @property
     def self_motion(self) -> Vector:
-        """Part of ``tau`` that exerts no static force but moves the arm, (I - J†J) τ."""
+        """Part of ``tau`` that drives self-motion and exerts no static force, (I - J†J) τ."""
         supporting: Vector = self.F.dot(self.reduced.J)
         return self.tau - supporting
 
     @property
     def brake_load(self) -> Vector:
-        """Torque that each lock has to carry, J_Sᵀ F_after, shape (n,); 0 at healthy joints."""
+        """Torque that each brake carries, J_Sᵀ F_after, shape (n,); 0 at healthy joints."""
         return np.where(self.reduced.locked, self.F_after.dot(self.reduced.J), 0.0)
 
     def residuals(self) -> Mapping[str, float]:
-        """Return how far the result is from the laws that it must keep, all relative; 0 is ideal.
+        """Return the relative residuals of the identities that define the remap; ideally 0.
 
         Returns
         -------
         :
             ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF · F_after; ``uncommandable``:
-            KᵀΔF, no healthy joint feels the jump; ``statics``: U - KᵀF_after, the torques balance
-            the force; ``self_motion``: J τ_N.
+            KᵀΔF (the jump loads no healthy joint); ``statics``: U - KᵀF_after (the torques balance
+            the force); ``self_motion``: J τ_N.
         """
         scale = self.reduced.sigma_max
         size = math.sqrt(float(self.tau.dot(self.tau)))
@@ -110,19 +111,25 @@ class Remap(Displayed):
         return laws
 
     def is_proved(self, tolerance: float = PROOF_TOLERANCE) -> bool:
-        """Return whether all residuals are within ``tolerance`` (plus what rtol gave away)."""
+        """Return whether all residuals are within a tolerance.
+
+        Parameters
+        ----------
+        tolerance :
+            Largest relative residual accepted; the rank tolerance ``rtol`` is added to it.
+        """
         return all(value <= tolerance + self.reduced.rtol for value in self.residuals().values())
 
 
 class VelocityRemap(NamedTuple):
-    """Joint velocities that keep the tip's velocity as well as they can (Appendix A).
+    """Joint velocities that best preserve the tip velocity after a fault (Appendix A).
 
     Attributes
     ----------
     before, after :
-        Joint velocities, shape (n,); 0 at locked joints after.
+        Joint velocities before and after the fault, shape (n,); after it 0 at locked joints.
     tip_before, tip_after :
-        Velocity of the tip, shape (m,).
+        Tip velocity before and after the fault, shape (m,).
     jump :
         ΔẊ = tip_after - tip_before, shape (m,).
     """
@@ -135,28 +142,30 @@ class VelocityRemap(NamedTuple):
 
 
 def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL) -> Remap:
-    """Remap joint torques when joints lock, for a Jacobian from any library.
+    """Remap joint torques after joints lock, for a Jacobian from any library.
 
     Parameters
     ----------
     J :
-        Task Jacobian at the tip, shape (m, n); rows in N or weighted so that they share a norm.
+        Task Jacobian at the tip, shape (m, n); rows weighted so that they share a unit.
     tau :
-        Motor torques meant for the tip's force (N·m; weight and motion taken off), shape (n,).
+        Motor torques that produce the tip force, without gravity and motion torques (N·m), shape
+        (n,).
     locked :
         True at locked joints, shape (n,).
     rtol :
-        Singular values up to ``rtol · σ_max(J)`` count as lost.
+        Singular values up to ``rtol · σ_max(J)`` count as zero.
 
     Returns
     -------
     :
-        Torques to command, force before and after, and the jump.
+        Torques to command, tip force before and after the fault, and the jump.
 
     Raises
     ------
     InputError
-        Shapes that do not match, NaN or infinity, a mask that is not boolean, rtol out of range.
+        Shapes do not match, values are NaN or infinite, the mask is not boolean, or ``rtol`` is
+        out of range.
 
     Examples
     --------
@@ -185,38 +194,38 @@ def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL
 
 
 def exerted_force(reduced: ReducedJacobian, tau: Vector) -> Vector:
-    """Return the force that torques exert at the tip, F̂ = (Jᵀ)† τ (eq. 18 with z = 0)."""
+    """Return the tip force produced by joint torques, F̂ = (Jᵀ)† τ (eq. 18 with z = 0)."""
     return reduced.healthy.solve_transposed(tau, reduced.rtol)
 
 
 def dynamically_exerted_force(reduced: ReducedJacobian, tau: Vector, M: Matrix) -> Vector:
-    """Return the force that torques exert at a tip that cannot move, while the arm may.
+    """Return the force that joint torques exert at a fixed tip while self-motion is unconstrained.
 
-    It is ``F̂ = (J M⁻¹ Jᵀ)⁻¹ J M⁻¹ τ``, the dynamically consistent inverse (Khatib 1987): what is
-    left of τ accelerates the arm along its self-motion and not the tip. For ``τ = JᵀF`` both
-    inverses give F.
+    This is ``F̂ = (J M⁻¹ Jᵀ)⁻¹ J M⁻¹ τ``, with the dynamically consistent inverse (Khatib 1987):
+    the remainder of τ accelerates the arm along its self-motion and not the tip. For ``τ = JᵀF``
+    it gives F, as `exerted_force` does.
 
     Parameters
     ----------
     reduced :
         The decomposed Jacobians.
     tau :
-        Motor torques without weight and motion, shape (n,).
+        Motor torques without gravity and motion torques, shape (n,).
     M :
         Mass matrix, positive definite, shape (n, n).
     """
     U = reduced.healthy.U[:, : reduced.rank]
-    J = U.T.dot(reduced.J)  # only the directions that the arm has
+    J = U.T.dot(reduced.J)  # restricted to range(J)
     over_M = np.linalg.solve(M, np.column_stack([J.T, tau]))
     F: Vector = U.dot(np.linalg.solve(J.dot(over_M[:, :-1]), J.dot(over_M[:, -1])))
     return F
 
 
 def velocity_after_impact(M: Matrix, locked: Mask, v: Vector) -> Vector:
-    """Return the joint velocities right after joints locked, before any controller acts.
+    """Return the joint velocities immediately after joints lock, before any controller acts.
 
-    The impact is inelastic and leaves the momentum of the other joints alone:
-    ``v_H⁺ = v_H + M_HH⁻¹ M_HS v_S`` (docs/theory/velocity), 0 at locked joints; shape (n,).
+    The impact is inelastic and conserves the generalized momentum of the other joints:
+    ``v_H⁺ = v_H + M_HH⁻¹ M_HS v_S`` (docs/theory/velocity). Shape (n,), 0 at locked joints.
     """
     after = np.where(locked, 0.0, v)
     if locked.any() and not locked.all():
@@ -231,7 +240,7 @@ def supported_force(reduced: ReducedJacobian, F: Vector) -> Vector:
 
 
 def force_jump(reduced: ReducedJacobian, F: Vector) -> Jump:
-    """Return the smallest force jump, ΔF = (I - K K†) F̂ (eq. 33, 40), F̂ in range(J)."""
+    """Return the minimum force jump, ΔF = (I - K K†) F̂ (eq. 33, 40), for F̂ in range(J)."""
     if reduced.rank_after == reduced.m:  # K K† = I: exactly no jump
         return Jump(read_only(F), F, read_only(np.zeros(reduced.m)))
     jump = reduced.damaged.beyond(F, reduced.rank_after)
@@ -239,15 +248,16 @@ def force_jump(reduced: ReducedJacobian, F: Vector) -> Jump:
 
 
 def remapped_torque(reduced: ReducedJacobian, F: Vector) -> Vector:
-    """Return U = ᔆJᵀ F̂ (eq. 24, 39 as eq. 42 uses it), shape (n,), 0 at locked joints."""
+    """Return U = ᔆJᵀ F̂ (eq. 24; 39 as used in 42), shape (n,), 0 at locked joints."""
     U: Vector = F.dot(reduced.damaged.A)
     return U
 
 
 def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
-    """Return Appendix A's remap: Δv_H = K† x_S, ΔẊ = (K K† - I) x_S with x_S = Σ J_k v_k.
+    """Return the velocity remap of Appendix A.
 
-    H are the joints with motors that give torque: one without goes on as it moves.
+    ``Δv_H = K† x_S`` and ``ΔẊ = (K K† - I) x_S`` with ``x_S = Σ J_k v_k`` over the locked joints.
+    H are the joints whose motors produce torque; free-swinging joints keep their velocities.
     """
     damaged, r = reduced.damaged, reduced.rank_after
     if reduced.swinging is not None:
@@ -264,7 +274,7 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
 
 
 def force_residuals(reduced: ReducedJacobian, U: Vector, change: Jump | Remap) -> dict[str, float]:
-    """Return the relative residuals of the laws in `Remap.residuals` that concern the force."""
+    """Return the force-related residuals of `Remap.residuals`."""
     F, F_after, jump = change.F, change.F_after, change.jump
     size = math.sqrt(float(F.dot(F)))
     torque = reduced.sigma_max * size

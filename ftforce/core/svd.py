@@ -1,4 +1,4 @@
-"""The singular value decomposition of small matrices, by Jacobi rotations of Eigen."""
+"""Singular value decomposition of small matrices, by Eigen's Jacobi SVD."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _THIN_U_FULL_V = int(DecompositionOptions.ComputeThinU | DecompositionOptions.Co
 
 
 class Svd:
-    """Singular value decomposition ``A = U[:, :r] diag(s[:r]) Vᵀ``, by Jacobi rotations.
+    """Singular value decomposition ``A = U[:, :r] diag(s[:r]) Vᵀ`` by Jacobi rotations.
 
-    Eigen's two-sided Jacobi is used rather than LAPACK's divide and conquer because it keeps small
-    singular values to high relative accuracy (ranks are decided on them) and, at the size of a
-    manipulator Jacobian, costs 1.5 µs from Python instead of 8.5 µs: the decomposition is done in
-    a workspace that is kept per thread and shape, and V stays there.
+    Eigen's two-sided Jacobi SVD is used instead of LAPACK's divide and conquer because it computes
+    small singular values, on which rank decisions depend, to high relative accuracy, and because a
+    manipulator Jacobian takes 1.5 µs from Python instead of 8.5 µs. The decomposition is done in a
+    workspace cached per thread and shape; V stays there.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class Svd:
     Attributes
     ----------
     A :
-        The matrix.
+        The matrix, shape (m, n).
     U :
         All left singular vectors, shape (m, m).
     s :
-        Singular values, descending, padded with zeros to m numbers.
+        Singular values in descending order, padded with zeros to length m.
     """
 
     __slots__ = ("A", "U", "_count", "_workspace", "s")
@@ -50,7 +50,7 @@ class Svd:
             self.s += [0.0] * (m - n)
 
     def rank(self, threshold: float) -> int:
-        """Return how many singular values lie above ``threshold``."""
+        """Return the number of singular values above ``threshold``."""
         rank = len(self.s)
         while rank and self.s[rank - 1] <= threshold:
             rank -= 1
@@ -60,15 +60,15 @@ class Svd:
         """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
         workspace = _workspace(self.A.shape, False)
         if workspace is not self._workspace or workspace.count != self._count:
-            workspace.decompose(self.A)  # it has served another matrix since
-        # Eigen keeps a singular value that equals the threshold; here it counts as lost.
+            workspace.decompose(self.A)  # reused for another matrix since
+        # Eigen keeps a singular value equal to the threshold; here it counts as zero.
         workspace.solver.setThreshold(rtol * (1.0 + 1e-15))
         F: Vector = workspace.solver.solve(tau)
         return F if F.ndim == 1 else F.reshape(-1)
 
     def solve(self, x: Vector, rank: int) -> Vector:
-        """Return A† x with the first ``rank`` singular values, shape (n,)."""
-        # With V of its own decomposition: Aᵀ U / s would lose the digits that a small s costs.
+        """Return A† x, using the first ``rank`` singular values, shape (n,)."""
+        # V comes from a decomposition of its own: Aᵀ U / s loses accuracy where s is small.
         decomposition = ColPivHhJacobiSVD(self.A.T, _THIN_U_FULL_V)
         U, V = decomposition.matrixV(), decomposition.matrixU()
         y = x.dot(U.reshape(len(x), -1)[:, :rank]) / self.s[:rank]
@@ -76,26 +76,26 @@ class Svd:
         return v
 
     def project(self, x: Vector, rank: int) -> Vector:
-        """Return A A† x, the part of x in the range of the first ``rank`` directions."""
+        """Return A A† x, the projection of x onto the first ``rank`` left singular vectors."""
         U = self.U[:, :rank]
         kept: Vector = U.dot(x.dot(U))
         return kept
 
     def beyond(self, x: Vector, rank: int) -> Vector:
-        """Return (I - A A†) x, the part of x outside the range of the first ``rank`` directions."""
+        """Return (I - A A†) x, the projection of x onto the other left singular vectors."""
         U = self.U[:, rank:]
         lost: Vector = U.dot(x.dot(U))
         return lost
 
     def __reduce__(self) -> tuple[type[Svd], tuple[Matrix]]:
-        """Pickle the matrix; the decomposition is made anew."""
+        """Pickle the matrix only; the decomposition is recomputed."""
         return Svd, (self.A,)
 
 
 class _Workspace:
-    """One of Eigen's solvers for one shape, used again and again; counts its decompositions.
+    """Reusable Eigen solver for matrices of one shape; counts its decompositions.
 
-    It decomposes Aᵀ, so that it can solve for forces, or A itself where only U and s are wanted.
+    It decomposes Aᵀ, to solve for forces, or A itself if only U and s are needed.
     """
 
     __slots__ = ("count", "left_only", "solver")

@@ -1,4 +1,4 @@
-"""The verdict: for locked joints, and for every fault mode with weight and limits."""
+"""Verdicts: for locked joints alone, and for all fault modes with gravity and torque limits."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ class Verdict(StrEnum):
     """Whether the force at the tip survives the fault."""
 
     TOLERATED = "tolerated"
-    """The healthy joints can go on exerting the whole force."""
+    """The healthy joints can still exert the full force."""
     BORDERLINE = "borderline"
-    """The answer depends on the tolerance: the arm is close to losing, or keeping, the force."""
+    """The answer depends on the tolerance: the arm is close to losing, or to keeping, the force."""
     NOT_TOLERATED = "not tolerated"
-    """Part of the force can no longer be commanded."""
+    """Part of the force can no longer be produced by the motors."""
 
 
 def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
-    """Judge a fault set for a force, or for every force that the healthy arm can exert.
+    """Return the verdict for one force, or for all forces that the healthy arm can exert.
 
-    One tolerance t decides both what is lost, σ_i(K) ≤ t·σ_max(J), and what counts as no jump,
-    ‖ΔF‖ ≤ t·‖F̂‖. The verdict is ``BORDERLINE`` if not every t from ``reduced.rtol`` to ``wary``
-    gives the same answer.
+    A single tolerance t decides which directions are lost, σ_i(K) ≤ t·σ_max(J), and which jumps
+    are negligible, ‖ΔF‖ ≤ t·‖F̂‖. The verdict is ``BORDERLINE`` unless every t from
+    ``reduced.rtol`` to ``wary`` gives the same answer.
 
     Parameters
     ----------
     reduced :
         The decomposed Jacobians.
     F :
-        Force F̂ that the healthy arm exerts, shape (m,); ``None`` asks about all of them.
+        Force F̂ that the healthy arm exerts, shape (m,); ``None`` for all forces.
     wary :
-        Largest tolerance tried.
+        Largest tolerance considered.
     """
     if reduced.damaged.s[-1] > wary * reduced.sigma_max:
-        return Verdict.TOLERATED  # no tolerance gives a direction away
+        return Verdict.TOLERATED  # no direction is lost at any tolerance
     answers = _answers_for_all(reduced, wary) if F is None else _answers(reduced, F, wary)
     if len(answers) > 1:
         return Verdict.BORDERLINE
@@ -52,23 +52,23 @@ def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
 
 
 def _answers_for_all(reduced: ReducedJacobian, wary: float) -> set[bool]:
-    """Return whether every force is kept, at both ends of the tolerances (it is monotonous)."""
+    """Return whether all forces are kept at either end of the (monotonic) tolerance range."""
     kept_at_wary = sum(s > wary * reduced.sigma_max for s in reduced.damaged.s)
     return {reduced.rank_after >= reduced.rank, kept_at_wary >= reduced.rank}
 
 
 def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
-    """Return the set of answers that the tolerances from rtol to wary give for one force."""
+    """Return the set of answers over the tolerances from rtol to wary, for one force."""
     largest = max(map(abs, F.tolist()))
     if largest == 0.0:
         return {True}
-    if not 1e-100 < largest < 1e100:  # its square could vanish or overflow
+    if not 1e-100 < largest < 1e100:  # its square could underflow or overflow
         F = F / largest
     size = float(F.dot(F))
     share = [c * c / size for c in F.dot(reduced.damaged.U).tolist()]  # of ‖F̂‖², per left vector
     scale = reduced.sigma_max
-    # Between neighbouring σ_i the jump is the same for all t, and t is allowed to be anything
-    # from the interval's start (strictest) to its end.
+    # Between neighbouring σ_i the jump does not depend on t, so only the ends of the interval
+    # need checking: its start is the strictest tolerance.
     doubtful = sorted(
         tolerance_that_loses(s, scale)
         for s in reduced.damaged.s
@@ -84,9 +84,9 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
 
 
 def tolerance_that_loses(s: float, scale: float) -> float:
-    """Return the least tolerance t that gives a singular value away, s ≤ t · scale."""
+    """Return the smallest tolerance t at which a singular value is lost, s ≤ t · scale."""
     t = s / scale
-    return t if s <= t * scale else math.nextafter(t, math.inf)  # a quotient may be rounded down
+    return t if s <= t * scale else math.nextafter(t, math.inf)  # the quotient may be rounded down
 
 
 def judge(
@@ -96,25 +96,25 @@ def judge(
     bounded: BoundedRemap | None = None,
     largest: Vector | None = None,
 ) -> Verdict:
-    """Judge a fault set for a force, or for every force that the healthy arm can exert.
+    """Return the verdict for one or all forces, with free-swinging joints and torque limits.
 
-    One tolerance t decides what is lost, what counts as no jump, ‖ΔF‖ ≤ t·‖F̂‖, and which torque
-    counts as balanced at a joint without torque. The verdict is ``BORDERLINE`` if not every t from
-    ``reduced.rtol`` to ``wary`` gives the same answer.
+    A single tolerance t decides which directions are lost, which jumps are negligible,
+    ‖ΔF‖ ≤ t·‖F̂‖, and which torques count as balanced at free-swinging joints. The verdict is
+    ``BORDERLINE`` unless every t from ``reduced.rtol`` to ``wary`` gives the same answer.
 
     Parameters
     ----------
     reduced :
         The decomposed Jacobians.
     F :
-        Force F̂ that the healthy arm exerts, shape (m,); ``None`` asks about all of them: then
-        limits are asked only whether the arm can carry itself.
+        Force F̂ that the healthy arm exerts, shape (m,); ``None`` for all forces, in which case
+        limits only decide whether the arm can carry itself.
     wary :
-        Largest tolerance tried.
+        Largest tolerance considered.
     bounded :
-        The remap inside limits, or with joints without torque; ``None`` if there is neither.
+        The remap within limits or with free-swinging joints; ``None`` if there are neither.
     largest :
-        Largest torques that it was made with.
+        Maximum torques used for ``bounded``.
     """
     if bounded is None:
         return verdict(reduced, F, wary)
@@ -131,7 +131,7 @@ def _answers_with_limits(
     bounded: BoundedRemap,
     largest: Vector | None,
 ) -> set[bool]:
-    # Imported lazily: needed only where limits count, or a joint is free.
+    # Imported lazily: needed only with limits or free-swinging joints.
     from ftforce.core.bounded_remap import nearest_force
     from ftforce.core.feasible_forces import feasible_forces
 
@@ -141,12 +141,12 @@ def _answers_with_limits(
     answers: set[bool] = set()
     here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
     start: float | None = reduced.rtol
-    while start is not None:  # from one change of a rank to the next
+    while start is not None:  # from one change of rank to the next
         if start != reduced.rtol:
             here = reduce_decomposed(reduced.healthy, reduced.locked, start, mask)
             feasible = feasible_forces(here, bounded.rnea, largest)
             F_after = None
-        if F_after is None:  # also where a larger tolerance takes the arm for standing still
+        if F_after is None:  # also if the arm is in equilibrium only at a larger tolerance
             F_after = nearest_force(feasible._replace(unbalanced=0.0), bounded.nearest.F).F_after
         jump = _relative_jump(feasible, F_after, bounded)
         if F is None and here.rank_after < reduced.rank:
@@ -158,9 +158,9 @@ def _answers_with_limits(
 
 
 def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
-    """Return the next larger tolerance at which a rank changes, ``None`` if up to wary none does.
+    """Return the next tolerance up to wary at which a rank changes, or ``None``.
 
-    Asked anew at every change: when a swinging column counts as zero, K gets other values.
+    Recomputed at every change: K changes when the column of a free-swinging joint counts as zero.
     """
     scale = reduced.sigma_max
     values = list(reduced.damaged.s)
@@ -174,7 +174,7 @@ def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
 def _relative_jump(
     feasible: FeasibleForces, F_after: Vector | None, bounded: BoundedRemap
 ) -> float:
-    """Return ‖ΔF‖/‖F̂‖; without a force, the support that is needed in relation to the weight."""
+    """Return ‖ΔF‖/‖F̂‖; for zero force, the supporting force relative to the gravity torques."""
     if F_after is None:
         return math.inf
     F, rnea = bounded.nearest.F, bounded.rnea
