@@ -110,7 +110,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: ``import ftforce`` itself loads nothing heavy."""
+    """Import a public name on first use, so that ``import ftforce`` stays fast."""
     if name not in _HOMES:
         raise AttributeError(f"module 'ftforce' has no attribute {name!r}")
     value = getattr(import_module(f"ftforce.{_HOMES[name]}"), name)

@@ -1,4 +1,4 @@
-"""Every error that ftforce raises on purpose.
+"""Exceptions raised by ftforce.
 
 ::
 
@@ -6,17 +6,17 @@
     ├── InputError (ValueError)      a value given by the caller is malformed
     │   ├── DimensionError           a vector or matrix of the wrong shape
     │   └── UnknownNameError         a joint, tip, posture, robot … that does not exist
-    ├── SolverError                  a numerical solver gave up; please report it
-    └── FileError                    something is wrong with a file; carries its path
+    ├── SolverError                  a numerical solver failed; please report it
+    └── FileError                    a file is invalid or inaccessible; carries its path
         ├── URDFError
         ├── SRDFError
         ├── DHTableError
-        ├── LimitsError              a file of torque limits
-        ├── TrajectoryError          a file of a trajectory, of a history, or of postures
+        ├── LimitsError              a torque limits file
+        ├── TrajectoryError          a trajectory, history or postures file
         ├── SweepError               a stored sweep
         └── OutputError              a result could not be written
 
-A fault that cannot be tolerated is an answer, not an error: it is reported in the result.
+A fault that cannot be tolerated is a result, not an error.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 
 class FtforceError(Exception):
-    """Base of everything that ftforce raises on purpose."""
+    """Base class of all exceptions that ftforce raises."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the message and the data, not what ``__init__`` made them of: for processes."""
+        """Pickle message and attributes, bypassing ``__init__``: errors cross processes."""
         return _restored, (type(self), self.args, self.__dict__)
 
 
@@ -45,7 +45,7 @@ def _restored(
 
 
 class InputError(FtforceError, ValueError):
-    """A value given by the caller is malformed; the message says what would have been valid."""
+    """A value given by the caller is malformed; the message states what is valid."""
 
 
 class DimensionError(InputError):
@@ -54,9 +54,9 @@ class DimensionError(InputError):
     Attributes
     ----------
     name :
-        What the value is, e.g. ``"force"``.
+        Name of the value, e.g. ``"force"``.
     expected, got :
-        Shapes.
+        Expected and actual shape.
     """
 
     def __init__(
@@ -68,18 +68,18 @@ class DimensionError(InputError):
 
 
 class UnknownNameError(InputError):
-    """A name that does not exist, with the names that do.
+    """A name does not exist; the message lists the available names.
 
     Attributes
     ----------
     kind :
-        What was looked up, e.g. ``"joint"``.
+        Kind of object that was looked up, e.g. ``"joint"``.
     name :
         The unknown name.
     available :
-        The names that exist.
+        The available names.
     suggestion :
-        The closest existing name, or ``None``.
+        The closest available name, or ``None``.
     """
 
     def __init__(self, kind: str, name: object, available: Iterable[str], where: str = "") -> None:
@@ -93,18 +93,18 @@ class UnknownNameError(InputError):
 
 
 class SolverError(FtforceError):
-    """A numerical solver gave up on a problem that has an answer; please report it."""
+    """A numerical solver failed on a problem that has a solution; please report it."""
 
 
 class FileError(FtforceError):
-    """Something is wrong with a file.
+    """A file is invalid or inaccessible.
 
     Attributes
     ----------
     path :
-        The file; the message shows it with line breaks and the like escaped.
+        The file; unprintable characters are escaped in the message.
     reason :
-        What is wrong with it and what would have been valid.
+        What is wrong with the file, and what is valid.
     """
 
     def __init__(self, path: str | PathLike[str], reason: str) -> None:
@@ -113,41 +113,41 @@ class FileError(FtforceError):
 
 
 class URDFError(FileError):
-    """A URDF that cannot be read or does not describe a robot."""
+    """A URDF cannot be read or does not describe a robot."""
 
 
 class SRDFError(FileError):
-    """An SRDF that cannot be read."""
+    """An SRDF cannot be read."""
 
 
 class DHTableError(FileError):
-    """A DH table that cannot be read or is inconsistent."""
+    """A DH table cannot be read or is inconsistent."""
 
 
 class LimitsError(FileError):
-    """A file of torque limits that cannot be read or does not fit the robot."""
+    """A torque limits file cannot be read or does not match the robot."""
 
 
 class TrajectoryError(FileError):
-    """A file of a trajectory or of a history that cannot be read or does not fit the robot."""
+    """A trajectory, history or postures file cannot be read or does not match the robot."""
 
 
 class SweepError(FileError):
-    """A stored sweep that is missing, damaged or none."""
+    """A stored sweep is missing, damaged, or not a sweep."""
 
 
 class OutputError(FileError):
-    """A result could not be written; nothing was left behind."""
+    """A result could not be written; no partial file is left behind."""
 
 
 def printable(text: object) -> str:
-    r"""Return a text, a path mostly, on one line: what cannot be printed is shown as ``\n``."""
+    r"""Return a text, usually a path, with unprintable characters escaped, e.g. as ``\n``."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
 
 
 def closest(name: object, available: Iterable[str]) -> str | None:
-    """Return the existing name that looks most like ``name``, or ``None``."""
-    if not isinstance(name, str):  # a number where a name was wanted resembles none
+    """Return the available name most similar to ``name``, or ``None``."""
+    if not isinstance(name, str):  # a number given for a name is similar to none
         return None
     from difflib import get_close_matches
 
@@ -157,7 +157,7 @@ def closest(name: object, available: Iterable[str]) -> str | None:
 
 
 def listed(names: Iterable[str], most: int = 24) -> str:
-    """Join names for a message; a long list is cut and says by how many."""
+    """Join names for a message, truncated to ``most`` names with a count of the rest."""
     names = tuple(names)
     if not names:
         return "(none)"

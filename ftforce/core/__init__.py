@@ -1,1 +1,1 @@
-"""The mathematics: arrays only, so that it can be used with any robotics library."""
+"""The mathematics, on arrays only, for use with any robotics library."""

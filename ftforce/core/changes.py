@@ -1,4 +1,4 @@
-"""Force, torque and velocity before and after a fault, in the task's own units."""
+"""Force, torque and velocity before and after a fault, in the units of the task."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 
 class TipLoad(NamedTuple):
-    """What the tip exerts before the fault.
+    """The force that the tip exerts before the fault.
 
     Attributes
     ----------
     F :
         Weighted force that the healthy arm exerts, F̂, shape (m,).
     requested :
-        Force that was asked for, unweighted; ``None`` if torques were given.
+        Requested force, unweighted, shape (m,); ``None`` if torques were given.
     tau :
-        Torques that were given; ``None`` if a force was.
+        Given torques, shape (n,); ``None`` if a force was given.
     """
 
     F: Vector
@@ -43,16 +43,17 @@ class TipLoad(NamedTuple):
 
 
 class RneaChange(NamedTuple):
-    """Torques for weight and motion before and after, N·m (N if prismatic), shape (n,).
+    """Gravity and motion torques before and after, N·m (N for prismatic joints), shape (n,).
 
     Attributes
     ----------
     gravity :
-        For the weight, the same before and after; ``None`` if the URDF has no masses.
+        Gravity torques, unchanged by the fault; ``None`` if the URDF has no masses.
     motion_before, motion_after :
-        For the motion; ``None`` if the arm moves and the URDF has no masses.
+        Inertial, Coriolis and centrifugal torques; ``None`` if the arm moves and the URDF has no
+        masses.
     before, after :
-        What is counted: the sum, and of what is unknown nothing.
+        Sum of the known parts; unknown parts count as zero.
     """
 
     gravity: Vector | None
@@ -63,30 +64,30 @@ class RneaChange(NamedTuple):
 
     @property
     def is_known(self) -> bool:
-        """Whether nothing is missing."""
+        """Whether gravity and motion torques are known."""
         return self.gravity is not None and self.motion_before is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceChange:
-    """Force at the tip before and after the fault; N for forces, N·m for moments, shape (m,).
+    """Tip force before and after the fault; N for forces, N·m for moments, shape (m,).
 
     Attributes
     ----------
     requested :
-        Force asked for; ``None`` if torques were given.
+        Requested force; ``None`` if torques were given.
     unsupported :
-        Part of the request that even the healthy arm cannot exert.
+        Part of the requested force that even the healthy arm cannot exert.
     before :
-        Force the healthy arm exerts, F̂.
+        Force that the healthy arm exerts, F̂.
     after :
-        Force that can still be held; ``None`` if the arm cannot stand still with any.
+        Force that can still be held; ``None`` if the arm cannot hold still under any tip force.
     jump :
-        ΔF = before - after.
+        ΔF = before - after; ``None`` if ``after`` is.
     jump_norm :
-        Norm of the jump's force components, N; ``None`` if the task has none.
+        Norm of the force components of the jump, N; ``None`` if the task has none.
     moment_jump_norm :
-        Norm of its moment components, N·m; ``None`` if the task has none.
+        Norm of the moment components of the jump, N·m; ``None`` if the task has none.
     """
 
     requested: Vector | None
@@ -102,21 +103,23 @@ class ForceChange:
 class TorqueChange:
     """Motor torques, N·m (N for prismatic joints), shape (n,).
 
-    What is after the fault is ``None`` if the arm cannot stand still; totals are ``None`` too if
+    Torques after the fault are ``None`` if the arm cannot hold still; totals are also ``None`` if
     the URDF has no masses.
 
     Attributes
     ----------
     before, after :
-        The force part, Jᵀ F; after the fault 0 at locked joints. At a joint without torque it is
-        what balances the joint's weight and motion.
+        Torques due to the tip force, Jᵀ F; after the fault 0 at locked joints. At a free-swinging
+        joint they balance the joint's gravity and motion torques.
     total_before, total_after :
-        What the motors must give: force part, weight and motion. After the fault 0 at joints that
-        are locked or without torque.
+        Total motor torques, including gravity and motion torques. After the fault 0 at locked and
+        free-swinging joints.
     brake_load :
-        What each lock has to carry, weight and motion included; 0 at other joints.
+        Torque that the brake of each locked joint carries, including gravity and motion torques; 0
+        at other joints.
     self_motion :
-        Part of ``before`` that exerts no static force but moves the arm; 0 if a force was given.
+        Part of ``before`` that drives self-motion and exerts no static force; 0 if a force was
+        given.
     """
 
     before: Vector
@@ -129,20 +132,20 @@ class TorqueChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Impact:
-    """Velocities right after joints locked, before any controller acts.
+    """Velocities immediately after joints lock, before any controller acts.
 
     Attributes
     ----------
     after :
         Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints.
     tip_after :
-        Velocity of the tip, m/s and rad/s, shape (m,).
+        Tip velocity, m/s and rad/s, shape (m,).
     jump :
-        ``tip_after`` minus the tip's velocity before.
+        ``tip_after`` minus the tip velocity before the fault, shape (m,).
     jump_norm :
-        Norm of the jump's linear components, m/s; ``None`` if the task has none.
+        Norm of the linear components of the jump, m/s; ``None`` if the task has none.
     angular_jump_norm :
-        Norm of its angular components, rad/s; ``None`` if the task has none.
+        Norm of the angular components of the jump, rad/s; ``None`` if the task has none.
     """
 
     after: Vector
@@ -154,20 +157,20 @@ class Impact:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VelocityChange:
-    """Velocities before the fault and after the remap of Appendix A.
+    """Velocities before the fault and after the velocity remap of Appendix A.
 
     Attributes
     ----------
     before, after :
-        Joint velocities, rad/s or m/s, shape (n,); 0 at locked joints after.
+        Joint velocities, rad/s or m/s, shape (n,); after the fault 0 at locked joints.
     tip_before, tip_after :
-        Velocity of the tip, m/s and rad/s, shape (m,).
+        Tip velocity, m/s and rad/s, shape (m,).
     jump :
-        ΔẊ = tip_after - tip_before.
+        ΔẊ = tip_after - tip_before, shape (m,).
     jump_norm :
-        Norm of the jump's linear components, m/s; ``None`` if the task has none.
+        Norm of the linear components of the jump, m/s; ``None`` if the task has none.
     angular_jump_norm :
-        Norm of its angular components, rad/s; ``None`` if the task has none.
+        Norm of the angular components of the jump, rad/s; ``None`` if the task has none.
     """
 
     before: Vector
@@ -186,18 +189,18 @@ def change_of_load(
     rnea: RneaChange,
     bounded: BoundedRemap | None,
 ) -> tuple[ForceChange, TorqueChange]:
-    """Return what becomes of a load at the tip, and of the torques that hold it.
+    """Return the change of the tip force and of the motor torques due to a fault.
 
     Parameters
     ----------
     reduced, task :
         The decomposed Jacobians and the task.
     load :
-        What the tip exerts before the fault.
+        Tip force before the fault.
     rnea :
-        Torques for weight and motion.
+        Gravity and motion torques.
     bounded :
-        The remap inside limits, or with joints without torque; ``None`` takes the closed form.
+        The remap within limits or with free-swinging joints; ``None`` uses the closed form.
     """
     carried: Vector = load.F.dot(reduced.J)
     before = carried if load.tau is None else load.tau
@@ -224,7 +227,7 @@ def change_of_load(
 def changes_of_unit_forces(
     reduced: ReducedJacobian, task: Task
 ) -> tuple[tuple[ForceChange, TorqueChange], ...]:
-    """Return the same for a force of 1 N (1 N·m) along each task axis, weight and limits apart."""
+    """Return the changes for 1 N (1 N·m) along each task axis, without gravity and limits."""
     changes = []
     nothing = read_only(np.zeros(reduced.n))
     rnea = RneaChange(None, None, None, nothing, nothing)
@@ -236,7 +239,7 @@ def changes_of_unit_forces(
 
 
 def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> VelocityChange:
-    """Return the velocities before the fault and after the remap of Appendix A."""
+    """Return the velocities before the fault and after the velocity remap of Appendix A."""
     weighted = velocity_remap(reduced, v)
     jump = read_only(task.unweigh_velocity(weighted.jump))
     linear, angular = split_norms(task, jump)
@@ -252,7 +255,7 @@ def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> Veloc
 
 
 def impact_of_lock(reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector) -> Impact:
-    """Return the velocities right after the lock; J is the unweighted task Jacobian."""
+    """Return the velocities immediately after joints lock; J is the unweighted task Jacobian."""
     after = velocity_after_impact(M, reduced.locked, v)
     jump = read_only(J.dot(after - v))
     linear, angular = split_norms(task, jump)
@@ -277,7 +280,7 @@ def _force_change(task: Task, load: TipLoad, F_after: Vector, jump: Vector) -> F
 def _no_change(
     task: Task, load: TipLoad, before: Vector, carried: Vector, rnea: RneaChange
 ) -> tuple[ForceChange, TorqueChange]:
-    """Return the changes where nothing after the fault is feasible."""
+    """Return the changes for a fault after which no force is feasible."""
     F = read_only(task.unweigh_force(load.F))
     unsupported = _unsupported(task, load.requested, F)
     total = read_only(before + rnea.before) if rnea.is_known else None
@@ -292,7 +295,7 @@ def _unsupported(task: Task, requested: Vector | None, before: Vector) -> Vector
 
 
 def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
-    """Return the norms of the linear and of the angular components, which share no unit."""
+    """Return the norms of the linear and the angular components; ``None`` if the task has none."""
     if not task.moment_rows:
         return math.sqrt(x.dot(x)), None
     linear = float(np.linalg.norm(x[list(task.force_rows)])) if task.force_rows else None

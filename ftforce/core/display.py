@@ -1,6 +1,6 @@
-"""Results show themselves in terminals and notebooks, through a hook that `ftforce` fills.
+"""Display of results in terminals and notebooks, through a hook that `ftforce` installs.
 
-Nothing below `ftforce.show` knows a screen: a result that is computed with never loads rich.
+Packages below `ftforce.show` do not depend on it: rich is imported only when a result is displayed.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ _hooks: list[_Hook] = []
 
 
 def show_with(render: Callable[[Any], Any], to_html: Callable[[Any], str]) -> None:
-    """Say how results are displayed.
+    """Install the functions that display results.
 
     Parameters
     ----------
     render :
-        Makes of a result what rich prints.
+        Converts a result to a rich renderable.
     to_html :
-        Makes of it HTML for a notebook.
+        Converts a result to HTML for notebooks.
     """
     _hooks[:] = [_Hook(render, to_html)]
 
 
 class Displayed:
-    """Adds ``__rich__`` for terminals and ``_repr_html_`` for notebooks."""
+    """Mixin that adds ``__rich__`` for terminals and ``_repr_html_`` for notebooks."""
 
     __slots__ = ()
 
     def __rich__(self) -> Any:
-        """Return what rich prints."""
+        """Return the rich renderable."""
         return _hooks[0].render(self)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML for a notebook."""
         return _hooks[0].to_html(self)

@@ -1,4 +1,4 @@
-"""Faults: which joints fail, and how; sets of them, and all sets up to a size (eq. 12-13)."""
+"""Joint faults, fault sets, and the enumeration of fault sets up to a size (eq. 12-13)."""
 
 from __future__ import annotations
 
@@ -21,15 +21,20 @@ class FaultMode(StrEnum):
     """How a joint fails."""
 
     LOCKED = "locked"
-    """The brake holds the joint and its motor commands nothing (the paper's fault)."""
+    """The brake holds the joint and the motor produces no torque (the paper's fault)."""
     FREE = "free"
-    """The joint swings freely: neither motor nor brake gives any torque."""
+    """The joint is free-swinging: neither motor nor brake applies any torque."""
     WEAK = "weak"
-    """The motor gives at most a share of its largest torque."""
+    """The motor produces at most a fraction of its maximum torque."""
 
     @classmethod
     def parse(cls, mode: str) -> FaultMode:
-        """Return the mode of this name.
+        """Return the fault mode with the given name.
+
+        Parameters
+        ----------
+        mode :
+            ``locked``, ``free`` or ``weak``.
 
         Raises
         ------
@@ -51,9 +56,10 @@ class Fault:
     joint :
         Index along the chain, from 0.
     mode :
-        How it fails.
+        Fault mode.
     factor :
-        Share of its largest torque that a weak joint can still give, 0 to 1; 1 in other modes.
+        Fraction of its maximum torque that a weak joint can still produce, 0 to 1; 1 in other
+        modes.
     """
 
     joint: int
@@ -61,13 +67,13 @@ class Fault:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check mode and factor; a mode may be given by its name.
+        """Check mode and factor; the mode may be given by name.
 
         Raises
         ------
         InputError
-            There is no such mode, the factor does not lie between 0 and 1, or the joint is not
-            weak.
+            The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
+            weak has a factor other than 1.
         """
         object.__setattr__(self, "mode", FaultMode.parse(self.mode))
         if not _is_share(self.factor):
@@ -80,19 +86,24 @@ class Fault:
 
     @property
     def has_no_torque(self) -> bool:
-        """Whether the joint swings: free, or weak with nothing left."""
+        """Whether the joint is free-swinging: free, or weak with factor 0."""
         return self.mode is FaultMode.FREE or self.factor == 0.0
 
     def __str__(self) -> str:
-        """Return the mode, with the factor of a weak joint."""
+        """Return the mode, with the factor if the joint is weak."""
         return f"weak {self.factor:g}" if self.mode is FaultMode.WEAK else self.mode.value
 
 
 @dataclass(frozen=True, slots=True)
 class FaultSet:
-    """Faults that occur together, in the order of the joints.
+    """A set of simultaneous faults, in joint order.
 
-    Prints as ``{2, 4}``, or where not all are locked as ``{2 locked, 4 free}``.
+    Prints as ``{2, 4}``, or as ``{2 locked, 4 free}`` if not all joints are locked.
+
+    Attributes
+    ----------
+    faults :
+        The faults, sorted by joint.
     """
 
     faults: tuple[Fault, ...] = ()
@@ -123,12 +134,26 @@ class FaultSet:
 
     @classmethod
     def locked(cls, joints: Iterable[int]) -> FaultSet:
-        """Return the set in which these joints (indices from 0) are locked."""
+        """Return the fault set in which the given joints are locked.
+
+        Parameters
+        ----------
+        joints :
+            Joint indices, from 0.
+        """
         return cls.all_of(FaultMode.LOCKED, joints)
 
     @classmethod
     def all_of(cls, mode: FaultMode, joints: Iterable[int]) -> FaultSet:
-        """Return the set in which these joints (indices from 0) fail in one mode."""
+        """Return the fault set in which all given joints fail in the same mode.
+
+        Parameters
+        ----------
+        mode :
+            Fault mode; weak joints get factor 1.
+        joints :
+            Joint indices, from 0.
+        """
         return cls(tuple(Fault(int(joint), mode) for joint in joints))
 
     @property
@@ -137,33 +162,60 @@ class FaultSet:
         return tuple(fault.joint for fault in self.faults)
 
     def in_mode(self, mode: FaultMode) -> tuple[int, ...]:
-        """Return the indices of the joints that fail in this mode."""
+        """Return the indices of the joints that fail in the given mode, from 0."""
         return tuple([fault.joint for fault in self.faults if fault.mode is mode])
 
     @property
     def swinging(self) -> tuple[int, ...]:
-        """Indices of the joints without any torque: free, or weak with factor 0."""
+        """Indices of the free-swinging joints (free, or weak with factor 0), from 0."""
         return tuple([fault.joint for fault in self.faults if fault.has_no_torque])
 
     def mask(self, n: int) -> Mask:
-        """Return True at the locked joints, shape (n,).
+        """Return a mask that is True at locked joints, shape (n,).
+
+        Parameters
+        ----------
+        n :
+            Number of joints of the chain.
 
         Raises
         ------
         InputError
-            A joint lies beyond the chain's n.
+            A joint index is n or more.
         """
         self._check_range(n)
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
     def swinging_mask(self, n: int) -> Mask | None:
-        """Return True at the joints without any torque, shape (n,); ``None`` if there are none."""
+        """Return a mask that is True at free-swinging joints, shape (n,); ``None`` if none is.
+
+        Parameters
+        ----------
+        n :
+            Number of joints of the chain.
+
+        Raises
+        ------
+        InputError
+            A joint index is n or more.
+        """
         self._check_range(n)
         joints = self.swinging
         return _mask(n, joints) if joints else None
 
     def factors(self, n: int) -> Vector:
-        """Return the share of its largest torque that each joint can give, shape (n,)."""
+        """Return the fraction of its maximum torque that each joint can produce, shape (n,).
+
+        Parameters
+        ----------
+        n :
+            Number of joints of the chain.
+
+        Raises
+        ------
+        InputError
+            A joint index is n or more.
+        """
         self._check_range(n)
         factors = np.ones(n)
         for fault in self.faults:
@@ -178,7 +230,7 @@ class FaultSet:
         return len(self.faults)
 
     def __str__(self) -> str:
-        """Numbers along the chain, counted from 1."""
+        """Return the joint numbers, from 1, with the modes unless all are locked."""
         plain = all(fault.mode is FaultMode.LOCKED for fault in self.faults)
         words = (f"{f.joint + 1}" if plain else f"{f.joint + 1} {f}" for f in self.faults)
         return "{" + ", ".join(words) + "}"
@@ -192,13 +244,13 @@ def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iter
 
 
 def count_fault_sets(n: int, largest: int) -> int:
-    """Return how many sets `fault_sets` yields."""
+    """Return the number of sets that `fault_sets` yields."""
     return sum(comb(n, size) for size in range(1, largest + 1))
 
 
 def _is_share(factor: float) -> bool:
     try:
-        return 0.0 <= factor <= 1.0  # NaN is none
+        return 0.0 <= factor <= 1.0  # also rejects NaN
     except TypeError:
         return False
 

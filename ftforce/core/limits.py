@@ -1,4 +1,4 @@
-"""What motors and brakes can bear: torque limits, known or unknown, and faults in them."""
+"""Torque limits of motors and brakes, known or unknown, and the effect of faults on them."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _LEAST = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """Largest torques of an arm's motors and brakes, N·m (N if prismatic); NaN where unknown.
+    """Maximum motor and brake torques, N·m (N for prismatic joints); NaN where unknown.
 
-    An unknown limit counts as none: it never binds, and it is named wherever limits are shown.
+    Unknown limits are never active, and are reported wherever limits are shown.
 
     Attributes
     ----------
     effort :
-        Of the motors, shape (n,).
+        Motor limits, shape (n,).
     brake :
-        Of the brakes, shape (n,).
+        Brake limits, shape (n,).
     source :
-        Where they come from: ``urdf``, a file, ``given``.
+        Origin of the limits: ``urdf``, a file, or ``given``.
     """
 
     effort: Vector
@@ -41,14 +41,15 @@ class Limits:
 
     @classmethod
     def of(cls, effort: ArrayLike, brake: ArrayLike | None = None, source: str = "given") -> Limits:
-        """Check limits and wrap them.
+        """Return validated limits.
 
         Parameters
         ----------
         effort, brake :
-            Shape (n,), positive; NaN where unknown. Without ``brake`` all are unknown.
+            Motor and brake limits, positive, NaN where unknown, shape (n,). If ``brake`` is not
+            given, all brake limits are unknown.
         source :
-            Where they come from.
+            Origin of the limits.
 
         Raises
         ------
@@ -64,30 +65,41 @@ class Limits:
         return cls(read_only(motors), read_only(brakes), source)
 
     def largest_torques(self, faults: FaultSet) -> Vector:
-        """Return what each joint can bear with these faults, NaN where unknown, shape (n,).
+        """Return the maximum torque of each joint after the given faults, shape (n,).
 
-        A locked joint bears what its brake does, a weak one its share, a free one nothing.
+        This is the brake limit at a locked joint, the reduced motor limit at a weak joint, and 0
+        at a free-swinging joint; NaN where unknown.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+
+        Raises
+        ------
+        InputError
+            A joint index lies beyond the chain.
         """
         n = len(self.effort)
         factors = faults.factors(n)
-        # A product that vanishes is no torque at all, which only a factor of 0 means.
+        # Avoid underflow to 0, which would mean a free-swinging joint.
         motors = np.maximum(self.effort * factors, _LEAST)
-        motors = np.where(factors > 0.0, motors, 0.0)  # no torque needs no limit
+        motors = np.where(factors > 0.0, motors, 0.0)  # also 0 where the limit is unknown
         return read_only(np.where(faults.mask(n), self.brake, motors))
 
 
 def checked_limits(limits: ArrayLike, name: str) -> Vector:
-    """Return a copy of limits, NaN where they are unknown or infinite.
+    """Return a validated copy of limits, NaN where unknown or infinite.
 
     Raises
     ------
     InputError
-        No vector of numbers, or one that is not positive.
+        The limits are not a vector of positive numbers.
     """
     values = as_floats(limits, name)
     if values.ndim != 1:
         raise InputError(f"{name} need one number per joint, got an array of shape {values.shape}")
-    numbers = values.tolist()  # of a handful; NaN is neither zero nor less
+    numbers = values.tolist()  # faster than NumPy for a few joints; NaN passes the comparison
     if any(x <= 0.0 for x in numbers):
         raise InputError(f"{name} must be positive, NaN where unknown; got {numbers}")
     if math.inf in numbers:

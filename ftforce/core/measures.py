@@ -1,4 +1,4 @@
-"""Measures of a fault set: margin, manipulability, lost directions, verdict (docs/theory)."""
+"""Measures of a fault set: margin, manipulability, lost directions … (docs/theory)."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ if TYPE_CHECKING:
 
 
 def margin(reduced: ReducedJacobian) -> float:
-    """Return σ_min(K) / σ_max(J): 0 where a direction is lost; 0 too for an arm with J = 0."""
+    """Return σ_min(K) / σ_max(J); 0 if a direction is lost or J = 0."""
     return over(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
 
 
 def relative_manipulability(reduced: ReducedJacobian) -> float:
-    """Return ρ = w(K)/w(J) (Roberts & Maciejewski 1996); NaN where the healthy arm has w(J) = 0."""
+    """Return ρ = w(K)/w(J) (Roberts & Maciejewski 1996); NaN if w(J) = 0."""
     if reduced.rank < reduced.m:
         return math.nan
     return math.prod(a / b for a, b in zip(reduced.damaged.s, reduced.healthy.s, strict=True))
 
 
 def condition_number(reduced: ReducedJacobian) -> float:
-    """Return σ_max(K)/σ_min(K); infinite where a direction is lost."""
+    """Return σ_max(K)/σ_min(K); infinite if a direction is lost."""
     smallest = reduced.damaged.s[-1]
     return reduced.damaged.s[0] / smallest if reduced.rank_after == reduced.m else math.inf
 
 
 def force_error(reduced: ReducedJacobian) -> float:
-    """Return the largest error of the tip's force per unit of torque error at the healthy joints.
+    """Return the largest tip force error per unit of torque error at the healthy joints.
 
-    It is 1/σ of the smallest singular value of K that is not lost, (N or weighted N) per N·m;
+    This is 1/σ for the smallest retained singular value of K, in N (or weighted N) per N·m;
     infinite if no direction is left.
     """
     r = reduced.rank_after
@@ -43,38 +43,37 @@ def force_error(reduced: ReducedJacobian) -> float:
 
 
 def worst_manipulability_bound(n: int, m: int, f: int) -> float:
-    """Return √(C(n-m, f)/C(n, f)): no posture's worst ρ over f locked joints is better."""
+    """Return √(C(n-m, f)/C(n, f)), an upper bound on min ρ over f locked joints in any posture."""
     return math.sqrt(comb(n - m, f) / comb(n, f)) if n >= m else 0.0
 
 
 def lost_directions(reduced: ReducedJacobian) -> Matrix:
-    """Return directions of force that the healthy arm has and the damaged one has not.
+    """Return the force directions that the arm loses through the fault.
 
     Returns
     -------
     :
-        Orthonormal rows in weighted task coordinates, shape (rank - rank_after, m), chosen along
-        task axes where the lost space allows it, largest component positive.
+        Orthonormal rows in weighted task coordinates, shape (rank - rank_after, m), aligned with
+        task axes where possible, largest component positive.
     """
     count = reduced.rank - reduced.rank_after
     if count <= 0:
         return read_only(np.zeros((0, reduced.m)))
     lost = reduced.damaged.U[:, reduced.rank_after :]
     if reduced.rank < reduced.m:
-        # Directions that even the healthy arm lacks are part of the complement of range(K);
-        # take them out.
+        # The complement of range(K) includes directions that the healthy arm lacks, too.
         lacking = lost.T @ reduced.healthy.U[:, reduced.rank :]
         lost = lost @ np.linalg.svd(lacking)[0][:, lacking.shape[1] :]
     return read_only(_along_axes(lost @ lost.T, count))
 
 
 def _along_axes(projector: Matrix, count: int) -> Matrix:
-    """Return an orthonormal basis of a projector's range: Gram-Schmidt from its longest columns."""
+    """Return an orthonormal basis of the range, by Gram-Schmidt with column pivoting."""
     rest = projector.copy()
     rows = []
     for _ in range(count):
         lengths = np.einsum("ij,ij->j", rest, rest)
-        # Rounded, so that the first of equally long columns wins whatever the last bits are.
+        # Rounded, so that rounding error does not decide between columns of equal length.
         row = rest[:, int(np.argmax(np.round(lengths, 9)))]
         row = row / np.linalg.norm(row)
         row = np.where(np.abs(row) < 1e-14, 0.0, row)
@@ -84,7 +83,7 @@ def _along_axes(projector: Matrix, count: int) -> Matrix:
 
 
 def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:
-    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, each joint's share in the tip's force (Table 2), shape (n,)."""
+    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, the contribution of each joint (Table 2), shape (n,)."""
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
     shares = _norms(np.array(columns), axis=1) * np.abs(tau)
@@ -92,13 +91,13 @@ def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vec
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
-    """Return ‖J_k v_k‖/‖J v‖, each joint's share in the tip's velocity (Table 2), shape (n,)."""
+    """Return ‖J_k v_k‖/‖J v‖, the contribution of each joint (Table 2), shape (n,)."""
     shares = _norms(J * v, axis=0)
     return read_only(over(shares, float(_norms(J @ v)), np.zeros_like(shares)))
 
 
 def _norms(A: Matrix, axis: int | None = None) -> Vector:
-    """Return the norm; a power of two, which rounds nothing, keeps the squares in range."""
+    """Return the norm, scaled by powers of two so that the squares cannot overflow."""
     _, exponents = np.frexp(np.abs(A).max(axis=axis, keepdims=True))
     scaled = np.asarray(np.linalg.norm(np.ldexp(A, -exponents), axis=axis))
     norms: Vector = np.ldexp(scaled, exponents.reshape(scaled.shape))

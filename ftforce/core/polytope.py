@@ -1,4 +1,4 @@
-"""The force polytope: vertices and faces of the forces that an arm can hold."""
+"""The force polytope: vertices and faces of the set of forces that an arm can hold."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ if TYPE_CHECKING:
 Indices: TypeAlias = "NDArray[np.intp]"
 Sides: TypeAlias = "NDArray[np.bool_]"
 
-MOST_CORNERS = 2_000_000  # intersections of planes; some seconds and 500 MB
+MOST_CORNERS = 2_000_000  # plane intersections; a few seconds and 500 MB
 _CHUNK = 20_000
-_NEAR = 1e-9  # of a limit: a torque beyond it by less is within
-_AT_BOUND = 1e-7  # of a limit: a torque that is closer is at it
-_PARALLEL = 1e-12  # of the largest determinant: planes that are closer to parallel do not meet
+_NEAR = 1e-9  # of a limit: smaller violations are tolerated
+_AT_BOUND = 1e-7  # of a limit: a torque closer than this is at its limit
+_PARALLEL = 1e-12  # of the largest determinant: below it, planes count as parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Polytope:
-    """The convex set of forces that can be held.
+    """The convex set of forces that an arm can hold.
 
     Attributes
     ----------
     vertices :
-        Corners, N (N·m), in the task's axes, shape (k, m); none if nothing can be held.
+        Vertices, N (N·m), in the task axes, shape (k, m); k = 0 if no force can be held.
     faces :
-        Corners of each face as row numbers of ``vertices``. In a polytope of three dimensions
-        they go round the face; a flat one of two dimensions is its own only face; one of more
-        dimensions has them in rising order.
+        Vertices of each face, as row indices of ``vertices``. In three dimensions they are ordered
+        around the face; in two, the polygon itself is the only face; in more, they are in
+        ascending order.
     dimension :
-        Of the set: 0 for a point, 1 for a segment, 2 for a flat polygon …
+        Dimension of the set: 0 for a point, 1 for a segment, 2 for a polygon …
     unlimited :
-        Orthonormal directions (in weighted task coordinates) in which no known limit ends the
-        set, rows, shape (u, m). The corners are those of the set square to them.
+        Orthonormal directions in which no known limit bounds the set, as rows, in weighted task
+        coordinates, shape (u, m). The vertices are those of the section orthogonal to them.
     """
 
     vertices: Matrix
@@ -55,32 +55,32 @@ class Polytope:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no force can be held at all."""
+        """Whether no force can be held."""
         return len(self.vertices) == 0
 
     @property
     def is_bounded(self) -> bool:
-        """Whether limits end it in every direction."""
+        """Whether limits bound the set in every direction."""
         return len(self.unlimited) == 0
 
 
 def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> Polytope:
-    """Return the corners and faces of the feasible forces.
+    """Return the vertices and faces of the set of feasible forces.
 
-    Every choice of d of the planes ``J_iᵀ F = bound`` meets in one point of the d-dimensional
-    set; the corners are those points that respect all the other limits.
+    Any d independent planes ``J_iᵀ F = bound`` intersect in one point of the d-dimensional space of
+    the set; the vertices are the points that satisfy all other limits.
 
     Parameters
     ----------
     feasible :
         The feasible forces, weighted.
     weights :
-        Row weights of the task; ``None`` where all are 1.
+        Row weights of the task, shape (m,); ``None`` if all are 1.
 
     Raises
     ------
     InputError
-        There are too many planes.
+        There are too many plane intersections.
     """
     m = len(feasible.F0)
     nothing = Polytope(read_only(np.zeros((0, m))), (), 0, read_only(np.zeros((0, m))))
@@ -112,7 +112,7 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
 
 
 def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
-    """Return bases of the directions that limits end, and of those that none does."""
+    """Return bases of the directions bounded by limits, and of the unbounded ones."""
     d = A.shape[1]
     if not len(A):
         return np.zeros((d, 0)), np.eye(d)
@@ -122,10 +122,10 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
 
 
 def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
-    """Return the distinct corners of ``lower ≤ A z ≤ upper``, and the bounds that meet in each.
+    """Return the distinct vertices of ``lower ≤ A z ≤ upper`` and the bounds active at each.
 
-    Rows of A have the length one. What is within or at a bound is judged in units of each limit,
-    and what is parallel in those of each direction's strongest rows.
+    The rows of A are unit vectors. Distances to bounds are relative to each limit; whether planes
+    are parallel is decided relative to the strongest rows in each direction.
     """
     k, d = A.shape
     if d == 0:
@@ -151,7 +151,7 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
     points = np.concatenate(found)
     above, below, rounding = _distances(points, A, lower, upper)
     near = _AT_BOUND + 100.0 * rounding
-    # More than d planes may meet in one corner: it is found several times.
+    # More than d planes may meet in one vertex, which is then found repeatedly.
     at_bounds, first = np.unique(
         np.hstack([below <= near, above <= near]), axis=0, return_index=True
     )
@@ -161,7 +161,7 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
 def _distances(
     points: Matrix, A: Matrix, lower: Vector, upper: Vector
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Return how far torques are above and below their bounds, and their rounding, in limits."""
+    """Return distances above lower bounds, below upper ones, and rounding, relative to limits."""
     half = 0.5 * (upper - lower)
     torque = points @ A.T
     rounding = 1e-15 * np.linalg.norm(points, axis=1)[:, None] / half
@@ -169,7 +169,7 @@ def _distances(
 
 
 def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
-    """Return coordinates of the corners in the space that they span: limits may leave it flat."""
+    """Return vertex coordinates in their affine hull: the limits may flatten the set."""
     always: Sides = np.logical_and.reduce(at_bounds, axis=0)
     normals = A[always[: len(A)] | always[len(A) :]]
     if not len(normals):
@@ -191,7 +191,7 @@ def _chunks(k: int, d: int) -> Iterator[Indices]:
 
 
 def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
-    """Yield the faces: of the sets of corners at a bound those that lie in no larger one."""
+    """Yield the faces: the maximal sets of vertices on a common bound."""
     d = corners.shape[1]
     if d <= 2:
         if len(corners) >= 2 and d:
@@ -200,15 +200,15 @@ def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
     members = np.unique(at_bounds.T, axis=0)
     members = members[(members.sum(axis=1) >= d) & ~members.all(axis=1)]
     for one in members:
-        within = (members >= one).all(axis=1).sum() - 1  # it lies in itself
+        within = (members >= one).all(axis=1).sum() - 1  # not counting itself
         if within:
-            continue  # this bound touches the set in an edge or a corner only
+            continue  # this bound touches the set in an edge or a vertex only
         indices = np.flatnonzero(one)
         yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
 
 
 def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
-    """Return the corners of a flat polygon in the order in which they go round it."""
+    """Return the vertices of a polygon in order around it."""
     points = corners[members] - corners[members].mean(axis=0)
     plane = np.linalg.svd(points, full_matrices=False)[2][:2]
     if len(plane) < 2:  # a segment

@@ -1,8 +1,8 @@
-"""Joint velocities that move a tip as asked: resolved rates (Whitney 1969), array in, array out.
+"""Resolved-rate control (Whitney 1969): joint velocities for a desired tip velocity.
 
-Near a singularity the inverse is damped in the directions that need it (Maciejewski & Klein 1988);
-a joint that would be too fast is held at its bound, and the others take over its share, which is
-saturation in the null space (Flacco, De Luca & Khatib 2012).
+Near a singularity the inverse is damped in the singular directions only (Maciejewski & Klein 1988).
+Joints that would exceed their velocity bounds are saturated and the others compensate: saturation
+in the null space (Flacco, De Luca & Khatib 2012).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from ftforce.core.svd import Svd
 if TYPE_CHECKING:
     from ftforce.core.arrays import Mask, Matrix, Vector
 
-_ROUNDING = 1e-12  # relative: a velocity at its bound is not beyond it
+_ROUNDING = 1e-12  # relative; a velocity at its bound does not violate it
 
 
 class Bounds(NamedTuple):
-    """Least and largest joint velocities, rad/s or m/s, shape (n,); least below largest."""
+    """Lower and upper bounds of the joint velocities, rad/s or m/s, shape (n,)."""
 
     lower: Vector
     upper: Vector
@@ -29,22 +29,22 @@ class Bounds(NamedTuple):
 def resolved_rates(
     K: Svd, missing: Vector, v0: Vector, bounds: Bounds, damped_below: float
 ) -> Vector:
-    """Return the smallest change of joint velocities that gives the tip what it misses.
+    """Return the joint velocities closest to v₀ that give the tip its desired velocity.
 
-    That is ``v₀ + K†(ẋ - J v₀)``: with v₀ = 0 the smallest velocities for ẋ, and with those of the
-    healthy arm, 0 at locked joints, Appendix A.
+    These are ``v₀ + K†(ẋ - J v₀)``: for v₀ = 0 the minimum-norm velocities for ẋ; for the healthy
+    joint velocities with 0 at locked joints, the remap of Appendix A.
 
     Parameters
     ----------
     K :
-        Jacobian whose rows share a norm, (m, n), with zeros in the columns of joints that cannot
-        be commanded, decomposed.
+        Decomposition of the weighted Jacobian, shape (m, n), with zero columns for joints that
+        cannot be commanded.
     missing :
-        What the velocity of the tip lacks, ẋ - J v₀, shape (m,).
+        Tip velocity error, ẋ - J v₀, shape (m,).
     v0 :
         Velocities to stay close to, shape (n,).
     bounds :
-        They come first: what the tip then lacks of its velocity is lost.
+        Joint velocity bounds. They take precedence over the tip velocity.
     damped_below :
         Singular values below this are damped.
     """
@@ -61,29 +61,29 @@ def resolved_rates(
 
 
 def damped_inverse(K: Svd, x: Vector, damped_below: float) -> Vector:
-    """Return K† x, damped in the directions whose singular values σ are below a bound ε.
+    """Return K† x, damped in directions whose singular values σ are below ε = ``damped_below``.
 
-    ``σ/(σ² + λ²)`` with ``λ² = (1 - (σ/ε)²) (ε/2)²`` takes the place of 1/σ there: it goes on from
-    1/σ at ε without a step, never exceeds 1.16/ε, and falls to 0 with σ.
+    There 1/σ is replaced by ``σ/(σ² + λ²)`` with ``λ² = (1 - (σ/ε)²) (ε/2)²``, which is continuous
+    at σ = ε, never exceeds 1.16/ε, and vanishes with σ.
     """
     weights = []
     for s in K.s:
         square = s * s
         if s < damped_below:
             square += 0.25 * (damped_below * damped_below - square)
-        # Where σ is 0, the numerator is, too; through K it would only nearly be.
+        # For σ = 0 the result is exactly 0; the product with K would leave rounding error.
         weights.append(1.0 / square if s > 0.0 else 0.0)
     v: Vector = K.U.dot(x.dot(K.U) * weights).dot(K.A)
     return v
 
 
 def without(J: Matrix, joints: Mask) -> Svd:
-    """Return the decomposition of J with zeros in the columns of some joints."""
+    """Return the decomposition of J with the columns of the given joints zeroed."""
     return Svd(np.where(joints, 0.0, J), left_only=True)
 
 
 def _worst(v: Vector, lower: Vector, upper: Vector, moving: Mask) -> int | None:
-    """Return the moving joint farthest beyond its bound, ``None`` if all are within."""
+    """Return the moving joint farthest beyond its bound, or ``None`` if all are within."""
     beyond = np.where(moving, np.maximum(v - upper, lower - v), 0.0)
     worst = int(beyond.argmax())
     return worst if beyond[worst] > _ROUNDING * max(abs(float(v[worst])), 1.0) else None

@@ -1,4 +1,4 @@
-"""The task: which components of the tip's wrench are asked for, in which axes, in which unit."""
+"""The task: the components of the tip wrench to analyse, their axes and their weights."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ if TYPE_CHECKING:
 Axes = Literal["tool", "world"]
 
 AXES: tuple[str, ...] = get_args(Axes)
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as Pinocchio has it
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as in Pinocchio
 DEFAULT_LENGTH = 1.0
-SHORTEST, LONGEST = 1e-6, 1e6  # m; beyond, forces or moments would be lost in rounding
-_ROUNDING = 1e-12  # forces this small, relative to the weighted whole, are none
+SHORTEST, LONGEST = 1e-6, 1e6  # m; outside this range, forces or moments vanish in rounding error
+_ROUNDING = 1e-12  # smaller forces, relative to the weighted norm, count as zero
 _SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
 
 
 @dataclass(frozen=True)
 class Task:
-    """The m components of the tip's force and moment that the arm has to exert.
+    """The m components of the tip force and moment that the arm has to exert.
 
-    Forces and moments share no norm. So the rows of moments are weighted by a characteristic
-    length L, ``J̃ = [J_lin; L·J_ang]`` and ``F̃ = [f; μ/L]`` (docs/theory/force): what is
-    minimised is ``‖f‖² + ‖μ‖²/L²``. For a task without moments L plays no part.
+    Forces and moments have different units and no common norm. The moment rows are therefore
+    weighted by a characteristic length L, ``J̃ = [J_lin; L·J_ang]`` and ``F̃ = [f; μ/L]``
+    (docs/theory/force), so that ``‖f‖² + ‖μ‖²/L²`` is minimised. L has no effect on a task without
+    moments.
 
     Attributes
     ----------
     components :
-        Some of ``fx, fy, fz, mx, my, mz``.
+        Any of ``fx, fy, fz, mx, my, mz``, each at most once.
     axes :
-        ``tool``: axes of the tip frame (the paper's); ``world``: axes of the robot's root, at the
-        tip point.
+        ``tool``: axes of the tip frame (as in the paper); ``world``: axes of the robot's root, at
+        the tip point.
     length :
         Characteristic length L in m, from 1e-6 to 1e6.
     """
@@ -49,12 +50,13 @@ class Task:
     length: float = DEFAULT_LENGTH
 
     def __post_init__(self) -> None:
-        """Check what was given.
+        """Check components, axes and length.
 
         Raises
         ------
         InputError
-            No, unknown or repeated components, unknown axes, or a length that is no tool's.
+            Components are missing, unknown or repeated, the axes are unknown, or the length is out
+            of range.
         """
         for name in self.components:
             if name not in COMPONENTS:
@@ -63,7 +65,7 @@ class Task:
             raise InputError(f"the task {','.join(self.components)!r} needs each component once")
         if self.axes not in AXES:
             raise UnknownNameError("axes", str(self.axes), AXES)
-        if not SHORTEST <= self.length <= LONGEST:  # nor is NaN
+        if not SHORTEST <= self.length <= LONGEST:  # also rejects NaN
             raise InputError(
                 f"the characteristic length must lie between {SHORTEST:g} and {LONGEST:g} m, "
                 f"got {self.length}"
@@ -76,22 +78,22 @@ class Task:
         axes: Axes = "tool",
         length: float | None = None,
     ) -> Task:
-        """Make a task of ``force``, ``moment``, ``wrench`` or components such as ``fx,fz,my``.
+        """Return the task for ``force``, ``moment``, ``wrench`` or components like ``fx,fz,my``.
 
         Parameters
         ----------
         task :
-            A shorthand, components separated by commas, or a list of them. A ``Task`` is returned
-            as it is.
+            A shorthand, comma-separated components, or a list of them. A ``Task`` is returned
+            unchanged.
         axes :
             ``tool`` or ``world``.
         length :
-            Characteristic length in m; 1 m if none is given.
+            Characteristic length in m; 1 m by default.
 
         Raises
         ------
         InputError
-            As the class.
+            Components, axes or length are invalid; see the class.
         """
         if isinstance(task, Task):
             return task
@@ -110,25 +112,25 @@ class Task:
 
     @cached_property
     def rows(self) -> slice | list[int]:
-        """Rows of the frame Jacobian, linear first."""
+        """Rows of the frame Jacobian (linear first) that belong to the task."""
         rows = [COMPONENTS.index(name) for name in self.components]
         if rows == list(range(rows[0], rows[0] + len(rows))):
-            return slice(rows[0], rows[0] + len(rows))  # a view: cheaper than a gather
+            return slice(rows[0], rows[0] + len(rows))  # a view, not a copy
         return rows
 
     @cached_property
     def moment_rows(self) -> tuple[int, ...]:
-        """Which of the m components are moments."""
+        """Indices of the moments among the m components."""
         return tuple(i for i, name in enumerate(self.components) if name[0] == "m")
 
     @cached_property
     def force_rows(self) -> tuple[int, ...]:
-        """Which of the m components are forces."""
+        """Indices of the forces among the m components."""
         return tuple(i for i, name in enumerate(self.components) if name[0] == "f")
 
     @cached_property
     def weights(self) -> Vector | None:
-        """Row weights (1 or L, m), shape (m,); ``None`` where all are 1."""
+        """Row weights (1, or L in m), shape (m,); ``None`` if all are 1."""
         if not self.moment_rows or self.length == 1.0:
             return None
         weights = np.ones(self.m)
@@ -142,44 +144,49 @@ class Task:
 
     @property
     def size_unit(self) -> str:
-        """Unit of the size of a force: N, or of a task of moments alone N·m."""
+        """Unit of force magnitudes: N, or N·m for a task with moments only."""
         return "N" if self.force_rows else "N·m"
 
     @property
     def velocity_units(self) -> tuple[str, ...]:
-        """Unit of each component of the tip's velocity: m/s or rad/s."""
+        """Unit of each component of the tip velocity: m/s or rad/s."""
         return tuple("m/s" if name[0] == "f" else "rad/s" for name in self.components)
 
     @property
     def velocity_components(self) -> tuple[str, ...]:
-        """Names of the velocities that do work with the components: vx for fx, wx for mx."""
+        """Names of the power-conjugate velocity components: vx for fx, wx for mx."""
         return tuple(name.replace("f", "v").replace("m", "w") for name in self.components)
 
     def weigh_jacobian(self, J: Matrix) -> Matrix:
-        """J̃ of J, shape (m, n)."""
+        """Return the weighted Jacobian J̃ of J, shape (m, n)."""
         return J if self.weights is None else J * self.weights[:, None]
 
     def weigh_force(self, F: Vector) -> Vector:
-        """F̃ of F, shape (..., m)."""
+        """Return the weighted force F̃ of F, shape (..., m)."""
         return F if self.weights is None else F / self.weights
 
     def unweigh_force(self, F: Vector) -> Vector:
-        """F of F̃, shape (..., m)."""
+        """Return the force F (N, N·m) of the weighted force F̃, shape (..., m)."""
         return F if self.weights is None else F * self.weights
 
     def unweigh_velocity(self, x: Vector) -> Vector:
-        """Velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
+        """Return the tip velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
         return x if self.weights is None else x / self.weights
 
     @property
     def weighted_unit(self) -> float:
-        """What F̃ of norm 1 stands for: 1 N, or for a task of moments alone L N·m."""
+        """Magnitude of a unit F̃: 1 (N), or L (N·m) for a task with moments only."""
         return 1.0 if self.force_rows else self.length
 
     def direction_of(self, F: Vector) -> Vector:
-        """Return F, which is not zero, with force components of norm 1, or else moments.
+        """Return F scaled so that its force components, or else its moments, have norm 1.
 
-        Forces that only rounding left of a moment are none.
+        Forces at the level of rounding error are set to zero.
+
+        Parameters
+        ----------
+        F :
+            Nonzero force, shape (m,).
         """
         forces = F[list(self.force_rows)]
         size, whole = math.hypot(*forces), math.hypot(*self.weigh_force(F))
@@ -190,7 +197,7 @@ class Task:
         return read_only(moment / math.hypot(*moment))
 
     def __str__(self) -> str:
-        """Return the shorthand, or the components."""
+        """Return the shorthand, or the components separated by commas."""
         for word, components in _SHORTHANDS.items():
             if components == self.components:
                 return word

@@ -1,1 +1,1 @@
-"""Files that users hand over, read safely."""
+"""Safe reading of user-supplied files, and atomic writing."""

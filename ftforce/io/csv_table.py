@@ -1,6 +1,6 @@
-"""Tables in CSV files: a header with names and units, rows with their places, columns of numbers.
+"""CSV tables: a header with names and units, and numeric columns.
 
-An error names the line and, where it can, the column: ``line 3, 'elbow': 'x' is not a number``.
+Errors give the line and, where possible, the column: ``line 3, 'elbow': 'x' is not a number``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-# Of a joint's unit, those that its column may be in, and what turns them into it.
+# For each joint unit, the accepted column units and their conversion factors.
 POSITION_UNITS = {
     "rad": {"": 1.0, "rad": 1.0, "deg": math.radians(1.0)},
     "m": {"": 1.0, "m": 1.0},
@@ -29,7 +29,7 @@ POSITION_UNITS = {
 
 
 def split_unit(cell: str) -> tuple[str, str]:
-    """Return name and unit of ``name [unit]``."""
+    """Split ``name [unit]`` into name and unit; the unit is empty if none is given."""
     name, bracket, unit = cell.removesuffix("]").rpartition("[")
     if not bracket or not cell.endswith("]"):
         return cell, ""
@@ -41,21 +41,22 @@ def find_columns(
     units: Mapping[str, Mapping[str, float]],
     expected: tuple[str, ...] | None = None,
 ) -> dict[str, tuple[int, float]]:
-    """Return the numbers of columns, from 0, and what they are multiplied by, by name.
+    """Return the index (from 0) and the conversion factor of each known column, by name.
 
     Parameters
     ----------
     header :
-        Names of all columns, which may carry a unit in brackets, ``elbow [deg]``.
+        Names of all columns, optionally with a unit in brackets, e.g. ``elbow [deg]``.
     units :
-        For each name the units it may have and their factors; ``""`` is for none.
+        For each name, the accepted units and their conversion factors; ``""`` is no unit.
     expected :
-        The names that are listed when another column is refused; if not given it is skipped.
+        Names to list in the error for an unknown column; if not given, unknown columns are
+        ignored.
 
     Raises
     ------
     InputError
-        A column is there twice, or has a unit that it cannot have.
+        A column is unknown, appears twice, or has an unsupported unit.
     """
     found: dict[str, tuple[int, float]] = {}
     for i, cell in enumerate(header):
@@ -74,18 +75,18 @@ def find_columns(
 
 
 class Table(NamedTuple):
-    """A header, and lines of text below it.
+    """The header of a CSV table and the unparsed text below it.
 
     Attributes
     ----------
     header :
         Names of all columns.
     text :
-        The lines; their ends were not translated.
+        The text below the header, with its original line endings.
     line :
-        Number of the first of them.
+        Line number of the start of ``text``, from 1.
     one_line :
-        Whether cells with line breaks are refused.
+        Whether cells with line breaks are rejected.
     """
 
     header: tuple[str, ...]
@@ -95,12 +96,12 @@ class Table(NamedTuple):
 
     @classmethod
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
-        """Take the first row that is not blank for the header; ``None`` if there is none.
+        """Return a table whose header is the first nonblank row; ``None`` if there is none.
 
         Raises
         ------
         InputError
-            It is not CSV.
+            The header is not valid CSV.
         """
         stream = io.StringIO(text, newline="")
         for line, cells in _rows(stream, 1, one_line):
@@ -108,12 +109,12 @@ class Table(NamedTuple):
         return None
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield the rows that are not blank, with the line on which each ends.
+        """Yield the nonblank rows, each with the number of its last line.
 
         Raises
         ------
         InputError
-            They are not CSV, or one has another number of cells than the header.
+            The text is not valid CSV, or a row and the header differ in length.
         """
         for line, cells in _rows(io.StringIO(self.text, newline=""), self.line, self.one_line):
             if len(cells) != len(self.header):
@@ -123,16 +124,16 @@ class Table(NamedTuple):
     def numbers(
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER
     ) -> NDArray[np.float64]:
-        """Return the numbers of some columns, up to the largest, shape (rows, columns).
+        """Return selected columns as numbers, shape (rows, columns).
 
         Raises
         ------
         InputError
-            As `rows`, or a cell is no number.
+            As `rows`, or a cell is not a number of absolute value up to ``largest``.
         """
         try:
             return self._numbers_at_once(columns, largest)
-        except ValueError:  # quotes, blanks, or a mistake: cell by cell it is found
+        except ValueError:  # quotes, blanks or an error: parse cell by cell
             found = [
                 [self._number(line, i, cells[i], largest) for i in columns]
                 for line, cells in self.rows()
@@ -144,9 +145,9 @@ class Table(NamedTuple):
             return np.empty((0, len(columns)))
         if '"' in self.text:
             raise ValueError("a cell could go on in the next line")
-        # Other columns are read, too, as one letter each: so the cells of every row are counted.
+        # The other columns are read as one character each, so that row lengths are checked.
         kinds = [(str(i), "f8" if i in columns else "U1") for i in range(len(self.header))]
-        # NumPy would skip blanks of other scripts around a number.
+        # NumPy would accept non-ASCII whitespace around a number.
         stream = io.StringIO(self.text.encode("ascii", "replace").decode(), newline="")
         rows = np.loadtxt(stream, kinds, comments=None, delimiter=",", ndmin=1)
         values = np.stack([rows[str(i)] for i in columns], axis=1)

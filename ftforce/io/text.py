@@ -1,4 +1,4 @@
-"""Text from a user's file, read defensively, and text into one, whole or not at all."""
+"""Defensive reading of user files, and atomic writing."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from ftforce.errors import FileError
 
-LARGEST_FILE = 100_000_000  # bytes; a URDF with every mesh's name in it has some 100 kB
-LARGEST_NUMBER = 1e9  # of a length, angle, mass …; what is computed from them stays finite
+LARGEST_FILE = 100_000_000  # bytes; a URDF with all its mesh names has some 100 kB
+LARGEST_NUMBER = 1e9  # of a length, angle, mass …; results computed from them stay finite
 
 
 def read_text(
@@ -31,16 +31,16 @@ def read_text(
     path :
         The file.
     error :
-        What to raise.
+        Type of exception to raise.
     kind :
-        What the file should be, for messages, e.g. ``"a URDF"``.
+        Kind of file expected, for messages, e.g. ``"a URDF"``.
     largest :
-        How many bytes it may have; 100 MB if not given.
+        Maximum size in bytes; 100 MB by default.
 
     Raises
     ------
     FileError
-        Of the type ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
+        As ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
     """
     data = read_bytes(path, error, kind, LARGEST_FILE if largest is None else largest)
     if flaw := _flaw(data):
@@ -49,19 +49,19 @@ def read_text(
 
 
 def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, largest: int) -> bytes:
-    """Read a file, which may be a pipe but no device.
+    """Read a regular file or a pipe; devices are rejected.
 
     Parameters
     ----------
     path, error, kind :
         As in `read_text`.
     largest :
-        How many bytes it may have.
+        Maximum size in bytes.
 
     Raises
     ------
     FileError
-        Of the type ``error``: the file is missing, unreadable or too large.
+        As ``error``: the file is missing, unreadable or too large.
     """
     file = Path(path)
     try:
@@ -69,9 +69,9 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
             raise error(path, f"no such file; {kind} was expected")
         if file.is_dir():
             raise error(path, f"is a folder; {kind} was expected")
-        if not (file.is_file() or file.is_fifo()):  # a device might never end
+        if not (file.is_file() or file.is_fifo()):  # reading a device might never end
             raise error(path, f"is not a regular file; {kind} was expected")
-        # Opening a pipe waits for its writer, for ever if there is none; without waiting it is
+        # Opening a pipe blocks until it has a writer, possibly forever; non-blocking, it reads as
         # empty.
         descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         os.set_blocking(descriptor, True)
@@ -86,7 +86,7 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
 
 
 def _flaw(data: bytes) -> str:
-    """Return why the bytes are not the text of a file that can be used; empty if they are."""
+    """Return why the bytes are not usable text; empty if they are."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -97,14 +97,21 @@ def _flaw(data: bytes) -> str:
 
 
 def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> ElementTree.Element:
-    """Parse XML, refusing document type definitions and with them all entity tricks.
+    """Parse XML, rejecting document type definitions and thereby entity expansion attacks.
 
-    A namespace that the root element is in (``xmlns="…"``) is taken off all elements in it.
+    The namespace of the root element (``xmlns="…"``) is stripped from all elements.
+
+    Parameters
+    ----------
+    text :
+        The document.
+    path, error :
+        As in `read_text`.
 
     Raises
     ------
     FileError
-        Of the type ``error``: broken XML, or XML with a DTD.
+        As ``error``: the XML is malformed or contains a DTD.
     """
     try:
         _refuse_dtd(text, path, error)
@@ -114,13 +121,13 @@ def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> E
     if root.tag.startswith("{"):
         namespace = root.tag[: root.tag.index("}") + 1]
         for element in root.iter():
-            if isinstance(element.tag, str):  # comments have a function for a tag
+            if isinstance(element.tag, str):  # the tag of a comment is a function
                 element.tag = element.tag.removeprefix(namespace)
     return root
 
 
 class _RootReachedError(Exception):
-    """Stop parsing: a DTD can stand only before the root element."""
+    """Stop parsing: a DTD can only precede the root element."""
 
 
 def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
@@ -138,24 +145,24 @@ def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) ->
 
 
 def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tuple[float, ...]:
-    """Read numbers separated by blanks, as they stand in a URDF.
+    """Parse whitespace-separated numbers, as in a URDF.
 
     Parameters
     ----------
     text :
         The text.
     count :
-        How many numbers are needed.
+        Required number of values.
     largest :
-        The largest absolute value that is taken.
+        Largest absolute value accepted.
 
     Raises
     ------
     ValueError
-        The message begins with the text and says what is wrong with it.
+        The text is invalid; the message quotes it and states why.
     """
     try:
-        # float() reads 1_000 and the digits of every script; the URDF's other readers do not.
+        # float() accepts 1_000 and non-ASCII digits; other URDF parsers do not.
         numbers = tuple(map(float, text.split())) if text.isascii() and "_" not in text else None
     except ValueError:
         numbers = None
@@ -172,24 +179,27 @@ def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tupl
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """Return a quoted text for a message, cut if it is long."""
+    """Return a quoted text for a message, truncated to ``most`` characters."""
     return repr(text) if len(text) <= most else f"{text[:most]!r}…"
 
 
 def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
-    """Write a file, whole or not at all: into a file beside it, which then takes its place.
+    """Write a file atomically: to a temporary file beside it, which then replaces it.
+
+    Devices and pipes are written to directly.
 
     Parameters
     ----------
     path :
         The file.
     content :
-        Bytes, or text, which is written as UTF-8.
+        Bytes, or text to encode as UTF-8.
 
     Raises
     ------
     OutputError
-        The file cannot be written; nothing is left behind and an existing file is as it was.
+        The file cannot be written; no partial file is left behind and an existing file is
+        unchanged.
     """
     if not str(path) or "\0" in str(path):
         raise OutputError(path, "cannot be written: this is no file name")
@@ -197,13 +207,13 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
         file = Path(path)
         if file.is_dir():
             raise OutputError(path, "cannot be written: it is a folder")
-        if file.exists() and not os.access(file, os.W_OK):  # replacing it would ignore that
+        if file.exists() and not os.access(file, os.W_OK):  # replacing would bypass that
             raise OutputError(path, "cannot be written: it is read-only")
         data = content.encode() if isinstance(content, str) else content
         if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
             _write_through(file, data)
         else:
-            _replace(Path(os.path.realpath(file)), data)  # a link stays a link
+            _replace(Path(os.path.realpath(file)), data)  # symbolic links are kept
     except (OSError, UnicodeEncodeError) as problem:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise OutputError(path, f"cannot be written ({reason})") from None
@@ -211,7 +221,7 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
 
 
 def _write_through(file: Path, data: bytes) -> None:
-    # Opening a pipe waits for its reader, for ever if there is none; without waiting it fails.
+    # Opening a pipe blocks until it has a reader, possibly forever; non-blocking, it fails.
     descriptor = os.open(file, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     os.set_blocking(descriptor, True)
     with os.fdopen(descriptor, "wb") as stream:
@@ -219,7 +229,7 @@ def _write_through(file: Path, data: bytes) -> None:
 
 
 def _replace(file: Path, data: bytes) -> None:
-    import tempfile  # only who writes pays for it
+    import tempfile  # imported lazily: needed only for writing
 
     handle, scratch = tempfile.mkstemp(dir=file.parent, prefix=".ftforce-")
     try:

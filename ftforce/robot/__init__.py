@@ -1,1 +1,1 @@
-"""From a file or a name to a `Robot`; the only package that calls Pinocchio."""
+"""Loading of robots from a file or by name; the only package that calls Pinocchio."""

@@ -1,4 +1,4 @@
-"""The joints that count: from the base to the tip, each follower with its leader."""
+"""Selection of the kinematic chain: tip, base and the joints between them."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ GIVEN = "given"
 
 
 def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) -> tuple[str, str]:
-    """Return the tip link and where it comes from.
+    """Return the tip link and how it was chosen.
 
-    The order is: the caller's; the SRDF's only end effector; the SRDF's only chain tip; the last
-    link before the tree branches into several moving parts.
+    In order of precedence: the given link; the only end effector of the SRDF; the only chain tip of
+    the SRDF; the last link before the tree branches into several moving parts.
 
     Raises
     ------
     UnknownNameError
-        The given tip or base is no link.
+        The given tip or base is not a link.
     InputError
-        Nothing singles out one tip; the message lists the candidates.
+        The tip is ambiguous; the message lists the candidates.
     """
     for kind, link in (("base link", base), ("tip link", tip)):
         if link is not None and link not in tree.links:
@@ -53,7 +53,7 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
 
 
 def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple[str, str]:
-    """Return the base link and where it comes from: given, the SRDF chain's, or the root.
+    """Return the base link and how it was chosen: given, from the SRDF chain, or the root.
 
     Raises
     ------
@@ -73,12 +73,12 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
 
 
 def links_above(tree: UrdfTree, tip: str) -> list[str]:
-    """Return the links that could be the base of a tip, the root first."""
+    """Return the links that can be the base for a tip, root first."""
     return [joint.parent for joint in tree.path_to(tip)]
 
 
 def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
-    """Return the joints from base to tip that move, followers included."""
+    """Return the moving joints from base to tip, including followers."""
     joints = tree.path_to(tip)
     children = [joint.child for joint in joints]
     start = children.index(base) + 1 if base in children else 0
@@ -86,10 +86,10 @@ def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
 
 
 def tip_candidates(tree: UrdfTree) -> dict[str, int]:
-    """Return links that could be a tip, with the number of moving joints above them, most first.
+    """Return candidate tip links with the number of moving joints above each, most joints first.
 
-    A candidate is the end of a part that moves (below it nothing does), or a link that carries
-    several moving parts, such as a hand with its fingers.
+    A candidate is the end of a moving branch, or a link that carries several moving parts, such as
+    a hand with fingers.
     """
     counts: dict[str, int] = {}
     for link in tree.links:
@@ -105,7 +105,7 @@ def tip_candidates(tree: UrdfTree) -> dict[str, int]:
 
 def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
     if tip not in tree.links:
-        return 0  # several SRDFs name links that their URDF lacks
+        return 0  # some SRDFs name links that their URDF lacks
     return len(moving_path(tree, base, tip)) if base in links_above(tree, tip) else 0
 
 
@@ -137,7 +137,7 @@ def _counted(tips: Mapping[str, int]) -> str:
 
 
 def _moving_children(tree: UrdfTree, link: str) -> list[UrdfJoint]:
-    """Return the child joints that move or carry something that does."""
+    """Return the child joints that move or have moving joints below them."""
     return [
         joint
         for joint in tree.child_joints[link]
@@ -146,13 +146,13 @@ def _moving_children(tree: UrdfTree, link: str) -> list[UrdfJoint]:
 
 
 def _follow_fixed(tree: UrdfTree, link: str) -> str:
-    """Return the end of the fixed links on ``link``, or the last one before they branch."""
+    """Return the last link fixed to ``link``, or the last one before a branch."""
     while len(tree.child_joints[link]) == 1 and not _moving_children(tree, link):
         link = tree.child_joints[link][0].child
     return link
 
 
-MOST_JOINTS = 100  # Pinocchio's workspace grows with their cube: 70 MB for 100, 8 GB for 500
+MOST_JOINTS = 100  # Pinocchio's data grows with the cube: 70 MB for 100, 8 GB for 500
 
 
 class Follower(NamedTuple):
@@ -165,24 +165,23 @@ class Follower(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """The part of a tree that is analysed.
+    """The kinematic chain that is analysed.
 
     Attributes
     ----------
     tree :
         The whole URDF.
     tip, tip_source :
-        Tip link, and what singled it out.
+        Tip link, and how it was chosen.
     base, base_source :
-        Base link, and what singled it out.
+        Base link, and how it was chosen.
     leaders :
-        The n joints, in the order of the path from base to tip. Where a follower lies on the path,
-        its leader stands in its place.
+        The n joints, in order from base to tip; a follower on the path is replaced by its leader.
     followers :
-        What moves with each of them.
+        Mimic joints of each leader, by its name.
     moving :
-        Names of all joints that stay free in the model. A leader above the base is not among them:
-        for the chain only what follows it moves.
+        Names of all joints that remain movable in the model. Leaders above the base are excluded:
+        within the chain only their followers move.
     """
 
     tree: UrdfTree
@@ -208,16 +207,16 @@ def choose_chain(
     Parameters
     ----------
     tree, srdf :
-        What the files say.
+        Contents of URDF and SRDF.
     known :
-        The registry's entry: its tip if none is given, and its base where that lies above the tip.
+        Registry entry; provides the tip if none is given, and the base if it lies above the tip.
     tip, base :
-        The caller's links.
+        Links given by the caller.
 
     Raises
     ------
     InputError
-        Unknown tip or base; no tip is singled out; no joint, or too many, move the tip.
+        The tip or base is unknown, the tip is ambiguous, or no joints, or too many, move it.
     """
     tip_link, tip_source = choose_tip(tree, srdf, known.tip if known and tip is None else tip, base)
     if known and tip is None:
@@ -246,7 +245,7 @@ def choose_chain(
 
 
 def leaders_of(tree: UrdfTree, joints: tuple[UrdfJoint, ...]) -> dict[str, UrdfJoint]:
-    """Return the joints, each follower replaced by its leader, each once."""
+    """Return the distinct joints after replacing each follower by its leader."""
     names = (joint.mimic.leader if joint.mimic else joint.name for joint in joints)
     return {name: tree.joints[name] for name in names}
 

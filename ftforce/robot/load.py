@@ -1,4 +1,4 @@
-"""From a URDF, or the name of a known robot, to a `Robot`."""
+"""Loading of a `Robot` from a URDF or by the name of a known robot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import UrdfJoint
     from ftforce.robot.known_robots import KnownRobot
 
-PLACEHOLDER = 1e4  # theory §5: from here on a limit is a placeholder, not a motor's
+PLACEHOLDER = 1e4  # theory §5: limits from here on are placeholders
 
 States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
@@ -39,33 +39,33 @@ def load_robot(
     base: str | None = None,
     posture: str | None = None,
 ) -> Robot:
-    """Load the chain base → tip of a URDF.
+    """Load the kinematic chain of a robot from base to tip.
 
     Parameters
     ----------
     source :
-        A path to a URDF, or a known robot's name (``ftforce robots`` lists them). An SRDF of the
-        same name beside the URDF is read too.
+        Path of a URDF, or name of a known robot (``ftforce robots`` lists them). An SRDF of the
+        same name beside the URDF is read, too.
     tip :
-        Tip link. Without it: the registry's; the SRDF's end effector or chain tip; else the last
-        link before the tree branches into several moving parts.
+        Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
+        else the last link before the tree branches into several moving parts.
     base :
-        Base link. Without it: the registry's; the SRDF chain's; else the root.
+        Base link. Default: that of the registry; else that of the SRDF chain; else the root link.
     posture :
-        Named posture at which the joints outside the chain are fixed; without it the one that is
-        analysed when none is named.
+        Named posture at which the joints outside the chain are fixed. Default: the posture that is
+        analysed by default.
 
     Returns
     -------
     :
-        The arm. Joints outside the chain are fixed, so fingers and other limbs never count.
+        The arm. Joints outside the chain, such as those of fingers or other limbs, are fixed.
 
     Raises
     ------
     FileError
         The URDF or SRDF cannot be read or is malformed.
     InputError
-        Unknown robot, tip, base or posture; no tip is singled out; no joint moves the tip.
+        The robot, tip, base or posture is unknown, the tip is ambiguous, or no joint moves it.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def load_robot(
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
         raise UnknownNameError("posture", posture, [*postures, *BUILT_IN_POSTURES])
     preferred = (known.posture,) if known and known.posture in postures else tuple(postures)
-    # A known robot's posture may place joints outside a chain that it does not place itself.
+    # A known robot's posture may cover joints outside the chain but not the chain itself.
     fallback = known.posture if known else ""
     first = next(iter(preferred), fallback) if posture is None else posture
     held = _held(chain, states.get(first, {}))
@@ -115,10 +115,10 @@ def load_robot(
 
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
-    """Return the known robot of this name, or ``None`` if the source is a path."""
+    """Return the known robot with this name, or ``None`` if the source is a path."""
     if not isinstance(source, str) or os.sep in source or Path(source).suffix:
         return None
-    from ftforce.robot.known_robots import find_robot, known_robots  # a path needs none of it
+    from ftforce.robot.known_robots import find_robot, known_robots  # not needed for a path
 
     if source not in known_robots() and os.path.lexists(source):
         return None
@@ -153,7 +153,7 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
 
 
 def _bounds(joint: UrdfJoint) -> tuple[float, float]:
-    """Return the position limits; infinite where there are none or two placeholders."""
+    """Return the position limits; infinite if there are none or both are placeholders."""
     if joint.lower is None or joint.upper is None:
         return -np.inf, np.inf
     if joint.lower <= -PLACEHOLDER and joint.upper >= PLACEHOLDER:
@@ -162,15 +162,15 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
 
 
 def _largest(limit: float | None) -> float | None:
-    """Return an effort or velocity limit, or ``None`` where none is known."""
+    """Return an effort or velocity limit, or ``None`` if it is unknown."""
     return limit if limit is not None and 0.0 < limit < PLACEHOLDER else None
 
 
 def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
-    """Return the SRDF's states and the registry's postures, by joint."""
+    """Return the named postures of SRDF and registry, by joint name."""
     states: dict[str, Mapping[str, float]] = dict(srdf.states)
     if known is not None and known.postures:
-        # They are given along the registry's chain, which need not be the one asked for.
+        # They refer to the chain of the registry, which may differ from the requested one.
         own = moving_path(chain.tree, known.base or chain.tree.root, known.tip)
         names = leaders_of(chain.tree, own)
         states |= {name: dict(zip(names, q, strict=True)) for name, q in known.postures.items()}
@@ -178,7 +178,7 @@ def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
 
 
 def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str]]:
-    """Return the named postures of the chain, and notes on those that could not be used."""
+    """Return the named postures of the chain, and notes on those that are incomplete."""
     postures: dict[str, Vector] = {}
     notes = []
     for name, state in states.items():
@@ -191,7 +191,7 @@ def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str
 
 
 def _held(chain: Chain, state: Mapping[str, float]) -> dict[str, float]:
-    """Return the joints that are fixed, and where: the state's value, or the nearest to 0."""
+    """Return the positions of the fixed joints: the state's, or the allowed value nearest 0."""
     joints = chain.tree.joints
     held: dict[str, float] = {}
     for joint in joints.values():
@@ -208,21 +208,21 @@ def _held(chain: Chain, state: Mapping[str, float]) -> dict[str, float]:
 def _held_by_default(
     robot: Robot, chain: Chain, places: Mapping[str, dict[str, float]], fallback: str
 ) -> Robot:
-    """Return the arm with the joints outside the chain where the default posture has them.
+    """Return the arm with the joints outside the chain fixed as in the default posture.
 
-    They move neither its singularities nor its limits, so they can be placed afterwards.
+    These joints affect neither singularities nor limits of the chain, so they can be set afterwards.
 
     Parameters
     ----------
     robot, chain :
-        The arm, with those joints where its first preferred posture has them.
+        The arm, with those joints fixed as in its first preferred posture.
     places :
-        Where each posture has them.
+        Positions of those joints in each posture.
     fallback :
-        The posture that counts for them where none of the preferred ones can be the default.
+        Posture to use for them if no preferred posture is a usable default.
     """
     if all(held == robot.held for held in places.values()):
-        return robot  # the usual case, in which nothing has to be tried
+        return robot  # the usual case: nothing to decide
     name, _ = usable_posture(robot)
     held = places[fallback if name is None else name]
     if held == robot.held:
@@ -252,7 +252,7 @@ def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str
 
 
 def _corrections(chain: Chain, known: KnownRobot) -> list[str]:
-    """Say which effort limits were replaced and why, joints of one reason together."""
+    """Return notes on the corrected effort limits, grouped by reason."""
     joints: dict[str, list[str]] = {}
     for correction in known.corrections:
         if correction.joint in chain.names:

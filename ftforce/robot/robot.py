@@ -1,4 +1,4 @@
-"""A robot arm: the chain base → tip of a URDF as a Pinocchio model, joints numbered 1..n."""
+"""A robot arm: the chain from base to tip as a Pinocchio model, with joints numbered 1 to n."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ BUILT_IN_POSTURES = ("mid-range", "zero", "sample")
 
 
 class JointUnits:
-    """Units of a joint of some type."""
+    """Units of a joint, by its type."""
 
     __slots__ = ()
     type: str
 
     @property
     def unit(self) -> str:
-        """Unit of its position."""
+        """Unit of the joint position: rad, or m if prismatic."""
         return "m" if self.type == "prismatic" else "rad"
 
     @property
     def torque_unit(self) -> str:
-        """Unit of its motor torque, or motor force if prismatic."""
+        """Unit of the motor torque: N·m, or N if prismatic."""
         return "N" if self.type == "prismatic" else "N·m"
 
 
@@ -51,17 +51,17 @@ class Joint(JointUnits):
     number :
         Position along the chain, from 1.
     name :
-        The URDF's.
+        Name in the URDF.
     type :
         ``revolute``, ``continuous`` or ``prismatic``.
     lower, upper :
         Position limits in rad or m; infinite for a continuous joint.
     effort :
-        Largest motor torque in N·m (force in N if prismatic); ``None`` if unknown.
+        Maximum motor torque in N·m (force in N if prismatic); ``None`` if unknown.
     velocity :
-        Largest speed in rad/s or m/s; ``None`` if unknown.
+        Maximum speed in rad/s or m/s; ``None`` if unknown.
     followers :
-        Names of the mimic joints that move with it.
+        Names of the mimic joints that follow it.
     """
 
     number: int
@@ -76,43 +76,44 @@ class Joint(JointUnits):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(Displayed):
-    """The chain base → tip of a URDF.
+    """The kinematic chain of a URDF from base to tip.
 
-    Joints outside the chain are fixed at their posture, so they never count; each joint takes one
-    number, continuous ones too; a mimic joint moves with its leader. Made by
+    Joints outside the chain are fixed. Every joint has one position coordinate, including
+    continuous joints; mimic joints move with their leader. Create robots with
     `ftforce.load_robot`.
 
     Attributes
     ----------
     name, path :
-        The robot's name and its URDF.
+        Name of the robot and path of its URDF.
     tip, tip_source :
-        Tip link, and what singled it out.
+        Tip link, and how it was chosen.
     base, base_source :
-        Base link, and what singled it out.
+        Base link, and how it was chosen.
     joints :
         The n joints along the chain.
     model :
-        Pinocchio model of the chain (its continuous joints take cos and sin, and its mimic joints
-        are free: `to_model` converts).
+        Pinocchio model of the chain. Its continuous joints have two coordinates (cos, sin) and its
+        mimic joints are independent; `to_model` converts.
     tip_frame :
         Frame index of the tip in ``model``.
     coordinates :
-        Between the chain's n numbers and the model's.
+        Map between the n joint positions and the configuration of ``model``.
     postures :
-        Named postures: SRDF states and the registry's, shape (n,), rad or m.
+        Named postures from the SRDF and the registry, rad or m, shape (n,).
     preferred :
-        Names of the postures that are tried, in this order, when none is asked for.
+        Names of the candidates for the default posture, in order.
     held :
-        Joints outside the chain that can move, with the value they are fixed at (rad, m).
+        Movable joints outside the chain, with the position at which they are fixed (rad, m).
     fixed :
-        Names of the joints without a motor: fixed, and floating and planar ones, which are held.
+        Names of the joints without a single motor: fixed joints, and floating and planar joints,
+        which are held fixed.
     tips :
-        Links that could be a tip, with the number of moving joints above them.
+        Candidate tip links, with the number of moving joints above each.
     mass :
-        Mass of all links of the chain and what is fixed to it, kg; 0 if the URDF has none.
+        Mass of all links of the chain and of everything fixed to them, kg; 0 if the URDF has none.
     notes :
-        What a user should know: corrections, states that could not be used, …
+        Remarks for the user: corrected limits, unusable postures, …
     """
 
     name: str
@@ -156,12 +157,12 @@ class Robot(Displayed):
 
     @cached_property
     def gravity(self) -> Vector:
-        """The model's gravity in the root's axes, m/s², shape (3,)."""
+        """Gravity of the model in root axes, m/s², shape (3,)."""
         return read_only(self.model.gravity.linear.copy())
 
     @cached_property
     def at_rest(self) -> Vector:
-        """No velocity, and no acceleration, of any joint, shape (n,)."""
+        """Zero joint velocities or accelerations, shape (n,)."""
         return read_only(np.zeros(self.n))
 
     @cached_property
@@ -172,7 +173,7 @@ class Robot(Displayed):
 
     @property
     def data(self) -> pin.Data:
-        """Pinocchio's workspace for ``model``, one per thread (making one costs 14 µs)."""
+        """Pinocchio data of ``model``, one per thread (creating one takes 14 µs)."""
         try:
             return self._per_thread.data
         except AttributeError:
@@ -180,16 +181,27 @@ class Robot(Displayed):
             return self._per_thread.data
 
     def to_model(self, q: Vector) -> Vector:
-        """Return Pinocchio's configuration of the chain's n numbers, shape (model.nq,)."""
+        """Return the Pinocchio configuration for given joint positions, shape (model.nq,).
+
+        Parameters
+        ----------
+        q :
+            Joint positions along the chain, rad or m, shape (n,).
+        """
         return self.coordinates.to_model(q)
 
     def index(self, joint: int | str) -> int:
-        """Return the index (from 0) of a joint given by number (from 1) or name.
+        """Return the index (from 0) of a joint given by number or name.
+
+        Parameters
+        ----------
+        joint :
+            Joint number along the chain, from 1, or joint name.
 
         Raises
         ------
         InputError
-            No such joint; the message says which there are, or what kind of joint it is.
+            The chain has no such joint; the message lists its joints.
         """
         if isinstance(joint, (int, np.integer)) and not isinstance(joint, (bool, np.bool_)):
             if not 1 <= joint <= self.n:
@@ -228,18 +240,18 @@ class Robot(Displayed):
         raise UnknownNameError("joint", word, self.names, f"in the chain of {self.name!r}")
 
     def indices(self, joints: Iterable[int | str] | str | int) -> tuple[int, ...]:
-        """Return the indices (from 0) of joints given by numbers, names or a boolean mask.
+        """Return the sorted indices (from 0) of joints given by numbers, names or a mask.
 
         Parameters
         ----------
         joints :
-            Numbers from 1 and names in any mixture, a text such as ``"2,elbow"``, or a mask of
-            shape (n,).
+            Joint numbers (from 1) and names in any combination, a string such as ``"2,elbow"``, or
+            a boolean mask of shape (n,).
 
         Raises
         ------
         InputError
-            A joint does not exist, is named twice, or the mask has another length.
+            A joint does not exist or is named twice, or the mask has the wrong length.
         """
         if isinstance(joints, (str, tuple)) and not joints:
             return ()
@@ -261,7 +273,7 @@ class Robot(Displayed):
         return tuple(sorted(indices))
 
     def numbered(self) -> str:
-        """Return the joints as text, e.g. ``1 shoulder, 2 elbow``."""
+        """Return the numbered joint names, e.g. ``1 shoulder, 2 elbow``."""
         return self._numbered
 
     @cached_property
@@ -273,18 +285,18 @@ class Robot(Displayed):
         return f"<Robot {self.name!r}: {self.n} joints, {self.base!r} → {self.tip!r}>"
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the per-thread workspace behind when pickled; mapping views cannot be pickled."""
+        """Drop the per-thread data and convert mapping proxies, which cannot be pickled."""
         state = {k: v for k, v in self.__dict__.items() if k != "_per_thread"}
         return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in state.items()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore and start with an empty workspace."""
+        """Restore the state, with no per-thread data."""
         views = {k: MappingProxyType(v) if isinstance(v, dict) else v for k, v in state.items()}
         self.__dict__.update(views, _per_thread=threading.local())
 
 
 def _as_number(word: str) -> int | None:
-    """Return a joint number that was given as text, ``None`` if it is a name."""
+    """Return the joint number given as text, or ``None`` if it is a name."""
     digits = word[1:] if word.startswith(("-", "+")) else word
     is_number = digits.isascii() and digits.isdigit() and len(digits) < 10
     return int(word) if is_number else None
