@@ -1,9 +1,9 @@
-"""Between the chain's n numbers and the configuration of its Pinocchio model.
+"""Map between the joint positions of a chain and the configuration of its Pinocchio model.
 
-Pinocchio gives a continuous joint two numbers (cos, sin) and leaves mimic joints free. The model's
-joint angles are ``G q + g0`` with one row per model joint: a leader has a 1 in its column, its
-followers their multipliers. So torques and Jacobian columns fold as ``Gᵀ τ`` and ``J G``: the
-column of a follower belongs to its leader.
+Pinocchio represents a continuous joint by two coordinates (cos, sin) and treats mimic joints as
+independent. The joint positions of the model are ``G q + g0``, with one row per model joint: a
+leader has a 1 in its own column, a follower its multiplier in the leader's column. Torques and
+Jacobians of the model map back to the chain as ``Gᵀ τ`` and ``J G``.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ Indices: TypeAlias = NDArray[np.intp]
 
 
 class Coordinates(NamedTuple):
-    """The map from the chain to the model.
+    """Affine map from the joint positions of the chain to the model.
 
     Attributes
     ----------
     G :
-        Shape (model.nv, n).
+        Linear part, shape (model.nv, n).
     offset :
-        g0, shape (model.nv,), rad or m.
+        Constant part g0, rad or m, shape (model.nv,).
     plain_v, plain_q :
-        Velocity and configuration indices of joints with one number.
+        Velocity and configuration indices of joints with one coordinate.
     circle_v, circle_q :
-        Velocity index, and index of the cosine, of continuous joints; the sine follows it.
+        Velocity index and index of the cosine of continuous joints; the sine follows the cosine.
     nq :
-        Size of the model's configuration.
+        Dimension of the model's configuration.
     is_identity :
-        Whether the model's configuration is the chain's.
+        Whether the model's configuration equals the chain's joint positions.
     """
 
     G: Matrix
@@ -48,7 +48,7 @@ class Coordinates(NamedTuple):
     is_identity: bool
 
     def to_model(self, q: Vector) -> Vector:
-        """Return the model's configuration, shape (nq,)."""
+        """Return the model configuration, shape (nq,)."""
         if self.is_identity:
             return q
         angles = self.G.dot(q) + self.offset
@@ -60,7 +60,7 @@ class Coordinates(NamedTuple):
         return configuration
 
     def fold(self, J: Matrix) -> Matrix:
-        """Return the chain's columns of a Jacobian of the model, shape (..., n)."""
+        """Map a Jacobian of the model to the chain, J G, shape (..., n)."""
         if len(self.G) == 1:
             J = J.reshape(-1, 1)  # Pinocchio returns a single column as a vector
         if self.is_identity:
@@ -69,12 +69,12 @@ class Coordinates(NamedTuple):
         return folded
 
     def fold_torque(self, torque: Vector) -> Vector:
-        """Return the chain's torques of the model's, Gᵀ τ, shape (n,): followers load leaders."""
+        """Map torques of the model to the chain, Gᵀ τ, shape (n,); followers load their leaders."""
         if self.is_identity:
-            return torque.copy()  # it is a view of Pinocchio's workspace
+            return torque.copy()  # the input is a view of Pinocchio's data
         folded: Vector = torque.dot(self.G)
         return folded
 
     def rate(self, v: Vector) -> Vector:
-        """Return the model's velocities or accelerations of the chain's, G v, shape (nv,)."""
+        """Map joint velocities or accelerations of the chain to the model, G v, shape (nv,)."""
         return v if self.is_identity else self.G.dot(v)

@@ -1,7 +1,7 @@
-"""Weight, motion and mass matrix of an arm with a payload, from Pinocchio (eq. 20, 21).
+"""Gravity torques, motion torques and mass matrix of an arm with a payload (eq. 20, 21).
 
-``rnea(q, v, a) = M(q) a + V(q, v) v + G(q)`` is split into its weight G and its motion part, so
-that any gravity can be set without touching the model, which threads share.
+``rnea(q, v, a) = M(q) a + V(q, v) v + G(q)`` is split into the gravity torques G and the motion
+torques, so that gravity can be set without modifying the model, which threads share.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-_ROUNDING = 1e-14  # an inertia this small, relative to the arm's largest, is none
+_ROUNDING = 1e-14  # smaller inertias, relative to the arm's largest, count as zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
-    """A point mass that is fixed to the tip.
+    """A point mass fixed to the tip.
 
     Attributes
     ----------
     mass :
-        In kg.
+        Mass in kg.
     offset :
-        Its place in the axes of the tip frame, m, shape (3,).
+        Position in the tip frame, m, shape (3,).
     """
 
     mass: float
@@ -42,12 +42,19 @@ class Payload:
 
     @classmethod
     def of(cls, mass: float, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-        """Check a payload.
+        """Return a validated payload.
+
+        Parameters
+        ----------
+        mass :
+            Mass in kg, 0 or more.
+        offset :
+            Position in the tip frame, m, shape (3,).
 
         Raises
         ------
         InputError
-            A negative or infinite mass, or an offset that is not three numbers.
+            The mass is negative or not finite, or the offset is not three numbers.
         """
         if isinstance(mass, bool) or not isinstance(mass, (int, float, np.number)):
             raise InputError(f"the payload needs a mass in kg, got {mass!r}")
@@ -56,7 +63,7 @@ class Payload:
         return cls(float(mass), as_vector(offset, 3, "the payload's place", "x, y, z in m"))
 
     def __str__(self) -> str:
-        """Return the mass, and the place if it is not the tip."""
+        """Return the mass, and the position if it is not the tip."""
         place = ", ".join(f"{x:g}" for x in self.offset.tolist())
         return f"{self.mass:g} kg" + (f" at ({place}) m" if self.offset.any() else "")
 
@@ -64,7 +71,7 @@ class Payload:
 def weight_torque(
     robot: Robot, q: Vector, gravity: Vector | None = None, payload: Payload | None = None
 ) -> Vector:
-    """Return the motor torques that carry the weight, G(q), N·m (N), shape (n,).
+    """Return the gravity torques G(q), N·m (N), shape (n,).
 
     Parameters
     ----------
@@ -73,9 +80,9 @@ def weight_torque(
     q :
         Joint positions, rad or m, shape (n,).
     gravity :
-        In the root's axes, m/s², shape (3,); ``None`` takes the model's.
+        Gravity in root axes, m/s², shape (3,); ``None`` for that of the model.
     payload :
-        What the tip carries.
+        Payload at the tip.
     """
     model, data = robot.model, robot.data
     configuration = robot.to_model(q)
@@ -83,7 +90,7 @@ def weight_torque(
         torque = robot.coordinates.fold_torque(
             pin.computeGeneralizedGravity(model, data, configuration)
         )
-    elif robot.mass == 0.0:  # the centre of no mass has no Jacobian
+    elif robot.mass == 0.0:  # without mass there is no centre of mass
         torque = np.zeros(robot.n)
     else:
         J_com = pin.jacobianCenterOfMass(model, data, configuration)
@@ -97,16 +104,16 @@ def weight_torque(
 def motion_torque(
     robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload | None = None
 ) -> Vector:
-    """Return the motor torques that make the motion, M(q) a + V(q, v) v, N·m (N), shape (n,).
+    """Return the motion torques M(q) a + V(q, v) v, N·m (N), shape (n,).
 
     Parameters
     ----------
     robot :
         The arm.
     q, v, a :
-        Joint positions, velocities and accelerations, rad or m, per s, per s², shape (n,).
+        Joint positions (rad, m), velocities (per s) and accelerations (per s²), shape (n,).
     payload :
-        What the tip carries.
+        Payload at the tip.
     """
     model, data, fold = robot.model, robot.data, robot.coordinates
     configuration = robot.to_model(q)
@@ -128,7 +135,7 @@ def rnea_torque(
     gravity: Vector | None = None,
     payload: Payload | None = None,
 ) -> Vector:
-    """Return the motor torques for weight and motion together (eq. 20), N·m (N), shape (n,).
+    """Return the gravity and motion torques together (eq. 20), N·m (N), shape (n,).
 
     Parameters
     ----------
@@ -147,12 +154,13 @@ def rnea_torque(
 
 
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
-    """Return M(q), kg·m² (kg·m, kg where joints slide), shape (n, n).
+    """Return the mass matrix M(q), kg·m² (kg·m and kg for prismatic joints), shape (n, n).
 
     Raises
     ------
     InputError
-        It is not positive definite: the URDF's masses or inertias are missing or impossible.
+        The matrix is not positive definite: masses or inertias in the URDF are missing or
+        unphysical.
     """
     fold = robot.coordinates
     M = np.array(pin.crba(robot.model, robot.data, robot.to_model(q)))
@@ -171,8 +179,8 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
 
 
 def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
-    """Return the linear Jacobian of the payload in the root's axes, shape (3, n)."""
-    J = frame_jacobian(robot, q, "world")  # places the tip, too
+    """Return the linear Jacobian of the payload in root axes, shape (3, n)."""
+    J = frame_jacobian(robot, q, "world")  # also updates the tip placement
     linear: Matrix = J[:3]
     if payload.offset.any():
         arm = robot.data.oMf[robot.tip_frame].rotation.dot(payload.offset)
@@ -181,7 +189,7 @@ def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
 
 
 def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload) -> Vector:
-    """Return the payload's acceleration in the root's axes, m/s², shape (3,)."""
+    """Return the acceleration of the payload in root axes, m/s², shape (3,)."""
     model, data, frame, fold = robot.model, robot.data, robot.tip_frame, robot.coordinates
     axes = pin.LOCAL_WORLD_ALIGNED
     pin.forwardKinematics(model, data, robot.to_model(q), fold.rate(v), fold.rate(a))
@@ -196,7 +204,7 @@ def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload:
 
 
 def _is_positive_definite(M: Matrix) -> bool:
-    """Return whether a mass matrix is more than rounding in every direction."""
+    """Return whether a mass matrix is positive definite beyond rounding error."""
     try:
         L = np.linalg.cholesky(M)
     except np.linalg.LinAlgError:

@@ -1,4 +1,4 @@
-"""Tip pose and Jacobians, from Pinocchio."""
+"""Tip pose and Jacobians, computed by Pinocchio."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from ftforce.core.task import Axes, Task
     from ftforce.robot.robot import Robot
 
-# A slice of Pinocchio's WORLD Jacobian is no force map at the tip (docs/conventions).
+# Rows of Pinocchio's WORLD Jacobian do not map forces at the tip (docs/conventions).
 _FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
 
 
 def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
-    """Return orientation (3, 3) and position (3,) in m of the tip in the root's axes.
+    """Return the rotation matrix (3, 3) and position (3,), in m, of the tip in root axes.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
 
 
 def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
-    """Return orientation (3, 3) and position (3,) in m of every joint of the model, root first.
+    """Return rotation matrix (3, 3) and position (3,), in m, of every joint of the model.
 
-    In the root's axes; the model's joints outside the chain, and followers, are among them.
+    In root axes, root first; all joints of the model are included, also followers.
 
     Parameters
     ----------
@@ -50,16 +50,17 @@ def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
 
 
 def reach_bound(robot: Robot) -> tuple[Vector, float]:
-    """Return the place of the first joint, m, shape (3,), and the length of all links in a row, m.
+    """Return the position of the first joint, shape (3,), and an upper bound on the reach, in m.
 
-    The tip is never farther from there; infinite if a joint slides without limits.
+    The tip is never farther from the first joint than this bound, the total length of the links.
+    The bound is infinite if a prismatic joint has no limits.
     """
     model = robot.model
     places = [placement.translation for placement in model.jointPlacements.tolist()[1:]]
     links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
     slides = 0.0
     for joint in robot.joints:
-        if joint.type == "prismatic":  # its followers slide with it, at most as far each
+        if joint.type == "prismatic":  # each follower adds at most the same travel, times G
             slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
     scale = np.abs(robot.coordinates.G).max(initial=1.0)
     length = float(sum(map(np.linalg.norm, links))) + slides * scale
@@ -67,19 +68,19 @@ def reach_bound(robot: Robot) -> tuple[Vector, float]:
 
 
 def quaternion(R: Matrix) -> Vector:
-    """Return the unit quaternion x, y, z, w of a rotation (3, 3); its sign is left open."""
+    """Return the unit quaternion (x, y, z, w) of a rotation matrix; its sign is arbitrary."""
     coefficients: Vector = pin.Quaternion(R).coeffs()
     return coefficients
 
 
 def rotation_vector(R: Matrix) -> Vector:
-    """Return axis times angle of a rotation (3, 3), rad, shape (3,)."""
+    """Return the rotation vector (axis times angle, rad) of a rotation matrix, shape (3,)."""
     vector: Vector = pin.log3(R)
     return vector
 
 
 def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
-    """Return the Jacobian of the tip, linear rows first, shape (6, n).
+    """Return the frame Jacobian at the tip, linear rows first, shape (6, n).
 
     Parameters
     ----------
@@ -97,5 +98,5 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
 
 
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
-    """Return the task's rows of the Jacobian, unweighted (m/rad, rad/rad), shape (m, n)."""
+    """Return the unweighted task Jacobian (m/rad, rad/rad), shape (m, n)."""
     return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])

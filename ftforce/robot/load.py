@@ -210,7 +210,7 @@ def _held_by_default(
 ) -> Robot:
     """Return the arm with the joints outside the chain fixed as in the default posture.
 
-    These joints affect neither singularities nor limits of the chain, so they can be set afterwards.
+    They affect neither singularities nor limits of the chain, so they can be set afterwards.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pinocchio's model of a chain, made from a checked tree."""
+"""Pinocchio model of a chain, built from a checked tree."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
-    """Return the model, in codes for names, with every joint outside the chain fixed.
+    """Return the model with every joint outside the chain fixed, and with codes for names.
 
     Parameters
     ----------
     chain :
-        The joints that stay.
+        The chain, whose joints remain movable.
     held :
-        Where the others are fixed, rad or m.
+        Positions of the fixed joints, rad or m, by name.
     """
     full = full_model(chain.tree)
     codes = chain.tree.joint_codes()
-    q = pin.neutral(full)  # floating and planar roots stay at their neutral pose
+    q = pin.neutral(full)  # floating and planar joints stay at their neutral pose
     for name, value in held.items():
         joint = full.joints[full.getJointId(codes[name])]
         if joint.nq == 1:
@@ -45,12 +45,12 @@ def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
 
 
 def full_model(tree: UrdfTree) -> pin.Model:
-    """Return Pinocchio's model of the whole tree, named by codes (see `UrdfTree.to_xml`).
+    """Return the Pinocchio model of the whole tree, with codes for names (`UrdfTree.to_xml`).
 
     Raises
     ------
     URDFError
-        Pinocchio finds something wrong that we did not.
+        Pinocchio rejects the URDF, although it passed our checks.
     """
     try:
         with captured_stderr() as printed:
@@ -61,7 +61,7 @@ def full_model(tree: UrdfTree) -> pin.Model:
 
 
 def restore_names(model: pin.Model, tree: UrdfTree) -> None:
-    """Give joints and frames of a model made from `UrdfTree.to_xml` the URDF's names."""
+    """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place."""
     codes = (*tree.link_codes().items(), *tree.joint_codes().items())
     names = {code: name for name, code in codes}
     model.name = tree.name
@@ -72,7 +72,7 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
 
 
 def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
-    """Return the map from the chain's n numbers to a model in codes."""
+    """Return the map from the chain's joint positions to a model with codes for names."""
     codes = chain.tree.joint_codes()
     G = np.zeros((model.nv, len(chain.leaders)))
     offset = np.zeros(model.nv)

@@ -1,4 +1,4 @@
-"""Which posture to analyse, and where it comes from."""
+"""Choice of the posture to analyse."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
-SEED = 20_100  # fixed: the same arm gives the same sample on every machine
-_defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # found once per robot
+SEED = 20_100  # fixed, so that samples are reproducible
+_defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """Joint positions, rad or m along the chain, shape (n,), and where they come from.
+    """Joint positions along the chain, and their origin.
 
     Attributes
     ----------
     q :
-        Shape (n,).
+        Joint positions, rad or m, shape (n,).
     source :
-        E.g. ``given``, ``posture 'home'`` or ``mid-range``.
+        Origin, e.g. ``given``, ``posture 'home'`` or ``mid-range``.
     warnings :
-        What is odd about it, e.g. positions outside the joint limits.
+        Warnings, e.g. about positions outside the joint limits.
     """
 
     q: Vector
@@ -53,27 +53,28 @@ def choose_posture(
     *,
     degrees: bool = False,
 ) -> Posture:
-    """Return the given posture, the named one, or a default.
+    """Return the given, the named or the default posture.
 
-    The default is the robot's preferred named posture that lies within the limits and is not
-    singular; else the middle of the joint limits; if that is singular, the best conditioned of
-    64 postures drawn with a fixed seed.
+    The default is the first preferred posture of the robot that lies within the limits and is not
+    singular; else the middle of the joint ranges; if that is singular, the best conditioned of 64
+    random postures with a fixed seed.
 
     Parameters
     ----------
     robot :
         The arm.
     q :
-        Joint positions along the chain, rad or m, shape (n,). A `Posture` is returned as it is.
+        Joint positions along the chain, rad or m, shape (n,). A `Posture` is returned unchanged.
     name :
-        A named posture of the robot, or ``mid-range``, ``zero`` or ``sample``.
+        Named posture of the robot, or ``mid-range``, ``zero`` or ``sample``.
     degrees :
-        Whether revolute entries of ``q`` are degrees.
+        Whether the angles in ``q`` are in degrees.
 
     Raises
     ------
     InputError
-        Both ``q`` and ``name``, a ``q`` of the wrong length or not finite, or an unknown name.
+        Both ``q`` and ``name`` are given, ``q`` has the wrong length or is not finite, or the name
+        is unknown.
     """
     if q is not None and name is not None:
         raise InputError(f"give either q or a posture, not both (q and {name!r})")
@@ -109,12 +110,12 @@ def _named(robot: Robot, name: str) -> Posture:
 
 
 def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
-    """Return the first preferred posture that is no bad default, and why those before it are.
+    """Return the first preferred posture that is within limits and not singular.
 
     Returns
     -------
     :
-        Its name, ``None`` if there is none; and a remark on each posture that was skipped.
+        Its name, or ``None`` if there is none; and a remark on each posture skipped before it.
     """
     skipped: list[str] = []
     for name in robot.preferred:
@@ -144,7 +145,7 @@ def _in_brackets(words: Iterable[str]) -> str:
 
 
 def mid_range(robot: Robot) -> Vector:
-    """Return the middle of the joint limits, 0 for continuous joints, shape (n,)."""
+    """Return the middle of the joint ranges, 0 for joints without limits, shape (n,)."""
     lower, upper = robot.lower, robot.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
     q = np.zeros(robot.n)
@@ -153,7 +154,7 @@ def mid_range(robot: Robot) -> Vector:
 
 
 def is_singular(robot: Robot, q: Vector) -> bool:
-    """Return whether the arm has less rank here than elsewhere, for forces or for wrenches."""
+    """Return whether the force or wrench Jacobian is rank-deficient relative to other postures."""
     J = frame_jacobian(robot, q)
     for rows in (3, 6):
         rank = _rank(J[:rows], BORDERLINE_RTOL)
@@ -163,7 +164,7 @@ def is_singular(robot: Robot, q: Vector) -> bool:
 
 
 def _usual_rank(robot: Robot, rows: int) -> int:
-    """Return the rank that the first rows of the Jacobian have at most postures."""
+    """Return the generic rank of the first rows of the Jacobian."""
     return max(_rank(frame_jacobian(robot, q)[:rows], RTOL) for q in samples(robot))
 
 
@@ -173,7 +174,7 @@ def _rank(J: Vector, rtol: float) -> int:
 
 
 def samples(robot: Robot) -> Vector:
-    """Return reproducible postures within the limits (±π where there are none), (64, n)."""
+    """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
     lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
     drawn = np.random.default_rng(SEED).random((SAMPLES, robot.n))
@@ -181,13 +182,13 @@ def samples(robot: Robot) -> Vector:
 
 
 def best_sample(robot: Robot) -> Vector:
-    """Return the sample whose force Jacobian is conditioned best, shape (n,)."""
+    """Return the sample with the best-conditioned force Jacobian, shape (n,)."""
     drawn = samples(robot)
 
     def conditioning(q: Vector) -> tuple[float, ...]:
         s = np.linalg.svd(frame_jacobian(robot, q)[:3], compute_uv=False)
-        # Compared from the second to the last singular value from the back, so that an arm that
-        # never reaches full rank (a planar one) is conditioned in the directions it has.
+        # Rank first, then the smallest nonzero singular value, so that an arm without full rank
+        # (a planar one) is judged in the directions in which it can move.
         ratios = [float(x / s[0]) if x > RTOL * s[0] else 0.0 for x in s]
         return (sum(x > 0.0 for x in ratios), min((x for x in ratios if x > 0.0), default=0.0))
 
@@ -209,13 +210,13 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
 
 
 def _outside(robot: Robot, q: Vector) -> list[int]:
-    slack = 1e-6  # limits are printed rounded
+    slack = 1e-6  # limits may have been copied from rounded output
     low, high = q < robot.lower - slack, q > robot.upper + slack
     return np.flatnonzero(low | high).tolist()
 
 
 def _looks_like_degrees(robot: Robot, q: Vector) -> bool:
-    """Say yes if a turning joint is beyond two turns and all would lie within limits as degrees."""
+    """Return whether an angle exceeds 2π and, read as degrees, all angles are within limits."""
     turning = np.array([joint.type != "prismatic" for joint in robot.joints])
     far = bool(np.any(np.abs(q[turning]) > 2.0 * math.pi))
     return far and not _outside(robot, np.where(turning, np.deg2rad(q), q))
