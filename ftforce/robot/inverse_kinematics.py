@@ -1,4 +1,4 @@
-"""A posture that puts the tip at a point, within the joint limits."""
+"""Inverse kinematics of the tip position, within the joint limits."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 REACHED = 1e-9  # m
-FAR = 2.0  # times the stretched arm
-_INSIDE = 1e-6  # rad or m: the solver starts that far inside the limits
-_MOST_STEPS = 60  # of each search: those that arrive need some ten
+FAR = 2.0  # times the reach bound
+_INSIDE = 1e-6  # rad or m: the solver starts this far inside the limits
+_MOST_STEPS = 60  # per search; successful ones need about ten
 _DAMPED_BELOW = 1e-6  # of σ_max
 
 
 def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
-    """Return joint positions with the tip at a point, close to given ones if there are any there.
+    """Return joint positions that place the tip at a point, near given ones if possible.
 
     Parameters
     ----------
     robot :
         The arm.
     point :
-        In the root's axes, m, shape (3,).
+        Tip position in root axes, m, shape (3,).
     near :
-        Where the search starts, rad or m, shape (n,); from there on among 64 postures drawn with a
-        fixed seed.
+        Initial guess, rad or m, shape (n,). If the search from there fails, 64 random postures with
+        a fixed seed are tried.
 
     Raises
     ------
     InputError
-        No posture within the limits was found; the message says how close the tip gets.
+        No posture within the limits was found; the message gives the closest tip position.
     """
     closest, place = np.inf, point
     if np.linalg.norm(tip_pose(robot, near)[1] - point) <= REACHED:
-        return read_only(near)  # as it was given, be it outside the limits
+        return read_only(near)  # unchanged, even if outside the limits
     for seed in (near, *samples(robot)):
         q = _polished(robot, point, _solve(robot, point, seed))
         there = tip_pose(robot, q)[1]
@@ -62,21 +62,22 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
 
 
 def check_reach(robot: Robot, points: Matrix) -> None:
-    """Refuse points far beyond the stretched arm: millimetres taken for metres, mostly.
+    """Check that points are not far out of reach, usually millimetres given as metres.
 
-    A path may leave the reach a little: the arm does what it can, and the error is reported.
+    A path may leave the reach slightly: the arm follows as closely as it can, and the tracking
+    error is reported.
 
     Parameters
     ----------
     robot :
         The arm.
     points :
-        In the root's axes, m, shape (k, 3).
+        Tip positions in root axes, m, shape (k, 3).
 
     Raises
     ------
     InputError
-        A point is farther from the first joint than twice all links in a row.
+        A point is farther from the first joint than twice the reach bound (`reach_bound`).
     """
     first, length = reach_bound(robot)
     distances = np.linalg.norm(points - first, axis=1)
@@ -93,7 +94,7 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
 
     room = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
     start = np.clip(seed, robot.lower + room, robot.upper - room)
-    fixed = np.where(robot.lower == robot.upper, _INSIDE, 0.0)  # no bounds for the solver
+    fixed = np.where(robot.lower == robot.upper, _INSIDE, 0.0)  # the solver rejects equal bounds
     found = least_squares(
         lambda q: tip_pose(robot, q)[1] - point,
         start,
@@ -109,11 +110,11 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
 
 
 def _polished(robot: Robot, point: Vector, q: Vector) -> Vector:
-    """Return the end of a few Newton steps, which keep what the tip does not need."""
+    """Return q refined by a few minimum-norm Newton steps, which avoid self-motion."""
     for _ in range(5):
         K = Svd(frame_jacobian(robot, q, "world")[:3], left_only=True)
         error = point - tip_pose(robot, q)[1]
-        if np.linalg.norm(error) > 1e-3:  # m: not there, so nothing to polish
+        if np.linalg.norm(error) > 1e-3:  # m; not converged, so there is nothing to polish
             break
         q = q + damped_inverse(K, error, _DAMPED_BELOW * K.s[0])
     return q

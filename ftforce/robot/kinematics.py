@@ -60,7 +60,7 @@ def reach_bound(robot: Robot) -> tuple[Vector, float]:
     links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
     slides = 0.0
     for joint in robot.joints:
-        if joint.type == "prismatic":  # each follower adds at most the same travel, times G
+        if joint.type == "prismatic":  # each follower adds the same travel, scaled below
             slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
     scale = np.abs(robot.coordinates.G).max(initial=1.0)
     length = float(sum(map(np.linalg.norm, links))) + slides * scale

@@ -1,4 +1,4 @@
-"""Known robots: a name becomes a URDF, an SRDF, a tip and postures (robots/robots.toml)."""
+"""Registry of known robots: URDF, SRDF, tip and postures by name (robots/robots.toml)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _EXAMPLE_ROBOTS = Path("cmeel.prefix/share/example-robot-data/robots")
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """An effort limit (N·m or N; 0 = unknown) that replaces the URDF's, and why."""
+    """An effort limit (N·m or N; 0 if unknown) that replaces that of the URDF, and the reason."""
 
     joint: str
     effort: float
@@ -32,19 +32,19 @@ class KnownRobot:
     Attributes
     ----------
     name, about :
-        The name to give, and one line on the arm.
+        Name of the robot, and a one-line description.
     urdf, srdf :
-        Files; ``srdf`` may be ``None``.
+        Paths of the files; ``srdf`` may be ``None``.
     tip, base :
-        Links; an empty base is the URDF's root.
+        Tip and base link; an empty base is the root of the URDF.
     posture :
         Name of the default posture.
     postures :
-        Further postures: joint values in rad or m along the chain.
+        Additional named postures: joint positions along the chain, rad or m.
     corrections :
-        Effort limits that replace the URDF's.
+        Effort limits that replace those of the URDF.
     notes :
-        What a user should know about this URDF.
+        Remarks on the URDF for the user.
     """
 
     name: str
@@ -60,7 +60,7 @@ class KnownRobot:
 
 
 def robots_folder() -> Path:
-    """Return the folder of robots.toml: inside an installed package, or beside it in a checkout."""
+    """Return the folder of robots.toml, in an installed package or a checkout."""
     package = Path(__file__).parents[1]
     installed = package / "robots"
     return installed if installed.is_dir() else package.parent / "robots"
@@ -68,8 +68,8 @@ def robots_folder() -> Path:
 
 @lru_cache(maxsize=1)
 def known_robots() -> Mapping[str, KnownRobot]:
-    """Return every known robot by name, in the order of robots.toml."""
-    import tomllib  # a URDF given by its path needs none of this
+    """Return all known robots by name, in the order of robots.toml."""
+    import tomllib  # imported lazily: not needed for a URDF path
 
     with (robots_folder() / "robots.toml").open("rb") as file:
         entries = tomllib.load(file)
@@ -77,12 +77,12 @@ def known_robots() -> Mapping[str, KnownRobot]:
 
 
 def find_robot(name: str) -> KnownRobot:
-    """Return a known robot.
+    """Return the known robot with the given name.
 
     Raises
     ------
     UnknownNameError
-        No robot has this name.
+        There is no known robot with this name.
     """
     try:
         return known_robots()[name]
@@ -109,7 +109,7 @@ def _known(name: str, entry: dict[str, Any]) -> KnownRobot:
 
 @lru_cache(maxsize=1)
 def _example_robots() -> Path:
-    # example-robot-data 6 holds data only: it cannot be imported, so its files are located.
+    # example-robot-data 6 contains only data and cannot be imported, so its files are located.
     from importlib.metadata import PackageNotFoundError, distribution
 
     try:

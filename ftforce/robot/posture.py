@@ -210,13 +210,13 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
 
 
 def _outside(robot: Robot, q: Vector) -> list[int]:
-    slack = 1e-6  # limits may have been copied from rounded output
+    slack = 1e-6  # printed limits are rounded
     low, high = q < robot.lower - slack, q > robot.upper + slack
     return np.flatnonzero(low | high).tolist()
 
 
 def _looks_like_degrees(robot: Robot, q: Vector) -> bool:
-    """Return whether an angle exceeds 2π and, read as degrees, all angles are within limits."""
+    """Return whether an angle exceeds 2π and the posture, read as degrees, is within limits."""
     turning = np.array([joint.type != "prismatic" for joint in robot.joints])
     far = bool(np.any(np.abs(q[turning]) > 2.0 * math.pi))
     return far and not _outside(robot, np.where(turning, np.deg2rad(q), q))

@@ -1,4 +1,4 @@
-"""What an SRDF says about an arm: its tips, its chains and its named postures."""
+"""Reading of SRDF files: end effectors, chains and named postures."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 class Srdf(NamedTuple):
-    """The part of an SRDF that a fault analysis needs.
+    """The parts of an SRDF that ftforce uses.
 
     Attributes
     ----------
     path :
-        The file; empty if there is none.
+        Path of the file; empty if there is none.
     end_effectors :
         Parent links of the end effectors.
     chains :
         Pairs of base link and tip link.
     states :
-        Joint values (rad, m) of every named posture, by joint name. States of one name that belong
-        to several groups are one posture; where they differ, the last one counts.
+        Joint positions (rad, m) of every named posture, by joint name. States of several groups
+        with the same name form one posture; where they differ, the last one applies.
     """
 
     path: str = ""
@@ -42,7 +42,7 @@ def read_srdf(path: str | PathLike[str]) -> Srdf:
     Raises
     ------
     SRDFError
-        The file cannot be read, is not an SRDF, or holds values that are not finite numbers.
+        The file cannot be read, is not an SRDF, or has joint values that are not finite numbers.
     """
     root = parse_xml(read_text(path, SRDFError, "an SRDF"), path, SRDFError)
     if root.tag != "robot":
@@ -67,7 +67,7 @@ def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:
     values = {}
     for joint in state.iter("joint"):
         name, value = joint.get("name", ""), joint.get("value", "")
-        if len(value.split()) > 1:  # a floating or planar joint; it is held fixed
+        if len(value.split()) > 1:  # a floating or planar joint, which is held fixed
             continue
         try:
             values[name] = read_numbers(value, 1)[0]

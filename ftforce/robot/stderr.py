@@ -1,4 +1,4 @@
-"""What C++ libraries print on stderr, caught for an error message."""
+"""Capture of what C++ libraries print to stderr, for error messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _lock = threading.Lock()  # the file descriptor belongs to the whole process
 
 
 class Printed:
-    """The text that was caught; empty until the context ends."""
+    """The captured text; empty until the context exits."""
 
     text = ""
 
@@ -26,7 +26,7 @@ class Printed:
 
 @contextmanager
 def captured_stderr() -> Iterator[Printed]:
-    """Redirect the process's file descriptor 2, where sys.stderr cannot reach, and read it."""
+    """Capture output to file descriptor 2, which bypasses ``sys.stderr``."""
     printed = Printed()
     with _lock, _scratch_file() as file:
         try:
@@ -48,6 +48,6 @@ def _scratch_file() -> BinaryIO:
     # A pipe could fill up and block the library that prints.
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("stderr"), "w+b")
-    import tempfile  # costs 6 ms of every start where memory files are to be had
+    import tempfile  # imported lazily: takes 6 ms, and is needed only without memfd_create
 
     return tempfile.TemporaryFile()

@@ -1,1 +1,1 @@
-"""One module per format; all end in one checked tree of links and joints."""
+"""Robot description formats, one module each; all yield a checked tree of links and joints."""

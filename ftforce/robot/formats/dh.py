@@ -1,8 +1,8 @@
-"""Denavit–Hartenberg tables: checked, and turned into transforms.
+"""Denavit–Hartenberg tables: reading, validation and forward kinematics.
 
-In here lengths are metres and angles radians; :mod:`ftforce.robot.formats.dh` converts. A malformed
-value raises ``InputError`` when a row, mass model or table is built, so later code trusts them.
-This module knows nothing about URDF: that is :mod:`ftforce.robot.formats.dh_to_urdf`.
+Internally lengths are in metres and angles in radians; `read_dh_table` converts. Malformed values
+raise ``InputError`` when a row, mass model or table is constructed. Conversion to URDF is in
+:mod:`ftforce.robot.formats.dh_to_urdf`.
 """
 
 from __future__ import annotations
@@ -45,21 +45,21 @@ class DHRow:
     Attributes
     ----------
     a, alpha :
-        Length (m) and twist (rad) of the common normal: of link i in the standard convention,
-        of link i-1 in the modified one.
+        Link length (m) and link twist (rad): of link i in the standard convention, of link i-1 in
+        the modified one.
     d, theta :
-        Offset (m) along and angle (rad) about the joint axis. The joint variable q adds to
+        Offset (m) along and angle (rad) about the joint axis. The joint variable q is added to
         ``theta`` of a revolute joint and to ``d`` of a prismatic one.
     type :
         ``"revolute"`` or ``"prismatic"``.
     lower, upper :
         Limits of q (rad or m).
     effort, velocity :
-        Largest motor torque or force (N·m, N) and speed (rad/s, m/s); ``None`` is unknown.
+        Maximum motor torque or force (N·m, N) and speed (rad/s, m/s); ``None`` if unknown.
     mass :
-        Mass of the link (kg); ``None`` takes it from the density of the mass model.
+        Mass of the link (kg); ``None`` to compute it from the density of the mass model.
     joint, link :
-        Names; ``None`` is ``joint{i}``, ``link{i}``.
+        Names of joint and link; ``None`` for ``joint{i}``, ``link{i}``.
     """
 
     a: float
@@ -89,7 +89,7 @@ class DHRow:
                 _check_name(getattr(self, key), key)
 
     def with_unit(self, q: float) -> str:
-        """Return a value of the joint variable in words."""
+        """Return a value of the joint variable as text, with its unit."""
         if self.type == "prismatic":
             return f"{q:.6g} m"
         return f"{q:.6g} rad ({math.degrees(q):.6g} deg)"
@@ -97,16 +97,16 @@ class DHRow:
 
 @dataclass(frozen=True)
 class MassModel:
-    """The solid that every link is taken for; its formulas stand in `dh_to_urdf`.
+    """The solid by which all links are modelled; `dh_to_urdf` computes its inertia.
 
     Attributes
     ----------
     model :
         ``"thin rod"`` or ``"solid cylinder"``.
     radius :
-        Radius of all links (m), also drawn in the URDF.
+        Radius of all links (m), also used for the visual geometry in the URDF.
     density :
-        Density (kg/m³) of the links whose row gives no mass, or ``None``.
+        Density (kg/m³) of the links whose row has no mass; ``None`` if all rows have one.
     """
 
     model: Solid
@@ -122,23 +122,23 @@ class MassModel:
 
 @dataclass(frozen=True, eq=False)
 class DHTable:
-    """A checked DH table: a serial arm from link ``base`` to link ``tool``.
+    """A validated DH table of a serial arm from link ``base`` to link ``tool``.
 
     Attributes
     ----------
     name :
         Name of the robot.
     convention :
-        ``"standard"`` (Denavit & Hartenberg: frame i at the far end of link i) or ``"modified"``
-        (Craig: frame i at the axis of joint i).
+        ``"standard"`` (Denavit & Hartenberg: frame i at the distal end of link i) or ``"modified"``
+        (Craig: frame i on the axis of joint i).
     rows :
-        One per joint, base to tip.
+        One row per joint, from base to tip.
     mass :
         Mass model of the links.
     postures :
-        Named joint positions, shape (n,) each (rad or m).
+        Named joint positions, rad or m, shape (n,) each.
     source :
-        The file that the table comes from, or ``None``.
+        File that the table was read from, or ``None``.
     """
 
     name: str
@@ -162,7 +162,12 @@ class DHTable:
 
     @staticmethod
     def from_toml(path: str | PathLike[str]) -> DHTable:
-        """Read a DH table; ``robots/dh5.toml`` shows and explains every key.
+        """Read a DH table from a TOML file; ``robots/dh5.toml`` documents every key.
+
+        Parameters
+        ----------
+        path :
+            The TOML file.
 
         Raises
         ------
@@ -173,7 +178,7 @@ class DHTable:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the n joints, base to tip."""
+        """Names of the n joints, from base to tip."""
         return tuple(row.joint or f"joint{i}" for i, row in enumerate(self.rows, start=1))
 
     @property
@@ -185,9 +190,9 @@ class DHTable:
     def transforms(self, q: ArrayLike) -> Matrix:
         """Return the poses of DH frames 0 to n in the base frame.
 
-        With Z = Rot_z(θ) Trans_z(d) and X = Rot_x(α) Trans_x(a), a row is Z X in the standard
-        convention (Spong, Hutchinson & Vidyasagar, eq. 3.10) and X Z in the modified one
-        (Craig, eq. 3.6).
+        With Z = Rot_z(θ) Trans_z(d) and X = Rot_x(α) Trans_x(a), the transform of a row is Z X in
+        the standard convention (Spong, Hutchinson & Vidyasagar, eq. 3.10) and X Z in the modified
+        one (Craig, eq. 3.6).
 
         Parameters
         ----------
@@ -197,12 +202,12 @@ class DHTable:
         Returns
         -------
         :
-            Homogeneous matrices, shape (n+1, 4, 4); the last one is the tip.
+            Homogeneous transforms, shape (n+1, 4, 4); the last one is the tip.
 
         Raises
         ------
         InputError
-            Wrong number of joint positions, or not finite.
+            The number of joint positions is wrong, or one is not finite.
         """
         q = as_vector(q, len(self.rows), "q", "one per row")
         poses = [np.eye(4)]
@@ -224,7 +229,7 @@ class DHTable:
 
 
 def cos_sin(angle: float) -> tuple[float, float]:
-    """Return cosine and sine, exact at quarter turns, where the double of an angle is rounded."""
+    """Return cosine and sine, exact at multiples of π/2 despite rounding of the angle."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return (0.0 if abs(cosine) < 1e-15 else cosine, 0.0 if abs(sine) < 1e-15 else sine)
 
@@ -245,9 +250,9 @@ def check_number(value: object, key: str) -> float:
     Raises
     ------
     InputError
-        It is none, or not finite.
+        The value is not a finite number; booleans are rejected.
     """
-    # bool is an int in Python, but `true` is no length.
+    # bool is a subclass of int in Python.
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} needs a number, got {brief(value)}")
     if not abs(value) <= sys.float_info.max:
@@ -261,12 +266,12 @@ def _check_positive(value: float | None, key: str) -> None:
 
 
 def check_choice(value: object, kind: str, choices: Any) -> None:
-    """Check that a value is one of a ``Literal``'s.
+    """Check that a value is one of the values of a ``Literal``.
 
     Raises
     ------
     UnknownNameError
-        It is not; the message lists them.
+        It is not; the message lists the allowed values.
     """
     if value not in get_args(choices):
         name = value if isinstance(value, str) else brief(value)
@@ -274,20 +279,20 @@ def check_choice(value: object, kind: str, choices: Any) -> None:
 
 
 def _check_name(name: object, key: str) -> None:
-    # Unprintable characters are forbidden in XML; blanks at the ends are invisible everywhere.
+    # XML forbids unprintable characters; leading or trailing blanks would be invisible.
     if not isinstance(name, str) or not name or not name.isprintable() or name != name.strip():
         raise InputError(f"{key} needs printable text without blanks around it, got {brief(name)}")
 
 
 def _check_distinct(*names: str) -> None:
-    # Links and joints share one list because Pinocchio looks both up as frames by name.
+    # Links and joints share a namespace because Pinocchio looks up both as frames.
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"joints and links need names of their own; {twice[0]!r} is taken twice")
 
 
 def read_dh_table(path: str | PathLike[str]) -> DHTable:
-    """Read a DH table; ``robots/dh5.toml`` shows and explains every key.
+    """Read a DH table from a TOML file; ``robots/dh5.toml`` documents every key.
 
     Raises
     ------
@@ -348,7 +353,7 @@ def _postures(
         where = f"posture {name!r}"
         if not isinstance(values, list):
             raise InputError(f"{where} needs a list of numbers, got {brief(values)}")
-        # A list that is too long or too short is for DHTable to refuse.
+        # DHTable rejects lists of the wrong length.
         with_units = zip(chain(units, repeat(float)), values, strict=False)
         postures[name] = [unit(check_number(value, where)) for unit, value in with_units]
     return postures

@@ -1,14 +1,14 @@
-"""A DH table becomes a URDF and an SRDF, through yourdfpy.
+"""Conversion of a DH table to URDF and SRDF, using yourdfpy.
 
 Frames
-    One URDF link per row. The frame of link i has its z axis on joint axis i and turns (or slides)
-    with it. What follows is the constant step Rot_z(θ) Trans_z(d) Trans_x(a) Rot_x(α), the origin
-    of the next joint: ``xyz = (a cos θ, a sin θ, d)`` and ``rpy = (α, 0, θ)``, the very numbers of
-    the table. θ and d come from row i; a and α from row i in the standard convention, from row i+1
-    in the modified one (whose first a and α belong to the base). The last step is a fixed joint to
-    the link ``tool``, which is DH frame n.
+    Each row gives one URDF link. The z axis of link frame i is joint axis i, and the frame moves
+    with the joint. The constant transform Rot_z(θ) Trans_z(d) Trans_x(a) Rot_x(α) that follows is
+    the origin of the next joint, ``xyz = (a cos θ, a sin θ, d)`` and ``rpy = (α, 0, θ)``: the angles
+    of the table, unchanged. θ and d come from row i; a and α from row i in the standard convention
+    and from row i+1 in the modified one, whose first a and α belong to the base. The last transform
+    is a fixed joint to the link ``tool``, which is DH frame n.
 Unknown limits
-    A URDF has to state effort and velocity; 0 means unknown.
+    URDF requires effort and velocity limits; 0 means unknown.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 class Origin(NamedTuple):
-    """A constant pose (m, rad) as a URDF states it: Rot_z(yaw) Rot_y(pitch) Rot_x(roll)."""
+    """A constant pose (m, rad) as in URDF, with rotation Rot_z(yaw) Rot_y(pitch) Rot_x(roll)."""
 
     xyz: Triple
     rpy: Triple = ZERO
 
 
 class Rod(NamedTuple):
-    """A straight piece of a link: length (m), centre with z along the rod, direction."""
+    """A straight segment of a link: length (m), pose of its centre (z along it), direction."""
 
     length: float
     origin: Origin
@@ -55,7 +55,7 @@ class Rod(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A link, moved by its joint, and the constant step to the next joint (rad, m)."""
+    """A link, and the constant transform from its joint to the next one (rad, m)."""
 
     name: str
     theta: float
@@ -72,7 +72,7 @@ class Body(NamedTuple):
 
     @property
     def rods(self) -> tuple[Rod, ...]:
-        """The pieces along d and a; none if the link has no length."""
+        """Segments along d and a; empty if the link has no length."""
         c, s = cos_sin(self.theta)
         middle = (self.a * c / 2, self.a * s / 2, self.d)
         upright = Rod(abs(self.d), Origin((0.0, 0.0, self.d / 2)), (0.0, 0.0, 1.0))
@@ -81,7 +81,7 @@ class Body(NamedTuple):
 
 
 def inertia_of(body: Body, model: MassModel) -> tuple[float, Triple, Matrix]:
-    """Return mass (kg), centre of mass (m) and inertia about it, shape (3, 3), kg·m²."""
+    """Return mass (kg), centre of mass (m) and inertia about it (kg·m²), shape (3, 3)."""
     r2 = model.radius * model.radius
     rods, density = body.rods, model.density or 0.0
     if not rods:
@@ -90,7 +90,7 @@ def inertia_of(body: Body, model: MassModel) -> tuple[float, Triple, Matrix]:
     lengths = np.array([rod.length for rod in rods])
     centres = np.array([rod.origin.xyz for rod in rods])
     share = lengths / lengths.sum()
-    centre = (share[:, None] * centres).sum(axis=0)  # no @: BLAS may round differently elsewhere
+    centre = (share[:, None] * centres).sum(axis=0)  # not @: BLAS rounding is platform-dependent
     inertia = np.zeros((3, 3))  # per kg
     for rod, part, arm in zip(rods, share, centres - centre, strict=True):
         thickness = 3 * r2 if model.model == "solid cylinder" else 0.0
@@ -103,14 +103,14 @@ def inertia_of(body: Body, model: MassModel) -> tuple[float, Triple, Matrix]:
 
 
 def check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
-    """Refuse an inertia that no body has: a rod thicker than long, numbers beyond all sizes.
+    """Check that an inertia is physical, e.g. not of a rod wider than long.
 
     Raises
     ------
     DHTableError
-        The moments are not positive, or one exceeds the sum of the others.
+        The principal moments are not positive and finite, or violate the triangle inequality.
     """
-    # Moments of a body are positive and none exceeds the sum of the others (1e-9: a flat disc).
+    # The triangle inequality holds with equality for a flat disc, hence the slack of 1e-9.
     moments = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.zeros(3)
     if not (moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)):
         size = f"d = {body.d:g} m, a = {body.a:g} m, radius {table.mass.radius:g} m"
@@ -120,14 +120,14 @@ def check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
 
 
 def to_urdf(table: DHTable) -> str:
-    """Return the arm as the text of a URDF, written by yourdfpy and read back by it.
+    """Return the arm as URDF text, written by yourdfpy and verified by reading it back.
 
     Raises
     ------
     DHTableError
-        The size of a link is such that no body has its inertia.
+        The inertia of a link is unphysical.
     URDFError
-        yourdfpy does not find the same arm in the text.
+        yourdfpy rejects the text or reads a different arm from it.
     """
     import yourdfpy
 
@@ -146,7 +146,7 @@ def to_urdf(table: DHTable) -> str:
 
 
 def to_srdf(table: DHTable) -> str:
-    """Return the text of the SRDF: group ``arm`` (the chain), its postures and the end effector."""
+    """Return the SRDF text: group ``arm`` (the chain), its postures and the end effector."""
     robot = ElementTree.Element("robot", name=table.name)
     arm = ElementTree.SubElement(robot, "group", name="arm")
     ElementTree.SubElement(arm, "chain", base_link=BASE, tip_link=TIP)
@@ -163,14 +163,14 @@ def to_srdf(table: DHTable) -> str:
 
 
 def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
-    """Write URDF and, beside it, SRDF: both whole or, replacing nothing, neither.
+    """Write a URDF and an SRDF beside it, atomically: both files or neither.
 
     Parameters
     ----------
     table :
         The arm.
     path :
-        The URDF, ending in ``.urdf``. Existing files are replaced.
+        Path of the URDF, ending in ``.urdf``. Existing files are replaced.
 
     Returns
     -------
@@ -180,9 +180,9 @@ def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
     Raises
     ------
     OutputError
-        A file could not be written.
+        A file cannot be written.
     DHTableError, URDFError
-        As :func:`to_urdf`.
+        As in :func:`to_urdf`.
     """
     urdf = Path(path)
     if urdf.suffix.lower() != ".urdf":
@@ -213,7 +213,7 @@ def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
     radius = table.mass.radius
     link = yourdfpy.Link(body.name)
     if body.name != BASE:
-        with np.errstate(over="ignore", invalid="ignore"):  # check_inertia refuses the result
+        with np.errstate(over="ignore", invalid="ignore"):  # check_inertia rejects the result
             mass, centre, inertia = inertia_of(body, table.mass)
         check_inertia(inertia, body, table)
         link.inertial = yourdfpy.Inertial(_noted(Origin(centre), origins), mass, inertia)
@@ -241,14 +241,14 @@ def _joints(table: DHTable, bodies: list[Body], origins: list[Origin]) -> list[A
 
 
 def _noted(origin: Origin, origins: list[Origin]) -> Matrix:
-    """Keep an origin for :func:`_write_numbers`; return what holds its place in yourdfpy."""
+    """Record an origin for :func:`_write_numbers` and return a placeholder for yourdfpy."""
     origins.append(origin)
     return np.eye(4)
 
 
 def _write_numbers(tree: Any, origins: list[Origin]) -> None:
-    # yourdfpy takes an origin as a matrix and computes angles back from it, which costs the last
-    # digit of most and a sign of some zeros. So it got placeholders, and here come the numbers.
+    # yourdfpy stores an origin as a matrix and recomputes its angles, which loses the last digit of
+    # most numbers and the sign of some zeros. The exact numbers replace its placeholders here.
     for element, origin in zip(tree.iter("origin"), origins, strict=True):
         for key, numbers in origin._asdict().items():
             element.set(key, " ".join(map(str, numbers)))
@@ -259,13 +259,15 @@ def _write_numbers(tree: Any, origins: list[Origin]) -> None:
 
 
 def _digits(number: float) -> str:
-    """Return the shortest text that reads back as the same double; zero has no sign."""
+    """Return the shortest text that parses to the same double, without a sign for zero."""
     return repr(number + 0.0).removesuffix(".0")
 
 
 def _head(table: DHTable) -> str:
     source = "a DH table" if table.source is None else table.source.name
-    source = re.sub(r"[^\w. -]|-(?=-)", "_", source)  # a comment may hold no double hyphen
+    source = re.sub(
+        r"[^\w. -]|-(?=-)", "_", source
+    )  # XML comments must not contain a double hyphen
     comment = f"<!-- generated by ftforce dh from {source}; do not edit -->"
     return f'<?xml version="1.0" encoding="utf-8"?>\n{comment}\n'
 
@@ -280,7 +282,7 @@ def _check_urdf(text: str, table: DHTable) -> None:
     robot.update_cfg(q)
     poses = table.transforms(q)
     error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
-    # trimesh, below yourdfpy, takes poses within 1e-8 of the identity for it; hence not tighter.
+    # Not tighter: trimesh, used by yourdfpy, snaps poses within 1e-8 of the identity to it.
     if not error <= 1e-6 * np.abs(poses).max():
         raise URDFError(f"{table.name}.urdf", "its tip is not where the DH table has it")
 
@@ -293,7 +295,7 @@ def _check_target(target: Path, source: Path | None) -> None:
 
 
 def _replace_together(texts: Mapping[Path, str], folder: Path) -> None:
-    # Written in a directory beside the targets: on the same file system replacing is atomic.
+    # A directory beside the targets is on the same file system, where replacing is atomic.
     with TemporaryDirectory(prefix=".ftforce-", dir=folder) as scratch:
         new = {path: Path(scratch, "new-" + path.name) for path in texts}
         old = {path: Path(scratch, "old-" + path.name) for path in texts}
@@ -306,6 +308,6 @@ def _replace_together(texts: Mapping[Path, str], folder: Path) -> None:
                 new[path].replace(path)
         except BaseException:
             for path in texts:
-                if not new[path].exists():  # it is in place already: put the old one back
+                if not new[path].exists():  # already replaced: restore the old file
                     old[path].replace(path) if old[path].exists() else path.unlink()
             raise

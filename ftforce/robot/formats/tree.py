@@ -1,8 +1,8 @@
-"""A URDF as a checked tree of links and joints; `ftforce.robot.formats.urdf` makes it from a file.
+"""A URDF as a checked tree of links and joints; `ftforce.robot.formats.urdf` reads it from a file.
 
-Pinocchio's parser (urdfdom) accepts much that is wrong in silence, prints the rest on stderr and
-recurses without end. So a file is read and checked by us, and Pinocchio is given a URDF written
-anew from what was checked, without geometry: meshes are never needed, and both sides see the same
+Pinocchio's parser (urdfdom) silently accepts many errors, prints others to stderr and recurses
+without a limit. ftforce therefore reads and checks the file itself and passes Pinocchio a new URDF
+generated from the checked tree, without geometry: meshes are never needed, and both use the same
 numbers.
 """
 
@@ -23,15 +23,15 @@ HELD = frozenset({"floating", "planar"})  # held fixed: they have no single moto
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
-# Pinocchio recurses along the tree, 2.2 kB a link: a thread with 8 MB of stack ends at 3700 links
-# in a row, one with 512 kB at 200.
+# Pinocchio recurses along the tree, 2.2 kB of stack per link: a thread with 8 MB of stack overflows
+# at a depth of 3700 links, one with 512 kB at 200.
 MAX_DEPTH = 150
 
 Numbers: TypeAlias = tuple[float, ...]
 
 
 class Mimic(NamedTuple):
-    """``q_follower = multiplier · q_leader + offset``; the leader follows no other joint."""
+    """Mimic relation ``q_follower = multiplier · q_leader + offset``."""
 
     leader: str
     multiplier: float
@@ -39,7 +39,7 @@ class Mimic(NamedTuple):
 
 
 class UrdfJoint(NamedTuple):
-    """One joint as the URDF states it (rad, m, N·m or N; ``None`` where it states nothing)."""
+    """One joint as given in the URDF (rad, m, N·m or N; ``None`` where not given)."""
 
     name: str
     type: str
@@ -67,18 +67,18 @@ class UrdfLink(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfTree:
-    """A URDF whose numbers are finite and whose joints form one tree.
+    """A URDF whose numbers are finite and whose joints form a single tree.
 
     Attributes
     ----------
     path, name :
-        The file and the robot's name.
+        Path of the file and name of the robot.
     links, joints :
-        By name, in the order of the file.
+        Links and joints by name, in file order.
     root :
-        The link that is no joint's child.
+        The link that is not the child of any joint.
     parent_joint, child_joints :
-        The joints above and below a link, by its name.
+        The joints directly above and below each link, by link name.
     """
 
     path: str
@@ -98,7 +98,7 @@ class UrdfTree:
         return tuple(reversed(joints))
 
     def below(self, link: str) -> Iterator[UrdfJoint]:
-        """Yield the joints of the subtree that hangs on ``link``, parents first."""
+        """Yield the joints of the subtree below ``link``, parents first."""
         waiting = [link]
         while waiting:
             for joint in self.child_joints[waiting.pop()]:
@@ -106,18 +106,18 @@ class UrdfTree:
                 waiting.append(joint.child)
 
     def link_codes(self) -> dict[str, str]:
-        """Return what each link is called in `to_xml`, e.g. ``link 7``."""
+        """Return the code of each link in `to_xml`, e.g. ``link 7``."""
         return {name: f"link {i}" for i, name in enumerate(self.links)}
 
     def joint_codes(self) -> dict[str, str]:
-        """Return what each joint is called in `to_xml`, e.g. ``joint 3``."""
+        """Return the code of each joint in `to_xml`, e.g. ``joint 3``."""
         return {name: f"joint {i}" for i, name in enumerate(self.joints)}
 
     def to_xml(self) -> str:
-        """Write the tree as a URDF without geometry, with every number in full precision.
+        """Return the tree as URDF text without geometry, with all numbers in full precision.
 
-        In a URDF a link and a joint may share a name, and both may be called ``universe``;
-        Pinocchio cannot reduce such a model. So every name is replaced by a code.
+        Names are replaced by codes: a URDF may use the same name for a link and a joint, or the
+        name ``universe``, and Pinocchio cannot reduce such a model.
         """
         links, joints = self.link_codes(), self.joint_codes()
         body = [_link_xml(link, links[link.name]) for link in self.links.values()]
@@ -128,20 +128,20 @@ class UrdfTree:
 def build_tree(
     path: str, name: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint]
 ) -> UrdfTree:
-    """Hang the links on each other.
+    """Build the tree of links and joints and check it.
 
     Parameters
     ----------
     path, name :
-        The file, for messages, and the robot's name.
+        Path of the file, for messages, and name of the robot.
     links, joints :
-        By name. A mimic joint may follow a follower; in the tree it follows the first leader.
+        Links and joints by name. Chains of mimic joints are resolved to their first leader.
 
     Raises
     ------
     URDFError
-        A joint's link or leader is missing, there are loops, several roots, circles of followers,
-        or too many links in a row.
+        The link or leader of a joint is missing, the tree has loops or several roots, mimic joints
+        form a cycle, or the tree is too deep.
     """
     joints = _without_mimic_chains(path, joints)
     parent_joint: dict[str, UrdfJoint] = {}
@@ -170,12 +170,12 @@ def build_tree(
 
 
 def did_you_mean(name: str, available: Iterable[str]) -> str:
-    """Return the end of a message that names what looks most like ``name``, if anything does."""
+    """Return the end of a message that suggests the closest name, or an empty string."""
     return f"; did you mean {close!r}?" if (close := closest(name, available)) else ""
 
 
 def _without_mimic_chains(path: str, joints: Mapping[str, UrdfJoint]) -> dict[str, UrdfJoint]:
-    """Let every follower name the joint at the end of its chain of leaders."""
+    """Return the joints with every mimic relation resolved to its first leader."""
     done = {name: joint for name, joint in joints.items() if joint.mimic is None}
     for first in joints.values():
         joint, chain = first, dict[str, UrdfJoint]()
@@ -190,7 +190,7 @@ def _without_mimic_chains(path: str, joints: Mapping[str, UrdfJoint]) -> dict[st
 
 
 def _leader(path: str, joint: UrdfJoint, joints: Mapping[str, UrdfJoint]) -> UrdfJoint:
-    """Return the joint that ``joint``, a follower, mimics."""
+    """Return the joint that a follower mimics."""
     name = joint.mimic.leader if joint.mimic else ""
     leader = joints.get(name)
     if leader is None:
@@ -203,7 +203,7 @@ def _leader(path: str, joint: UrdfJoint, joints: Mapping[str, UrdfJoint]) -> Urd
 
 
 def _follow(path: str, joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJoint:
-    """Return the follower with the leader of its leader, which is done already."""
+    """Return the follower with its leader's mimic relation, already resolved, substituted."""
     own = joint.mimic
     if own is None or (above := done[own.leader].mimic) is None:
         return joint
@@ -258,7 +258,7 @@ def _link_xml(link: UrdfLink, code: str) -> str:
 
 
 def _joint_xml(joint: UrdfJoint, code: str, links: Mapping[str, str]) -> str:
-    # Limits are ours to keep (see UrdfJoint); urdfdom only wants all four to be there.
+    # ftforce keeps the limits itself (see UrdfJoint); urdfdom requires all four attributes.
     return (
         f'<joint name="{code}" type="{joint.type}">'
         f'<parent link="{links[joint.parent]}"/><child link="{links[joint.child]}"/>'

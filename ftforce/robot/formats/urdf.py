@@ -1,4 +1,4 @@
-"""From a URDF file to a checked `ftforce.robot.formats.tree.UrdfTree`."""
+"""Reading of a URDF file into a checked `ftforce.robot.formats.tree.UrdfTree`."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from ftforce.robot.formats.tree import Numbers, UrdfTree
 
-MOST_LINKS = 5_000  # far above any robot; Pinocchio takes a second for them
-SHORTEST_AXIS = 1e-6  # what is shorter is a zero with rounding errors
-SMALLEST_STEP = 1e-50  # of an origin, m or rad; torques through less make forces beyond all sizes
-SMALLEST_MOMENT = 1e-12  # kg·m², of 1 mg at 1 mm; a negative one that is smaller is rounding
+MOST_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
+SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
+SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
+SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3 = (0.0, 0.0, 0.0)
@@ -42,7 +42,7 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
     Raises
     ------
     URDFError
-        The file cannot be read, is not a URDF, or describes no tree of links and joints.
+        The file cannot be read, is not a URDF, or does not describe a tree of links and joints.
     """
     root = _robot_element(path)
     reader = _Reader(str(path))
@@ -81,7 +81,7 @@ def _is_xacro(element: Element) -> bool:
 
 
 class _Reader:
-    """Turns elements into links and joints; knows the file's name for its messages."""
+    """Converts XML elements to links and joints; errors carry the path of the file."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -165,13 +165,13 @@ class _Reader:
     def axis(self, element: Element, kind: str, where: str) -> Numbers:
         found = element.find("axis")
         if found is None:
-            return (1.0, 0.0, 0.0)  # the URDF's default
+            return (1.0, 0.0, 0.0)  # default of the URDF format
         axis = self.numbers(found.get("xyz", "1 0 0"), 3, f"{where}: axis")
         length = math.hypot(*axis)
         if length < SHORTEST_AXIS:
             if kind in MOVING or kind == "planar":
                 raise self.error(f"{where}: its axis is zero; give a direction, e.g. 0 0 1")
-            return (1.0, 0.0, 0.0)  # a fixed joint has no use for its axis
+            return (1.0, 0.0, 0.0)  # the axis of a fixed joint is irrelevant
         return axis if length == 1.0 else tuple(x / length for x in axis)
 
     def bounds(
@@ -182,7 +182,7 @@ class _Reader:
         if limit is None:
             other = " (or type continuous)" if kind == "revolute" else ""
             raise self.error(f'{where}: a {kind} joint needs <limit lower="…" upper="…"/>{other}')
-        # The URDF's default for a bound that is not given is 0.
+        # In the URDF format, a missing bound defaults to 0.
         lower, upper = (
             self.number(limit, key, f"{where}: limit {key}", math.inf) or 0.0
             for key in ("lower", "upper")
@@ -225,4 +225,4 @@ class _Reader:
 
 
 def _without_traces(numbers: Numbers) -> Numbers:
-    return tuple(x if abs(x) >= SMALLEST_STEP else 0.0 * x for x in numbers)  # zeros keep signs
+    return tuple(x if abs(x) >= SMALLEST_STEP else 0.0 * x for x in numbers)  # signed zeros
