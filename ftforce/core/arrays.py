@@ -22,7 +22,7 @@ _FLOAT = np.dtype(np.float64)  # a singleton in NumPy, so it can be compared by 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """Mark an array as read-only, in place, and return it."""
-    array.setflags(False)  # type: ignore[call-arg] # write=False; half the time of the keyword
+    array.setflags(False)  # type: ignore[call-arg] # write=False; twice as fast as the keyword
     return array
 
 

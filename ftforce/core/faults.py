@@ -162,7 +162,13 @@ class FaultSet:
         return tuple(fault.joint for fault in self.faults)
 
     def in_mode(self, mode: FaultMode) -> tuple[int, ...]:
-        """Return the indices of the joints that fail in the given mode, from 0."""
+        """Return the indices of the joints that fail in the given mode, from 0.
+
+        Parameters
+        ----------
+        mode :
+            Fault mode.
+        """
         return tuple([fault.joint for fault in self.faults if fault.mode is mode])
 
     @property

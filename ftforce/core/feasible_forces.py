@@ -63,7 +63,7 @@ class LimitingFactor(StrEnum):
     LIMIT = "limit"
     """The torque limit of a motor or brake."""
     FAULT = "fault"
-    """The fault itself: no motor can act in this direction, or a free-swinging joint yields."""
+    """The fault itself: no motor acts in this direction, or a free-swinging joint yields."""
     WEIGHT = "weight"
     """Gravity and motion torques alone exceed the limits: the arm cannot carry itself."""
     UNLIMITED = "unlimited"

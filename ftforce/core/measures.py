@@ -1,4 +1,4 @@
-"""Measures of a fault set: margin, manipulability, lost directions … (docs/theory)."""
+"""Measures of a fault set: margin, manipulability, lost directions, … (docs/theory)."""
 
 from __future__ import annotations
 

@@ -49,13 +49,25 @@ class Swinging(NamedTuple):
     rank: int
 
     def support(self, rnea: Vector) -> Vector:
-        """Return the minimum-norm balancing force, -(J_Sᵀ)† [rnea]_S, shape (m,)."""
+        """Return the minimum-norm balancing force, -(J_Sᵀ)† [rnea]_S, shape (m,).
+
+        Parameters
+        ----------
+        rnea :
+            Gravity and motion torques of all joints, shape (n,).
+        """
         r = self.rank
         force: Vector = -self.U[:, :r].dot(self.Vt[:r].dot(rnea[self.joints]) / self.s[:r])
         return force
 
     def unbalanced(self, rnea: Vector) -> Vector:
-        """Return the torque at these joints that no tip force can balance, shape (f,)."""
+        """Return the torque at these joints that no tip force can balance, shape (f,).
+
+        Parameters
+        ----------
+        rnea :
+            Gravity and motion torques of all joints, shape (n,).
+        """
         V = self.Vt[self.rank :]
         torque: Vector = V.dot(rnea[self.joints]).dot(V)
         return torque
@@ -202,6 +214,13 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
 
 def check_tolerances(rtol: float, wary: float = BORDERLINE_RTOL) -> None:
     """Check the rank tolerance and the borderline tolerance.
+
+    Parameters
+    ----------
+    rtol :
+        Rank tolerance, relative to σ_max(J).
+    wary :
+        Largest tolerance considered for a borderline verdict.
 
     Raises
     ------

@@ -162,7 +162,7 @@ class Task:
         return J if self.weights is None else J * self.weights[:, None]
 
     def weigh_force(self, F: Vector) -> Vector:
-        """Return the weighted force F̃ of F, shape (..., m)."""
+        """Return the weighted force F̃ of F (N, N·m), shape (..., m)."""
         return F if self.weights is None else F / self.weights
 
     def unweigh_force(self, F: Vector) -> Vector:

@@ -67,8 +67,8 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
     size = float(F.dot(F))
     share = [c * c / size for c in F.dot(reduced.damaged.U).tolist()]  # of ‖F̂‖², per left vector
     scale = reduced.sigma_max
-    # Between neighbouring σ_i the jump does not depend on t, so only the ends of the interval
-    # need checking: its start is the strictest tolerance.
+    # Between neighbouring σ_i the jump does not depend on t, so only the two ends of the
+    # interval need checking.
     doubtful = sorted(
         tolerance_that_loses(s, scale)
         for s in reduced.damaged.s

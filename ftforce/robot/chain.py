@@ -26,6 +26,13 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
     In order of precedence: the given link; the only end effector of the SRDF; the only chain tip of
     the SRDF; the last link before the tree branches into several moving parts.
 
+    Parameters
+    ----------
+    tree, srdf :
+        Contents of URDF and SRDF.
+    tip, base :
+        Links given by the caller, or ``None``.
+
     Raises
     ------
     UnknownNameError

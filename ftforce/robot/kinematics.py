@@ -98,5 +98,5 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
 
 
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
-    """Return the unweighted task Jacobian (m/rad, rad/rad), shape (m, n)."""
+    """Return the unweighted task Jacobian (m/rad and rad/rad; m/m if prismatic), shape (m, n)."""
     return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
