@@ -157,7 +157,7 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
         lower, upper = lower - offset, upper - offset
     low, high = lower.tolist(), upper.tolist()
     levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
-    # daqp ignores short rows and has absolute tolerances. Normalizing the rows turns the bounds
+    # daqp ignores short rows and has absolute tolerances. Normalising the rows turns the bounds
     # into distances; the narrowest interval sets the unit.
     narrow, far = math.inf, norm(wanted)
     for i, lever in enumerate(levers):
@@ -292,7 +292,7 @@ def bounded_remap(
     Parameters
     ----------
     J :
-        Task Jacobian at the tip, shape (m, n); rows weighted so that they share a unit.
+        Task Jacobian at the tip, shape (m, n); rows in a common unit, weighted if necessary.
     tau :
         Motor torques that produce the tip force, without gravity and motion torques (N·m), shape
         (n,).

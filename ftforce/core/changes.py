@@ -295,7 +295,7 @@ def _unsupported(task: Task, requested: Vector | None, before: Vector) -> Vector
 
 
 def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
-    """Return the norms of the linear and the angular components; ``None`` if the task has none."""
+    """Return the norms of the linear and the angular components; ``None`` if there are none."""
     if not task.moment_rows:
         return math.sqrt(x.dot(x)), None
     linear = float(np.linalg.norm(x[list(task.force_rows)])) if task.force_rows else None

@@ -3,9 +3,9 @@
 Columns of locked joints are zeroed rather than dropped: the range, the projector and the nonzero
 singular values are unchanged, and every vector keeps one entry per joint.
 
-A free-swinging joint k transmits no torque, so only forces in range(K) that load it with none
-remain: ``J_kᵀ F' = 0``, apart from its gravity torque. K is therefore projected onto the orthogonal
-complement of the columns of the free-swinging joints, and every result for K still holds.
+A free-swinging joint k transmits no torque, so only forces in range(K) that do not load it remain
+available: ``J_kᵀ F' = 0``, apart from its gravity torque. K is therefore projected onto the
+orthogonal complement of the columns of the free-swinging joints, and all results for K still hold.
 """
 
 from __future__ import annotations

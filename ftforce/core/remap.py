@@ -147,7 +147,7 @@ def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL
     Parameters
     ----------
     J :
-        Task Jacobian at the tip, shape (m, n); rows weighted so that they share a unit.
+        Task Jacobian at the tip, shape (m, n); rows in a common unit, weighted if necessary.
     tau :
         Motor torques that produce the tip force, without gravity and motion torques (N·m), shape
         (n,).

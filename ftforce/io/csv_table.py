@@ -96,7 +96,7 @@ class Table(NamedTuple):
 
     @classmethod
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
-        """Return a table whose header is the first nonblank row; ``None`` if there is none.
+        """Return the table whose header is the first nonblank row, or ``None`` if text is blank.
 
         Raises
         ------

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import UrdfJoint
     from ftforce.robot.known_robots import KnownRobot
 
-PLACEHOLDER = 1e4  # theory §5: limits from here on are placeholders
+PLACEHOLDER = 1e4  # theory §5: limits this large or larger are placeholders
 
 States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
