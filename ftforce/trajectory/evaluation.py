@@ -224,7 +224,7 @@ def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) 
     run.velocity_jump[here] -= course.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
-    limited = actual.known_largest > 0.0  # excludes unknown limits (NaN) and free-swinging joints (0)
+    limited = actual.known_largest > 0.0  # excludes unknown limits (NaN) and free joints (0)
     run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
     run.force[here] = case.task.unweigh_force(run.force[here])
     run.jump[here] = case.task.unweigh_force(run.jump[here])

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ON_PATH = 1e-5  # m: tracking error reached away from singularities and limits
 ORIENTED = 1e-5  # rad: likewise, for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
-_STEP = 0.05  # of the largest speed: unexplained velocity change between two samples that is reported
+_STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
 def history_doubts(
