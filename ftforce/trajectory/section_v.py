@@ -20,7 +20,7 @@ END = (0.781, 0.509, 0.280)  # R_d, m
 SPEED = 0.015  # m/s
 FORCE = (80.0, 50.0, 10.0)  # N
 FAULT = "3@50"
-POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess for the posture at the start of the path
+POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
 
 NOTES = (
     "the paper gives no masses: those of robots/dh5.toml, round aluminium bars, 10.7 kg in all",

@@ -146,7 +146,7 @@ def simulate(
     )
     _check_times(events, start)
     weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
-    meant = limits_for(next(weak, FaultSet()), limits)  # also for a joint that is weak first and locks later
+    meant = limits_for(next(weak, FaultSet()), limits)  # even if the joint locks later
     conditions = Conditions.of(robot, gravity=gravity, payload=payload)
     F, counted = read_only(wanted.weigh_force(asked)), choose_limits(robot, meant)
     case = Case(robot, wanted, conditions, F, counted, rtol, wary)

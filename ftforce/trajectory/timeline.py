@@ -356,7 +356,7 @@ def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Itera
 def _cells(
     case: _Case, motion: Motion, sets: tuple[FaultSet, ...], tick: Callable[[int], None]
 ) -> tuple[Matrix, Matrix, Matrix, Matrix, NDArray[np.int8]]:
-    """Return exerted forces, and jumps, margins, capabilities and verdicts of all sets over time."""
+    """Return exerted forces, jumps, margins, capabilities and verdicts of all sets over time."""
     robot, count = case.robot, len(motion.q)
     jump, margin, capability = (np.full((count, len(sets)), math.nan) for _ in range(3))
     verdict = np.zeros((count, len(sets)), dtype=np.int8)
