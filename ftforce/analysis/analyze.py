@@ -332,7 +332,7 @@ def analyze(
     F = None if load is None else load.F
     bounded, verdict = None, None
     if counted is not None or swinging is not None:
-        from ftforce.core.bounded_remap import remap_inside  # imported lazily: the closed form does not need it
+        from ftforce.core.bounded_remap import remap_inside  # lazy: rarely needed
 
         largest = None if counted is None else counted.largest_torques(faults)
         asked = np.zeros(wanted.m) if F is None else F

@@ -87,7 +87,7 @@ class SetReport:
         Whether motors, brakes and some tip force can hold the arm.
     share :
         Largest fraction of the force that can be commanded in its direction; ``None`` without a
-        force, without limits or free-swinging joints, or if no fraction is feasible.
+        force, with neither limits nor free-swinging joints, or if no fraction is feasible.
     binding :
         Indices of joints at their limits.
     capability :
