@@ -149,7 +149,11 @@ class Analysis(Displayed):
 
     @property
     def force_error(self) -> float:
-        """Largest error of the weighted tip force per N·m of torque error, 1/σ_min(K)."""
+        """Largest error of the weighted tip force per N·m of torque error.
+
+        It is 1/σ, with σ the smallest singular value of K that is not lost; infinite if K has rank
+        0.
+        """
         return measures.force_error(self.reduced)
 
     @cached_property
@@ -332,7 +336,7 @@ def analyze(
     F = None if load is None else load.F
     bounded, verdict = None, None
     if counted is not None or swinging is not None:
-        from ftforce.core.bounded_remap import remap_inside  # lazy: rarely needed
+        from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
         largest = None if counted is None else counted.largest_torques(faults)
         asked = np.zeros(wanted.m) if F is None else F

@@ -129,7 +129,7 @@ class Census(Displayed):
 
     @property
     def is_weight_known(self) -> bool:
-        """Whether the URDF has masses, or gravity is zero."""
+        """Whether the URDF has masses, or neither gravity nor motion loads the joints."""
         return self.robot.mass > 0.0 or not (self.conditions.gravity.any() or self.conditions.moves)
 
     def worst_manipulability(self, size: int = 1) -> tuple[float, float]:

@@ -115,7 +115,7 @@ class SetReport:
 
 
 class SharedCase(NamedTuple):
-    """Data shared by all fault sets of a census."""
+    """Data shared by all fault sets in a posture."""
 
     robot: Robot
     task: Task

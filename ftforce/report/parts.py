@@ -239,7 +239,7 @@ def limits_source(limits: Limits | None) -> str:
 
 
 def by_name(names: Sequence[str], vector: Vector | None) -> dict[str, float | None] | None:
-    """Return a vector by joint name, with ``None`` for NaN; ``None`` for ``None``."""
+    """Return a vector as a dict by joint name, ``None`` for NaN; ``None`` if there is no vector."""
     if vector is None:
         return None
     return {name: finite(x) for name, x in zip(names, vector.tolist(), strict=True)}

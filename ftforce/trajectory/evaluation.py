@@ -198,7 +198,7 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
-    J = frame_jacobian(robot, q, "world")  # also updates the tip frame placement, unlike tool axes
+    J = frame_jacobian(robot, q, "world")  # also updates the tip placement; tool axes do not
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = quaternion(R)
@@ -275,7 +275,7 @@ def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known
     assert known is not None
     meant = _with_remap(case, J, rnea, known)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
-    if np.isnan(meant.motor).any():  # the arm could not be held with the assumed faults either
+    if np.isnan(meant.motor).any():  # the arm cannot be held even with the assumed faults
         return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
     motor = np.where(reduced.commanding, meant.motor, 0.0)
     if case.limits is not None:  # motor torques saturate at their limits

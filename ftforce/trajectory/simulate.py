@@ -204,7 +204,7 @@ def _tip_path(start: Start) -> TipPath:
 
 
 def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:
-    """Return a counter of instants; each run is integrated and evaluated over all of them."""
+    """Return a progress callback; an instant of a run counts for its motion and its evaluation."""
     total, done = 2 * len(start.times) * (3 if remap else 2), 0
 
     def tick(count: int) -> None:
