@@ -77,7 +77,7 @@ ERRATA = (
     ("second (34), (35)", "J and ¹J of the case study", "belong between (40) and (42)"),
     ("Appendix A", "K(KᵀK)⁻¹Kᵀ", "K K†: KᵀK is singular when n - f > m"),
 )
-"""Where, what is printed, what is correct."""
+"""Location, printed form, correct form."""
 
 _SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
 _UNIT_ERRATUM = "section IV: printed are m/s, not cm/s"
