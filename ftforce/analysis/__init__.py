@@ -1,1 +1,1 @@
-"""One posture: question in, answer out."""
+"""Analysis of a single posture."""

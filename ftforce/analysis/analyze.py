@@ -1,4 +1,4 @@
-"""One posture, one fault set: where the robot meets the mathematics."""
+"""Analyse one fault set in one posture."""
 
 from __future__ import annotations
 
@@ -65,34 +65,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Analysis(Displayed):
-    """What one fault set does to an arm in one posture.
+    """Effect of one fault set on an arm in one posture.
 
     Attributes
     ----------
     robot, task, posture, faults, conditions, limits, inverse :
-        What was analysed; ``limits`` is ``None`` if none are counted.
+        The inputs; ``limits`` is ``None`` if no torque limits are in force.
     J :
-        Task Jacobian, unweighted, in the task's axes, shape (m, n).
+        Task Jacobian, unweighted, in task axes, shape (m, n).
     reduced :
-        Weighted Jacobians before and after, with ranks.
+        Weighted Jacobians before and after the fault, with their ranks.
     wary :
-        Largest tolerance that was tried for the verdict.
+        Largest tolerance considered for the verdict.
     rnea :
         Torques for weight and motion.
     force, torque :
-        Their change; ``None`` if neither a force nor torques were given.
+        Change of tip force and motor torques; ``None`` if neither a force nor torques were given.
     unit_forces :
-        The change for a force of 1 N (1 N·m) along each task axis, and the torques for it (weight
-        and limits apart), if neither a force nor torques were given.
+        Change for a force of 1 N (1 N·m) along each task axis and the torques for it, without
+        weight and limits; empty if a force or torques were given.
     bounded :
-        The remap inside limits or with joints without torque, for the force or, if none was
-        given, for none at the tip; ``None`` where the closed form says all.
+        The remap under torque limits or with free-swinging joints, for the given force or for zero
+        force; ``None`` where the closed form applies.
     velocity :
-        Its change; ``None`` if none was given.
+        Change of the velocities; ``None`` if none were given.
     impact :
-        Velocities right after the lock; ``None`` without a velocity, a lock or possible masses.
+        Velocities right after the lock; ``None`` without a velocity, without locked joints, or
+        without physically valid masses.
     verdict :
-        For the given force; for all forces if none was given.
+        Verdict for the given force, or for all forces if none was given.
     """
 
     robot: Robot
@@ -121,17 +122,17 @@ class Analysis(Displayed):
 
     @property
     def modes(self) -> dict[str, FaultMode]:
-        """How each failed joint fails, by name."""
+        """Fault mode of each failed joint, by name."""
         return {self.robot.names[fault.joint]: fault.mode for fault in self.faults.faults}
 
     @property
     def can_stand_still(self) -> bool:
-        """Whether motors, brakes and some force at the tip can hold the arm after the fault."""
+        """Whether motors, brakes and some tip force can hold the arm after the fault."""
         return self.bounded is None or self.bounded.F_after is not None
 
     @cached_property
     def unknown_limits(self) -> tuple[int, ...]:
-        """Indices of the joints whose limit, of motor or of brake, counts as none."""
+        """Indices of the joints whose motor or brake limit is unknown and not enforced."""
         if self.limits is None:
             return ()
         return tuple(np.flatnonzero(np.isnan(self.limits.largest_torques(self.faults))).tolist())
@@ -148,17 +149,21 @@ class Analysis(Displayed):
 
     @property
     def force_error(self) -> float:
-        """Largest error of the tip's (weighted) force per N·m of torque error, 1/σ of K."""
+        """Largest error of the weighted tip force per N·m of torque error.
+
+        It is 1/σ, with σ the smallest singular value of K that is not lost; infinite if K has rank
+        0.
+        """
         return measures.force_error(self.reduced)
 
     @cached_property
     def lost_directions(self) -> Matrix:
-        """Directions of (weighted) force that are lost, orthonormal rows, shape (lost, m)."""
+        """Lost directions of the weighted force, orthonormal rows, shape (lost, m)."""
         return measures.lost_directions(self.reduced)
 
     @cached_property
     def force_contributions(self) -> Vector | None:
-        """Share of each joint's torque in the tip's force, ‖(Jᵀ)†_k τ_k‖/‖F̂‖ (Table 2), (n,)."""
+        """Contribution of each joint to the tip force, ‖(Jᵀ)†_k τ_k‖/‖F̂‖ (Table 2), shape (n,)."""
         if self.force is None or self.torque is None:
             return None
         F = self.task.weigh_force(self.force.before)
@@ -166,14 +171,14 @@ class Analysis(Displayed):
 
     @cached_property
     def velocity_contributions(self) -> Vector | None:
-        """Share of each joint in the tip's velocity, ‖J_k v_k‖/‖J v‖ (Table 2), shape (n,)."""
+        """Contribution of each joint to the tip velocity, ‖J_k v_k‖/‖J v‖ (Table 2), shape (n,)."""
         if self.velocity is None:
             return None
         return measures.velocity_contributions(self.reduced.J, self.velocity.before)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the answer doubtful: limits exceeded, and so on."""
+        """Warnings about the result, such as exceeded limits."""
         found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
         found += missing_masses(self.rnea)
         if self.velocity is not None and self.impact is None and self.rnea.is_known:
@@ -187,17 +192,16 @@ class Analysis(Displayed):
         return tuple(found)
 
     def residuals(self) -> Mapping[str, float]:
-        """Return how far the result is from the laws it must keep, relative; 0 is ideal.
+        """Return the relative residuals of the equations that the result must satisfy; 0 is exact.
 
         Returns
         -------
         :
-            ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF,
-            no healthy joint feels the jump; ``statics``: U - KᵀF_after;
-            ``unchanged``: healthy torques keep their value when the torques were JᵀF. Without a
-            force, the largest over the unit forces. With limits or joints without torque instead
-            those of the quadratic program: ``equality``, ``limit``, ``optimality``; none if
-            nothing is feasible.
+            ``balance``: F̂ - F_after - ΔF; ``orthogonality``: ΔF·F_after; ``uncommandable``: KᵀΔF;
+            ``statics``: U - KᵀF_after; ``unchanged``: change of the healthy torques if they were
+            JᵀF. Without a force, the largest values over the unit forces. With limits or
+            free-swinging joints, the residuals of the quadratic program instead: ``equality``,
+            ``limit``, ``optimality``; empty if it is infeasible.
         """
         if self.bounded is not None:
             return self.bounded.residuals()
@@ -208,14 +212,20 @@ class Analysis(Displayed):
         return {law: max(one[law] for one in each) for law in each[0]}
 
     def is_proved(self, tolerance: float = PROOF_TOLERANCE) -> bool:
-        """Return whether all residuals are within ``tolerance`` (plus what rtol gave away)."""
+        """Return whether all residuals are within tolerance.
+
+        Parameters
+        ----------
+        tolerance :
+            Relative tolerance, to which the rank tolerance rtol is added.
+        """
         return all(value <= tolerance + self.reduced.rtol for value in self.residuals().values())
 
 
 def load_without_force(analysis: Analysis) -> Vector:
-    """Return the torques that hold the arm if nothing is asked for, N·m (N), shape (n,).
+    """Return the torques that hold the arm when no force is requested, N·m (N), shape (n,).
 
-    They are those for weight and motion, and for the force that supports joints without torque.
+    They comprise weight, motion, and the tip force that supports free-swinging joints.
     """
     bounded, load = analysis.bounded, analysis.rnea.after
     if bounded is not None and bounded.F_after is not None:
@@ -224,7 +234,7 @@ def load_without_force(analysis: Analysis) -> Vector:
 
 
 def shown_limits(analysis: Analysis) -> Vector:
-    """Return the limits to show: those that count, or the URDF's motors', N·m (N), shape (n,)."""
+    """Return the limits to display: those in force, or the URDF's, N·m (N), shape (n,)."""
     if analysis.limits is None:
         return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
     return analysis.limits.largest_torques(analysis.faults)
@@ -252,54 +262,54 @@ def analyze(
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
 ) -> Analysis:
-    """Say what faults do to the force at the tip, and which torques to command now.
+    """Analyse the effect of joint faults on the tip force, and compute the remapped torques.
 
     Parameters
     ----------
     robot :
         The arm.
     q :
-        Joint positions along the chain, rad or m, shape (n,). Without: ``posture``.
+        Joint positions along the chain, rad or m, shape (n,); by default those of ``posture``.
     locked, free :
-        Joints that a brake holds, and joints that swing freely: numbers from 1, names, or a
-        boolean mask of shape (n,).
+        Joints held by their brakes, and free-swinging joints: numbers from 1, names, or a boolean
+        mask of shape (n,).
     weak :
-        Joints with a share of their largest torque, ``{3: 0.5}`` or ``"3:0.5"``.
+        Joints with a reduced torque limit and the remaining fraction, ``{3: 0.5}`` or ``"3:0.5"``.
     force :
-        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,).
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,).
     torque :
-        Motor torques meant for the tip's force (weight and motion taken off), N·m, shape (n,),
-        instead of a force. Without either: every unit force.
+        Motor torques for the tip force, without those for weight and motion, N·m (N), shape (n,),
+        as an alternative to ``force``. If neither is given, all unit forces are analysed.
     velocity, acceleration :
-        Of the joints before the fault, rad or m, per s and per s², shape (n,).
+        Joint velocities and accelerations before the fault, rad or m, per s and per s², shape (n,).
     gravity :
-        In the root's axes, m/s², shape (3,); the model's if not given.
+        In root axes, m/s², shape (3,); by default that of the model.
     payload :
-        Mass at the tip in kg, or ``(mass, (x, y, z))`` with its place in the tip's axes, m.
+        Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m.
     limits :
-        Torque limits that count: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or
-        ``none``. If not given: ``urdf`` where a joint is weak, else ``none``.
+        Torque limits: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or ``none``. By
+        default ``urdf`` if a joint is weak, otherwise ``none``.
     inverse :
-        How given torques are split into force and self-motion: ``euclidean`` or ``dynamic``.
+        Inverse that splits given torques into force and self-motion: ``euclidean`` or ``dynamic``.
     task :
         ``force``, ``moment``, ``wrench``, or components such as ``fx,fz,my``.
     length :
-        Characteristic length in m that weighs moments against forces, 1 m if not given.
+        Characteristic length that weighs moments against forces, m; by default 1 m.
     axes :
         ``tool`` or ``world``.
     posture :
-        A named posture instead of ``q``; without either a default, named in the result.
+        A named posture instead of ``q``; if neither is given, a default that the result names.
     rtol :
         Singular values up to ``rtol · σ_max(J)`` count as lost.
     wary :
-        The verdict is *borderline* if a tolerance up to this would give another one.
+        The verdict is *borderline* if some tolerance up to this value changes it.
 
     Raises
     ------
     InputError
-        A malformed value; the message says what would have been valid.
+        An argument is invalid; the message says what is expected.
     LimitsError
-        The file of limits cannot be read or does not fit the robot.
+        The limits file cannot be read or does not fit the robot.
 
     Examples
     --------
@@ -326,7 +336,7 @@ def analyze(
     F = None if load is None else load.F
     bounded, verdict = None, None
     if counted is not None or swinging is not None:
-        from ftforce.core.bounded_remap import remap_inside  # the closed form needs neither
+        from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
         largest = None if counted is None else counted.largest_torques(faults)
         asked = np.zeros(wanted.m) if F is None else F
@@ -371,7 +381,7 @@ def _impact(
     try:
         M = mass_matrix(robot, q, conditions.payload)
     except InputError:
-        return None  # nothing else needs it: a warning says so
+        return None  # only the impact needs M; a warning reports it
     return impact_of_lock(reduced, task, J, M, v)
 
 

@@ -1,4 +1,4 @@
-"""What force, and what payload, an arm can hold before and after a fault (docs/theory/limits)."""
+"""Force and payload capability before and after a fault (docs/theory/limits)."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CapabilityRange:
-    """How much of a force, or of a payload, can be held.
+    """Range of the force or payload that can be held.
 
     Attributes
     ----------
     direction :
-        Of the force, in the task's axes, not weighted, shape (m,): its force components have the
-        norm 1, or if it has none its moments; in the weakest direction, whose size is that of the
-        weighted force, all of it has, weighted. Empty for a payload.
+        Direction of the force in task axes, unweighted, shape (m,). Its force components have norm
+        1; if there are none, its moments. In the weakest direction the weighted vector has norm 1.
+        Empty for a payload.
     maximum :
-        Largest amount, N (N·m for a moment alone), or kg: infinite if no known limit ends it,
-        NaN if none can be held.
+        Largest value, N (N·m for a pure moment) or kg; infinite if no known limit bounds it, NaN if
+        no value can be held.
     minimum :
-        Smallest amount, 0 but for a joint without torque or a limit that weight alone exceeds.
+        Smallest value; nonzero only with free-swinging joints or if weight alone exceeds a limit.
     end :
-        What ends it.
+        What limits the maximum.
     limiting_joints :
-        Indices of the joints that end it.
+        Indices of the joints that limit the maximum.
     """
 
     direction: Vector
@@ -68,16 +68,16 @@ class CapabilityRange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DirectionReport:
-    """What can be held in one direction.
+    """Capability in one direction.
 
     Attributes
     ----------
     name :
-        ``+fx``, ``-fx`` …, ``direction`` for the one asked for, ``weakest``.
+        ``+fx``, ``-fx`` …, ``direction`` for the one requested, or ``weakest``.
     unit :
-        N, or N·m for a moment alone.
+        N, or N·m for a pure moment.
     before, after :
-        Amounts by reading of a lock, before and after the fault.
+        Ranges before and after the fault, by lock model.
     """
 
     name: str
@@ -88,14 +88,14 @@ class DirectionReport:
 
 @dataclass(frozen=True, eq=False)
 class Capability(Displayed):
-    """What force and payload an arm can hold before and after a fault, in one posture.
+    """Force and payload that an arm can hold in one posture, before and after a fault.
 
     Attributes
     ----------
     analysis :
-        The fault set, posture and limits.
+        The underlying analysis, with fault set, posture and limits.
     direction :
-        The direction asked for, in the task's axes, shape (m,); ``None`` if none was.
+        Requested direction in task axes, shape (m,); ``None`` if none was given.
     """
 
     analysis: Analysis
@@ -103,7 +103,7 @@ class Capability(Displayed):
 
     @cached_property
     def directions(self) -> tuple[DirectionReport, ...]:
-        """Each task axis both ways, and the direction asked for."""
+        """Capability along each task axis in both senses, and in the requested direction."""
         task = self.analysis.task
         asked = [
             (f"{sign}{name}", unit if sign == "+" else -unit)
@@ -116,9 +116,9 @@ class Capability(Displayed):
 
     @cached_property
     def weakest(self) -> DirectionReport:
-        """The direction in which the least (weighted) force can be held, of those the arm has.
+        """The direction with the smallest weighted force, among those the healthy arm has.
 
-        It differs before and after the fault, and with the reading of a lock: see
+        It depends on the lock model, and differs before and after the fault: see
         `CapabilityRange.direction`.
         """
         reduced, task = self.analysis.reduced, self.analysis.task
@@ -136,14 +136,22 @@ class Capability(Displayed):
 
     @cached_property
     def payload(self) -> tuple[CapabilityRange, CapabilityRange]:
-        """Mass in kg that the tip can carry, before and after, on top of the payload that is there.
+        """Additional payload that can be carried before and after the fault, kg.
 
-        A payload is a load that is held: its weight may hang on locks.
+        A payload is a held load, so locked joints may carry part of its weight.
         """
         return self._payload(after=False), self._payload(after=True)
 
     def feasible(self, *, after: bool, reading: LockModel = LockModel.COMMANDED) -> FeasibleForces:
-        """Return the forces that can be held before or after the fault, weighted."""
+        """Return the set of weighted forces that can be held.
+
+        Parameters
+        ----------
+        after :
+            Whether after the fault or before it.
+        reading :
+            The lock model.
+        """
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
         reduced = analysis.reduced if after else self._healthy
@@ -151,19 +159,19 @@ class Capability(Displayed):
         return feasible_forces(reduced, rnea, self._largest(faults), reading)
 
     def polytope(self, *, after: bool, reading: LockModel | str = LockModel.COMMANDED) -> Polytope:
-        """Return vertices and faces of the forces that can be held, N (N·m), in the task's axes.
+        """Return the polytope of forces that can be held, in task axes, N (N·m).
 
         Parameters
         ----------
         after :
             Whether after the fault or before it.
         reading :
-            ``commanded`` or ``held``.
+            The lock model, ``commanded`` or ``held``.
 
         Raises
         ------
         InputError
-            So many joints that there are too many planes to intersect.
+            The arm has too many joints: there are too many half-spaces to intersect.
         """
         feasible = self.feasible(after=after, reading=LockModel.parse(reading))
         return force_polytope(feasible, self.analysis.task.weights)
@@ -190,7 +198,7 @@ class Capability(Displayed):
         return DirectionReport(name, "N" if forced else "N·m", *amounts)
 
     def _payload(self, *, after: bool) -> CapabilityRange:
-        # A mass loads the joints as a force does that has these levers: one more ratio test.
+        # A mass loads the joints linearly, as a force with these lever arms: the same ratio test.
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
         n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
@@ -201,7 +209,7 @@ class Capability(Displayed):
         return _amount(feasible, np.zeros(0), ray, 1.0, failed)
 
     def _failed(self, after: bool, reading: LockModel) -> tuple[int, ...]:
-        """Return the joints whose fault, rather than a limit, can end what is held."""
+        """Return the joints whose fault, rather than a limit, can bound the force."""
         if not after:
             return ()
         faults = self.analysis.faults
@@ -214,7 +222,7 @@ class Capability(Displayed):
         return limits.largest_torques(faults)
 
     def _torque_per_kg(self, *, after: bool) -> Vector:
-        """Return the torques that one kg at the tip adds, N·m (N) per kg, shape (n,)."""
+        """Return the joint torques per kg at the tip, N·m (N) per kg, shape (n,)."""
         analysis, conditions = self.analysis, self.analysis.conditions
         robot, q = analysis.robot, analysis.posture.q
         offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
@@ -252,16 +260,16 @@ def capability(
     limits: Any = "urdf",
     **case: Any,
 ) -> Capability:
-    """Say which force and which payload an arm can hold before and after a fault.
+    """Compute the force and payload an arm can hold before and after a fault.
 
     Parameters
     ----------
     robot, q :
         As in `ftforce.analyze`.
     direction :
-        A direction of force besides the task's axes, in the task's axes, shape (m,).
+        Additional direction of force, in task axes, shape (m,).
     limits :
-        As in `ftforce.analyze`; here the URDF's if not given.
+        As in `ftforce.analyze`; by default those of the URDF.
     case :
         ``locked``, ``free``, ``weak``, ``velocity``, ``acceleration``, ``gravity``, ``payload``,
         ``task``, ``length``, ``axes``, ``posture`` and ``rtol`` as in `ftforce.analyze`.
@@ -269,7 +277,7 @@ def capability(
     Raises
     ------
     InputError
-        A malformed value; the message says what would have been valid.
+        An argument is invalid; the message says what is expected.
 
     Examples
     --------

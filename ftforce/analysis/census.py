@@ -1,4 +1,4 @@
-"""One posture, all fault sets up to a size: which is the worst, which joint is the critical one."""
+"""Analyse all fault sets up to a given size in one posture, and rank sets and joints."""
 
 from __future__ import annotations
 
@@ -42,21 +42,21 @@ _SEVERITY = {Verdict.NOT_TOLERATED: 0, Verdict.BORDERLINE: 1, Verdict.TOLERATED:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointReport:
-    """How critical one joint is.
+    """Criticality of one joint.
 
     Attributes
     ----------
     joint :
         Index from 0.
     alone :
-        The set in which only this joint fails.
+        Report of the set in which only this joint fails.
     sets, not_tolerated, borderline :
-        How many sets hold the joint, and how many of them are not tolerated or borderline.
+        Number of sets that contain the joint, and how many of them are not tolerated or borderline.
     mean_relative_jump :
-        Mean of ‖ΔF‖/‖F̂‖ over the sets that hold the joint.
+        Mean of ‖ΔF‖/‖F̂‖ over the sets that contain the joint.
     least_capability :
-        The smallest force that can be commanded over them, NaN if the arm cannot stand still with
-        one of them; ``None`` unless the census ranks by it.
+        Smallest commanded force over these sets, NaN if the arm cannot stand still with one of
+        them; ``None`` unless the census ranks by capability.
     """
 
     joint: int
@@ -75,25 +75,26 @@ class Census(Displayed):
     Attributes
     ----------
     robot, task, posture, conditions, limits :
-        What was analysed; ``limits`` is ``None`` if none are counted.
+        The inputs; ``limits`` is ``None`` if no torque limits are in force.
     mode :
-        How the joints fail.
+        Fault mode of the joints.
     largest :
         Size of the largest sets.
     rank_by :
-        What the sets are sorted by.
+        Ranking criterion.
     direction :
-        Of the capability, in the task's axes, shape (m,); ``None`` for the weakest.
+        Direction of the capability, in task axes, shape (m,); ``None`` for the weakest.
     rtol, wary :
         Tolerances.
     requested, before :
-        Force asked for and force the healthy arm exerts, N and N·m, shape (m,); ``None`` without.
+        Requested force and force that the healthy arm exerts, N and N·m, shape (m,); ``None`` if no
+        force was given.
     rank :
         Rank of the healthy arm.
     sets :
-        Every fault set, worst first.
+        Reports of all fault sets, worst first.
     joints :
-        Every joint, most critical first.
+        Reports of all joints, most critical first.
     """
 
     robot: Robot
@@ -115,7 +116,7 @@ class Census(Displayed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the answer doubtful."""
+        """Warnings about the result."""
         doubts = list(self.posture.warnings)
         matters = self.limits is not None or self.mode is FaultMode.FREE
         if matters and not self.is_weight_known:
@@ -128,11 +129,17 @@ class Census(Displayed):
 
     @property
     def is_weight_known(self) -> bool:
-        """Whether the URDF has masses, or nothing weighs."""
+        """Whether the URDF has masses, or neither gravity nor motion loads the joints."""
         return self.robot.mass > 0.0 or not (self.conditions.gravity.any() or self.conditions.moves)
 
     def worst_manipulability(self, size: int = 1) -> tuple[float, float]:
-        """Return the smallest ρ over sets of one size, and the bound no posture can exceed."""
+        """Return the smallest ρ over the sets of one size, and the bound that holds in any posture.
+
+        Parameters
+        ----------
+        size :
+            Number of failed joints.
+        """
         rho = [report.relative_manipulability for report in self.sets if len(report.faults) == size]
         bound = measures.worst_manipulability_bound(self.robot.n, self.task.m, size)
         return min(rho, default=math.nan), bound
@@ -175,26 +182,27 @@ def census(
     mode :
         ``locked`` or ``free``.
     limits :
-        As in `ftforce.analyze`; if not given the URDF's where the ranking needs them, else none.
+        As in `ftforce.analyze`; by default those of the URDF if the ranking needs them, otherwise
+        none.
     rank_by :
         ``jump``, or ``capability``: the force that can still be held.
     direction :
-        Direction of the capability, in the task's axes, shape (m,); the force's if not given, and
-        without a force the weakest of each set.
+        Direction of the capability, in task axes, shape (m,); by default that of the force, or the
+        weakest direction of each set if no force is given.
     progress :
         Called after every set.
 
     Returns
     -------
     :
-        The sets, worst first. By jump: not tolerated, then borderline, then tolerated; the larger
-        jump first, and without a jump the smaller margin. By capability: the smallest commanded
-        force first, then the smallest held one.
+        The sets, worst first. By jump: not tolerated, then borderline, then tolerated; within each
+        by decreasing jump, then by increasing margin. By capability: by increasing commanded force,
+        then by increasing held force.
 
     Raises
     ------
     InputError
-        A malformed value, or more than a million sets.
+        An argument is invalid, or there are more than a million sets.
 
     Examples
     --------
@@ -254,7 +262,7 @@ def census(
 
 
 def _by_capability(report: SetReport) -> tuple[float, ...]:
-    """Sort key: the smallest capability first; an arm that cannot stand still before all."""
+    """Sort by increasing capability; sets with which the arm cannot stand still come first."""
     found = report.capability
     assert found is not None
     commanded, held = (-1.0 if math.isnan(x) else x for x in (found.commanded, found.held))
@@ -262,7 +270,7 @@ def _by_capability(report: SetReport) -> tuple[float, ...]:
 
 
 def _by_severity(report: SetReport) -> tuple[float, ...]:
-    """Sort key: worst first; of equal jumps the one that takes fewer faults."""
+    """Sort worst first; among equal jumps, smaller fault sets first."""
     jump = round(report.relative_jump, 9)
     size = len(report.faults) if jump > 0.0 else 0
     worst = (_SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size)
@@ -291,7 +299,7 @@ def _rank_joints(
 
 
 def _least(reports: list[SetReport]) -> float:
-    """Return the smallest commanded force, NaN (nothing holds the arm) before any."""
+    """Return the smallest commanded force, or NaN if the arm cannot stand still with some set."""
     amounts = [report.capability.commanded for report in reports if report.capability is not None]
     return math.nan if any(map(math.isnan, amounts)) else min(amounts)
 
@@ -303,7 +311,7 @@ def _criticality(joint: JointReport) -> tuple[float, ...]:
 
 
 def _joint_key(joint: JointReport) -> tuple[float, ...]:
-    """Sort key: what is left when the joint fails alone, then with others."""
+    """Sort by the capability left when the joint fails alone, then together with others."""
     least = joint.least_capability
     assert least is not None
     alone = _by_capability(joint.alone)

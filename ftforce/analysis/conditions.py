@@ -1,4 +1,4 @@
-"""Under which conditions a fault happens: gravity, payload, motion, and what the tip exerts."""
+"""Conditions at the fault: gravity, payload, motion, and the force exerted at the tip."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ INVERSES: tuple[str, ...] = get_args(Inverse)
 
 
 class Conditions(NamedTuple):
-    """What loads the joints besides the force at the tip.
+    """Loads on the joints other than the tip force.
 
     Attributes
     ----------
     gravity :
-        In the root's axes, m/s², shape (3,).
+        In root axes, m/s², shape (3,).
     is_model_gravity :
-        Whether it is the model's own.
+        Whether gravity is that of the model.
     payload :
-        What the tip carries; ``None`` if nothing.
+        Payload at the tip; ``None`` if there is none.
     velocity, acceleration :
-        Joint velocities and accelerations before the fault, rad or m, per s and per s², shape
-        (n,); ``None`` if the arm is at rest.
+        Joint velocities and accelerations before the fault, rad or m, per s and per s², shape (n,);
+        ``None`` if the arm is at rest.
     """
 
     gravity: Vector
@@ -60,24 +60,24 @@ class Conditions(NamedTuple):
         gravity: ArrayLike | None = None,
         payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     ) -> Conditions:
-        """Check what a caller gave.
+        """Return validated conditions.
 
         Parameters
         ----------
         robot :
             The arm.
         velocity, acceleration :
-            Shape (n,); at rest if not given.
+            Shape (n,); zero by default.
         gravity :
-            In the root's axes, m/s², shape (3,); the model's if not given.
+            In root axes, m/s², shape (3,); by default that of the model.
         payload :
-            Mass in kg at the tip; with its place in the tip's axes (m) a pair ``(mass, (x, y, z))``
-            or a text ``mass@x,y,z``.
+            Mass at the tip, kg; with its position in tip axes (m) a pair ``(mass, (x, y, z))`` or a
+            text ``mass@x,y,z``.
 
         Raises
         ------
         InputError
-            A malformed value.
+            An argument is invalid.
         """
         hint = f"one per joint, {robot.numbered()}"
         v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
@@ -93,18 +93,18 @@ class Conditions(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether anything moves before the fault."""
+        """Whether the arm moves before the fault."""
         v, a = self.velocity, self.acceleration
         return (v is not None and bool(v.any())) or (a is not None and bool(a.any()))
 
 
 def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
-    """Return a payload of a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for none.
+    """Return a payload from a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for no payload.
 
     Raises
     ------
     InputError
-        It is something else, or its mass is negative.
+        The value has another form, or its mass is negative.
     """
     if payload is None or isinstance(payload, Payload):
         return payload
@@ -127,10 +127,10 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
 
 
 def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -> RneaChange:
-    """Return what weight and motion take of the torques before and after joints lock.
+    """Return the torques for weight and motion before and after joints lock.
 
-    A locked joint stands still: its velocity and acceleration are zero after, those of the others
-    are as they were.
+    Velocity and acceleration of a locked joint are zero after the fault; those of the other joints
+    do not change.
 
     Parameters
     ----------
@@ -175,21 +175,21 @@ def tip_load(
     *,
     M: Matrix | None = None,
 ) -> TipLoad | None:
-    """Return what the healthy arm exerts, F̂ = J J† F or (Jᵀ)† τ; ``None`` if nothing was given.
+    """Return the force of the healthy arm, F̂ = J J† F or (Jᵀ)† τ; ``None`` if neither is given.
 
     Parameters
     ----------
     robot, reduced, task :
-        What is analysed.
+        The arm, its decomposed Jacobians and the task.
     force, torque :
         As in `ftforce.analyze`.
     M :
-        Mass matrix for the dynamically consistent inverse instead of the Euclidean one.
+        Mass matrix; if given, the dynamically consistent inverse replaces the Euclidean one.
 
     Raises
     ------
     InputError
-        Both were given, or a vector is malformed.
+        Both force and torque are given, or a vector is malformed.
     """
     if force is not None and torque is not None:
         raise InputError("give either a force or torques, not both")
@@ -212,7 +212,7 @@ def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: st
     Raises
     ------
     InputError
-        There is no such inverse, or the URDF's masses are missing.
+        The inverse is unknown, or the URDF has no masses.
     """
     if inverse not in INVERSES:
         raise UnknownNameError("inverse", inverse, INVERSES)
@@ -227,15 +227,15 @@ def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: st
 
 
 def without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
-    """Return F, or zero if the part of the request that it stands for is only rounding.
+    """Return F, or zero if its part of the request is within rounding error.
 
-    Otherwise the verdict would judge the direction of rounding errors.
+    Without this the verdict would depend on the direction of rounding errors.
 
     Parameters
     ----------
     F :
-        Force that is exerted, weighted, shape (m,).
+        Exerted force, weighted, shape (m,).
     part, whole :
-        What it makes of the request, and the request: forces or torques.
+        The part of the request that F accounts for, and the request: forces or torques.
     """
     return F if part.dot(part) > (_ROUNDING * _ROUNDING) * whole.dot(whole) else np.zeros_like(F)

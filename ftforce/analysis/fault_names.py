@@ -1,4 +1,4 @@
-"""Fault sets by the names and numbers of an arm's joints."""
+"""Fault sets from joint names and numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WeakJoints: TypeAlias = "Mapping[int | str, float] | Iterable[tuple[int | str, f
 def named_faults(
     robot: Robot, locked: Joints = (), free: Joints = (), weak: WeakJoints = ()
 ) -> FaultSet:
-    """Return the set of these faults.
+    """Return a fault set from joint names or numbers.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def named_faults(
     locked, free :
         Joints by number (from 1) or name, or a boolean mask of shape (n,).
     weak :
-        Joints with the share of their largest torque that is left, ``{3: 0.5}`` or ``"3:0.5"``.
+        Joints with the remaining fraction of their torque limit, ``{3: 0.5}`` or ``"3:0.5"``.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def named_faults(
         return FaultSet(tuple(faults))
     faults += [Fault(i, FaultMode.FREE) for i in robot.indices(free)]
     pairs = _pairs(weak)
-    robot.indices([joint for joint, _ in pairs])  # refuses a joint that is named twice
+    robot.indices([joint for joint, _ in pairs])  # rejects joints that are named twice
     faults += [Fault(robot.index(j), FaultMode.WEAK, _factor(j, x)) for j, x in pairs]
     modes: dict[int, FaultMode] = {}
     for fault in faults:

@@ -1,4 +1,4 @@
-"""What one of many fault sets of a posture does."""
+"""Effect of one fault set among many in a posture."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetCapability:
-    """The largest force that can be held with one fault set, N (N·m for a moment alone).
+    """Largest force that can be held with one fault set, N (N·m for a pure moment).
 
     Attributes
     ----------
     commanded, held :
-        In both readings of a lock; infinite if no known limit ends it, NaN if the arm cannot
-        stand still with a force in this direction.
+        Capability under each lock model; infinite if no known limit bounds it, NaN if the arm
+        cannot stand still with any force in this direction.
     minimum :
-        Smallest force that can be commanded, 0 but for a joint without torque or a limit that
-        weight alone exceeds.
+        Smallest commanded force; nonzero only with free-swinging joints or if weight alone exceeds
+        a limit.
     end, held_end :
-        What ends the one and the other.
+        What limits the commanded force, and what limits the held force.
     limiting_joints :
-        Indices of the joints whose limits end what can be commanded.
+        Indices of the joints that limit the commanded force.
     """
 
     commanded: float
@@ -64,35 +64,36 @@ class SetCapability:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SetReport:
-    """What one fault set does.
+    """Effect of one fault set.
 
     Attributes
     ----------
     faults :
-        The set.
+        The fault set.
     after, jump :
-        Force that can still be held and force jump, N and N·m, shape (m,); ``None`` without a
+        Force that can still be held, and force jump, N and N·m, shape (m,); ``None`` without a
         force, or if the arm cannot stand still.
     jump_norm, moment_jump_norm :
-        Norms of the jump's forces (N) and moments (N·m); ``None`` where there are none.
+        Norms of the force components (N) and of the moment components (N·m) of the jump; ``None``
+        if it has none.
     relative_jump :
-        ‖ΔF‖/‖F̂‖, weighted; without a force 1 if a direction is lost; 1 if the arm cannot stand
-        still.
+        ‖ΔF‖/‖F̂‖, weighted. Without a force, 1 if a direction is lost and 0 otherwise; 1 if the arm
+        cannot stand still.
     rank_after, rank_lost :
-        Rank of K, and how much less it is than J's.
+        Rank of K, and rank of J minus rank of K.
     sigma_min_after, margin, relative_manipulability :
-        Smallest singular value of K; over σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
+        σ_min(K); σ_min(K)/σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
     can_stand_still :
-        Whether motors, brakes and some force at the tip can hold the arm.
+        Whether motors, brakes and some tip force can hold the arm.
     share :
-        Largest share of the force that keeps its direction; ``None`` without limits and joints
-        without torque, without a force, or if there is none.
+        Largest fraction of the force that can be commanded in its direction; ``None`` without a
+        force, with neither limits nor free-swinging joints, or if no fraction is feasible.
     binding :
         Indices of joints at their limits.
     capability :
-        ``None`` unless the census ranks by it.
+        The capability; ``None`` unless the census ranks by it.
     verdict :
-        As for one analysis.
+        Verdict, as in `ftforce.analyze`.
     """
 
     faults: FaultSet
@@ -114,7 +115,7 @@ class SetReport:
 
 
 class SharedCase(NamedTuple):
-    """What all sets of a census share."""
+    """Data shared by all fault sets in a posture."""
 
     robot: Robot
     task: Task
@@ -139,7 +140,7 @@ class SharedCase(NamedTuple):
 
 
 def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
-    """Return what one fault set does."""
+    """Return the report of one fault set."""
     n, task, F = case.robot.n, case.task, case.F
     swinging = faults.swinging_mask(n)
     reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, swinging)
@@ -175,7 +176,7 @@ def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
 def _outcome(
     reduced: ReducedJacobian, F: Vector | None, bounded: BoundedRemap | None
 ) -> tuple[Vector | None, Vector | None]:
-    """Return force after and jump, weighted; ``None`` without a force or if nothing is feasible."""
+    """Return weighted force after the fault and jump; ``None`` without a force or if infeasible."""
     if F is None:
         return None, None
     if bounded is not None:
@@ -199,11 +200,11 @@ def set_capability(
     Parameters
     ----------
     case :
-        What all sets share.
+        Data shared by all sets.
     reduced :
         The decomposed Jacobians of the set.
     rnea, largest :
-        Torques for weight and motion, and the largest of each joint, with the set, shape (n,).
+        Torques for weight and motion, and torque limits, after the fault, shape (n,).
     """
     rays, ends, stops = [], [], []
     for reading in LockModel:
@@ -227,13 +228,13 @@ def set_capability(
 def commanded_force(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> float:
-    """Return the largest force that can be commanded: `set_capability`'s first number alone."""
+    """Return only `SetCapability.commanded` of a fault set."""
     ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
     return math.nan if ray.is_empty else ray.maximum * size
 
 
 def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
-    """Return how far the case's direction goes, and the unit of that; or the weakest one's."""
+    """Return the reach in the case's direction, or else the weakest one, and its unit factor."""
     if case.direction is not None:
         return reach(feasible, case.task.weigh_force(case.direction)), 1.0
     space = case.whole.healthy.U[:, : case.whole.rank]

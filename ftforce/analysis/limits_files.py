@@ -1,4 +1,4 @@
-"""Where torque limits come from: the URDF, a TOML or CSV file, or nowhere."""
+"""Torque limits from the URDF, or from a TOML or CSV file."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ if TYPE_CHECKING:
 
 URDF, NONE = "urdf", "none"
 COLUMNS = ("joint", "effort", "brake")
-SMALLEST = 1e-9  # N·m or N: less is a slip, and would be lost in rounding
+SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
 _KIND = "a TOML or CSV file of limits (joint, effort, brake)"
 
 LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
-_Entry: TypeAlias = "tuple[str, Mapping[str, Any]]"  # where it stands, and what it says
+_Entry: TypeAlias = "tuple[str, Mapping[str, Any]]"  # location in the file, and content
 
 
 def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
-    """Return the limits that count.
+    """Return the torque limits in force.
 
     Parameters
     ----------
     robot :
         The arm.
     limits :
-        ``urdf``, the path of a TOML or CSV file, `Limits`, or ``none`` (``None``) to count none.
+        ``urdf``, the path of a TOML or CSV file, `Limits`, or ``none`` (``None``) for no limits.
 
     Raises
     ------
     LimitsError
-        The file cannot be read, names a joint that the arm lacks, or has a limit that is not
-        positive.
+        The file cannot be read, names a joint that the arm does not have, or contains a limit that
+        is not positive.
     InputError
-        Limits of another number of joints.
+        The number of limits does not match the arm.
     """
     if limits is None or limits == NONE:
         return None
@@ -64,14 +64,21 @@ def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
 
 
 def read_limits(robot: Robot, path: str | os.PathLike[str]) -> Limits:
-    """Read the limits of a robot's joints from a TOML or CSV file.
+    """Read torque limits from a TOML or CSV file.
 
-    A joint, or a column, that the file leaves out is unknown, whatever the URDF says.
+    Limits of joints or columns that the file omits are unknown, even if the URDF has them.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    path :
+        The file; its extension is ``.toml`` or ``.csv``.
 
     Raises
     ------
     LimitsError
-        As `choose_limits`.
+        As in `choose_limits`.
     """
     ending = Path(path).suffix.lower()
     if ending not in {".toml", ".csv"}:
@@ -114,7 +121,7 @@ def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
 
 
 def _limit(value: object, what: str) -> float:
-    """Return a limit, NaN for nothing."""
+    """Return a limit; NaN if the value is empty."""
     if value is None or (isinstance(value, str) and not value.strip()):
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
@@ -132,8 +139,8 @@ def _limit(value: object, what: str) -> float:
 
 
 def _toml_entries(text: str) -> list[_Entry]:
-    """Return the entries of ``[[joint]]`` tables, or of one table per joint with its name."""
-    import tomllib  # only who has a file pays for it
+    """Return the entries of ``[[joint]]`` tables, or of one table named after each joint."""
+    import tomllib  # imported lazily: needed only for TOML files
 
     try:
         content = tomllib.loads(text)

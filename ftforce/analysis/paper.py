@@ -1,4 +1,4 @@
-"""The paper's numbers beside what is computed here, and the errata that explain each difference.
+"""Compare the paper's printed numbers with computed ones, and explain differences by errata.
 
 Abdi & Nahavandi, *Fault Tolerance Force for Redundant Manipulators*: J of eq. (34), Tables 2-5.
 """
@@ -77,14 +77,14 @@ ERRATA = (
     ("second (34), (35)", "J and ¹J of the case study", "belong between (40) and (42)"),
     ("Appendix A", "K(KᵀK)⁻¹Kᵀ", "K K†: KᵀK is singular when n - f > m"),
 )
-"""Where, what is printed, what is correct."""
+"""Location, printed form, correct form."""
 
 _SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
 _UNIT_ERRATUM = "section IV: printed are m/s, not cm/s"
 
 
 class Outcome(StrEnum):
-    """How a printed number compares."""
+    """Outcome of comparing a printed number."""
 
     PASS = "pass"
     ERRATUM = "erratum"
@@ -93,18 +93,18 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One printed number.
+    """Comparison of one printed number.
 
     Attributes
     ----------
     table, row, column :
-        Where it stands in the paper.
+        Position in the paper.
     printed :
-        As printed.
+        The number as printed.
     computed :
-        As the paper's own formula and unit say.
+        Value from the paper's stated formula and unit.
     erratum, explained :
-        A known mistake, and the number computed the way the paper must have.
+        A known erratum, and the value computed with it taken into account.
     """
 
     table: str
@@ -117,12 +117,12 @@ class Check:
 
     @property
     def decimals(self) -> int:
-        """Printed decimals."""
+        """Number of printed decimals."""
         return len(self.printed.partition(".")[2])
 
     @property
     def outcome(self) -> Outcome:
-        """Pass if every printed digit agrees; an erratum only if its explanation reproduces it."""
+        """Pass if all printed digits agree; erratum only if the explanation reproduces them."""
         if self._agrees(self.computed):
             return Outcome.PASS
         return Outcome.ERRATUM if self._agrees(self.explained) else Outcome.FAIL
@@ -134,23 +134,23 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Replication(Displayed):
-    """Every number of the paper's case study.
+    """Comparison of all numbers of the paper's case study.
 
     Attributes
     ----------
     checks :
-        In the order of the paper.
+        The comparisons, in the order of the paper.
     """
 
     checks: tuple[Check, ...]
 
     @property
     def is_successful(self) -> bool:
-        """Whether no number fails."""
+        """Whether no comparison fails."""
         return all(check.outcome is not Outcome.FAIL for check in self.checks)
 
     def count(self, outcome: Outcome) -> int:
-        """Return how many numbers have this outcome."""
+        """Return the number of comparisons with this outcome."""
         return sum(check.outcome is outcome for check in self.checks)
 
 
@@ -160,7 +160,7 @@ def replicate(robot: Robot | None = None) -> Replication:
     Parameters
     ----------
     robot :
-        The arm of Table 1 with its posture ``paper``; without it the known robot ``dh5``.
+        The arm of Table 1 with its posture ``paper``; by default the known robot ``dh5``.
     """
     arm = load_robot("dh5") if robot is None else robot
 
@@ -186,7 +186,7 @@ def _table_2(healthy: Analysis) -> Iterator[Check]:
         return
     sigma_min = healthy.reduced.healthy.s[-1]
     size = float(np.linalg.norm(force.before))
-    with np.errstate(divide="ignore"):  # another arm may be singular: then nothing is explained
+    with np.errstate(divide="ignore"):  # another arm may be singular; no erratum applies then
         as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
     columns: tuple[tuple[str, Sequence[str], Vector | None], ...] = (
         ("torque", PRINTED_TORQUE, torque.before),

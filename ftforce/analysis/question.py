@@ -1,4 +1,4 @@
-"""What a caller asks: how it is checked, and what is meant where nothing was said."""
+"""Validation and defaults of arguments that several analyses share."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
-MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep keeps no single sets
+MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep stores no individual sets
 
 
 class Progress(Protocol):
-    """Called with how many fault sets are done, of how many."""
+    """Callback with the number of fault sets completed and their total."""
 
     def __call__(self, done: int, total: int, /) -> None:
-        """Take note."""
+        """Report progress."""
 
 
 def checked_mode(mode: FaultMode | str) -> FaultMode:
-    """Return how the joints of many fault sets fail.
+    """Return the fault mode for the analysis of many fault sets.
 
     Raises
     ------
     InputError
-        There is no such mode, or sets have none in common: weak joints have factors.
+        The mode is unknown, or is ``weak``, which needs a factor per joint.
     """
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
@@ -43,16 +43,16 @@ def checked_mode(mode: FaultMode | str) -> FaultMode:
 
 
 def direction_or_force(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
-    """Return a capability's direction, unweighted and of unit length; ``None`` if open.
+    """Return the unit direction of a capability, unweighted; ``None`` for the weakest direction.
 
     Parameters
     ----------
     task :
         The task.
     direction :
-        As it was asked for, in the task's axes, shape (m,).
+        Requested direction in task axes, shape (m,).
     F :
-        Weighted force whose direction counts if none was asked for.
+        Weighted force that supplies the direction if none is requested.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def check_size(robot: Robot, faults: int) -> None:
     Raises
     ------
     InputError
-        It is no number of the arm's joints, or there are too many sets.
+        The size is not between 1 and n, or there are too many sets.
     """
     if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
         raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
@@ -89,5 +89,5 @@ def check_size(robot: Robot, faults: int) -> None:
 
 
 def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
-    """Return the limits that are meant if none were named: a weak joint is nothing without."""
+    """Return the limits to apply; weak joints default to those of the URDF."""
     return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits

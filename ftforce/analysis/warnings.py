@@ -1,4 +1,4 @@
-"""What makes an answer doubtful, in words."""
+"""Warnings about analyses of a single posture."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
-_SLACK = 1e-9  # relative: rounding is no overload
+_SLACK = 1e-9  # relative: ignores rounding errors
 
 
 def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
-    """Say that even the healthy arm lacks a direction of the task."""
+    """Warn if the task Jacobian of the healthy arm is rank deficient."""
     if reduced.rank < reduced.m:
         yield (
             f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
@@ -32,7 +32,7 @@ def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
 
 
 def missing_masses(rnea: RneaChange) -> Iterator[str]:
-    """Say that weight, or weight and motion, are unknown."""
+    """Warn if the torques for weight, or for weight and motion, are unknown."""
     if not rnea.is_known:
         what = "weight and motion of the arm are"
         if rnea.motion_before is not None:
@@ -41,7 +41,7 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:
-    """Say that masses do not tell how fast the arm is right after a lock."""
+    """Warn that velocities right after the lock are unknown without valid masses."""
     if faults.in_mode(FaultMode.LOCKED):
         yield (
             "masses or inertias of the URDF are missing or impossible: velocities right after the "
@@ -50,7 +50,7 @@ def unknown_impact(faults: FaultSet) -> Iterator[str]:
 
 
 def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
-    """Name what limits would say if they counted: weak joints, and motors asked for too much."""
+    """Warn about weak joints and overloaded motors when no limits are in force."""
     yield from unjudged(robot, faults, None)
     if torque is None or torque.after is None:
         return
@@ -65,7 +65,7 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
 
 
 def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
-    """Name the weak joints whose limit is not known, or not counted."""
+    """Warn about weak joints whose limit is unknown or not in force."""
     for fault in faults.faults:
         if fault.mode is not FaultMode.WEAK or fault.has_no_torque:
             continue
@@ -77,7 +77,7 @@ def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[
 
 
 def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
-    """Name the joints (indices) that weight and motion alone overload."""
+    """Warn about the joints (indices) that weight and motion alone overload."""
     if names := [robot.names[j] for j in joints]:
         yield (
             f"weight and motion alone overload {listed(names)}: only the force at the tip keeps "

@@ -1,1 +1,1 @@
-"""Results as words, JSON and rows: one module per type of result."""
+"""Results as text, JSON and table rows: one module per result type."""

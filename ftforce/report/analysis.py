@@ -1,4 +1,4 @@
-"""Verdicts in plain sentences, for tables and files alike."""
+"""Analyses as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 def verdict_sentence(analysis: Analysis) -> str:
-    """Say the verdict in one plain sentence, or a few."""
+    """Return the verdict in one or more plain sentences."""
     about = _about(analysis)
     sentence = f"{analysis.verdict.value.capitalize()}: {faults_in_words(analysis)}, {about}."
     if analysis.force is not None and is_noticeable(analysis.force.unsupported):
@@ -59,7 +59,7 @@ def verdict_sentence(analysis: Analysis) -> str:
 
 
 def faults_in_words(analysis: Analysis) -> str:
-    """Say which joints fail, and how: ``with elbow and wrist locked, hand free``."""
+    """Describe the faults: ``with elbow and wrist locked, hand free``."""
     names = analysis.robot.names
     parts = []
     for mode in FaultMode:
@@ -89,7 +89,7 @@ def _unless(analysis: Analysis) -> str:
 
 
 def _about_falling(analysis: Analysis) -> str:
-    """Say why nothing holds the arm."""
+    """Explain why the arm cannot stand still."""
     bounded, robot = analysis.bounded, analysis.robot
     assert bounded is not None
     components = ", ".join(analysis.task.components)
@@ -109,21 +109,21 @@ def _about_falling(analysis: Analysis) -> str:
 
 
 def overload_in_words(analysis: Analysis) -> str:
-    """Say which joints weight and motion overload, by how much; empty if none."""
+    """Describe the joints that weight and motion overload; empty if there are none."""
     robot, swinging = analysis.robot, analysis.reduced.swinging
     loads = [
         f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
     load = "weight and motion"
-    if swinging is not None:  # a force at the tip balances them, and loads the others
+    if swinging is not None:  # the tip force that balances these loads the other joints
         names = joined(robot.names[j] for j in swinging.joints)
         load = f"weight, motion and the force that balances {names}"
     return f"{load} take {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
-    """Return the torques at joints without torque that no force at the tip balances, by index."""
+    """Return the torques at free-swinging joints that no tip force balances, by joint index."""
     swinging = analysis.reduced.swinging
     if swinging is None or analysis.bounded is None or analysis.bounded.feasible.stands_still:
         return {}
@@ -132,9 +132,10 @@ def unbalanced(analysis: Analysis) -> dict[int, float]:
 
 
 def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
-    """Return torque for weight and motion, and limit, of the joints that these overload.
+    """Return torque and limit of the joints that weight and motion overload, by joint index.
 
-    With joints without torque the least force that balances them is at the tip.
+    With free-swinging joints, the torques include those for the smallest tip force that balances
+    them.
     """
     if analysis.bounded is None or analysis.limits is None:
         return {}
@@ -163,7 +164,7 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
             f"directions the arm cannot move, and its brakes and links carry what load there is"
         )
     assert force.after is not None
-    # The force may grow and turn: never "jump of before", as if the rest were kept.
+    # Magnitude and direction may change: not "jump of before", which implies a kept rest.
     after = amounts(analysis.task, force.after)
     return (
         f"the force that the motors command jumps by {jump} ({before} before, {after} after): "
@@ -172,7 +173,7 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
 
 
 def _reasons(analysis: Analysis) -> list[str]:
-    """Say why a force cannot be held with joints without torque, or inside limits."""
+    """Return the reasons why a force cannot be kept under limits or with free-swinging joints."""
     bounded, names = analysis.bounded, analysis.robot.names
     assert bounded is not None
     reasons = []
@@ -194,7 +195,7 @@ def _reasons(analysis: Analysis) -> list[str]:
 
 
 def share_in_words(share: float | None) -> str:
-    """Say which share of a force can be commanded if its direction must not change."""
+    """Describe the fraction of a force that can be commanded in its direction."""
     if share is None:
         return "with no share of the force alone does the arm stand still"
     part = percent(share) if share > 0.0 else "nothing"
@@ -218,7 +219,7 @@ def _about_all_forces(analysis: Analysis) -> str:
 
 
 def _support(analysis: Analysis) -> str:
-    """Say that the tip must be supported for the arm to stand still, if it must."""
+    """Describe the tip force that the arm needs to stand still, if any."""
     bounded, task = analysis.bounded, analysis.task
     if bounded is None or bounded.F_after is None or analysis.force is not None:
         return ""
@@ -234,7 +235,7 @@ def _support(analysis: Analysis) -> str:
 
 
 def analysis_document(analysis: Analysis) -> Document:
-    """Return what JSON holds of an analysis."""
+    """Return an analysis as a JSON document."""
     names, reduced = analysis.robot.names, analysis.reduced
     locked = analysis.faults.in_mode(FaultMode.LOCKED)
     limited = analysis.limits is not None
@@ -325,7 +326,7 @@ def _standing(analysis: Analysis) -> Document:
 
 
 def analysis_rows(analysis: Analysis) -> list[Row]:
-    """Return an analysis as rows, one per quantity and joint or component."""
+    """Return an analysis as table rows, one per quantity and joint or component."""
     header = ("quantity", "name", "unit", "before", "after", "change")
     return [header, *_convention_rows(analysis), *_joint_rows(analysis), *_tip_rows(analysis)]
 
@@ -372,7 +373,7 @@ def _joint_rows(analysis: Analysis) -> list[Row]:
     if torque is not None:
         rows += _changes("torque", robot.names, units, torque.before, torque.after)
         after = torque.total_after
-        if after is not None:  # what a lock carries is its brake's
+        if after is not None:  # the load of a locked joint is reported as its brake load
             after = np.where(analysis.reduced.locked, np.nan, after)
         rows += _changes("total", robot.names, units, torque.total_before, after)
         if torque.brake_load is not None:
@@ -395,7 +396,7 @@ def _changes(
     before: Vector | None,
     after: Vector | None,
 ) -> list[Row]:
-    """Return one row per name; what is unknown stays empty."""
+    """Return one row per name; unknown values stay empty."""
     rows = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
         b = None if before is None else finite(float(before[i]))

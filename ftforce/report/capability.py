@@ -1,4 +1,4 @@
-"""Capabilities in plain words, for tables and files alike."""
+"""Capabilities as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 
 def capability_sentence(capability: Capability) -> str:
-    """Say what is left of the weakest direction and of the payload."""
+    """Describe what remains of the weakest direction and of the payload."""
     faults = faults_in_words(capability.analysis)
-    # Only the first letter: names keep their capitals.
+    # str.capitalize would change the case of joint names.
     return f"W{faults[1:]}, {_about_force(capability)}; {_about_payload(capability)}."
 
 
@@ -49,7 +49,7 @@ def _about_force(capability: Capability) -> str:
         return f"no known limit ends the force that the motors can command{earlier}"
     if (
         math.isfinite(before.maximum) and after.maximum != before.maximum
-    ):  # no amount of the same force
+    ):  # the ranges belong to different directions
         earlier = f" (before: {amount_in_words(before, unit)} in every direction)"
     if math.isnan(after.maximum):
         why = f"{end_in_words(analysis, after)} and " if after.end is LimitingFactor.WEIGHT else ""
@@ -83,7 +83,7 @@ def _earlier(
 
 
 def amount_in_words(amount: CapabilityRange, unit: str) -> str:
-    """Say an amount: nothing, a number or a range, or no limit that is known."""
+    """Describe a capability range: nothing, a value, an interval, or no known limit."""
     if math.isnan(amount.maximum):
         return "nothing"
     most = "no known limit" if math.isinf(amount.maximum) else f"{size(amount.maximum)} {unit}"
@@ -93,7 +93,7 @@ def amount_in_words(amount: CapabilityRange, unit: str) -> str:
 
 
 def is_point(amount: CapabilityRange) -> bool:
-    """Return whether one amount alone holds the arm: with less, too, it does not stand still."""
+    """Return whether the range is a single nonzero value."""
     least, most = amount.minimum, amount.maximum
     if least <= NEGLIGIBLE or math.isinf(most):
         return False
@@ -101,7 +101,7 @@ def is_point(amount: CapabilityRange) -> bool:
 
 
 def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = True) -> str:
-    """Say what ends an amount, after the fault or before it, when no brake holds yet."""
+    """Describe what limits a range, before or after the fault; no joint is braked before."""
     names = [analysis.robot.names[j] for j in amount.limiting_joints]
     if amount.end is LimitingFactor.UNLIMITED:
         return "no known limit"
@@ -118,7 +118,7 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
 
 
 def capability_document(capability: Capability) -> Document:
-    """Return what JSON holds of a capability."""
+    """Return a capability as a JSON document."""
     analysis = capability.analysis
     names = analysis.robot.names
     limits = None
@@ -137,7 +137,7 @@ def capability_document(capability: Capability) -> Document:
 
 
 def capability_rows(capability: Capability) -> list[Row]:
-    """Return a capability as rows, one per direction."""
+    """Return a capability as table rows, one per direction, time and lock model."""
     reports = [(report, report.unit) for report in capability.directions]
     reports.append((capability.weakest, text.unit_of_size(capability.analysis.task)))
     found = [

@@ -1,4 +1,4 @@
-"""A census in words, as a document and as rows."""
+"""Censuses as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def critical_joint(census: Census) -> str:
-    """Say which joint is the critical one."""
+    """Describe the critical joint."""
     worst, robot = census.joints[0], census.robot
     name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
     if worst.alone.capability is not None:
@@ -61,7 +61,7 @@ def critical_joint(census: Census) -> str:
 
 
 def _left(census: Census, report: SetReport) -> str:
-    """Say which force a fault set leaves."""
+    """Describe the force that remains with a fault set."""
     found = report.capability
     assert found is not None
     where = "in the weakest direction"
@@ -82,7 +82,7 @@ def _left(census: Census, report: SetReport) -> str:
 
 
 def census_document(census: Census) -> Document:
-    """Return what JSON holds of a census."""
+    """Return a census as a JSON document."""
     names = census.robot.names
     return {
         "robot": arm_part(census.robot),
@@ -149,7 +149,7 @@ def _set_document(names: Sequence[str], report: SetReport) -> Document:
 
 
 def census_rows(census: Census) -> list[Row]:
-    """Return a census as rows, one per fault set."""
+    """Return a census as table rows, one per fault set."""
     return rows_of(_set_record(census, report) for report in census.sets)
 
 

@@ -1,4 +1,4 @@
-"""Comparisons in plain words, for tables and files alike."""
+"""Comparisons of arms as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ KEY = (
     "the share of postures x fault sets that are tolerated, every size of sets weighing the same; "
     "borderline is not tolerated"
 )
-"""What arms are ranked by."""
+"""Ranking criterion of the arms."""
 
 
 def ranks(arm: ArmReport) -> str:
-    """Write the rank, or the ranks that the intervals leave open."""
+    """Format the rank of an arm, or the range of ranks that the intervals allow."""
     return str(arm.first) if arm.first == arm.last else f"{arm.first}–{arm.last}"
 
 
 def fault_words(setting: SweepSetting) -> str:
-    """Say which faults were asked about: ``one joint locked``."""
+    """Describe the faults of a sweep: ``one joint locked``."""
     state = "swinging freely" if setting.mode == "free" else setting.mode
     if setting.largest == 1:
         return f"one joint {state}"
@@ -47,13 +47,13 @@ def fault_words(setting: SweepSetting) -> str:
 
 
 def critical_words(arm: ArmReport) -> str:
-    """Name the critical joint: ``2 shoulder``."""
+    """Format number and name of the critical joint: ``2 shoulder``."""
     joint = arm.critical.joint
     return f"{joint + 1} {arm.setting.joints[joint]}"
 
 
 def comparison_sentence(comparison: Comparison) -> str:
-    """Say which arm degrades best, which worst, and which pushes most after a fault."""
+    """Describe which arm degrades best, which worst, and which keeps the largest force."""
     return " ".join((_best(comparison), *_worst(comparison), *_strongest(comparison)))
 
 
@@ -88,7 +88,7 @@ def _worst(comparison: Comparison) -> list[str]:
 
 
 def _strongest(comparison: Comparison) -> list[str]:
-    """Say which arm can push most after one fault: a matter of size, not of grace."""
+    """Describe which arm can exert the largest force after a single fault."""
     found = [
         (arm.sizes[0].capability[1].value, arm)
         for arm in comparison.arms
@@ -108,7 +108,7 @@ def _strongest(comparison: Comparison) -> list[str]:
 
 
 def comparison_document(comparison: Comparison) -> Document:
-    """Return a comparison: what was asked, and the arms, best first."""
+    """Return a comparison as a JSON document: the question, and the arms, best first."""
     asked = comparison.question
     return {
         "question": _question(asked),
@@ -211,7 +211,7 @@ def _pair(found: tuple[Estimate, Estimate] | None, first: str, second: str) -> D
 
 
 def comparison_rows(comparison: Comparison) -> list[Row]:
-    """Return one row per arm and size of fault sets, best arm first, after the header."""
+    """Return a comparison as table rows, header first: one per arm and set size, best first."""
     unit = comparison.question.capability_unit
     return rows_of(_columns(arm, one, unit) for arm in comparison.arms for one in arm.sizes)
 

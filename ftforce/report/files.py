@@ -1,4 +1,4 @@
-"""Results as files: JSON that carries its conventions, CSV with units."""
+"""Write results to files: JSON with its conventions, CSV with units."""
 
 from __future__ import annotations
 
@@ -56,15 +56,20 @@ if TYPE_CHECKING:
 
 @singledispatch
 def to_rows(result: object) -> list[Row]:
-    """Return a result or a robot as rows, the header first.
+    """Return a result or a robot as table rows, header first.
 
     An analysis has one row per quantity and joint or component, a census one per fault set, a robot
     one per joint, a replication one per printed number.
 
+    Parameters
+    ----------
+    result :
+        A result or a robot.
+
     Raises
     ------
     InputError
-        It is something else.
+        The object is neither a result nor a robot.
     """
     raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
 
@@ -82,14 +87,19 @@ to_rows.register(Sweep, sweep_rows)
 
 @singledispatch
 def to_dict(result: object) -> Document:
-    """Return a result or a robot as a dictionary of plain numbers, lists and names.
+    """Return a result or a robot as a dictionary of plain numbers, lists and strings.
 
-    Unknown and undefined numbers are ``None``. docs/reference/json names every key.
+    Unknown and undefined numbers are ``None``. docs/reference/json describes every key.
+
+    Parameters
+    ----------
+    result :
+        A result or a robot.
 
     Raises
     ------
     InputError
-        It is something else.
+        The object is neither a result nor a robot.
     """
     raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
 
@@ -111,18 +121,24 @@ HISTORY_FORMATS = ("json", *history_files.FORMATS)
 
 
 def save(result: Result, path: str | PathLike[str]) -> Path:
-    """Write a result to a file, whole or not at all.
+    """Write a result to a file atomically.
 
-    The name ends in ``.json`` or ``.csv``, or for a history in ``.npz`` or ``.parquet``. A
-    history's CSV, NPZ and Parquet hold every instant, and `ftforce.load_history` reads them back;
-    its JSON is a summary.
+    CSV, NPZ and Parquet files of a history hold every instant and can be read back by
+    `ftforce.load_history`; its JSON file is a summary.
+
+    Parameters
+    ----------
+    result :
+        A result or a robot.
+    path :
+        The file, with extension ``.json`` or ``.csv``; for a history also ``.npz`` or ``.parquet``.
 
     Raises
     ------
     InputError
-        The file's name ends otherwise.
+        The file name has another extension.
     OutputError
-        The file cannot be written; nothing is left behind.
+        The file cannot be written; no partial file remains.
     """
     form = Path(path).suffix.lower().removeprefix(".")
     known = HISTORY_FORMATS if isinstance(result, History) else FORMATS
@@ -133,7 +149,7 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
 
 
 def to_content(result: object, form: str) -> str | bytes:
-    """Return a result as the content of a file.
+    """Return the file content for a result.
 
     Parameters
     ----------
@@ -148,12 +164,12 @@ def to_content(result: object, form: str) -> str | bytes:
 
 
 def to_text(result: object, form: str) -> str:
-    """Return a result as the text of a JSON document or a CSV table.
+    """Return a result as a JSON document or a CSV table.
 
     Parameters
     ----------
     result :
-        A result or a robot, or for JSON a list of them.
+        A result or a robot; for JSON also a list of them.
     form :
         ``json`` or ``csv``.
     """
@@ -166,7 +182,7 @@ def to_text(result: object, form: str) -> str:
 
 
 def _unsigned(value: Any) -> Any:
-    """Return the same with 0.0 for every -0.0, a sign that means nothing."""
+    """Return the value with every -0.0 replaced by 0.0."""
     if isinstance(value, float):
         return value + 0.0
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Histories and timelines in plain sentences, for tables and files alike."""
+"""Simulation histories as text and JSON."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 def worst_verdict(run: Run) -> Verdict:
-    """Return the worst verdict over a run."""
+    """Return the worst verdict of a run."""
     return VERDICTS[int(run.verdict.max())]
 
 
 def history_sentence(history: History) -> str:
-    """Say what becomes of the force and of the path, in a few plain sentences."""
+    """Describe what happens to the force and to the path, in a few plain sentences."""
     run, events = history.answer, history.setting.events
     verdict = worst_verdict(run)
     about = _about_force(history, run, verdict)
@@ -84,7 +84,7 @@ def _about_force(history: History, run: Run, verdict: Verdict) -> str:
 
 
 def _asked_in_words(history: History) -> str:
-    """Say the force that is asked for, or if even the healthy arm lacks some, what it can."""
+    """Describe the requested force, or the part of it that the healthy arm can exert."""
     asked = np.array(history.setting.force)
     whole = amounts(history.setting.task, asked)
     if unsupported(history).any():
@@ -93,7 +93,7 @@ def _asked_in_words(history: History) -> str:
 
 
 def _since(history: History, run: Run) -> str:
-    """Say when the worst verdict holds."""
+    """Describe when the worst verdict applies."""
     bad = run.verdict == run.verdict.max()
     first = int(np.argmax(bad))
     if bad[first:].all():
@@ -102,7 +102,7 @@ def _since(history: History, run: Run) -> str:
 
 
 def _about_healthy(history: History) -> Iterator[str]:
-    """Say what no fault is to blame for."""
+    """Yield sentences on deficiencies of the healthy arm."""
     lacking = unsupported(history)
     if lacking.any():
         worst = int(np.linalg.norm(lacking, axis=1).argmax())
@@ -133,13 +133,13 @@ def _about_path(history: History, run: Run) -> str:
 
 
 def peak(values: Vector) -> str:
-    """Write the largest absolute value, or a dash where nothing is known."""
+    """Format the largest absolute value; a dash if all are NaN."""
     known = np.abs(values[~np.isnan(values)])
     return number(float(known.max())) if len(known) else "–"
 
 
 def history_document(history: History) -> Document:
-    """Return a summary of a simulation: what was simulated, and each run at its worst."""
+    """Return a summary of a history as a JSON document, with the peaks of each run."""
     setting, task = history.setting, history.setting.task
     return {
         "robot": {
@@ -201,7 +201,7 @@ def _event(event: EventReport) -> Document:
 
 
 def _run(history: History, run: Run) -> Document:
-    """Return the worst of a run; what nothing holds is ``None``."""
+    """Return the peaks of a run; ``None`` where the arm cannot be held."""
     here = run.until_fall
     jump, error = history.jump_norm(run)[here], run.path_error_norm[here]
     names = [joint.name for joint in history.setting.joints]

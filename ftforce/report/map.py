@@ -1,4 +1,4 @@
-"""Maps of a sweep's workspace in plain words, for tables, pictures and files alike."""
+"""Workspace maps as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAILS = {"locked": ("locks", "lock"), "free": ("swings free", "swing free")}
 
 
 def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:
-    """Say which faults a map is about."""
+    """Describe the faults that a map covers."""
     setting = sweep.setting
     if joints is not None:
         how = _FAIL[setting.mode]
@@ -35,7 +35,7 @@ def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:
 
 
 def depth_in_words(found: WorkspaceMap, flat: Flat) -> str:
-    """Say what a map shows of the axis that it lacks."""
+    """Describe how a map treats the axis normal to its plane."""
     name = AXES[depth_axis(flat.plane)]
     if found.at is None:
         return f"{flat.plane} plane, all {name} pooled"
@@ -44,17 +44,17 @@ def depth_in_words(found: WorkspaceMap, flat: Flat) -> str:
 
 
 def cells_in_words(found: WorkspaceMap, flat: Flat) -> str:
-    """Say what a map shows of the axis that it lacks, and how large its cells are."""
+    """Describe how a map treats the axis normal to its plane, and its cell size."""
     return f"{depth_in_words(found, flat)}, cells of {found.sweep.summary.workspace.edge:g} m"
 
 
 def metres(x: float) -> str:
-    """Write a position."""
+    """Format a coordinate in m."""
     return f"{x:.4g}".replace("-", "−") if abs(x) > 1e-9 else "0"
 
 
 def map_sentence(found: WorkspaceMap) -> str:
-    """Say how much of what is looked at survives, and where it is worst."""
+    """Describe how many postures tolerate the faults, and where the fewest do."""
     grid = found.located.cells
     postures, tolerated = int(grid.postures.sum()), int(grid.tolerated.sum())
     where = "" if found.plane is None or found.at is None else " of the slice"
@@ -70,11 +70,11 @@ def map_sentence(found: WorkspaceMap) -> str:
 
 
 EVERY = "every"
-"""How a table names the postures that tolerate every set of the sweep."""
+"""Table label of the postures that tolerate every fault set of the sweep."""
 
 
 def map_document(found: WorkspaceMap) -> Document:
-    """Return a map's cells that hold postures, with what every fault set does to them."""
+    """Return the occupied cells of a map as a JSON document, with the results of all fault sets."""
     sweep = found.sweep
     setting, located = sweep.setting, found.located
     return {
@@ -115,7 +115,7 @@ def map_document(found: WorkspaceMap) -> Document:
 
 
 def map_rows(found: WorkspaceMap) -> list[Row]:
-    """Return a map as rows, the header first: one per fault set and cell that holds postures."""
+    """Return a map as table rows, header first: one per fault set and occupied cell."""
     mode = "locked" if found.sweep.setting.mode == "locked" else "free"
     lengths = (f"{name} [m]" for name in (*AXES, "edge"))
     header: Row = ("fault_set", mode, *lengths, *found.located.cells._fields)
@@ -136,7 +136,7 @@ def _plain(x: Any) -> int | float | None:
 
 
 def _each(found: WorkspaceMap) -> Iterator[tuple[tuple[int, ...] | None, Located]]:
-    """Yield the set that is looked at; without one every set together, and then each."""
+    """Yield the selected fault set; if none is selected, all sets together, then each one."""
     yield found.joints, found.located
     if found.joints is None:
         for one in found.sweep.sets:

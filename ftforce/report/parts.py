@@ -1,4 +1,4 @@
-"""The pieces that documents are made of."""
+"""Building blocks of JSON documents and tables."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ POSITION_UNIT = "rad (m for prismatic joints)"
 TORQUE_UNIT = "N·m (N for prismatic joints)"
 GRAVITY_UNIT = "m/s², in the root's axes"
 
-MOST_DRAWN = 3  # dimensions: beyond them a polytope has thousands of corners
+MOST_DRAWN = 3  # dimensions: polytopes in higher ones have thousands of vertices
 
 
 def arm_part(robot: Robot) -> Document:
-    """Return the chain."""
+    """Return the kinematic chain."""
     return {
         "name": robot.name,
         "base": robot.base,
@@ -47,7 +47,7 @@ def arm_part(robot: Robot) -> Document:
 
 
 def conventions_part(task: Task, rtol: float, wary: float, conditions: Conditions) -> Document:
-    """Return what the numbers mean."""
+    """Return the conventions: axes, units, gravity, payload and tolerances."""
     payload = conditions.payload
     units = {
         "position": POSITION_UNIT,
@@ -75,7 +75,7 @@ def conventions_part(task: Task, rtol: float, wary: float, conditions: Condition
 
 
 def task_part(task: Task, units: Document) -> Document:
-    """Return axes and components of a force, its sign, and the units of all that is written."""
+    """Return axes, components and sign of the force, and the units of a document."""
     return {
         "axes": task.axes,
         "task": str(task),
@@ -92,7 +92,7 @@ def posture_part(posture: Posture) -> Document:
 
 
 def force_part(force: ForceChange | None) -> Document:
-    """Return the force at the tip before and after."""
+    """Return the tip force before and after the fault."""
     keys = ("requested", "unsupported", "before", "after", "jump")
     if force is None:
         return dict.fromkeys((*keys, "jump_norm", "moment_jump_norm"))
@@ -107,7 +107,7 @@ def force_part(force: ForceChange | None) -> Document:
 def torque_part(
     names: Sequence[str], locked: Iterable[int], torque: TorqueChange | None
 ) -> Document:
-    """Return the force part of the torques, and what locks carry."""
+    """Return the torques for the force, and the brake loads."""
     if torque is None:
         return {"before": None, "after": None, "brake_load": None, "self_motion": None}
     load = torque.brake_load
@@ -134,7 +134,7 @@ def rnea_part(names: Sequence[str], rnea: RneaChange) -> Document:
 def total_part(
     names: Sequence[str], locked: Iterable[int], torque: TorqueChange | None
 ) -> Document:
-    """Return what the motors must give; ``None`` at locked joints, whose brakes do."""
+    """Return the total motor torques; ``None`` at locked joints, which the brake holds."""
     if torque is None:
         return {"before": None, "after": None}
     after = by_name(names, torque.total_after)
@@ -146,7 +146,7 @@ def total_part(
 def velocity_part(
     names: Sequence[str], velocity: VelocityChange | None, impact: Impact | None
 ) -> Document | None:
-    """Return the velocities before, after the remap, and right after the lock."""
+    """Return velocities before the fault, after the remap, and right after the lock."""
     if velocity is None:
         return None
     return {
@@ -170,7 +170,7 @@ def velocity_part(
 
 
 def finite(x: float) -> float | None:
-    """Return a number, or ``None`` where it is infinite or undefined."""
+    """Return a number, or ``None`` if it is infinite or NaN."""
     return x if math.isfinite(x) else None
 
 
@@ -182,17 +182,17 @@ def listed(vector: Vector | tuple[float, ...] | None) -> list[float] | None:
 
 
 def estimate_part(one: Estimate) -> Document:
-    """Return a number and its interval; ``None`` where undefined or without end."""
+    """Return a value and its interval; ``None`` where infinite or NaN."""
     return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
 
 
 def interval_columns(name: str, one: Estimate) -> Document:
-    """Return the columns of a number and its interval."""
+    """Return the table columns of a value and its interval."""
     return {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
 
 
 def setting_part(setting: SweepSetting) -> Document:
-    """Return the chain of a sweep."""
+    """Return the kinematic chain of a sweep."""
     return {
         "name": setting.robot,
         "base": setting.base,
@@ -202,7 +202,7 @@ def setting_part(setting: SweepSetting) -> Document:
 
 
 def check_part(check: Check) -> Document:
-    """Return a printed number of the paper, and what it is compared with."""
+    """Return the comparison of one printed number of the paper."""
     return {
         "table": check.table,
         "row": check.row,
@@ -215,7 +215,7 @@ def check_part(check: Check) -> Document:
 
 
 def rows_of(records: Iterable[Document]) -> list[Row]:
-    """Return records as rows of a table, their keys before them; no rows at all of none."""
+    """Return records as table rows, preceded by their keys as header; empty without records."""
     rows: list[Row] = []
     for record in records:
         if not rows:
@@ -225,7 +225,7 @@ def rows_of(records: Iterable[Document]) -> list[Row]:
 
 
 def task_columns(task: Task) -> Document:
-    """Return the columns that say what vectors mean."""
+    """Return the table columns that define the task: axes, components and length."""
     return {
         "axes": task.axes,
         "task": str(task),
@@ -234,25 +234,25 @@ def task_columns(task: Task) -> Document:
 
 
 def limits_source(limits: Limits | None) -> str:
-    """Return where limits come from, ``none`` if none count."""
+    """Return the source of the torque limits; ``none`` if none are in force."""
     return "none" if limits is None else limits.source
 
 
 def by_name(names: Sequence[str], vector: Vector | None) -> dict[str, float | None] | None:
-    """Return a vector as numbers by joint, unknown (NaN) ones ``None``; ``None`` for none."""
+    """Return a vector as a dict by joint name, ``None`` for NaN; ``None`` if there is no vector."""
     if vector is None:
         return None
     return {name: finite(x) for name, x in zip(names, vector.tolist(), strict=True)}
 
 
 def modes_part(names: Sequence[str], faults: FaultSet) -> Document:
-    """Return how the failed joints fail."""
+    """Return the fault modes and weak factors."""
     weak = {names[f.joint]: f.factor for f in faults.faults if f.mode is FaultMode.WEAK}
     return {"modes": {names[f.joint]: f.mode.value for f in faults.faults}, "weak_factors": weak}
 
 
 def limits_part(names: Sequence[str], limits: Limits) -> Document:
-    """Return the limits that count."""
+    """Return the torque limits."""
     return {
         "source": limits.source,
         "effort": by_name(names, limits.effort),
@@ -261,7 +261,7 @@ def limits_part(names: Sequence[str], limits: Limits) -> Document:
 
 
 def amount_part(names: Sequence[str], amount: CapabilityRange) -> Document:
-    """Return how much can be held, and what ends it."""
+    """Return a capability range and what limits it."""
     return {
         "most": finite(amount.maximum),
         "least": finite(amount.minimum),
@@ -271,12 +271,12 @@ def amount_part(names: Sequence[str], amount: CapabilityRange) -> Document:
 
 
 def _weakest(amount: CapabilityRange) -> list[float] | None:
-    """Return the weakest direction; ``None`` if none is weaker than another."""
+    """Return the weakest direction; ``None`` if there is no finite maximum."""
     return amount.direction.tolist() if math.isfinite(amount.maximum) else None
 
 
 def polytope_part(capability: Capability) -> Document | None:
-    """Return corners and faces of the forces that can be held; ``None`` beyond 3 dimensions."""
+    """Return the force polytopes; ``None`` for tasks of more than 3 dimensions."""
     if capability.analysis.task.m > MOST_DRAWN:
         return None
     return {
@@ -295,7 +295,7 @@ def polytope_part(capability: Capability) -> Document | None:
 
 
 def capability_part(capability: Capability) -> Document:
-    """Return which forces and payloads can be held."""
+    """Return force and payload capabilities."""
     names = capability.analysis.robot.names
     before, after = capability.payload
     return {

@@ -1,4 +1,4 @@
-"""A robot, and the paper's replication, as documents and as rows."""
+"""Robots and the replication of the paper as JSON and table rows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def robot_document(robot: Robot) -> Document:
-    """Return what JSON holds of a robot."""
+    """Return a robot as a JSON document."""
     return {
         **arm_part(robot),
         "base_source": robot.base_source,
@@ -44,7 +44,7 @@ def robot_document(robot: Robot) -> Document:
 
 
 def replication_document(result: Replication) -> Document:
-    """Return what JSON holds of a replication."""
+    """Return a replication as a JSON document."""
     return {
         "successful": result.is_successful,
         "checks": [
@@ -58,7 +58,7 @@ def replication_document(result: Replication) -> Document:
 
 
 def robot_rows(robot: Robot) -> list[Row]:
-    """Return a robot as rows, one per joint."""
+    """Return a robot as table rows, one per joint."""
     return rows_of(
         {
             "number": joint.number,
@@ -76,5 +76,5 @@ def robot_rows(robot: Robot) -> list[Row]:
 
 
 def replication_rows(result: Replication) -> list[Row]:
-    """Return a replication as rows, one per printed number."""
+    """Return a replication as table rows, one per printed number."""
     return rows_of(map(check_part, result.checks))

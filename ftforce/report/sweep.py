@@ -1,4 +1,4 @@
-"""Sweeps in plain sentences, for tables and files alike."""
+"""Sweeps as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _HOW = {
     "locked": ("joint locks", "joints lock"),
     "free": ("joint swings free", "joints swing free"),
 }
-_HARDLY = 1e-3  # share up to which what is borderline tells more than what is not tolerated
+_HARDLY = 1e-3  # up to this fraction not tolerated, borderline cases say more
 
 
 def sweep_sentence(sweep: Sweep) -> str:
-    """Say how much survives, and which joint is the critical one."""
+    """Describe how many postures keep the force, and which joint is critical."""
     if not sweep.done:
         return "No posture is done yet."
     one, more = _HOW[sweep.setting.mode]
@@ -81,7 +81,7 @@ def _overlap(one: Estimate, other: Estimate) -> bool:
 
 
 def force_in_words(setting: SweepSetting) -> str:
-    """Say which force is asked for."""
+    """Describe the requested force."""
     if setting.force is None:
         return "every direction (none given)"
     units = ("N" if name[0] == "f" else "N·m" for name in setting.components)
@@ -89,7 +89,7 @@ def force_in_words(setting: SweepSetting) -> str:
 
 
 def direction_in_words(setting: SweepSetting) -> str:
-    """Say which capability is asked for, and inside which limits."""
+    """Describe the requested capability and the torque limits."""
     if setting.direction is None or setting.limits is None:
         return "not asked (no force or direction)"
     axis = vector_in_words(setting.direction)
@@ -97,14 +97,14 @@ def direction_in_words(setting: SweepSetting) -> str:
 
 
 def interval(one: Estimate) -> str:
-    """Write a share in percent with its confidence interval."""
+    """Format a fraction in percent with its confidence interval."""
     if math.isnan(one.value):
         return "–"
     return f"{share(one.value)} ({share(one.low)}–{share(one.high)})"
 
 
 def sweep_document(sweep: Sweep) -> Document:
-    """Return a sweep's summary as plain values; the samples stay in its Zarr group."""
+    """Return the summary of a sweep as a JSON document; samples stay in its Zarr group."""
     setting = sweep.setting
     names = setting.joints
     return {
@@ -203,7 +203,7 @@ def _joint(names: tuple[str, ...], one: JointCriticality) -> Document:
 
 
 def sweep_rows(sweep: Sweep) -> list[Row]:
-    """Return one row per fault set, worst first, the header before them."""
+    """Return a sweep as table rows, header first: one per fault set, worst first."""
     return rows_of(_columns(sweep, one) for one in sweep.ranked)
 
 

@@ -1,4 +1,4 @@
-"""Numbers, directions and amounts in plain words, for tables and files alike."""
+"""Format numbers, directions and force magnitudes as text, for tables and files."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ SIGN = (
     "the force part J^T F, apart from gravity, motion, total and brake_load"
 )
 
-NEGLIGIBLE = 1e-9  # N or N·m: rounding
-_ON_AXIS = 1e-3  # a direction this close to an axis is called by its name
+NEGLIGIBLE = 1e-9  # N or N·m: rounding error
+_ON_AXIS = 1e-3  # a direction this close to an axis is named after it
 
 
 def number(x: float, digits: int = 2) -> str:
-    """Write a number with fixed decimals and never a negative zero."""
+    """Format a number with fixed decimals, without negative zero."""
     text = f"{x:.{digits}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text
 
 
 def size(x: float, digits: int = 2) -> str:
-    """Write what may be small but must not look like nothing: a jump of 4e-04 N is no 0.00 N."""
+    """Format a magnitude so that a small nonzero value is not shown as zero: 4e-04, not 0.00."""
     text = number(x, digits)
     return f"{x:.0e}" if float(text) == 0.0 and abs(x) > NEGLIGIBLE else text
 
 
 def ratio(x: float) -> str:
-    """Write a margin or ratio with three significant digits."""
+    """Format a margin or ratio with three significant digits."""
     return "0" if abs(x) < 1e-12 else f"{x:.3g}"
 
 
 def joined(words: Iterable[str]) -> str:
-    """Join words as a sentence does."""
+    """Join words into an enumeration."""
     words = list(words)
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def axes_in_words(task: Task | SweepSetting) -> str:
-    """Say which axes vectors are given in."""
+    """Describe the axes in which vectors are expressed."""
     return "the tool frame" if task.axes == "tool" else "the world (the robot's root), at the tip"
 
 
 def direction(task: Task, row: Vector) -> str:
-    """Say a direction: the name of a task axis where it falls on one, else its components.
+    """Describe a direction: by the task axis if it is parallel to one, else by its components.
 
     Parameters
     ----------
@@ -71,12 +71,12 @@ def direction(task: Task, row: Vector) -> str:
 
 
 def lost_directions(task: Task, rows: Sequence[Vector]) -> str:
-    """Say which directions are lost, in the task's axes."""
+    """Describe the lost directions, in task axes."""
     return "; ".join(direction(task, row) for row in rows) or "none"
 
 
 def amounts(task: Task, vector: Vector) -> str:
-    """Say the size of a force vector: N and N·m apart."""
+    """Format the magnitude of a force vector, N and N·m separately."""
     linear, angular = list(task.force_rows), list(task.moment_rows)
     parts = []
     if linear:
@@ -87,24 +87,24 @@ def amounts(task: Task, vector: Vector) -> str:
 
 
 def vector_in_words(vector: Iterable[float]) -> str:
-    """Write a vector's components, two decimals each."""
+    """Format the components of a vector with two decimals."""
     return f"({', '.join(map(number, vector))})"
 
 
 def unit_of_size(task: Task, direction: Vector | None = None) -> str:
-    """Return the unit of a force's size: along a direction, or if there is none of its norm."""
+    """Return the unit of a force magnitude along a direction, or of the norm if none is given."""
     if direction is None:
         return "weighted N" if task.force_rows and task.moment_rows else task.units[0]
     return "N" if direction[list(task.force_rows)].any() else "N·m"
 
 
 def is_noticeable(vector: Vector) -> bool:
-    """Return whether a force is more than rounding."""
+    """Return whether a force exceeds rounding errors."""
     return bool(np.any(np.abs(vector) > NEGLIGIBLE))
 
 
 def percent(share: float) -> str:
-    """Write a share so that neither 0 nor all of it is claimed wrongly."""
+    """Format a fraction in percent; never show 0% or 100% for a value that only rounds to it."""
     if 0.0 < share < 1e-9:
         return "<1e-7%"
     text = f"{100.0 * share:.3g}%" if share < 1.0 else f"{share:.0%}"
@@ -112,7 +112,7 @@ def percent(share: float) -> str:
 
 
 def share(x: float, *, short: bool = False) -> str:
-    """Write a share in percent, likewise, for a column [%]; or short, beside a mark in a plot."""
+    """Format a fraction as the number of percent: for a column [%], or short for plot labels."""
     if math.isnan(x):
         return "–"
     x *= 100.0
@@ -127,16 +127,16 @@ def share(x: float, *, short: bool = False) -> str:
 
 
 def with_units(names: Iterable[str], values: Iterable[float], units: Iterable[str]) -> str:
-    """Write numbers with their names and units: ``fx 80.00 N, fy 50.00 N``."""
+    """Format numbers with names and units: ``fx 80.00 N, fy 50.00 N``."""
     parts = zip(names, values, units, strict=True)
     return ", ".join(f"{name} {number(x)} {unit}" for name, x, unit in parts)
 
 
 def set_of(joints: Iterable[int]) -> str:
-    """Write joints (indices from 0) as a set of numbers from 1: ``{2, 4}``."""
+    """Format joint indices (from 0) as a set of joint numbers (from 1): ``{2, 4}``."""
     return "{" + ", ".join(str(joint + 1) for joint in joints) + "}"
 
 
 def torque_of(robot: Robot, joint: int, torque: float) -> str:
-    """Say a torque of a joint (index from 0) with its unit, without its sign."""
+    """Format the absolute torque of a joint (index from 0) with its unit."""
     return f"{size(abs(torque))} {robot.joints[joint].torque_unit}"

@@ -1,4 +1,4 @@
-"""A timeline in words, as a document and as rows."""
+"""Timelines as text, JSON and table rows."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def timeline_sentence(timeline: Timeline) -> str:
-    """Say which fault set hurts most, and when."""
+    """Describe the worst fault set and its worst instant."""
     worst = timeline.worst()[0]
     name = faults_in_words(timeline.robot, worst.faults)
     when = f"Worst: {name}, at {worst.time:g} s"
@@ -48,7 +48,7 @@ def timeline_sentence(timeline: Timeline) -> str:
 
 
 def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
-    """Say what the worst instant takes."""
+    """Describe what is lost at the worst instant."""
     if timeline.force is None:
         return "a direction of force is lost"
     if math.isnan(worst.jump):
@@ -58,13 +58,13 @@ def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
 
 
 def faults_in_words(robot: Robot, faults: FaultSet) -> str:
-    """Name the joints of a set: ``2 joint2 and 4 joint4 locked``."""
+    """Format the joints of a set: ``2 joint2 and 4 joint4 locked``."""
     names = joined(f"{i + 1} {robot.names[i]}" for i in faults.joints)
     return f"{names} {faults.faults[0].mode}"
 
 
 def timeline_document(timeline: Timeline) -> Document:
-    """Return a timeline: each fault set at its worst, and all numbers over time."""
+    """Return a timeline as a JSON document: each fault set at its worst, and all values."""
     names, task = timeline.robot.names, timeline.task
     limits = timeline.limits
     bearing = timeline.capability_limits
@@ -109,7 +109,7 @@ def _rows(values: Matrix) -> list[list[float | None]]:
 
 
 def timeline_rows(timeline: Timeline) -> list[Row]:
-    """Return a timeline as rows, one per instant and fault set."""
+    """Return a timeline as table rows, one per instant and fault set."""
     names, task = timeline.robot.names, timeline.task
     unit = text.unit_of_size(task, timeline.direction)
     conventions = {

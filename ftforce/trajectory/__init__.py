@@ -1,4 +1,4 @@
-"""Over time: paths and recordings, faults that happen on the way, histories and timelines."""
+"""Simulation over time: paths and recordings, fault events, histories and timelines."""
 
 from ftforce.trajectory.fault_events import FaultEvent
 from ftforce.trajectory.path import Path

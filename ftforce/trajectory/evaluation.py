@@ -1,8 +1,8 @@
-"""Forces and torques of a moving arm, instant by instant: with a remap, and without.
+"""Forces and torques of a moving arm at each instant, with and without the remap.
 
-With the remap every instant is what `ftforce.analyze` says of its posture. Without it the
-controller measures positions and velocities, asks all motors for weight, motion and force as if
-they were healthy, and what comes of it is physics.
+With the remap, every instant is analysed as `ftforce.analyze` would. Without it, the controller
+measures positions and velocities and commands all motors for weight, motion and force as if they
+were healthy; the resulting force follows from mechanics.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ if TYPE_CHECKING:
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import Motion
 
-_CHUNK = 500  # instants between two ticks
+_CHUNK = 500  # instants per progress tick
 
 
 class Case(NamedTuple):
-    """What all instants of all runs share.
+    """Data shared by all instants of all runs.
 
     Attributes
     ----------
     robot, task, conditions :
         The arm, the task, gravity and payload.
     F :
-        Weighted force that is asked for, shape (m,).
+        Requested force, weighted, shape (m,).
     limits :
-        Those that count, ``None`` if none do.
+        Torque limits in force; ``None`` if none.
     rtol, wary :
         Tolerances.
     """
@@ -64,18 +64,18 @@ class Case(NamedTuple):
 
 
 class Faults(NamedTuple):
-    """A fault set as the mathematics needs it.
+    """Masks and torque limits of a fault set.
 
     Attributes
     ----------
     locked :
         True at locked joints, shape (n,).
     swinging :
-        True at joints without torque, ``None`` if there are none.
+        True at free-swinging joints; ``None`` if there are none.
     counted :
-        Largest torques that count, NaN where unknown; ``None`` if none do.
+        Torque limits in force, NaN where unknown; ``None`` if none.
     known_largest :
-        The same, or if none count what the URDF says.
+        The same; if no limits are in force, those of the URDF.
     """
 
     locked: Mask
@@ -94,7 +94,7 @@ class Faults(NamedTuple):
 
 
 class TipPath(NamedTuple):
-    """What the tip should do: position (m) and velocity (m/s), shape (N, 3), and orientation."""
+    """Reference of the tip: position (m) and velocity (m/s), shape (N, 3), and orientation."""
 
     x: Matrix
     x_dot: Matrix
@@ -102,23 +102,23 @@ class TipPath(NamedTuple):
 
 
 class Known(NamedTuple):
-    """Faults, and what the controller takes them for; ``None`` if it knows them."""
+    """Actual faults, and those the controller assumes; ``None`` if it knows the actual ones."""
 
     actual: Faults
     taken_for: Faults | None
 
 
 class Balance(NamedTuple):
-    """Force at the tip (weighted) and the torques that belong to it; NaN if nothing holds the arm.
+    """Weighted tip force and the matching torques; NaN if the arm cannot be held.
 
     Attributes
     ----------
     F, F_after :
-        What the healthy arm exerts here, and what is exerted, shape (m,).
+        Force that the healthy arm exerts here, and force that is exerted, shape (m,).
     U, motor :
-        Torques that motors give to the force, and in all, shape (n,).
+        Motor torques for the force, and total motor torques, shape (n,).
     unbalanced :
-        Torques that nothing balances, shape (n,).
+        Torques that are not balanced, shape (n,).
     reduced :
         The decomposed Jacobians.
     verdict :
@@ -135,7 +135,7 @@ class Balance(NamedTuple):
 
     @property
     def torques(self) -> tuple[Vector, Vector, Vector]:
-        """U, motor and unbalanced."""
+        """``U``, ``motor`` and ``unbalanced``."""
         return self.U, self.motor, self.unbalanced
 
 
@@ -149,22 +149,22 @@ def run_of(
     tick: Callable[[int], None],
     same: Run | None = None,
 ) -> Run:
-    """Return everything about a motion, at each of its instants.
+    """Return the forces, torques and verdicts of a motion at each instant.
 
     Parameters
     ----------
     case :
-        What all instants share.
+        Data shared by all instants.
     motion :
-        Of the joints.
+        The joint motion.
     course :
-        What the tip should do.
+        Reference of the tip.
     times, phases :
-        When which faults are there, and known.
+        Sample times, s, and the actual and known faults over time.
     tick :
-        Called with the number of instants that are done.
+        Called with the number of instants just completed.
     same :
-        A run that is the same as long as there is no fault: it is not computed twice.
+        A run with the same fault-free phases, which are copied instead of computed again.
     """
     run = _empty_run(case, motion)
     rows = [int(np.searchsorted(times, phase.start)) for phase in phases] + [len(times)]
@@ -190,15 +190,15 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     count, n, m = len(motion.q), case.robot.n, case.task.m
     rest = [name for name in QUANTITIES if name not in {*MOTIONS, *SCALARS}]
     arrays = {name: np.zeros((count, width(name, n, m) or 1)) for name in rest}
-    arrays["used"].fill(np.nan)  # a limit that is unknown, or none
+    arrays["used"].fill(np.nan)  # stays NaN where there is no known limit
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
 def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
-    """Compute what every instant needs of its own; `_finish` does the rest for all of a phase."""
+    """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
-    J = frame_jacobian(robot, q, "world")  # places the tip, too; in tool axes Pinocchio does not
+    J = frame_jacobian(robot, q, "world")  # also updates the tip placement; tool axes do not
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = quaternion(R)
@@ -219,19 +219,19 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
 
 
 def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) -> None:
-    """Make of a phase's raw numbers what a run holds."""
+    """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
     run.path_error[here] = course.x[here] - run.position[here]
     run.velocity_jump[here] -= course.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
-    limited = actual.known_largest > 0.0  # not where it is unknown, or there is no torque
+    limited = actual.known_largest > 0.0  # excludes unknown limits (NaN) and free joints (0)
     run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
     run.force[here] = case.task.unweigh_force(run.force[here])
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
 def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
-    """Return what the remap makes of a fault, as `ftforce.analyze` does."""
+    """Return force and torques after the remap, as `ftforce.analyze` computes them."""
     locked, swinging, counted, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, swinging)
     F = supported_force(reduced, case.F)
@@ -254,7 +254,7 @@ def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
 
 
 def _without_sign_changes(quaternions: Matrix) -> None:
-    """Turn quaternions, of which q and -q mean the same, so that neighbours are close."""
+    """Choose the signs of quaternions so that neighbouring ones are close (q and -q agree)."""
     turned = np.where(np.vecdot(quaternions[1:], quaternions[:-1]) < 0.0, -1.0, 1.0)
     quaternions[1:] *= np.cumprod(turned)[:, None]
 
@@ -264,42 +264,43 @@ def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> B
     if taken_for is None:
         return _with_remap(case, J, rnea, actual)
     if case.limits is None and actual.swinging is None and taken_for.swinging is None:
-        # Locks alone leave the healthy torques as they were.
+        # Locks alone do not change the torques of the healthy joints.
         return _with_remap(case, J, rnea, actual)
     return _without_remap(case, q, J, rnea, faults)
 
 
 def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
-    """Return what comes of torques that are meant for other faults than there are."""
+    """Return the force that results from torques commanded for the assumed faults."""
     actual, known = faults
     assert known is not None
     meant = _with_remap(case, J, rnea, known)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
-    if np.isnan(meant.motor).any():  # nothing held the arm before
+    if np.isnan(meant.motor).any():  # the arm cannot be held even with the assumed faults
         return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
     motor = np.where(reduced.commanding, meant.motor, 0.0)
-    if case.limits is not None:  # a weak motor gives what it can
+    if case.limits is not None:  # motor torques saturate at their limits
         most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
         motor = np.clip(motor, -most, most)
     moving = ~actual.locked
-    rest = np.where(moving, motor - rnea, 0.0)  # for the force, at joints that no brake holds
+    rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
     F_after = _exerted(case, q, reduced, rest)
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *meant.F.dot(J))
     moved = over(math.hypot(*unbalanced), scale, 0.0)
-    if moved <= case.rtol:  # what is lost up to the tolerance moves nothing
+    if moved <= case.rtol:  # below the tolerance the arm does not move
         unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, meant.F, F_after, moved)
     return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
 def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
-    """Return the force that torques exert at a tip that what it presses on holds in place.
+    """Return the tip force that torques exert while the environment holds the tip in place.
 
-    With masses what is left of them accelerates the arm as it would; else the Euclidean inverse.
+    If masses are known, the remaining torques accelerate the arm and the dynamically consistent
+    inverse applies; otherwise the Euclidean one.
     """
-    # Ranks are judged by the healthy arm, as everywhere.
+    # Ranks are decided relative to the healthy arm, as everywhere.
     K = np.where(reduced.locked, 0.0, reduced.J)
     size = float(np.linalg.norm(K, 2))
     rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
@@ -312,7 +313,7 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> V
         M = mass_matrix(case.robot, q, case.conditions.payload)
     except InputError:
         return F
-    # A brake is an infinite inertia: its joint takes no part.
+    # A locked joint has infinite inertia: it is decoupled from the others.
     M = np.where(reduced.locked[:, None] | reduced.locked, np.diag(np.diag(M)), M)
     return dynamically_exerted_force(open_joints, rest, M)
 
@@ -320,7 +321,7 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> V
 def _verdict(
     case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
 ) -> Verdict:
-    """Judge torques that were not remapped: by the jump, and by the share that moves the arm."""
+    """Return the verdict without remap, from the force jump and the unbalanced torques."""
     jump = math.hypot(*(F - F_after))
     off = max(over(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
     if off > case.wary:

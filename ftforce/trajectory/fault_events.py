@@ -1,4 +1,4 @@
-"""Faults in time: which joints fail when, and from when on the controller knows."""
+"""Fault events: which joints fail when, and when the controller learns of it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
 
 
 class FaultEvent(NamedTuple):
-    """Joints that fail at a time.
+    """Joints that fail at the same time.
 
     Attributes
     ----------
     time :
-        In s from the start of the trajectory.
+        Time from the start of the trajectory, s.
     faults :
-        The joints that fail then, and how.
+        The joints that fail at this time, and their fault modes.
     """
 
     time: float
@@ -39,16 +39,16 @@ Events: TypeAlias = "str | FaultEvent | Iterable[str | FaultEvent]"
 
 
 class Phase(NamedTuple):
-    """A stretch of time in which neither the faults nor what is known of them change.
+    """A time interval in which neither the actual nor the known faults change.
 
     Attributes
     ----------
     start :
-        When it begins, s.
+        Start of the interval, s.
     actual :
-        The faults that there are.
+        Faults present.
     known :
-        Those that the controller has reacted to.
+        Faults to which the controller has reacted.
     """
 
     start: float
@@ -57,21 +57,21 @@ class Phase(NamedTuple):
 
 
 def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
-    """Return events in the order of their times; those of one time are one.
+    """Parse fault events, sort them by time, and merge those at the same time.
 
     Parameters
     ----------
     robot :
         The arm.
     events :
-        Texts ``JOINTS@SECONDS``, joints by number (from 1) or name, ``free:`` or ``weak:`` before
-        them: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
+        Texts ``JOINTS@SECONDS`` with joints by number (from 1) or name, prefixed by ``free:`` or
+        ``weak:`` if not locked: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
 
     Raises
     ------
     InputError
-        A malformed event, a joint that does not exist, one that fails again in the same way or
-        after it locked.
+        An event is malformed, a joint does not exist, fails twice in the same way, or fails after
+        it has locked.
     """
     given = [events] if isinstance(events, (str, FaultEvent)) else events
     if not isinstance(given, Iterable):
@@ -98,12 +98,12 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
 
 
 def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
-    """Return the phases of a trajectory, from time 0; a later fault of a joint replaces its first.
+    """Return the phases of a trajectory from time 0; a joint's latest fault replaces earlier ones.
 
     Parameters
     ----------
     events :
-        In the order of their times.
+        Events sorted by time.
     delay :
         Time from a fault until the controller reacts, s; infinite if it never does.
     """
@@ -120,7 +120,7 @@ def phases(events: Sequence[FaultEvent], delay: float) -> tuple[Phase, ...]:
 
 
 def joined(events: Iterable[FaultEvent]) -> FaultSet:
-    """Return all faults of events in the order of their times, of each joint the last."""
+    """Return the union of the faults of events sorted by time, with the latest fault per joint."""
     latest: dict[int, Fault] = {}
     for event in events:
         latest |= {fault.joint: fault for fault in event.faults.faults}
@@ -139,7 +139,7 @@ def _read(robot: Robot, text: object) -> FaultEvent:
         raise InputError(f"the time of the fault {text!r}: {problem}; it is in s") from None
     mode, colon, rest = joints.partition(":")
     word = mode.strip().lower()
-    if not colon or joints.strip() in robot.names:  # a name may hold a colon
+    if not colon or joints.strip() in robot.names:  # a joint name may contain a colon
         return FaultEvent(seconds, named_faults(robot, locked=joints))
     if word not in set(FaultMode):
         raise InputError(

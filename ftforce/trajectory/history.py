@@ -1,4 +1,4 @@
-"""What a simulation finds, over time: plain arrays that a file can hold and give back."""
+"""Results of a simulation over time, as plain arrays that can be stored in files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RUNS = ("healthy", "unremapped", "remapped")
 
 @dataclass(frozen=True, slots=True)
 class JointInfo(JointUnits):
-    """A joint, without its robot.
+    """Name and type of a joint.
 
     Attributes
     ----------
@@ -36,27 +36,28 @@ class JointInfo(JointUnits):
 
 @dataclass(frozen=True, slots=True)
 class EventReport:
-    """What a fault does in the instant in which it happens.
+    """Effect of a fault at the instant at which it occurs.
 
     Attributes
     ----------
     time :
-        In s.
+        Fault time, s.
     faults :
-        The joints that fail then, in words: ``3 joint3 locked``.
+        Joints that fail at this time: ``3 joint3 locked``.
     all_faults :
-        All joints that have failed by then, likewise.
+        All joints that have failed by then, in the same format.
     impact_jump :
-        Jump of the tip's velocity when joints lock, before any controller acts, in the root's
-        axes, m/s, 3 numbers; empty without a lock or without masses.
+        Jump of the tip velocity when joints lock, before any controller reacts, in root axes, m/s,
+        3 numbers; empty without locked joints or without masses.
     velocity_jump :
-        Jump of it that Appendix A's remap leaves, likewise; empty without a lock.
+        Jump of the tip velocity that remains after the remap of Appendix A, in root axes, m/s, 3
+        numbers; empty without locked joints.
     force_jump :
-        Norm of the jump of the force that the remap leaves, N (N·m if the task has moments alone);
-        ``None`` if nothing can hold the arm. With a remap at once that of the first sample with
-        the fault; else of the state right before it.
+        Norm of the force jump that remains after the remap, N (N·m for a task of moments); ``None``
+        if the arm cannot be held. With an immediate remap, the value at the first sample with the
+        fault; otherwise at the state just before it.
     verdict :
-        Likewise.
+        Verdict at the same instant as ``force_jump``.
     """
 
     time: float
@@ -70,42 +71,42 @@ class EventReport:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What was simulated.
+    """Inputs and assumptions of a simulation.
 
     Attributes
     ----------
     robot, base, tip :
         Names.
     joints :
-        The chain.
+        Joints of the chain.
     task :
-        Components, axes and length of the force.
+        Components, axes and characteristic length of the force.
     force :
-        What the tip is to exert, N and N·m, m numbers.
+        Requested force at the tip, N and N·m, m numbers.
     course :
-        What the arm follows, in words.
+        One-line description of the trajectory.
     start :
-        Where the posture at its start comes from.
+        Where the initial posture comes from.
     events :
         The faults.
     delay :
-        Time from a fault until the remap acts, s.
+        Time from a fault until the remap takes effect, s.
     limits :
-        Where the torque limits that count come from; ``none`` if none do.
+        Source of the torque limits in force; ``none`` if none.
     effort :
-        Largest torque of each motor, N·m (N), NaN where unknown, whether it counts or not.
+        Motor torque limits, N·m (N), NaN where unknown, whether or not they are in force.
     gravity :
-        In the root's axes, m/s².
+        In root axes, m/s².
     payload :
-        In words; empty if there is none.
+        Payload as text; empty if there is none.
     has_masses :
-        Whether the URDF has masses: without, torques hold the force part alone.
+        Whether the URDF has masses; without them torques contain the force part only.
     rtol, wary :
         Tolerances.
     warnings :
-        What makes the answer doubtful.
+        Warnings about the result.
     notes :
-        What was assumed.
+        Assumptions.
     """
 
     robot: str
@@ -131,47 +132,46 @@ class Setting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One arm over time, N instants; NaN where nothing can hold the arm.
+    """One simulated run, N instants; NaN where the arm cannot be held.
 
     Attributes
     ----------
     q, v, a :
         Joint positions, velocities and accelerations, rad or m, per s, per s², shape (N, n).
     position :
-        Place of the tip in the root's axes, m, shape (N, 3).
+        Tip position in root axes, m, shape (N, 3).
     orientation :
-        Its orientation, a unit quaternion x, y, z, w that never jumps to its negative, shape
-        (N, 4).
+        Tip orientation, a unit quaternion x, y, z, w without sign changes over time, shape (N, 4).
     path_error :
-        Where the tip should be minus where it is, m, shape (N, 3).
+        Reference minus actual tip position, m, shape (N, 3).
     orientation_error :
-        Rotation, as axis times angle in the root's axes, that would bring the orientation back
-        that the tip is to keep, rad, shape (N, 3); 0 if it may turn.
+        Rotation vector from the actual to the prescribed tip orientation, in root axes, rad, shape
+        (N, 3); 0 if the orientation is unconstrained.
     velocity_jump :
-        Velocity of the tip minus that of its path, in the root's axes, m/s, shape (N, 3).
+        Actual minus reference tip velocity, in root axes, m/s, shape (N, 3).
     rnea :
         Torques for weight and motion, N·m (N), shape (N, n).
     force_part :
-        Torques JᵀF̂ that the healthy arm would give to the force here, shape (N, n).
+        Torques JᵀF̂ with which the healthy arm would exert the force here, shape (N, n).
     U :
-        What the motors give to it now; 0 at joints that are locked or without torque.
+        Motor torques for the force after the fault; 0 at locked and free-swinging joints.
     motor :
-        What the motors give in all, rnea + U; 0 at joints that are locked or without torque.
+        Total motor torques, rnea + U; 0 at locked and free-swinging joints.
     brake :
-        What the brakes of locked joints carry, shape (N, n); 0 at other joints.
+        Brake loads of locked joints, shape (N, n); 0 at other joints.
     unbalanced :
-        Torques that nothing balances: they move the arm, shape (N, n); 0 up to ``rtol`` of the
-        torques for weight, motion and force.
+        Torques that are not balanced and accelerate the arm, shape (N, n); 0 where they are within
+        ``rtol`` of the torques for weight, motion and force.
     used :
-        Share of each motor's limit that is used, shape (N, n); NaN where it is unknown.
+        Load over torque limit, shape (N, n); NaN where the limit is unknown.
     force :
-        Force at the tip in the task's axes, N and N·m, shape (N, m).
+        Tip force in task axes, N and N·m, shape (N, m).
     jump :
-        ΔF: what the healthy arm would exert here minus ``force``, shape (N, m).
+        ΔF: the force the healthy arm would exert here minus ``force``, shape (N, m).
     margin :
         σ_min(K)/σ_max(J), shape (N,).
     verdict :
-        Index in ``ftforce.core.verdict.VERDICTS``, shape (N,): 0 tolerated, 1 borderline, 2 not
+        Index into ``ftforce.core.verdict.VERDICTS``, shape (N,): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 
@@ -197,32 +197,32 @@ class Run:
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """The verdict of each instant."""
+        """Verdict at each instant."""
         return tuple(VERDICTS[code] for code in self.verdict.tolist())
 
     @property
     def falls_from(self) -> int | None:
-        """Index of the first instant at which nothing holds the arm, ``None`` if there is none.
+        """Index of the first instant at which the arm cannot be held; ``None`` if there is none.
 
-        From there on the arm does not move as its positions say.
+        From then on the actual motion differs from the stored positions.
         """
         loose = np.isnan(self.force).any(axis=1) | self.unbalanced.any(axis=1)
         return int(loose.argmax()) if loose.any() else None
 
     @property
     def until_fall(self) -> slice:
-        """The instants up to the first at which nothing holds the arm, which is the last."""
+        """Slice of the instants up to and including the first at which the arm cannot be held."""
         return slice(None if self.falls_from is None else self.falls_from + 1)
 
     @property
     def orientation_error_norm(self) -> Vector:
-        """Angle by which the tip is turned, rad, shape (N,)."""
+        """Angle of the orientation error, rad, shape (N,)."""
         norms: Vector = np.linalg.norm(self.orientation_error, axis=1)
         return norms
 
     @property
     def path_error_norm(self) -> Vector:
-        """Distance of the tip from where it should be, m, shape (N,)."""
+        """Position error of the tip, m, shape (N,)."""
         norms: Vector = np.linalg.norm(self.path_error, axis=1)
         return norms
 
@@ -233,7 +233,7 @@ SCALARS = ("margin", "verdict")
 
 
 def width(quantity: str, n: int, m: int) -> int | None:
-    """Return how many numbers a quantity has at an instant; ``None`` for a single one.
+    """Return how many components a quantity has per instant; ``None`` for a scalar.
 
     Parameters
     ----------
@@ -252,22 +252,22 @@ def width(quantity: str, n: int, m: int) -> int | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History(Displayed):
-    """An arm along its course while joints fail: as if healthy, without the remap and with it.
+    """Runs of an arm along a trajectory while joints fail: healthy, without and with the remap.
 
     Attributes
     ----------
     setting :
-        What was simulated.
+        Inputs and assumptions.
     t :
-        Times, s, from 0, shape (N,).
+        Times, s, starting at 0, shape (N,).
     path :
-        Where the tip should be, in the root's axes, m, shape (N, 3).
+        Reference position of the tip, in root axes, m, shape (N, 3).
     healthy :
-        What the arm would do without any fault.
+        Run without any fault.
     unremapped :
-        What it does if the controller never learns of the faults.
+        Run in which the controller never learns of the faults.
     remapped :
-        What it does if the controller reacts; ``None`` if that was not asked for.
+        Run in which the controller reacts to the faults; ``None`` if the remap is switched off.
     """
 
     setting: Setting
@@ -279,26 +279,38 @@ class History(Displayed):
 
     @property
     def runs(self) -> dict[str, Run]:
-        """The runs that there are, by name."""
+        """The available runs by name."""
         found = {name: getattr(self, name) for name in RUNS}
         return {name: run for name, run in found.items() if run is not None}
 
     @property
     def answer(self) -> Run:
-        """The run with the remap, or if there is none the one without."""
+        """The run with the remap, or the one without if the remap is switched off."""
         return self.unremapped if self.remapped is None else self.remapped
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the answer doubtful."""
+        """Warnings about the result."""
         return self.setting.warnings
 
     def index(self, time: float) -> int:
-        """Return the index of the last sample at or before a time, s."""
+        """Return the index of the last sample at or before a time.
+
+        Parameters
+        ----------
+        time :
+            Time, s.
+        """
         return max(int(np.searchsorted(self.t, time, side="right")) - 1, 0)
 
     def jump_norm(self, run: Run) -> Vector:
-        """Return the size of a run's force jump, N (N·m for a task of moments), shape (N,)."""
+        """Return ‖ΔF‖ of a run, N (N·m for a task of moments), shape (N,).
+
+        Parameters
+        ----------
+        run :
+            One of the history's runs.
+        """
         task = self.setting.task
         rows = task.force_rows or task.moment_rows
         norms: Vector = np.linalg.norm(run.jump[:, list(rows)], axis=1)

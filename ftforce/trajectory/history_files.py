@@ -1,8 +1,8 @@
-"""Histories in files, and back bit for bit: CSV, NPZ and Parquet.
+"""Save histories to CSV, NPZ and Parquet files and load them without loss.
 
-A table (CSV, Parquet) has one row per run and instant, and a column per number with its name and
-unit. What was simulated travels along as JSON: in the last column of the first row of a CSV, in
-the metadata of a Parquet file, in the array ``about`` of an NPZ.
+A table (CSV, Parquet) has one row per run and instant, and one column per number, named with its
+unit. The inputs of the simulation are stored as JSON: in the last column of the first row of a CSV
+file, in the metadata of a Parquet file, in the array ``about`` of an NPZ file.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 FORMATS = ("csv", "npz", "parquet")
-LONGEST_CELL = 10_000_000  # characters: what was simulated stands in one
+LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
 LARGEST_FILE = 20_000_000_000  # bytes
 _KIND = "a history that ftforce wrote (.csv, .npz or .parquet)"
 _VERSION = 1
@@ -66,7 +66,7 @@ class Column(NamedTuple):
     quantity :
         Name of the array.
     component :
-        Which of its columns; ``None`` if it is a vector.
+        Column index in the array; ``None`` if the quantity is a scalar per instant.
     header :
         Name and unit.
     """
@@ -77,7 +77,7 @@ class Column(NamedTuple):
 
 
 def columns_of(setting: Setting) -> list[Column]:
-    """Return the columns of a run's numbers."""
+    """Return the table columns of a run."""
     columns: list[Column] = []
     for quantity in QUANTITIES:
         if quantity in SCALARS:
@@ -91,7 +91,7 @@ def columns_of(setting: Setting) -> list[Column]:
 
 
 def _components(setting: Setting, quantity: str) -> tuple[Sequence[str], Sequence[str]]:
-    """Return names and units of a quantity's components."""
+    """Return names and units of the components of a quantity."""
     joints, task = setting.joints, setting.task
     if quantity in _PLACES:
         return "xyz", [_PLACES[quantity]] * 3
@@ -108,7 +108,7 @@ def _components(setting: Setting, quantity: str) -> tuple[Sequence[str], Sequenc
 
 
 def history_bytes(history: History, form: str) -> bytes:
-    """Return a history as the content of a file.
+    """Return the file content for a history.
 
     Parameters
     ----------
@@ -120,20 +120,27 @@ def history_bytes(history: History, form: str) -> bytes:
     Raises
     ------
     InputError
-        Parquet without pyarrow.
+        Parquet is requested but pyarrow is not installed.
     """
     return {"csv": _csv_bytes, "npz": _npz_bytes, "parquet": _parquet_bytes}[form](history)
 
 
 def load_history(path: str | PathLike[str]) -> History:
-    """Read a history that `ftforce.save` or ``ftforce simulate -o`` wrote, bit for bit.
+    """Load a history written by `ftforce.save` or ``ftforce simulate -o``.
+
+    All arrays are restored exactly.
+
+    Parameters
+    ----------
+    path :
+        A ``.csv``, ``.npz`` or ``.parquet`` file.
 
     Raises
     ------
     InputError
-        The name ends in something else than .csv, .npz or .parquet, or pyarrow is missing.
+        The file name has another extension, or pyarrow is missing.
     TrajectoryError
-        The file cannot be read, or is no history of ftforce.
+        The file cannot be read, or is not a history written by ftforce.
 
     Examples
     --------
@@ -151,13 +158,13 @@ def load_history(path: str | PathLike[str]) -> History:
         if isinstance(problem, InputError):
             raise TrajectoryError(path, str(problem)) from None
         raise
-    except Exception as problem:  # whatever a damaged file makes of its reader
+    except Exception as problem:  # damaged files raise arbitrary errors in the readers
         raise TrajectoryError(
             path, f"is no history of ftforce, or a damaged one ({printable(problem)})"
         ) from None
 
 
-# ---- what was simulated ----------------------------------------------------------------------
+# ---- setting ---------------------------------------------------------------------------------
 
 
 def _about(history: History) -> str:
@@ -207,7 +214,7 @@ def _event(content: dict[str, Any]) -> EventReport:
 
 
 def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) -> History:
-    """Return a history of arrays by run and quantity, after checking their shapes."""
+    """Build a history from its arrays after checking their shapes."""
     count, n, m = len(t), len(setting.joints), setting.task.m
     found: dict[str, Run | None] = dict.fromkeys(RUNS)
     for name, arrays in runs.items():
@@ -259,7 +266,7 @@ _SHARED = ("t [s]", "path_x [m]", "path_y [m]", "path_z [m]")
 
 
 def _table(history: History) -> dict[str, Any]:
-    """Return the columns of all runs below each other."""
+    """Return the columns of all runs, concatenated."""
     runs = history.runs
     count = len(history.t)
     table: dict[str, Any] = {"run": np.repeat(list(runs), count)}
@@ -308,12 +315,12 @@ def _csv_bytes(history: History) -> bytes:
 
 
 def _cell(value: Any) -> Any:
-    """Return a number with all its digits; what is no number stays empty."""
+    """Format a number with full precision; NaN becomes an empty cell."""
     return "" if isinstance(value, float) and math.isnan(value) else value
 
 
 def _from_csv(data: bytes) -> History:
-    usual = csv.field_size_limit(LONGEST_CELL)  # of the whole process, so it is put back
+    usual = csv.field_size_limit(LONGEST_CELL)  # process-wide, so it is restored
     try:
         header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     finally:
@@ -340,7 +347,7 @@ def _parquet_bytes(history: History) -> bytes:
 
 def _from_parquet(data: bytes) -> History:
     parquet, arrow = _pyarrow()
-    # Without threads: at exit they may end the interpreter with an error.
+    # Single-threaded: reader threads can crash the interpreter at exit.
     table = parquet.read_table(arrow.BufferReader(data), use_threads=False, pre_buffer=False)
     if _KEY not in (about := table.schema.metadata or {}):
         raise InputError("is no history of ftforce: it does not say what was simulated")

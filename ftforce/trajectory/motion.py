@@ -1,8 +1,8 @@
-"""How an arm moves along its course while joints fail, by resolved rates.
+"""Motion of an arm along its reference trajectory while joints fail, by resolved-rate control.
 
-The motion solves ``q̇ = g(t, q)``, where g gives the tip the velocity ``ẋ + k (x - f(q))`` of its
-course. After a lock, g is Appendix A's: the velocities of the healthy arm, and the smallest change
-of them that makes up for the joints that stand still.
+The motion solves ``q̇ = g(t, q)``, where g gives the tip the velocity ``ẋ + k (x - f(q))`` of the
+reference trajectory. After a lock, g follows Appendix A: the healthy velocities plus the smallest
+change that compensates for the locked joints.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import ReferenceTrajectory
 
-GAIN = 10.0  # 1/s: with which the tip returns to its course
-LIMIT_GAIN = 5.0  # 1/s: at a distance d from its limit a joint moves there with at most this · d
-SLOWEST = 1e-3  # m/s: the tip may return to its course this fast, however slow that is
-_AT_BOUND = 1e-9  # rad/s or m/s: so close to a bound a joint has no room
-_RTOL, _ATOL = 1e-8, 1e-9  # of the integration, rad or m
-_FINEST = 1e-4  # s: adaptive steps below this get nowhere
-_SMALL_STEP = 1e-3  # s: of the fixed ones that then lead on,
-_PATIENCE = 0.02  # s: for so long at first
-_DENSE = 0.02  # s: up to this step velocities may be splined,
-_KINK = 0.01  # but not where their slope changes by this share of the largest,
-_REACH = 6  # nor so many samples beside it or an end
+GAIN = 10.0  # 1/s: feedback gain on the position error of the tip
+LIMIT_GAIN = 5.0  # 1/s: a joint at distance d from its limit approaches it at no more than this · d
+SLOWEST = 1e-3  # m/s: least bound on the feedback velocity, for slow trajectories
+_AT_BOUND = 1e-9  # rad/s or m/s: a velocity this close to a bound counts as saturated
+_RTOL, _ATOL = 1e-8, 1e-9  # integration tolerances, rad or m
+_FINEST = 1e-4  # s: below this step size the adaptive method is abandoned
+_SMALL_STEP = 1e-3  # s: fixed step size used instead
+_PATIENCE = 0.02  # s: initial duration of a run of fixed steps
+_DENSE = 0.02  # s: largest sample spacing at which velocities are splined
+_KINK = 0.01  # relative to the largest slope: a larger change of slope is a kink
+_REACH = 6  # samples beside a kink or an end where the spline is not used
 _QUOTIENT = 1e-6  # s: step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
@@ -46,7 +46,7 @@ Tick: TypeAlias = "Callable[[int], None]"
 
 
 class State(NamedTuple):
-    """Position, velocity and acceleration of all joints at an instant, shape (n,) each."""
+    """Joint positions, velocities and accelerations at one instant, each of shape (n,)."""
 
     q: Vector
     v: Vector
@@ -54,14 +54,14 @@ class State(NamedTuple):
 
 
 class Progression(NamedTuple):
-    """A motion, and what precedes each phase.
+    """A motion, and the state before each phase.
 
     Attributes
     ----------
     motion :
-        At the times asked for.
+        The motion at the sample times.
     arrivals :
-        The state right before each phase but the first, by its start.
+        State just before each phase except the first, keyed by the start time of the phase.
     """
 
     motion: Motion
@@ -78,30 +78,30 @@ def advance(
     planned: Progression | None = None,
     tick: Tick,
 ) -> Progression:
-    """Return how an arm follows its course while joints fail.
+    """Return the motion of an arm that follows its reference trajectory while joints fail.
 
-    A joint that locks stops at once. Until the controller knows, the others go on as planned; from
-    then on they follow the course again.
+    A joint that locks stops instantaneously. Until the controller knows, the other joints move as
+    planned; afterwards they compensate and the tip follows the reference again.
 
     Parameters
     ----------
     robot, course :
-        The arm and what it is to follow.
+        The arm and its reference trajectory.
     q :
         Joint positions at the start, shape (n,).
     times :
-        Of the samples, s, rising from 0, shape (N,).
+        Sample times, s, increasing from 0, shape (N,).
     phases :
-        The faults, and what is known of them, none of it after the last sample.
+        Actual and known faults over time; no phase starts after the last sample.
     planned :
-        How the healthy arm moves, with the same phases; found anew if not given.
+        Motion of the healthy arm over the same phases; computed if not given.
     tick :
-        Called with the number of samples that are done.
+        Called with the number of samples just completed.
     """
     whole = Motion(*(np.empty((len(times), robot.n)) for _ in range(3)))
     arrivals: dict[float, State] = {}
     known, nothing = phases[0].known, robot.at_rest
-    here = start = q  # where the arm is, and where it would be if it had no fault but the known
+    here = start = q  # actual posture, and the posture with only the known faults
     ends = [phase.start for phase in phases[1:]] + [float(times[-1])]
     for i, (phase, end) in enumerate(zip(phases, ends, strict=True)):
         locked = phase.known.mask(robot.n)
@@ -128,14 +128,14 @@ def advance(
 
 
 def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law:
-    """Return the joint velocities that follow a course, as a function of time and posture.
+    """Return the joint velocities that follow a trajectory, as a function of time and posture.
 
     Parameters
     ----------
     robot, course :
-        The arm and what it is to follow.
+        The arm and its reference trajectory.
     known :
-        The faults that the controller knows.
+        Faults known to the controller.
     """
     top, orientation = max(course.top_speed, SLOWEST), course.orientation
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
@@ -147,21 +147,21 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
     any_locked = bool(locked.any())
 
     def velocities(t: float, q: Vector) -> Vector:
-        J = frame_jacobian(robot, q, "world")  # places the tip, too
+        J = frame_jacobian(robot, q, "world")  # also updates the tip frame placement
         place = robot.data.oMf[robot.tip_frame]
         target = course.at(t)
         x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
-        turn = None  # the angular velocity that brings the orientation back
+        turn = None  # angular velocity that corrects the orientation error
         if orientation is not None:
-            # No faster than the tip moves, 1 rad for 1 m: where the orientation cannot be kept,
-            # chasing it would drive the arm to where its place cannot be kept either.
+            # Bounded like the tip speed, 1 rad for 1 m: where the orientation cannot be kept,
+            # chasing it would drive the arm to postures where the position is lost as well.
             turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
         healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
         damped_below = BORDERLINE_RTOL * healthy.s[0]
         v = rates.moved(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
         if turn is not None:
             v = rates.turned(J, turn, nobody, q, v)
-        if any_locked:  # Appendix A; a joint without torque goes on as it would
+        if any_locked:  # Appendix A; a free-swinging joint keeps its planned velocity
             v = np.where(locked, 0.0, v)
             K = without(healthy.A, passive)
             v = rates.moved(K, x_dot - healthy.A.dot(v), q, v, damped_below)
@@ -173,41 +173,42 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
 
 
 class _Rates(NamedTuple):
-    """Resolved rates within an arm's limits of speed and position, shape (n,) each."""
+    """Resolved rates within velocity and position limits, each of shape (n,)."""
 
     speeds: Vector
     low: Vector
     high: Vector
 
     def bounds(self, q: Vector) -> Bounds:
-        """Return the velocities that the limits leave; beyond a limit a joint returns."""
+        """Return the admissible velocities at q; a joint beyond its limit moves back inside."""
         lower = np.maximum(-self.speeds, LIMIT_GAIN * (self.low - q))
         upper = np.minimum(self.speeds, LIMIT_GAIN * (self.high - q))
         return Bounds(np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds))
 
     def moved(self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
-        """Return velocities that give the tip's place what it misses: `resolved_rates`."""
+        """Return joint velocities that add the missing tip velocity to v0: `resolved_rates`."""
         v: Vector = v0 + damped_inverse(K, missing, damped_below)
         ahead = q + v / LIMIT_GAIN
         if not ((np.abs(v) > self.speeds) | (ahead > self.high) | (ahead < self.low)).any():
-            return v  # the usual case, in which bounds are not needed
+            return v  # the usual case: no bound is active
         return resolved_rates(K, missing, v0, self.bounds(q), damped_below)
 
     def turned(self, J: Matrix, turn: Vector, passive: Mask, q: Vector, v: Vector) -> Vector:
-        """Return velocities that turn the tip, too, as far as its place and the bounds allow.
+        """Return velocities that also rotate the tip, as far as its position and the bounds allow.
 
-        The place comes first: what is left for the turn moves no place (Nakamura 1991).
+        Position has priority: the rotation uses the null space of the position task (Nakamura
+        1991).
 
         Parameters
         ----------
         J :
-            Linear and angular rows, (6, n).
+            Linear and angular rows, shape (6, n).
         turn :
-            Angular velocity of the tip, shape (3,).
+            Angular velocity of the tip, rad/s, shape (3,).
         passive :
             Joints that cannot be commanded, shape (n,).
         q, v :
-            Joint positions, and velocities that move the place as it should.
+            Joint positions, and joint velocities that solve the position task, shape (n,).
         """
         lower, upper = self.bounds(q)
         full = (v >= upper - _AT_BOUND) | (v <= lower + _AT_BOUND)
@@ -235,7 +236,7 @@ def _stretch(
     known: FaultSet,
     tick: Tick,
 ) -> tuple[Motion, State]:
-    """Return the motion from one time to another, at some times between, and the last state."""
+    """Return the motion at the sample times within a time span, and the state at its end."""
     if not known.in_mode(FaultMode.LOCKED) and (given := course.motion(times)) is not None:
         last = course.motion(np.array([span[1]]))
         assert last is not None
@@ -252,10 +253,11 @@ def _stretch(
 def _integrate(
     law: Law, q: Vector, times: Vector, span: tuple[float, float], tick: Tick
 ) -> tuple[Matrix, Vector]:
-    """Return the solution of q̇ = g(t, q) at some times, (N, n), and at the end, (n,).
+    """Return the solution of q̇ = g(t, q) at the sample times, (N, n), and at the end, (n,).
 
-    Where g has steps, as at the edge of the workspace, where one joint's limit takes over from
-    another's, an adaptive method finds no step that is small enough. Small fixed ones lead on.
+    Where g is discontinuous, for example at the workspace boundary where the active joint limit
+    switches, adaptive step size control does not converge; fixed small steps bridge these
+    intervals.
     """
     from scipy.integrate import DOP853
 
@@ -289,7 +291,7 @@ def _integrate(
 def _in_small_steps(
     law: Law, q: Vector, span: tuple[float, float], times: Vector
 ) -> tuple[Matrix, Vector]:
-    """Return the solution at some times and at the end, by the midpoint rule."""
+    """Return the solution at the sample times and at the end, by the midpoint rule."""
     count = max(math.ceil((span[1] - span[0]) / _SMALL_STEP), 1)
     t = np.linspace(*span, count + 1)
     steps = [q]
@@ -302,10 +304,10 @@ def _in_small_steps(
 
 
 def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
-    """Return the derivative of the velocities, shape (N, n).
+    """Return the time derivative of the velocities, shape (N, n).
 
-    A spline through the velocities has it at half the cost, but not near its ends, nor where the
-    law has a kink (a limit takes over): there it is a quotient of what follows.
+    A spline through the velocities is used where it is accurate, at half the cost; near its ends
+    and near kinks of the law (a limit becomes active) a forward difference quotient is used.
     """
     a, rough = np.empty_like(v), np.ones(len(t), dtype=np.bool_)
     if len(t) > 4 * _REACH and (steps := np.diff(t)).max() <= _DENSE:
@@ -322,12 +324,12 @@ def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
 
 
 def _state(law: Law, t: float, q: Vector) -> State:
-    """Return the state right before a time at which something may change."""
+    """Return the state just before time ``t``, with a backward difference for the acceleration."""
     v = law(t, q)
     return State(q, v, (v - law(t - _QUOTIENT, q - _QUOTIENT * v)) / _QUOTIENT)
 
 
 def _at_most(size: float, x: Vector) -> Vector:
-    """Return x, or a vector of its direction and this size if x is longer."""
+    """Return x, scaled down to the given norm if it is longer."""
     square = x.dot(x)
     return x if square <= size * size else x * (size / np.sqrt(square))

@@ -1,4 +1,4 @@
-"""Where the tip goes and when: straight lines with a smooth timing law."""
+"""Tip paths: straight line segments with a smooth timing law."""
 
 from __future__ import annotations
 
@@ -17,26 +17,27 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-PEAK = 1.875  # largest over mean speed of the timing law
+PEAK = 1.875  # ratio of largest to mean speed of the timing law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Straight lines from point to point, at rest in each: a corner cannot be taken at speed.
+    """Straight line segments between waypoints; the tip comes to rest at every waypoint.
 
-    Along each line the tip moves by ``s = 10 u³ - 15 u⁴ + 6 u⁵`` of its length, u = 0…1 in time, so
-    speed and acceleration begin and end at zero and the speed peaks in the middle.
+    Along each segment the tip covers the fraction ``s = 10 u³ - 15 u⁴ + 6 u⁵`` of its length, with
+    u = 0…1 in time, so that speed and acceleration start and end at zero and the speed peaks in the
+    middle.
 
     Attributes
     ----------
     points :
-        In the root's axes, m, shape (k, 3).
+        Waypoints in root axes, m, shape (k, 3).
     times :
-        When the tip is there, s, from 0, shape (k,).
+        Times at the waypoints, s, starting at 0, shape (k,).
     speed :
         Largest speed, m/s.
     keeps_orientation :
-        Whether the tip keeps the orientation that it starts with; else it may turn freely.
+        Whether the tip keeps its initial orientation; otherwise its orientation is unconstrained.
     """
 
     points: Matrix
@@ -46,21 +47,22 @@ class Path:
 
     @classmethod
     def through(cls, points: ArrayLike, *, speed: float, keep_orientation: bool = False) -> Path:
-        """Return the path through points, each line as fast as ``speed`` at its middle.
+        """Return the path through waypoints, with the same peak speed on every segment.
 
         Parameters
         ----------
         points :
-            Two or more, in the root's axes, m, shape (k, 3).
+            Two or more waypoints, in root axes, m, shape (k, 3).
         speed :
             Largest speed, m/s.
         keep_orientation :
-            Whether the tip keeps the orientation that it starts with.
+            Whether the tip keeps its initial orientation.
 
         Raises
         ------
         InputError
-            Not (k, 3) numbers, neighbours at the same place, or a speed that is not positive.
+            The points are not (k, 3) numbers, consecutive points coincide, or the speed is not
+            positive.
         """
         places = as_floats(points, "the path's points")
         if places.ndim != 2 or places.shape[1] != 3 or len(places) < 2:
@@ -81,33 +83,41 @@ class Path:
             times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / float(speed))])
         if not math.isfinite(times[-1]):
             raise InputError(f"the path takes for ever at a speed of {speed:g} m/s")
-        if not np.diff(times).all():  # so short that it takes no time
+        if not np.diff(times).all():  # too short to have a duration in floating point
             i = int(np.diff(times).argmin()) + 1
             raise InputError(f"points {i} and {i + 1} of the path are too close; leave one out")
         return cls(read_only(places), read_only(times), float(speed), bool(keep_orientation))
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         return float(self.times[-1])
 
     @property
     def length(self) -> float:
-        """How long it is, m."""
+        """Length, m."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
     def legs(self) -> tuple[Leg, ...]:
-        """Return the lines, each with its times."""
+        """Return the line segments with their times."""
         lines, times = np.diff(self.points, axis=0), self.times.tolist()
         return tuple(map(Leg, times, times[1:], self.points, lines))
 
     def at(self, t: float) -> tuple[Vector, Vector]:
-        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        """Return the reference position (m) and velocity (m/s), both of shape (3,).
+
+        Before the start and after the end the tip is at rest.
+
+        Parameters
+        ----------
+        t :
+            Time, s.
+        """
         return leg_at(self.legs(), t).at(t)
 
 
 class Leg(NamedTuple):
-    """A straight line of a path: from when to when (s), from where (m), and as a vector (m)."""
+    """A line segment of a path: start and end time (s), start point (m) and displacement (m)."""
 
     start: float
     end: float
@@ -115,7 +125,7 @@ class Leg(NamedTuple):
     line: Vector
 
     def at(self, t: float) -> tuple[Vector, Vector]:
-        """Return position (m) and velocity (m/s) at a time, both shape (3,); at rest outside."""
+        """Return position (m) and velocity (m/s) at time t (s), both (3,); at rest outside."""
         duration = self.end - self.start
         u = min(max((t - self.start) / duration, 0.0), 1.0)
         s = u * u * u * (10.0 + u * (6.0 * u - 15.0))
@@ -124,5 +134,5 @@ class Leg(NamedTuple):
 
 
 def leg_at(legs: Sequence[Leg], t: float) -> Leg:
-    """Return the leg at a time, the first or last one outside."""
+    """Return the leg at time t, s; the first or last one outside the path."""
     return next((leg for leg in legs if t < leg.end), legs[-1])

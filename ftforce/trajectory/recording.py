@@ -1,4 +1,4 @@
-"""Recorded motions: joint positions over time, from arrays or a CSV file."""
+"""Recorded joint motions, from arrays or CSV files."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 LARGEST_FILE = 2_000_000_000  # bytes
-GAP = 10.0  # times the usual step: a longer one is a hole, across which nothing is known
+GAP = 10.0  # times the median step: longer gaps are not interpolated
 _NO_NUMBERS = "needs a header and numbers below it"
 _KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
-_SHORTEST = 1e-6  # s: times that are closer cannot be told from rounding
-_LARGEST = 1e12  # of a number in a file; times may count from 1970
-_MISFIT = 0.1  # of the way of a joint: the integral of its velocities may be that far off,
-_STILL = 1e-3  # rad or m: and this much, for encoders of joints that rest
+_SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding
+_LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
+_MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity,
+_STILL = 1e-3  # rad or m: plus this, for encoder noise of joints at rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Joint positions over time; between the samples they follow a cubic spline.
+    """Joint positions over time, interpolated by a cubic spline.
 
     Attributes
     ----------
     t :
-        Times, s, rising, shape (N,), N ≥ 4.
+        Times, s, increasing, shape (N,), N ≥ 4.
     q :
         Joint positions along the chain, rad or m, shape (N, n).
     v :
         Joint velocities, shape (N, n); ``None`` if they were not recorded.
     source :
-        Where it comes from.
+        Where the recording comes from.
     """
 
     t: Vector
@@ -63,7 +63,7 @@ class Recording:
         max_gap: float | None = None,
         source: str = "given",
     ) -> Recording:
-        """Check a recorded motion.
+        """Return a recorded motion after checking it.
 
         Parameters
         ----------
@@ -72,16 +72,16 @@ class Recording:
         t :
             Times, s, shape (N,), N ≥ 4.
         q, v :
-            Positions and velocities along the chain, rad or m, shape (N, n).
+            Joint positions and velocities along the chain, rad or m, and per s, shape (N, n).
         max_gap :
-            Longest time between two samples, s; ten times the usual one if not given.
+            Longest time between two samples, s; by default ten times the median step.
         source :
-            Where it comes from.
+            Where the recording comes from.
 
         Raises
         ------
         InputError
-            Shapes that do not fit, times that do not rise, a gap.
+            Shapes do not match, times do not increase, or there is a gap.
         """
         times = as_floats(t, "t")
         if times.ndim != 1 or len(times) < 4:
@@ -96,26 +96,35 @@ class Recording:
     def read(
         cls, robot: Robot, path: str | PathLike[str], *, max_gap: float | None = None
     ) -> Recording:
-        """Read a CSV file with a column ``t`` and one per joint, ``v_`` before velocities.
+        """Read a CSV file with a column ``t``, one per joint, and ``v_`` columns for velocities.
 
-        A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``;
-        without it s, rad and m count.
+        A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``; the
+        defaults are s, rad and m.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        path :
+            The file.
+        max_gap :
+            As in `Recording.of`.
 
         Raises
         ------
         TrajectoryError
-            The file cannot be read; a column is unknown or missing; a cell is empty or no number;
-            times do not rise or leave a gap.
+            The file cannot be read; a column is unknown or missing; a cell is empty or not a
+            number; times do not increase or leave a gap.
         """
         return recording_of(robot, Sheet.read(path), max_gap)
 
     def doubts(self, names: Sequence[str]) -> Iterator[str]:
-        """Name the joints whose recorded velocities do not fit their positions.
+        """Yield a warning for each joint whose recorded velocities do not match its positions.
 
         Parameters
         ----------
         names :
-            Of the joints.
+            Joint names.
         """
         if self.v is None:
             return
@@ -131,7 +140,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Time of the last sample after the first, s."""
+        """Time from the first to the last sample, s."""
         return float(self.t[-1] - self.t[0])
 
 
@@ -143,9 +152,9 @@ class Sheet(NamedTuple):
     path :
         The file.
     table :
-        Its text.
+        The parsed text.
     values :
-        Its numbers, shape (rows, columns).
+        The numbers, shape (rows, columns).
     """
 
     path: str
@@ -154,12 +163,12 @@ class Sheet(NamedTuple):
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Sheet:
-        """Read the file.
+        """Read a CSV file of numbers.
 
         Raises
         ------
         TrajectoryError
-            It cannot be read, or a cell is empty or no number.
+            The file cannot be read, or a cell is empty or not a number.
         """
         text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
         try:
@@ -173,11 +182,11 @@ class Sheet(NamedTuple):
 
     @property
     def holds_points(self) -> bool:
-        """Whether it is a list of waypoints rather than a motion of joints."""
+        """Whether the file is a list of waypoints rather than a joint motion."""
         return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
 
     def place(self, row: int) -> str:
-        """Return where a row stands, e.g. ``line 2``."""
+        """Return the location of a row in the file, e.g. ``line 2``."""
         line, _ = next(islice(self.table.rows(), row, None))
         return f"line {line}"
 
@@ -187,7 +196,7 @@ class Sheet(NamedTuple):
         Raises
         ------
         TrajectoryError
-            A unit other than m.
+            A column has a unit other than m.
         """
         names = []
         for cell in self.table.header:
@@ -209,7 +218,7 @@ def _table(text: str) -> Table:
 
 
 def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
-    """Return the recorded motion that a file holds, see `Recording.read`."""
+    """Return the recorded motion in a file, see `Recording.read`."""
     try:
         columns = _columns(robot, sheet.table.header)
         t = read_only(sheet.values[:, columns["t"][0]].copy())
@@ -238,7 +247,7 @@ def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
 
 
 def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, float]]:
-    """Find the columns ``t``, of each joint and, behind ``v_``, of each velocity."""
+    """Return column number and scale of ``t``, of each joint and of each velocity (``v_``)."""
     positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     velocities = {
         f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
@@ -258,7 +267,7 @@ def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, floa
 
 
 def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) -> None:
-    """Check that times rise without a gap.
+    """Check that times increase without a gap.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What an arm is to follow: a path of its tip, or a recorded motion and the path its tip takes."""
+"""Reference trajectories: a tip path, or a recorded joint motion and the tip path it implies."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class Target(NamedTuple):
-    """Where the tip should be at a time, and how fast; in the root's axes.
+    """Reference of the tip at one instant, in root axes.
 
     Attributes
     ----------
     x, x_dot :
         Position, m, and velocity, m/s, shape (3,).
     nominal_velocity :
-        Joint velocities to stay close to, shape (n,).
+        Joint velocities that the solution stays close to, shape (n,).
     """
 
     x: Vector
@@ -32,7 +32,7 @@ class Target(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Joint positions, velocities and accelerations over time, rad or m, shape (N, n) each."""
+    """Joint positions, velocities and accelerations over time, each of shape (N, n)."""
 
     q: Matrix
     v: Matrix
@@ -40,29 +40,29 @@ class Motion(NamedTuple):
 
 
 class ReferenceTrajectory(Protocol):
-    """What an arm is to follow."""
+    """A trajectory for the arm to follow."""
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
 
     @property
     def top_speed(self) -> float:
-        """Largest speed of the tip, m/s."""
+        """Largest tip speed, m/s."""
 
     @property
     def orientation(self) -> Matrix | None:
-        """Orientation that the tip keeps, (3, 3); ``None`` if it may turn."""
+        """Tip orientation to keep, shape (3, 3); ``None`` if it is unconstrained."""
 
     def at(self, t: float) -> Target:
-        """Return the target at a time, s."""
+        """Return the target at time ``t``, s."""
 
     def motion(self, t: Vector) -> Motion | None:
-        """Return the motion of all joints, ``None`` where only the tip's is given."""
+        """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed."""
 
 
 class PathReference:
-    """A path of the tip.
+    """Reference trajectory along a path of the tip.
 
     Parameters
     ----------
@@ -78,17 +78,17 @@ class PathReference:
         self.orientation = tip_pose(robot, q)[0] if path.keeps_orientation else None
 
     def at(self, t: float) -> Target:
-        """Return the target; no joint velocity is preferred to rest."""
+        """Return the target at time ``t``, s; the nominal joint velocity is zero."""
         return Target(*leg_at(self._legs, t).at(t), self._preferred)
 
     def motion(self, t: Vector) -> None:
-        """Return nothing: inverse kinematics finds the motion."""
+        """Return ``None``: inverse kinematics determines the motion."""
 
 
 class RecordedReference:
-    """A recorded motion, splined; its time begins at 0.
+    """Reference trajectory that interpolates a recorded motion; time starts at 0.
 
-    Angles of continuous joints may jump by whole turns, as drivers report them.
+    Positions of continuous joints are unwrapped, because drivers may report them modulo 2π.
     """
 
     orientation = None
@@ -104,7 +104,7 @@ class RecordedReference:
             self._q = CubicSpline(t, q)
             self._v = self._q.derivative()
             self._a = self._v.derivative()
-        else:  # as recorded: the derivative of a spline through q is only close to it
+        else:  # a spline through q would only approximate the recorded velocities
             self._q = CubicHermiteSpline(t, q, recording.v)
             self._v = CubicSpline(t, recording.v)
             self._a = self._v.derivative()
@@ -112,12 +112,12 @@ class RecordedReference:
         self.top_speed = float(max(speeds))
 
     def at(self, t: float) -> Target:
-        """Return where the recorded motion has the tip."""
+        """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
         q, v = self._q(t), self._v(t)
-        J = frame_jacobian(self._robot, q, "world")  # places the tip, too
+        J = frame_jacobian(self._robot, q, "world")  # also updates the tip frame placement
         x = self._robot.data.oMf[self._robot.tip_frame].translation.copy()
         return Target(x, J[:3].dot(v), v)
 
     def motion(self, t: Vector) -> Motion:
-        """Return the recorded motion."""
+        """Return the recorded joint motion at times ``t``."""
         return Motion(self._q(t), self._v(t), self._a(t))

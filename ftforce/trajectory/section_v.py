@@ -1,4 +1,4 @@
-"""The paper's simulation, Section V: a line, a constant force, and joint 3 locks after 50 s."""
+"""The paper's simulation, Section V: a line, a constant force, joint 3 locks at t = 50 s."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ END = (0.781, 0.509, 0.280)  # R_d, m
 SPEED = 0.015  # m/s
 FORCE = (80.0, 50.0, 10.0)  # N
 FAULT = "3@50"
-POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; the start is the nearest one on the path
+POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
 
 NOTES = (
     "the paper gives no masses: those of robots/dh5.toml, round aluminium bars, 10.7 kg in all",
@@ -43,8 +43,8 @@ def section_v(
 ) -> History:
     """Return the simulation of Section V on the paper's arm.
 
-    Fig. 1 is the path, Fig. 2 shows the motor torques of the healthy arm, Fig. 3 those with joint 3
-    locked, and Fig. 4 the force of both. What the paper does not say is assumed, see
+    Fig. 1 shows the path, Fig. 2 the motor torques of the healthy arm, Fig. 3 those with joint 3
+    locked, and Fig. 4 the force of both. Data missing from the paper are assumed, see
     ``history.setting.notes``.
 
     Parameters

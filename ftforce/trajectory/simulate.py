@@ -1,4 +1,4 @@
-"""An arm along its course while joints fail: as if healthy, without the remap and with it."""
+"""Simulate an arm along a trajectory while joints fail: healthy, without and with the remap."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Trajectory
 
-_LINEAR = Task.parse("force", "world")  # whose velocities are the tip's in the root's axes
+_LINEAR = Task.parse("force", "world")  # linear tip velocity, in root axes
 NEVER = math.inf
 
 
@@ -76,40 +76,41 @@ def simulate(
     robot :
         The arm.
     trajectory :
-        `ftforce.trajectory.Path`, `ftforce.trajectory.Recording`, or a CSV file: ``t`` and the
-        joints' positions, or waypoints ``x,y,z``.
+        `ftforce.trajectory.Path`, `ftforce.trajectory.Recording`, or a CSV file with ``t`` and
+        joint positions, or with waypoints ``x,y,z``.
     q, posture :
-        Posture near which a path begins, as in `ftforce.analyze`.
+        Initial guess for the posture at the start of a path, as in `ftforce.analyze`.
     force :
-        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,);
-        zeros for a free motion.
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,); zeros for
+        free motion.
     faults :
-        Which joints fail when, s: ``"3@50"``, ``"3,4@50"``, ``"free:2@10"``, ``"weak:3:0.5@5"``, a
-        list of these, or of `ftforce.trajectory.FaultEvent`.
+        Failing joints and fault times, s: ``"3@50"``, ``"3,4@50"``, ``"free:2@10"``,
+        ``"weak:3:0.5@5"``, or a list of these or of `ftforce.trajectory.FaultEvent`.
     delay :
-        Time from a fault until the remap acts, s.
+        Time from a fault until the remap takes effect, s.
     remap :
-        Whether it ever does.
+        Whether the controller applies the remap at all.
     gravity, payload, limits, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
-        Samples per second; if not given 100 along a path, and a recording's own.
+        Samples per second; by default 100 along a path, or the recording's own times.
     speed, keep_orientation :
-        Largest speed (m/s) along waypoints of a file, and whether the tip must not turn.
+        Largest speed, m/s, and whether the tip keeps its orientation; for waypoints from a file.
     max_gap :
-        Longest time between two samples of a file, s; ten times the usual one if not given.
+        Longest time between two samples of a recording from a file, s; by default ten times the
+        median step.
     progress :
-        Called with how many instants are done, of how many.
+        Called with the number of instants completed and their total.
 
     Returns
     -------
     :
-        The histories as if the arm were healthy, without the remap and with it.
+        The histories of the healthy arm, without the remap and with it.
 
     Raises
     ------
     InputError
-        A malformed value; the message says what would have been valid.
+        An argument is invalid; the message says what is expected.
     TrajectoryError, LimitsError
         A file cannot be read or does not fit the robot.
 
@@ -145,7 +146,7 @@ def simulate(
     )
     _check_times(events, start)
     weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
-    meant = limits_for(next(weak, FaultSet()), limits)  # also if it locks later
+    meant = limits_for(next(weak, FaultSet()), limits)  # even if the joint locks later
     conditions = Conditions.of(robot, gravity=gravity, payload=payload)
     F, counted = read_only(wanted.weigh_force(asked)), choose_limits(robot, meant)
     case = Case(robot, wanted, conditions, F, counted, rtol, wary)
@@ -157,7 +158,7 @@ def simulate(
     )
     setting = _setting(scene, asked, reports, wait)
     history = History(setting, start.times, scene.path.x, healthy, unremapped, remapped)
-    if wait == 0.0:  # the table of the faults and that of the instants say the same
+    if wait == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
     doubts = history_doubts(robot, case.limits, joined(events), history)
@@ -166,7 +167,7 @@ def simulate(
 
 
 class _Scene(NamedTuple):
-    """Everything that the runs share; ``path`` is the tip's, position and velocity."""
+    """Data shared by the runs; ``path`` holds the reference position and velocity of the tip."""
 
     case: Case
     start: Start
@@ -176,7 +177,7 @@ class _Scene(NamedTuple):
 
 
 def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[float, State]]:
-    """Return the three runs, and the states right before the faults in the last of them."""
+    """Return the three runs, and the states just before the faults in the last of them."""
     case, start, events, path, tick = scene
     last = float(start.times[-1])
     never, later = phases(events, NEVER), phases(events, delay)
@@ -203,7 +204,7 @@ def _tip_path(start: Start) -> TipPath:
 
 
 def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:
-    """Return what counts instants: each run is moved and evaluated, shared ones once."""
+    """Return a progress callback; an instant of a run counts for its motion and its evaluation."""
     total, done = 2 * len(start.times) * (3 if remap else 2), 0
 
     def tick(count: int) -> None:
@@ -227,7 +228,7 @@ def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
 def _event_report(
     scene: _Scene, event: FaultEvent, arrival: State | None, healthy: Run
 ) -> EventReport:
-    """Return what a fault does in its instant; without an arrival it is the first."""
+    """Return the report of a fault; without an arrival it occurs at the first sample."""
     case, events = scene.case, scene.events
     robot, task = case.robot, case.task
     state = arrival or State(healthy.q[0], healthy.v[0], healthy.a[0])
@@ -249,10 +250,10 @@ def _event_report(
 
 
 def _as_sampled(history: History, event: EventReport) -> EventReport:
-    """Return the report with force jump and verdict of the first sample with the fault.
+    """Return the report with the force jump and verdict of the first sample with the fault.
 
-    They were those of the state right before it: accelerations change with the fault, and with
-    them the force that a joint without torque leaves.
+    The original values belong to the state just before it. Accelerations change with the fault, and
+    with them the force that a free-swinging joint leaves.
     """
     run = history.answer
     i = int(np.searchsorted(history.t, event.time))
@@ -262,7 +263,7 @@ def _as_sampled(history: History, event: EventReport) -> EventReport:
 
 
 def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
-    """Return the analysis of an instant."""
+    """Return the analysis of one instant."""
     robot, task, conditions, F, limits, rtol, wary = case
     by_mode = {mode: [i + 1 for i in faults.in_mode(mode)] for mode in FaultMode}
     weak: dict[int | str, float] = {
@@ -289,7 +290,7 @@ def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
 def _velocity_jumps(
     case: Case, state: State, faults: FaultSet
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the jumps of the tip's velocity at impact and after the remap, in the root's axes."""
+    """Return the tip velocity jumps at impact and after the remap, in root axes."""
     robot = case.robot
     locked = faults.mask(robot.n)
     if not locked.any():

@@ -1,4 +1,4 @@
-"""What a simulation follows, from what a caller gives: a path, a recording or a file."""
+"""Build the reference trajectory of a simulation from a path, a recording or a file."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ __all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
 RATE = 100.0  # Hz
 MOST_SAMPLES = 5_000_000
-_SAME = 1e-6  # rad or m: so close to a given posture it is that one
+_SAME = 1e-6  # rad or m: postures closer than this count as the same
 
 Trajectory: TypeAlias = "Path | Recording | str | PathLike[str]"
 
 
 class Start(NamedTuple):
-    """A course with the posture and the times at which it is looked at.
+    """Reference trajectory with its initial posture and sample times.
 
     Attributes
     ----------
     course :
-        What the arm follows.
+        The reference trajectory.
     q :
-        Joint positions at its start, shape (n,).
+        Joint positions at the start, shape (n,).
     times :
-        Of the samples, s, from 0, shape (N,).
+        Sample times, s, starting at 0, shape (N,).
     words :
-        The course in words.
+        One-line description of the trajectory.
     source :
-        Where the posture comes from.
+        Where the initial posture comes from.
     warnings :
-        What is odd about the trajectory.
+        Warnings about the trajectory.
     """
 
     course: ReferenceTrajectory
@@ -70,27 +70,28 @@ def start_of(
     keep_orientation: bool = False,
     max_gap: float | None = None,
 ) -> Start:
-    """Return the course that a trajectory means, and where the arm begins.
+    """Return the reference trajectory, initial posture and sample times of a trajectory.
 
     Parameters
     ----------
     robot :
         The arm.
     trajectory :
-        A `Path`, a `Recording`, or a CSV file of either (``x,y,z`` or ``t`` and joints).
+        A `Path`, a `Recording`, or a CSV file of either (``x,y,z``, or ``t`` and joint columns).
     q, posture :
-        Close to which posture a path begins, as in `ftforce.analyze`; not for a recording.
+        Initial guess for the posture at the start of a path, as in `ftforce.analyze`; not allowed
+        with a recording.
     rate :
-        Samples per second; if not given those of a recording, and 100 along a path.
+        Samples per second; by default the recording's own times, or 100 along a path.
     speed, keep_orientation :
-        Of a path that a file holds.
+        For waypoints read from a file, as in `Path.through`.
     max_gap :
-        Of a recording that a file holds.
+        For a recording read from a file, as in `Recording.read`.
 
     Raises
     ------
     InputError
-        A value that makes no sense, or a point that the tip cannot reach.
+        A value is invalid, or the tip cannot reach a point.
     TrajectoryError
         The file cannot be read or does not fit the robot.
     """
@@ -157,12 +158,12 @@ def _in_words(point: Vector) -> str:
 
 
 def _count(samples: float) -> float:
-    """Return duration times rate if that is a number of samples to work with.
+    """Return the number of samples (duration times rate) after checking its range.
 
     Raises
     ------
     InputError
-        Too many, or not even one step.
+        There are too many samples, or the trajectory is shorter than one step.
     """
     if samples < 1.0:
         raise InputError(
@@ -176,5 +177,5 @@ def _count(samples: float) -> float:
 
 
 def tip_at(robot: Robot, q: ArrayLike | Posture | None, posture: str | None) -> Vector:
-    """Return the place of the tip in a posture, in the root's axes, m, shape (3,)."""
+    """Return the tip position in a posture, in root axes, m, shape (3,)."""
     return tip_pose(robot, choose_posture(robot, q, posture).q)[1]

@@ -1,4 +1,4 @@
-"""When would it hurt most: every fault set at every instant of a trajectory."""
+"""Evaluate every fault set at every instant of a trajectory, to find the worst time to fail."""
 
 from __future__ import annotations
 
@@ -46,22 +46,23 @@ MOST_CELLS = 20_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorstInstant:
-    """When a fault set hurts most.
+    """The worst instant of a fault set.
 
     Attributes
     ----------
     faults :
-        The set.
+        The fault set.
     index, time :
-        The instant of the worst verdict; among those of the largest jump, and then of the smallest
+        The instant with the worst verdict; ties go to the largest jump, then to the smallest
         margin. Time in s.
     jump, margin, verdict :
-        There: ‖ΔF‖, N (N·m for a task of moments; NaN without a force), and the others.
+        Values at that instant; the jump is ‖ΔF‖, N (N·m for a task of moments), NaN without a
+        force.
     capability, capability_time :
-        The smallest force that can be commanded at any instant, N (N·m), infinite if nothing
-        known ends it and NaN if nothing holds the arm; and when that is, s.
+        Smallest capability over all instants, N (N·m), and its time, s; infinite if no known limit
+        bounds it, NaN if the arm cannot be held.
     not_tolerated :
-        Share of the instants at which the set is not tolerated.
+        Fraction of the instants at which the set is not tolerated.
     """
 
     faults: FaultSet
@@ -77,27 +78,27 @@ class WorstInstant:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Timeline(Displayed):
-    """All fault sets at all instants of a trajectory: N instants, S sets.
+    """Results of all S fault sets at all N instants of a trajectory.
 
     Attributes
     ----------
     robot, task, conditions :
-        What was analysed.
+        The analysed arm, task and conditions.
     course :
-        The trajectory in words.
+        One-line description of the trajectory.
     start :
-        Where the posture at its start comes from.
+        Where the initial posture comes from.
     mode :
-        How the joints fail.
+        Fault mode of the joints.
     largest :
-        Size of the largest sets.
+        Size of the largest fault sets.
     limits :
-        Those that count for jump and verdict; ``None`` if none do.
+        Torque limits applied to jump and verdict; ``None`` if none.
     capability_limits :
-        Those that count for the capability.
+        Torque limits applied to the capability.
     force, direction :
-        What is asked for, and the direction of the capability, in the task's axes, shape (m,);
-        ``None`` for every force, and for the weakest direction.
+        Requested force, and direction of the capability, in task axes, shape (m,); ``None`` for all
+        forces, and for the weakest direction.
     rtol, wary :
         Tolerances.
     t :
@@ -105,19 +106,19 @@ class Timeline(Displayed):
     q :
         Joint positions, shape (N, n).
     sets :
-        The fault sets, small ones first.
+        The fault sets, in order of size.
     jump :
-        ‖ΔF‖, N (N·m for a task of moments), shape (N, S); NaN without a force, and where nothing
-        holds the arm.
+        ‖ΔF‖, N (N·m for a task of moments), shape (N, S); NaN without a force, and where the arm
+        cannot be held.
     margin :
         σ_min(K)/σ_max(J), shape (N, S).
     capability :
         Largest force that can be commanded, N (N·m), shape (N, S); infinite if no known limit
-        ends it, NaN if nothing holds the arm.
+        bounds it, NaN where the arm cannot be held.
     warnings :
-        What makes the answer doubtful.
+        Warnings about the result.
     verdict :
-        Index in ``ftforce.core.verdict.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
+        Index into ``ftforce.core.verdict.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
         tolerated.
     """
 
@@ -144,13 +145,13 @@ class Timeline(Displayed):
     warnings: tuple[str, ...] = ()
 
     def worst(self) -> tuple[WorstInstant, ...]:
-        """Return the worst instant of each set, the worst set first."""
+        """Return the worst instant of each fault set, worst set first."""
         instants = [self._worst_of(column) for column in range(len(self.sets))]
         return tuple(sorted(instants, key=_by_severity))
 
     def _worst_of(self, column: int) -> WorstInstant:
         jump, margin = self.jump[:, column], self.margin[:, column]
-        # Where nothing holds the arm there is no jump: that is worse than any.
+        # Where the arm cannot be held the jump is NaN: worse than any jump.
         size = np.where(np.isnan(jump), np.inf, jump) if self.force is not None else 0.0 * margin
         codes = self.verdict[:, column]
         index = int(np.lexsort((np.round(margin, 9), -np.round(size, 9), -codes))[0])
@@ -193,34 +194,34 @@ def timeline(
     wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
 ) -> Timeline:
-    """Ask at every instant of a trajectory what every set of failed joints would do.
+    """Evaluate every fault set at every instant of a trajectory.
 
     Parameters
     ----------
     robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap :
-        As in `ftforce.simulate`; the healthy arm moves.
+        As in `ftforce.simulate`; the motion is that of the healthy arm.
     faults :
-        Size of the largest sets.
+        Size of the largest fault sets.
     mode :
         ``locked`` or ``free``.
     force :
-        Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,);
-        without it every force is asked about.
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,); by default
+        all forces are considered.
     direction :
-        Direction of the capability, in the task's axes, shape (m,); the force's if not given, and
-        without a force the weakest.
+        Direction of the capability, in task axes, shape (m,); by default that of the force, or the
+        weakest direction if no force is given.
     limits :
-        As in `ftforce.analyze`; if not given none count for jump and verdict, and the URDF's for
-        the capability.
+        As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
+        capability.
     gravity, payload, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
-        Called with how many instants are done, of how many.
+        Called with the number of steps completed and their total.
 
     Raises
     ------
     InputError
-        A malformed value, or too many instants and sets.
+        An argument is invalid, or there are too many instants and fault sets.
     TrajectoryError, LimitsError
         A file cannot be read or does not fit the robot.
 
@@ -303,7 +304,7 @@ def _counted(progress: Progress | None, total: int) -> Callable[[int], None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Case:
-    """What all instants share."""
+    """Data shared by all instants."""
 
     robot: Robot
     task: Task
@@ -316,7 +317,7 @@ class _Case:
     wary: float
 
     def at(self, q: Vector, v: Vector, a: Vector) -> SharedCase:
-        """Return the case of all fault sets at an instant."""
+        """Return the data shared by all fault sets at an instant."""
         robot, nothing = self.robot, FaultSet().mask(self.robot.n)
         moving = self.conditions._replace(velocity=v, acceleration=a)
         healthy = Svd(self.task.weigh_jacobian(task_jacobian(robot, q, self.task)))
@@ -333,7 +334,7 @@ class _Case:
 
 
 def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:
-    """Name what makes the answer doubtful; the healthy arm exerts weighted forces (N, m)."""
+    """Yield the warnings; ``exerted`` holds weighted forces of the healthy arm, shape (N, m)."""
     robot, task, t = case.robot, case.task, start.times
     yield from start.warnings
     if robot.mass == 0.0 and case.conditions.gravity.any():
@@ -355,7 +356,7 @@ def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Itera
 def _cells(
     case: _Case, motion: Motion, sets: tuple[FaultSet, ...], tick: Callable[[int], None]
 ) -> tuple[Matrix, Matrix, Matrix, Matrix, NDArray[np.int8]]:
-    """Return what the healthy arm exerts, jumps, margins, capabilities and verdicts over time."""
+    """Return exerted forces, jumps, margins, capabilities and verdicts of all sets over time."""
     robot, count = case.robot, len(motion.q)
     jump, margin, capability = (np.full((count, len(sets)), math.nan) for _ in range(3))
     verdict = np.zeros((count, len(sets)), dtype=np.int8)

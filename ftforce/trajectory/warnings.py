@@ -1,4 +1,4 @@
-"""What makes a simulation doubtful, in words."""
+"""Warnings about simulations."""
 
 from __future__ import annotations
 
@@ -19,25 +19,27 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History
 
-ON_PATH = 1e-5  # m: away from singularities and limits the tip is no farther from its path
-ORIENTED = 1e-5  # rad: likewise
-_SLACK = 1e-6  # rad, m, or relative: limits are printed rounded
-_STEP = 0.05  # of the largest speed: by more no velocity changes between two samples unforeseen
+ON_PATH = 1e-5  # m: tracking error reached away from singularities and limits
+ORIENTED = 1e-5  # rad: likewise, for the orientation
+_SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
+_STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
 def history_doubts(
     robot: Robot, limits: Limits | None, faults: FaultSet, history: History
 ) -> Iterator[str]:
-    """Name what makes a simulation doubtful.
+    """Yield the warnings of a simulation.
 
     Parameters
     ----------
-    robot, limits :
-        The arm, and the limits that count.
+    robot :
+        The arm.
+    limits :
+        Torque limits in force; ``None`` if none.
     faults :
-        All that happen.
+        All faults that occur.
     history :
-        What was found.
+        The simulated history.
     """
     if robot.mass == 0.0:
         yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
@@ -61,14 +63,14 @@ def history_doubts(
 
 
 def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
-    """Say that even the healthy arm leaves its path, or the orientation it is to keep.
+    """Warn if even the healthy arm leaves its path or the prescribed orientation.
 
     Parameters
     ----------
     t :
         Times, s, shape (N,).
     error, turn :
-        How far it is off, m and rad, shape (N,).
+        Position error, m, and orientation error, rad, shape (N,).
     """
     where = "it is close to a singularity or to its limits there"
     worst = int(error.argmax())
@@ -82,19 +84,19 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
 
 
 def unsupported(history: History) -> Matrix:
-    """Return what even the healthy arm lacks of the force, N and N·m, shape (N, m)."""
+    """Return the part of the force the healthy arm cannot exert, N and N·m, shape (N, m)."""
     run, asked = history.healthy, np.array(history.setting.force)
     return lacking(asked, run.force + run.jump)
 
 
 def lacking(asked: Vector, exerted: Matrix) -> Matrix:
-    """Return what is missing of a force, without rounding, shape (N, m)."""
+    """Return requested minus exerted force, with rounding errors set to zero, shape (N, m)."""
     missing = np.nan_to_num(asked - exerted)
     return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
 
 
 def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
-    """Say that even the healthy arm lacks a part of the force: no fault takes it.
+    """Warn if even the healthy arm cannot exert part of the requested force.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
     task :
         The task.
     missing :
-        What is lacking, N and N·m, shape (N, m).
+        Part of the force that cannot be exerted, N and N·m, shape (N, m).
     """
     for rows, unit in ((task.force_rows, "N"), (task.moment_rows, "N·m")):
         size = np.linalg.norm(missing[:, list(rows)], axis=1)
@@ -116,7 +118,7 @@ def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
 
 
 def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
-    """Name joints beyond their limits of position and speed.
+    """Warn about joints beyond their position or velocity limits.
 
     Parameters
     ----------
@@ -130,11 +132,11 @@ def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
 
 
 def _steps(history: History) -> Iterator[str]:
-    """Say that velocities change in a step where nothing failed: no torque does that."""
+    """Warn about velocity steps where no joint fails: they need infinite acceleration."""
     run, t, setting = history.answer, history.t, history.setting
     v, a = run.v[run.until_fall], run.a[run.until_fall]
     off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))
-    for event in setting.events:  # where they may
+    for event in setting.events:  # steps are expected here
         for time in (event.time, event.time + setting.delay):
             off[max(int(np.searchsorted(t, time)) - 1, 0) :][:1] = 0.0
     sizes = off.max(axis=1, initial=0.0)
@@ -167,7 +169,7 @@ def _too_fast(robot: Robot, v: Matrix) -> Iterator[str]:
 
 
 def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
-    """Name motors that are asked for more than the URDF says they can."""
+    """Warn about motors that need more torque than their effort limit in the URDF."""
     motor = np.abs(history.answer.motor)
     for i, joint in enumerate(robot.joints):
         if joint.effort is None or np.isnan(motor[:, i]).all():
@@ -183,7 +185,7 @@ def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
 
 
 def length_in_words(x: float) -> str:
-    """Write a distance in a unit that suits it."""
+    """Format a distance in m, mm or µm, whichever suits its size."""
     for unit, scale in (("m", 1.0), ("mm", 1e3), ("µm", 1e6)):
         if x * scale >= 0.9995:
             return f"{x * scale:.3g} {unit}"
