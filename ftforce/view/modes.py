@@ -81,7 +81,7 @@ class Mode:
     def start(self, session: Host) -> None:
         """Start; the page is already open, but no question has been answered yet."""
 
-    def view(self, state: State) -> View | None:  # part of the interface
+    def view(self, state: State) -> View | None:  # noqa: ARG002 # part of the interface
         """Return the view to show now; ``None`` for the ordinary answer.
 
         Called by the session's worker thread, which displays any error raised here.

@@ -240,14 +240,14 @@ class Survey(Mode):
         self._tell()
 
     def view(self, state: State) -> None:
-        """Return ``None``, the ordinary answer; the legend notes a question other than the sweep's."""
+        """Return ``None``, the ordinary answer; the legend notes a question not of the sweep."""
         with self._lock:
             asks_the_same = state.question() == self._asks.question()
             if asks_the_same != self._asks_the_same:
                 self._asks_the_same = asks_the_same
                 self._tell()
 
-    def set_geometry(self, geometry: Geometry) -> None:  # part of the interface
+    def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # part of the interface
         """Aim the camera at all points; there is no second arm to set."""
         picture = self._session.picture
         if picture is not None:
