@@ -73,10 +73,10 @@ class Mode:
     """
 
     tab = ""
-    """What its tab is called, the first of the page."""
+    """Label of the mode's tab, the first of the page."""
 
     takes_over = False
-    """Whether posture, faults and load are its own: then the page asks nothing else."""
+    """Whether the mode alone determines posture, faults and load, so that the question is fixed."""
 
     def start(self, session: Host) -> None:
         """Start; the page is already open, but no question has been answered yet."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.history import History
 
 Options: TypeAlias = dict[str, Any]
-"""Keyword arguments of matplotlib."""
+"""Keyword arguments for Matplotlib."""
 
 WIDTH = 180.0 / 25.4  # in; two columns of a journal, or a page of A4
 SMALL, TITLE = 7.0, 8.0  # pt; the smallest text, and titles
@@ -35,7 +35,7 @@ PRINT: Any = {
     "lines.markersize": 3.5,
     "hatch.linewidth": 0.6,
 }
-"""Sizes for a picture of 180 mm that is printed as it is."""
+"""Style for a figure 180 mm wide, printed at its original size."""
 
 # Okabe and Ito's colour-blind safe palette, without its yellow, which is too pale for lines.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"

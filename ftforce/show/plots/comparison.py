@@ -71,7 +71,7 @@ class Marks(NamedTuple):
 
 
 MOST = 50
-"""How many arms a figure shows, the best ones."""
+"""Maximum number of arms in a figure, best first."""
 
 
 def comparison(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
 
 UNSURE = 0.2
-"""Width of a share's interval from which a cell is marked: it holds too few postures."""
+"""Width of a share's 95 % interval above which a cell is marked as uncertain."""
 UNSURE_WORDS = f"95 % interval wider than {100.0 * UNSURE:.0f} points"
 _FLOORS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
 _COLOURS = "cividis"  # readable with any kind of colour vision and in grey; dark is bad

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.fault_set import SetCapability, SetReport
 
 MOST_SETS = 40
-"""How many fault sets a census table shows, worst first."""
+"""Maximum number of fault sets in a census table, worst first."""
 
 
 def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ftforce.batch.workspace_map import WorkspaceMap
 
 MOST_CELLS = 8
-"""How many cells the table of the worst ones shows."""
+"""Maximum number of cells in the table of the worst cells."""
 _FACTS = ("Robot", "Axes", "Task", "Postures", "Faults", "Force", "Stored")
 _COLUMNS = 24  # three-character cells that fit beside a row label in 80 columns
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)

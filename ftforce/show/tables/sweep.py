@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ftforce.show.tables.parts import TitledTable
 
 MOST_SETS = 20
-"""How many fault sets a sweep's table shows, worst first."""
+"""Maximum number of fault sets in a sweep's table, worst first."""
 _BIN = 1.0 / LINEAR_BINS
 _CELLS_LEFT = 0.95  # share of tolerated postures from which a cell counts as surviving
 

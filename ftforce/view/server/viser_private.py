@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 TRIED = "1.1.1"
 
 ELSEWHERE = frozenset({"websocket", "playbackPath"})
-"""Parameters of a page's address that make it connect to another server, and show its HTML.
+"""URL parameters that make a page connect to another server and show its HTML.
 
-Private: viser's page reads them, its documentation does not list them. No option turns them off.
+Private: read by viser's page but undocumented. They cannot be disabled.
 """
 
 ROOT, NOTICES = "#root", ".mantine-Notifications-root"
-"""Selectors of the scene's element, and of the notices that would cover it, in a page for a file.
+"""Selectors, in an exported page, of the scene's element and of the notices that would cover it.
 
 Private: names in viser's built page. `as_html` has no option for either.
 """
