@@ -123,7 +123,7 @@ class Playback(Mode):
         self.end = float(history.t[-1])
         self._names = {STROKES[name].words: name for name in reversed(history.runs)}
         if len(self._names) > 1 and history.setting.events:
-            del self._names[STROKES["healthy"].words]  # always shown beside the other runs
+            del self._names[STROKES["healthy"].words]  # shown with each of the other runs
         self._name = next(iter(self._names.values()))
         self._time, self._speed, self._place = at, 1.0, PLACES[0]
         self._scales = history_scales(history, scene_size(robot))

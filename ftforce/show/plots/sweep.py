@@ -305,7 +305,7 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
 
 
 def _none(sweep: Sweep) -> str:
-    """Return a note if no failure is not tolerated: that interval is too small to see."""
+    """Return a note if no case is "not tolerated": its interval is too small to see."""
     if any(one.not_tolerated.value > 0.0 for one in sweep.joints):
         return ""
     most = max(one.not_tolerated.high for one in sweep.joints)

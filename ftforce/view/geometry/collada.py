@@ -94,7 +94,7 @@ def _parsed(root: Element) -> Collada:
         if parent.tag in _READ:
             parent[:] = [child for child in parent if child.tag in _READ[parent.tag]]
     scene = [one.tag for tag in _SCENES for library in root.findall(tag) for one in library.iter()]
-    # A node is read again for each instance of it that precedes it.
+    # A node is read again for each node that it references and that is defined later.
     if len(scene) * (1 + scene.count("instance_node")) > _MOST_READ:
         raise ValueError("its scene has too many nodes")
     for one in root.iter("rotate"):
