@@ -1,6 +1,6 @@
-"""The command line: one file per command, which parses, calls and shows.
+"""The command line: one file per command, which parses arguments, calls the API and shows results.
 
-What a command needs is imported when it runs, so ``ftforce --help`` answers at once.
+Imports are deferred until a command runs, so that ``ftforce --help`` responds immediately.
 """
 
 import sys
@@ -32,7 +32,7 @@ COMMANDS = (
 
 
 def build(*names: str) -> typer.Typer:
-    """Return the program with these commands, each a function in a module of its name."""
+    """Return the program with the given commands, each a function in the module of its name."""
     program = typer.Typer(
         name="ftforce",
         help="What a robot arm can still do when a joint fails.",
@@ -63,21 +63,21 @@ def top(
 def main() -> None:
     """Run the command line."""
     prepare_streams()
-    # A command that is named is built alone: every other one would cost its milliseconds.
+    # Build only the command that is named, to avoid importing the others.
     named = [word for word in sys.argv[1:2] if word in COMMANDS]
     try:
         build(*(named or COMMANDS))()
-    except OSError as problem:  # from help and version; a command sees to its own output
+    except OSError as problem:  # from --help and --version; commands handle their own output
         if "--debug" in sys.argv:
             raise
         silence()
-        with suppress(OSError):  # it may have been stderr that failed
+        with suppress(OSError):  # stderr itself may have failed
             typer.echo(f"error: {reason_of(problem)}", err=True)
         sys.exit(1)
 
 
 def __getattr__(name: str) -> Any:
-    """Build the whole program for those who want it as an object."""
+    """Build the full program on first access, for use as an object."""
     if name != "app":
         raise AttributeError(f"module 'ftforce.cli' has no attribute {name!r}")
     globals()[name] = build(*COMMANDS)

@@ -1,4 +1,4 @@
-"""``ftforce capability``: which force and which payload can be held."""
+"""``ftforce capability``: the force and payload that can be held."""
 
 from ftforce.cli.options import (
     Acceleration,

@@ -1,4 +1,4 @@
-"""``ftforce compare``: which arm degrades best."""
+"""``ftforce compare``: arms ranked by how gracefully they degrade."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""``ftforce dh``: a DH table becomes a URDF and an SRDF."""
+"""``ftforce dh``: conversion of a DH table to URDF and SRDF."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""``ftforce inspect``: what a URDF holds."""
+"""``ftforce inspect``: the chain of a URDF."""
 
 from ftforce.cli.options import Base, FormatOption, Output, RobotArgument, Tip, load
 from ftforce.cli.output import emit

@@ -1,4 +1,4 @@
-"""``ftforce map``: where in the workspace a fault is survived."""
+"""``ftforce map``: workspace regions that survive a fault."""
 
 from pathlib import Path
 from typing import Annotated
@@ -80,12 +80,12 @@ def _words(text: str) -> list[str]:
 
 
 def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
-    """Read joints: numbers from 1, or names.
+    """Parse joints, given as numbers from 1 or names.
 
     Raises
     ------
     InputError
-        There is none, or no such joint.
+        The list is empty, or a joint is unknown.
     """
     from ftforce.errors import InputError, UnknownNameError
 

@@ -1,6 +1,6 @@
-"""Options that commands share, parsing of vectors, and how errors and results leave the program.
+"""Common options, parsing of vectors, and handling of errors.
 
-Exit status: 0 done, 1 the input is wrong, 2 the command line itself is, 130 interrupted.
+Exit status: 0 success, 1 invalid input, 2 invalid command line, 130 interrupted.
 """
 
 import functools
@@ -160,7 +160,7 @@ _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an 
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn errors into one line on stderr and an exit status, and add the option ``--debug``."""
+    """Report errors as one line on stderr and an exit status, and add the option ``--debug``."""
 
     @functools.wraps(command)
     def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
@@ -168,14 +168,14 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             if "form" in kwargs:
                 check_outputs(command.__name__, **kwargs)
             command(*args, **kwargs)
-        except BrokenPipeError:  # the reader, `head` for one, has seen enough
+        except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
             silence()
         except KeyboardInterrupt:
             typer.echo("interrupted; nothing was written", err=True)
             raise typer.Exit(130) from None
         except (typer.Exit, typer.Abort, typer.BadParameter):
             raise
-        except Exception as error:  # a user never meets a traceback, not even of our own mistakes
+        except Exception as error:  # never show a traceback, even for internal errors
             if debug:
                 raise
             typer.echo(f"error: {_reason(error)}", err=True)
@@ -196,12 +196,12 @@ def _reason(error: Exception) -> str:
 
 
 def numbers(text: str | None, option: str) -> list[float] | None:
-    """Read numbers separated by commas or blanks, as strictly as those of a URDF.
+    """Parse numbers separated by commas or blanks, with the strict number format of URDFs.
 
     Raises
     ------
     InputError
-        There is none, or something in it is no finite number.
+        The list is empty, or an item is not a finite number.
     """
     if text is None:
         return None
@@ -218,27 +218,27 @@ def numbers(text: str | None, option: str) -> list[float] | None:
 
 
 def refuse_force_and_torque(force: str | None, torque: str | None) -> None:
-    """Refuse two options that exclude each other."""
+    """Reject --force together with --torque."""
     if force is not None and torque is not None:
         raise typer.BadParameter("give either --force or --torque, not both")
 
 
 def load(robot: str, tip: str | None, base: str | None, posture: str | None) -> "Robot":
-    """Load the robot that a command names."""
+    """Load the robot specified on the command line."""
     from ftforce.robot.load import load_robot
 
     return load_robot(robot, tip=tip, base=base, posture=posture)
 
 
 def given_options(context: typer.Context, among: Container[str]) -> list[str]:
-    """Return the options, as one types them, that stand on the command line.
+    """Return the options given on the command line, spelled as typed there.
 
     Parameters
     ----------
     context :
-        Of the command that runs.
+        Context of the running command.
     among :
-        Names of the parameters that are looked at.
+        Names of the parameters to consider.
     """
     named = []
     for parameter in context.command.params:

@@ -1,4 +1,4 @@
-"""Where a result goes: the terminal, files, plots; checked before the work begins."""
+"""Output of results to terminal, files and plots; destinations are checked in advance."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
-    """How a result is written."""
+    """Output formats."""
 
     TABLE = "table"
     JSON = "json"
@@ -43,14 +43,14 @@ def check_outputs(
     plot: Path | None = None,
     **_others: Any,
 ) -> None:
-    """Refuse files that could not be written, before anything is computed for them.
+    """Reject files that could not be written, before any computation starts.
 
     Raises
     ------
     InputError
-        A name has an ending that says nothing, or another form than was asked for.
+        A file extension is unknown, or contradicts the requested format.
     OutputError
-        There is no such folder.
+        The folder does not exist.
     """
     if output is not None:
         endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
@@ -90,31 +90,31 @@ def emit(
     plot: Path | None = None,
     warnings: tuple[str, ...] = (),
 ) -> None:
-    """Print a result, or write it to a file; draw it, too, if asked.
+    """Print a result or write it to a file; also plot it if requested.
 
     Parameters
     ----------
     shown :
         The result as tables.
     result :
-        The result itself, for data and pictures.
+        The result, for data formats and plots.
     form :
-        The form asked for; ``None`` takes it from the file's ending.
+        Requested format; ``None`` derives it from the file extension.
     output :
-        The file; ``None`` is standard output.
+        Output file; ``None`` for standard output.
     title :
-        Title of a picture of the tables.
+        Title of an image of the tables.
     plot :
-        File for a picture that is drawn; ``None`` for none.
+        Plot file; ``None`` for no plot.
     warnings :
-        Shown on stderr where the form has no place for them.
+        Printed on stderr if the format cannot contain them.
     """
-    picture = None if plot is None else _plot(result, plot)  # before anything is written
+    picture = None if plot is None else _plot(result, plot)  # fail before any output is written
     _emit(shown, result, form or _form_of(output), output, title, warnings)
     if plot is not None and picture is not None:
         from ftforce.io.text import write_whole
 
-        # On stderr: standard output may be data.
+        # On stderr, as standard output may carry data.
         typer.echo(f"wrote {printable(write_whole(plot, picture))}", err=True)
 
 

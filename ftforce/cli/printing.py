@@ -1,4 +1,4 @@
-"""Standard output, which may be full or closed: that is said in one line."""
+"""Standard output, with errors such as a full disk reported in one line."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 class _Closed(io.TextIOBase):
-    """Stands for a stream that is closed: Python has ``None``, on which prints vanish silently."""
+    """Replacement for a closed stream: Python uses ``None``, which silently discards prints."""
 
     def write(self, _: str, /) -> NoReturn:
         raise OSError(errno.EBADF, "it is closed")
 
 
 def prepare_streams() -> None:
-    """Let a terminal that cannot show Ω show ? instead, and a closed standard output complain."""
+    """Replace characters the terminal cannot show, and make a closed standard output an error."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
@@ -34,12 +34,12 @@ def prepare_streams() -> None:
 
 @contextmanager
 def printing() -> Iterator[None]:
-    """Print on standard output in here, and only that.
+    """Report errors of standard output; only printing may happen within this context.
 
     Raises
     ------
     FtforceError
-        Standard output cannot be written. Who reads a pipe may close it: that is no error.
+        Standard output cannot be written. A closed pipe is not reported as an error.
     """
     try:
         yield
@@ -58,11 +58,11 @@ def say(text: str) -> None:
 
 
 def reason_of(problem: OSError) -> str:
-    """Return what is said of a standard output that cannot be written."""
+    """Return the message for a standard output that cannot be written."""
     return f"standard output cannot be written ({problem.strerror or problem})"
 
 
 def silence() -> None:
-    """Drop what is not printed yet; else the interpreter would try again when it ends, and fail."""
-    with suppress(OSError):  # a stream that is no file
+    """Discard unwritten output, which the interpreter would otherwise try to flush on exit."""
+    with suppress(OSError):  # the stream is not a file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""A bar on stderr for work that takes its time."""
+"""Progress bars on stderr for long computations."""
 
 import sys
 import time
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.question import Progress
 
-PATIENCE = 1.0  # s without a progress bar
+PATIENCE = 1.0  # s before a progress bar appears
 
 
 def progress_bar(what: str) -> "AbstractContextManager[Progress]":
-    """Return a callback's context: a bar on stderr counts once the work has taken a second."""
+    """Return a context that yields a progress callback; the bar appears after one second."""
     from rich.progress import MofNCompleteColumn
 
     return _bar(what, MofNCompleteColumn())
 
 
 def rate_bar(what: str) -> "AbstractContextManager[Progress]":
-    """Return the same for a bar with per cent and rate."""
+    """Return a context as `progress_bar` does, with percentage and rate in the bar."""
     from rich.progress import TextColumn
 
     return _bar(what, TextColumn("{task.percentage:.0f} %"), TextColumn("{task.fields[rate]}"))
@@ -38,7 +38,7 @@ def _bar(what: str, *columns: Any) -> "Iterator[Progress]":
     bar = Progress(*columns, console=console, transient=True)
     work = bar.add_task(what, rate="")
     start, shown = time.monotonic(), False
-    begun: int | None = None  # the first to come; what an earlier run did is not in the rate
+    begun: int | None = None  # excludes work of an earlier run from the rate
 
     def update(done: int, total: int, /) -> None:
         nonlocal shown, begun

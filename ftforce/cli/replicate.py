@@ -1,4 +1,4 @@
-"""``ftforce replicate``: the paper's numbers."""
+"""``ftforce replicate``: replication of the paper's numbers."""
 
 import typer
 

@@ -1,4 +1,4 @@
-"""``ftforce robots``: the known names."""
+"""``ftforce robots``: list of the known robots."""
 
 from ftforce.cli.options import FormatOption, Output, load
 from ftforce.cli.output import emit

@@ -1,4 +1,4 @@
-"""``ftforce simulate``: an arm along a trajectory while joints fail."""
+"""``ftforce simulate``: motion along a trajectory while joints fail."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -157,12 +157,12 @@ def simulate(
 
 
 def _refuse_beside_paper(context: typer.Context) -> None:
-    """Refuse every option that Section V leaves no choice of.
+    """Reject all options that are fixed by Section V of the paper.
 
     Raises
     ------
     InputError
-        There is one.
+        Such an option is given.
     """
     if named := given_options(context, context.params.keys() - _BESIDE_PAPER):
         raise InputError(f"--paper says all of that itself; leave out {', '.join(named)}")

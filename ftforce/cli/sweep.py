@@ -177,12 +177,12 @@ def sweep(
 def _source(
     arm: "Robot", samples: float | None, postures: Path | None, grid: str | None, *, deg: bool
 ) -> "Postures | None":
-    """Return the postures that are not drawn, ``None`` if they are.
+    """Return the postures from a file or grid; ``None`` if they are to be sampled.
 
     Raises
     ------
     BadParameter
-        Not one of the three sources was given.
+        Not exactly one of the three sources is given.
     """
     given = [value for value in (samples, postures, grid) if value is not None]
     if len(given) != 1:

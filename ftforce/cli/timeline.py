@@ -1,4 +1,4 @@
-"""``ftforce timeline``: when a fault would hurt most."""
+"""``ftforce timeline``: severity of each fault along a trajectory."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Options of the commands that follow a trajectory, and what they mean."""
+"""Options of the commands that follow a trajectory, and their interpretation."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +55,7 @@ MaxGap = Annotated[
 def place_of(
     robot: "Robot", file: str | None, q: str | None, posture: str | None, *, degrees: bool
 ) -> "Posture | None":
-    """Return the posture near which a path begins; ``None`` where a file may say it itself."""
+    """Return the posture near which a path starts; ``None`` if a file may determine it."""
     if file is not None and q is None and posture is None:
         return None
     from ftforce.robot.posture import choose_posture
@@ -73,12 +73,12 @@ def trajectory_of(
     keep_orientation: bool,
     place: "Posture | None",
 ) -> "Trajectory":
-    """Return the trajectory that a command line names.
+    """Return the trajectory specified on the command line.
 
     Raises
     ------
     InputError
-        It names none, or two.
+        No trajectory is specified, or more than one.
     """
     if file is not None:
         if start is not None or corners:

@@ -1,4 +1,4 @@
-"""``ftforce view``: the robot in the browser."""
+"""``ftforce view``: the interactive browser view."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -158,7 +158,7 @@ def view(
         if export is not None or screenshot is not None:
             _write(session, export, screenshot)
             return
-        if session.problem:  # as `analyze` would
+        if session.problem:  # same error as `analyze`
             raise InputError(session.problem)
         session.run(lambda: _announce(arm.name, session.address, no_browser))
 
@@ -170,7 +170,7 @@ def _announce(name: str, address: str, no_browser: bool) -> None:
 
 
 def _refuse_question(context: typer.Context) -> None:
-    """Refuse options that a history or a sweep answers itself: they would count for nothing."""
+    """Reject options of the question that a history or sweep determines itself."""
     of, own = "sweep", _OF_A_SWEEP
     if context.params["history"] is not None:
         of, own = "history", _OF_A_SWEEP | {"q", "payload"}
@@ -179,7 +179,7 @@ def _refuse_question(context: typer.Context) -> None:
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
-    """Refuse files that could not be written, before anything is started for them."""
+    """Reject files that could not be written, before the server is started."""
     for path, endings in ((export, (".html", ".htm")), (screenshot, (".png",))):
         if path is None:
             continue
@@ -190,7 +190,7 @@ def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
 
 
 def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
-    """Note where `analyze --q` would hold the joints outside the chain elsewhere."""
+    """Note if ``analyze --q`` would use different positions for the joints outside the chain."""
     if origin.posture is None or not arm.held:
         return origin
     if dict(load(origin.robot, origin.tip, origin.base, None).held) == dict(arm.held):
@@ -216,7 +216,7 @@ def _write(session: "Session", export: Path | None, screenshot: Path | None) -> 
 
 
 def _open(address: str) -> None:
-    """Open the browser; without one the address is printed already."""
+    """Open the browser; if there is none, the address has already been printed."""
     import webbrowser
 
     try:

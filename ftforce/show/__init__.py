@@ -1,1 +1,1 @@
-"""Results in the terminal and in print."""
+"""Display of results: tables for the terminal, plots and figures for print."""

@@ -1,4 +1,4 @@
-"""Whole figures of results, for print 180 mm wide, and their files."""
+"""Complete figures of results, 180 mm wide for print, and their files."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ if TYPE_CHECKING:
     from ftforce.show.plots.timeline import Quantity
     from ftforce.show.plots.trajectory import Kind
 
-# What would make two files of one result differ: dates, and versions of libraries.
+# Drops dates and library versions, so that equal results give identical files.
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
     "svg": {"Date": None, "Creator": None},
 }
 _MOST_BARS = 40
-_TITLE_AND_AXIS = 1.0  # in; what a plot needs besides its rows
+_TITLE_AND_AXIS = 1.0  # in; a plot's height in addition to its rows
 
 
 Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison
 
 
 def figure(result: Drawable) -> Figure:
-    """Draw all that belongs to a result.
+    """Draw the complete figure of a result.
 
     Parameters
     ----------
     result :
-        A simulation, a timeline, a census, a capability, a sweep or a map of one.
+        A simulation history, timeline, census, capability, comparison, sweep, or map of a sweep.
 
     Raises
     ------
     InputError
-        There is no figure of such a result, or the capability is one of a single component.
+        There is no figure for such a result, or the capability has only one component.
     """
     needs_matplotlib()
     from matplotlib import rc_context
@@ -81,27 +81,34 @@ def figure(result: Drawable) -> Figure:
 
 
 def save_figure(result: Drawable, path: str | PathLike[str]) -> Path:
-    """Draw a result into a ``.png``, ``.pdf`` or ``.svg`` file, whole or not at all.
+    """Draw a result and save it as a ``.png``, ``.pdf`` or ``.svg`` file.
 
-    The same result gives the same bytes.
+    Equal results give identical bytes. The file is written atomically.
+
+    Parameters
+    ----------
+    result :
+        A result, as for `figure`.
+    path :
+        File to write; its extension determines the format.
 
     Raises
     ------
     InputError
-        The file's name ends otherwise, or there is no figure of such a result.
+        The file extension is not supported, or there is no figure for such a result.
     OutputError
-        The file cannot be written; nothing is left behind.
+        The file cannot be written; no partial file remains.
     """
     return write_whole(path, figure_bytes(result, path))
 
 
 def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
-    """Draw a result and return what its file would hold.
+    """Draw a result and return the content of its file.
 
     Raises
     ------
     InputError
-        The file's name ends otherwise, or there is no figure of such a result.
+        The file extension is not supported, or there is no figure for such a result.
     """
     form = Path(path).suffix.lower().removeprefix(".")
     if form not in _METADATA:
@@ -110,7 +117,7 @@ def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
     drawn, stream = figure(result), io.BytesIO()
     from matplotlib import rc_context
 
-    # The salt makes an SVG's names repeat; journals refuse a PDF's fonts of type 3.
+    # The salt makes SVG ids reproducible; many journals reject Type 3 fonts in PDF files.
     with rc_context({"svg.hashsalt": "ftforce", "pdf.fonttype": 42, "savefig.bbox": None}):
         _settle(drawn)
         drawn.savefig(stream, format=form, dpi=300, metadata=_METADATA[form])
@@ -118,7 +125,7 @@ def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
 
 
 def _settle(drawn: Figure) -> None:
-    """Lay a figure out for good: the layout's last digits depend on addresses in memory."""
+    """Freeze the layout: the last digits of a repeated layout depend on memory addresses."""
     drawn.draw_without_rendering()
     drawn.set_layout_engine("none")
     for ax in drawn.axes:
@@ -141,7 +148,7 @@ def _of_history(drawn: Figure, history: History) -> None:
     for row, plot in ((-2, plots.jump), (-1, plots.path_error)):
         legend = plot(history, ax=drawn.add_subplot(grid[row, 0])).get_legend()
         if legend is not None:
-            legend.remove()  # the path's says the same
+            legend.remove()  # same as the legend of the path
     plots.path(history, ax=drawn.add_subplot(grid[-2:, 1], projection="3d"))
 
 
@@ -179,7 +186,7 @@ def _of_capability(drawn: Figure, capability: Capability) -> None:
 
 
 def _one_legend(drawn: Figure) -> None:
-    """Take the plots' legends together below them."""
+    """Merge the plots' legends into one below them."""
     found: dict[str, Any] = {}
     for ax in drawn.axes:
         handles, labels = ax.get_legend_handles_labels()

@@ -1,4 +1,4 @@
-"""Which table shows which result."""
+"""Rendering of results: selection of the tables, and conversion to text, SVG and HTML."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @singledispatch
 def render(result: object) -> RenderableType:
-    """Return what rich prints of a result."""
+    """Return the rich renderable for a result."""
     return Text(repr(result))
 
 
@@ -59,19 +59,19 @@ WIDTH = 80
 
 
 def to_text(shown: RenderableType, width: int = WIDTH) -> str:
-    """Return plain text without colours."""
+    """Render as plain text without colours."""
     stream = io.StringIO()
     Console(file=stream, width=width, color_system=None).print(shown)
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
 
 
 def to_svg(shown: RenderableType, title: str, width: int = WIDTH) -> str:
-    """Return a picture of a terminal window."""
+    """Render as an SVG image of a terminal window."""
     return _recorded(shown, width).export_svg(title=title, unique_id="ftforce")
 
 
 def to_html(shown: RenderableType, width: int = 100) -> str:
-    """Return a fragment of HTML, for notebooks; texts are escaped."""
+    """Render as an HTML fragment for notebooks; text is escaped."""
     style = "font-family:Menlo,Consolas,'DejaVu Sans Mono',monospace;line-height:1.25"
     return _recorded(shown, width).export_html(
         inline_styles=True, code_format=f'<pre style="{style}"><code>{{code}}</code></pre>'
@@ -79,7 +79,7 @@ def to_html(shown: RenderableType, width: int = 100) -> str:
 
 
 def to_page(shown: RenderableType, title: str) -> str:
-    """Return a page of HTML."""
+    """Render as an HTML page."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f"<title>{escape(title)}</title></head>\n<body>{to_html(shown)}</body></html>\n"

@@ -1,3 +1,3 @@
-"""The robot in the browser: a scene, controls, the answer, and what can be taken along."""
+"""The interactive browser view: 3D scene, controls, results, and export to files."""
 
 NEEDS_EXTRA = "the page needs the extra `view`: pip install 'ftforce[view]'"

@@ -1,4 +1,4 @@
-"""A history in a scene: path, healthy arm, and the whole course as a page that plays by itself."""
+"""Simulation histories in the scene: tip path, healthy arm, and export as an animated page."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ if TYPE_CHECKING:
 
 PLACES = ("in place", "beside", "hidden")  # of the healthy arm
 _PATH_COLOUR = (90, 90, 90)
-_BESIDE = 0.8  # of the size of the arm, along the root's y
-_LOW = 0.85  # of the way from the middle of what the camera sees to its lower edge
+_BESIDE = 0.8  # along the root's y axis, as a share of the size of the arm
+_LOW = 0.85  # from the centre of the camera image to its lower edge, as a share of that distance
 FRAME = 0.05  # s
-_MOST_FRAMES = 1000  # of a page that plays: then it is a few MB, and opens in a second
+_MOST_FRAMES = 1000  # per animated page: keeps it at a few MB, opening within a second
 
 
 class HealthyArm:
-    """The arm as if healthy, transparent.
+    """A transparent copy of the arm, moving as if no joint had failed.
 
     Parameters
     ----------
     server :
-        Whose scene it is.
+        Server whose scene it is drawn in.
     robot :
         The arm.
     """
@@ -63,11 +63,11 @@ class HealthyArm:
         self._beside = np.array([0.0, _BESIDE * scene_size(robot), 0.0])
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Show its links."""
+        """Set the meshes of its links."""
         self._stage.set_geometry(geometry)
 
     def show(self, picture: Picture, now: Snapshot, place: str) -> None:
-        """Show it as it is at a time, beside the arm of a picture, or hide it."""
+        """Show the arm at a snapshot, placed relative to the arm in ``picture``, or hide it."""
         if place == "hidden" or now.run is now.healthy:
             self._stage.hide()
             return
@@ -76,7 +76,7 @@ class HealthyArm:
 
 
 def draw_path(server: viser.ViserServer, history: History) -> None:
-    """Draw the path that the tip should follow."""
+    """Draw the reference path of the tip."""
     places = history.path[chosen(history, history.healthy)]
     if len(places) > 1:
         add_lines(
@@ -85,7 +85,7 @@ def draw_path(server: viser.ViserServer, history: History) -> None:
 
 
 def aim(picture: Picture, history: History, name: str) -> Picture:
-    """Return a picture for `Stage.look`: with the whole course of the tip in it."""
+    """Return a picture for `Stage.look` that contains the whole tip path."""
     run = history.runs[name]
     places = run.position[chosen(history, run)]
     way = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
@@ -93,7 +93,7 @@ def aim(picture: Picture, history: History, name: str) -> Picture:
 
 
 def legend(picture: Picture, name: str, place: str, notes: tuple[str, ...]) -> Markup:
-    """Return what the scene of a run means; with notes on missing meshes."""
+    """Return the legend of the scene of a run, with notes on missing meshes."""
     told = ["grey line: the tip's path"]
     if place != "hidden" and name != "healthy":
         where = "at the same place" if place == "in place" else "beside it"
@@ -101,7 +101,7 @@ def legend(picture: Picture, name: str, place: str, notes: tuple[str, ...]) -> M
     return answer.legend(picture, (*told, *notes))
 
 
-# ---- a page that plays by itself -------------------------------------------------------------
+# ---- animated page ---------------------------------------------------------------------------
 
 
 def animated_page(
@@ -113,22 +113,22 @@ def animated_page(
     place: str = PLACES[0],
     see_through: bool = False,
 ) -> str:
-    """Return a run as HTML that plays by itself, with its story beside it.
+    """Return a run as a self-contained, animated HTML page with a description beside it.
 
-    It is recorded on a server of its own, so that nobody's page moves meanwhile.
+    It is recorded on a server of its own, so open pages are not disturbed.
 
     Parameters
     ----------
     robot :
         The arm.
     history :
-        Of this arm.
+        A history of this arm.
     name :
-        Of the run, one of `ftforce.trajectory.history.RUNS`.
+        Name of the run, one of `ftforce.trajectory.history.RUNS`.
     geometry :
-        Links of the arm; ``None`` if they are not loaded.
+        Link meshes of the arm; ``None`` if they are not loaded.
     place :
-        Of the healthy arm, one of `PLACES`.
+        Placement of the healthy arm, one of `PLACES`.
     see_through :
         Whether the arm is transparent.
     """
@@ -166,13 +166,13 @@ def animated_page(
 
 
 def frame_times(end: float) -> Vector:
-    """Return the times of a recording's frames from 0 to the end, s: at least two."""
+    """Return the frame times of a recording from 0 to ``end``, s; at least two."""
     count = min(math.ceil(end / FRAME), _MOST_FRAMES - 1)
     return np.linspace(0.0, end, max(count, 1) + 1)
 
 
 def _below(camera: Any) -> Vector:
-    """Return a place at the lower edge of what a camera sees."""
+    """Return a point at the lower edge of the camera image."""
     eye, target = np.array(camera.position), np.array(camera.look_at)
     distance = float(np.linalg.norm(eye - target))
     towards = (eye - target) / distance
@@ -182,13 +182,13 @@ def _below(camera: Any) -> Vector:
 
 
 def _clock(now: Snapshot) -> str:
-    """Return what stands below the arm: time, what has failed by then, and what becomes of it."""
+    """Return the caption below the arm: time, failed joints and verdict."""
     failed = ", ".join(f"{fault.joint + 1} {fault}" for fault in now.faults.faults)
     return f"{now.time:.1f} s: {failed or 'healthy'}, {now.verdict}"
 
 
 def _story(history: History, name: str, below: Markup) -> Markup:
-    """Return what happens, in the order of time: at the start, at each event, at the end."""
+    """Return the description of a run in chronological order: start, each event, end."""
     delay = history.setting.delay if name == "remapped" else 0.0
     end = float(history.t[-1])
     events = [t for event in history.setting.events for t in (event.time, event.time + delay)]

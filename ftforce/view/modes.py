@@ -1,4 +1,4 @@
-"""What may take the place of the ordinary answer: a history that plays, the points of a sweep."""
+"""Modes that replace the ordinary answer: playback of a history, points of a sweep."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class View(NamedTuple):
     picture :
         The scene.
     top, parts, below :
-        HTML of `ftforce.view.page.answer`: where the verdict, the tables and the legend are.
+        HTML from `ftforce.view.page.answer` in place of the verdict, the tables and the legend.
     more :
-        Shows what else belongs to it, at the same time.
+        Callback that shows whatever else belongs to the view, in the same update.
     """
 
     picture: Picture
@@ -39,16 +39,16 @@ class View(NamedTuple):
 
 
 class Host(Protocol):
-    """The session, as a mode sees it.
+    """The session as seen by a mode.
 
     Attributes
     ----------
     server, panel, stage :
-        viser's server, the controls and the scene.
+        The viser server, the controls and the scene.
     state :
-        The newest question.
+        The current question.
     picture :
-        The last scene that was shown; ``None`` before the first.
+        The scene shown last; ``None`` before the first.
     """
 
     server: viser.ViserServer
@@ -58,46 +58,46 @@ class Host(Protocol):
     picture: Picture | None
 
     def change(self, change: Callable[[State], State]) -> None:
-        """Change the newest question, and have it answered."""
+        """Modify the current question and recompute the answer."""
 
     def refresh(self) -> None:
-        """Have the newest question answered, or the mode asked, again."""
+        """Recompute the answer, or query the mode again."""
 
 
 class Mode:
-    """Something that takes posture and faults out of the user's hands: a history, a sweep.
+    """A source of posture and faults other than the user: a history or a sweep.
 
-    It fills its own tab, ``session.panel.first_tab``, and adds its own nodes to
-    ``session.server.scene``; when its time, or its point, changes, it calls `Host.refresh`, or
-    `Host.change` with another question.
+    A mode fills its own tab, ``session.panel.first_tab``, and adds its own nodes to
+    ``session.server.scene``. When its time or selected point changes, it calls `Host.refresh`, or
+    `Host.change` with a new question.
     """
 
     tab = ""
-    """What its tab is called, the first of the page."""
+    """Label of the mode's tab, the first of the page."""
 
     takes_over = False
-    """Whether posture, faults and load are its own: then the page asks nothing else."""
+    """Whether the mode alone determines posture, faults and load, so that the question is fixed."""
 
     def start(self, session: Host) -> None:
-        """Begin; the session's page is up, and nothing was answered yet."""
+        """Start; the page is already open, but no question has been answered yet."""
 
-    def view(self, state: State) -> View | None:  # noqa: ARG002 # others need it
-        """Return what is shown now; ``None`` for the answer to the question.
+    def view(self, state: State) -> View | None:  # noqa: ARG002 # part of the interface
+        """Return the view to show now; ``None`` for the ordinary answer.
 
-        It is called by the session's worker, which shows the error if one is raised.
+        Called by the session's worker thread, which displays any error raised here.
         """
         return None
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Show the arm's links in scenes of its own; the session's lock is held."""
+        """Set the link meshes in the mode's own scenes; called with the session's lock held."""
 
     def page(self) -> str | None:
-        """Return what it shows as a page for a file; ``None`` for the scene as it is."""
+        """Return the mode as a page to be saved; ``None`` for the scene as it is."""
         return None
 
     def part(self) -> Markup:
-        """Return what stands beside the scene as it is, in a file, above the answer's tables."""
+        """Return HTML to be placed above the tables when the scene is saved as it is."""
         return Markup()
 
     def stop(self) -> None:
-        """End, and every thread of its own with it."""
+        """Stop, and join all threads of the mode."""

@@ -1,6 +1,6 @@
-"""A history on the page: the arm over time, beside it the arm as if healthy.
+"""Playback of a history on the page, with the healthy arm beside the faulty one.
 
-Every number that is shown stands in the history's arrays; nothing is analysed while it plays.
+All numbers shown are read from the history's arrays; nothing is computed during playback.
 """
 
 from __future__ import annotations
@@ -42,48 +42,48 @@ if TYPE_CHECKING:
     from ftforce.view.modes import Host
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
-_PRINTED = 1e-5  # six digits of a time are enough to mean it
-_SLOWEST = 0.25  # s: after a longer pause of the machine it goes on from where it was
+_PRINTED = 1e-5  # relative; times are printed with six digits
+_SLOWEST = 0.25  # s: longer stalls of the machine pause the playback instead of skipping ahead
 
 
 def playback(robot: Robot, state: State, path: str | os.PathLike[str], at: float = 0.0) -> Playback:
-    """Return what plays a history that ``ftforce simulate`` wrote.
+    """Return the playback of a history written by ``ftforce simulate``.
 
     Parameters
     ----------
     robot :
         The arm.
     state :
-        The question with which the page starts; a history has faults of its own.
+        Initial question of the page. It must not contain faults: the history has its own.
     path :
-        The history.
+        File of the history.
     at :
-        Time to begin with, s.
+        Initial time, s.
 
     Raises
     ------
     TrajectoryError
-        It cannot be read, or is of another arm.
+        The file cannot be read, or belongs to another arm.
     InputError
-        The question has faults, or the history has no such time.
+        The question contains faults, or ``at`` lies outside the history.
     """
     if state.faults.faults:
         raise InputError("a history has faults of its own; leave out --locked, --free and --weak")
     history = load_history(path)
     check_fits(robot, history, path)
     end = float(history.t[-1])
-    if not 0.0 <= at <= end * (1.0 + _PRINTED):  # nor is NaN
+    if not 0.0 <= at <= end * (1.0 + _PRINTED):  # also rejects NaN
         raise InputError(f"the history lasts from 0 to {end:g} s; it has nothing at {at:g} s")
     return Playback(robot, history, min(at, end))
 
 
 def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> None:
-    """Check that a history is of this arm.
+    """Check that a history belongs to this arm.
 
     Raises
     ------
     TrajectoryError
-        It is of another one; the message says what differs.
+        It belongs to another arm; the message states the difference.
     """
     setting, run = history.setting, history.healthy
     names = tuple(joint.name for joint in setting.joints)
@@ -94,7 +94,7 @@ def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> 
 
 
 def _mark(history: History, time: float) -> str:
-    """Return the numbers of the joints that fail at a time: a slider has room for no more."""
+    """Return the numbers of the joints that fail at ``time``, short enough for a slider mark."""
     before = faults_at(history, time - 2.0 * ROUNDING).faults
     return ",".join(str(x.joint + 1) for x in faults_at(history, time).faults if x not in before)
 
@@ -103,16 +103,16 @@ def _mark(history: History, time: float) -> str:
 
 
 class Playback(Mode):
-    """Plays a history on the page: a `ftforce.view.modes.Mode`.
+    """Playback of a history on the page; a `ftforce.view.modes.Mode`.
 
     Parameters
     ----------
     robot :
         The arm.
     history :
-        Of this arm.
+        A history of this arm.
     at :
-        Time to begin with, s.
+        Initial time, s.
     """
 
     tab = "Time"
@@ -123,7 +123,7 @@ class Playback(Mode):
         self.end = float(history.t[-1])
         self._names = {STROKES[name].words: name for name in reversed(history.runs)}
         if len(self._names) > 1 and history.setting.events:
-            del self._names[STROKES["healthy"].words]  # it is beside the others anyway
+            del self._names[STROKES["healthy"].words]  # shown with each of the other runs
         self._name = next(iter(self._names.values()))
         self._time, self._speed, self._place = at, 1.0, PLACES[0]
         self._scales = history_scales(history, scene_size(robot))
@@ -132,52 +132,52 @@ class Playback(Mode):
         self._playing, self._ends = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
-    # ---- what it is told ---------------------------------------------------------------------
+    # ---- controls --------------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
-        """What is shown, s."""
+        """Current time, s."""
         with self._lock:
             return self._time
 
     @property
     def run(self) -> str:
-        """Name of the run that is shown, one of `ftforce.trajectory.history.RUNS`."""
+        """Name of the current run, one of `ftforce.trajectory.history.RUNS`."""
         with self._lock:
             return self._name
 
     @property
     def is_playing(self) -> bool:
-        """Whether time goes on."""
+        """Whether playback is running."""
         return self._playing.is_set()
 
     def seek(self, time: float) -> None:
-        """Show another time, s."""
+        """Jump to a time, s."""
         with self._lock:
             self._time = min(max(time, 0.0), self.end)
         self._tell()
 
     def _tell(self) -> None:
-        """Show the time that it is now, whoever set it."""
+        """Update the page to the current time."""
         with self._session.panel.writing():
             self._clock.tell(min(round(self.time, 3), self._slider.max))
         self._ask()
 
     def play(self) -> None:
-        """Go on, or at the end from the start."""
+        """Start playback; at the end, restart from the beginning."""
         if self.time >= self.end:
             self.seek(0.0)
         self._playing.set()
         self._button.label = "Pause"
 
     def pause(self) -> None:
-        """Stay at this time."""
+        """Pause playback."""
         with self._lock:
             self._playing.clear()
         self._button.label = "Play"
 
     def choose(self, words_: str) -> None:
-        """Show another run, named as on the page."""
+        """Select a run by its label on the page."""
         with self._lock:
             self._name = self._names[words_]
         self._draw_charts()
@@ -189,18 +189,18 @@ class Playback(Mode):
         self._ask()
 
     def _ask(self) -> None:
-        """Have this time shown; the question is that of the history, for the controls."""
+        """Request the current time's view, passing the history's question to the controls."""
         self._session.change(self._as_played)
 
     def _as_played(self, state: State) -> State:
-        # Under the session's lock: what time it is now, however late this runs.
+        # Evaluated under the session's lock, so a delayed call still uses the current time.
         now = snapshot(self.history, self.run, self.time)
         return state.at(now.q).with_faults(now.faults)
 
     # ---- Mode --------------------------------------------------------------------------------
 
     def start(self, session: Host) -> None:
-        """Begin, paused."""
+        """Start paused."""
         self._session = session
         self._healthy = HealthyArm(session.server, self.robot)
         with session.panel.first_tab:
@@ -215,7 +215,7 @@ class Playback(Mode):
         self._thread.start()
 
     def view(self, state: State) -> View:
-        """Return what is shown at this time."""
+        """Return the view at the current time."""
         with self._lock:
             name, time, place = self._name, self._time, self._place
         history = self.history
@@ -232,7 +232,7 @@ class Playback(Mode):
         return View(picture, top, tables(history, now), below, more)
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Show the healthy arm's links, and aim at the whole course."""
+        """Set the link meshes of the healthy arm, and aim the camera at the whole path."""
         with self._lock:
             self._geometry = geometry
             self._healthy.set_geometry(geometry)
@@ -241,7 +241,7 @@ class Playback(Mode):
             self._session.stage.look(aim(picture, self.history, self.run))
 
     def page(self) -> str:
-        """Return the history as a page that plays by itself."""
+        """Return the history as an animated page."""
         with self._lock:
             name, place, geometry = self._name, self._place, self._geometry
         see_through = self._session.state.shown.see_through
@@ -250,9 +250,9 @@ class Playback(Mode):
         )
 
     def stop(self) -> None:
-        """End the thread that plays."""
+        """Stop the playback thread."""
         self._ends.set()
-        self._playing.set()  # it may wait
+        self._playing.set()  # wakes the thread if it is paused
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(10.0)
 
@@ -269,7 +269,7 @@ class Playback(Mode):
 
     def _advance(self, seconds: float) -> None:
         with self._lock:
-            if not self._playing.is_set():  # a hand was quicker
+            if not self._playing.is_set():  # the user paused in the meantime
                 return
             self._time = min(self._time + self._speed * seconds, self.end)
             is_over = self._time >= self.end
@@ -308,7 +308,7 @@ class Playback(Mode):
         self.pause()
         time = self._clock.value = float(self._slider.value)
         for event in self.history.setting.events:
-            if round(event.time, 3) == round(time, 3):  # on a mark: with the fault, not before it
+            if round(event.time, 3) == round(time, 3):  # show the state after the fault
                 time = first_with(self.history, event.time)
         self.seek(time)
 

@@ -1,7 +1,7 @@
-"""A page that is open: one question, one worker that answers it, and everybody who looks on.
+"""An open page: one current question, one worker thread that answers it, any number of tabs.
 
-Whoever changes the question only leaves the newest one and wakes the worker. So ten tabs, and one
-that vanishes in the middle of a drag, share one question, and no answer is late by more than one.
+Changing the question only replaces the current one and wakes the worker. All tabs therefore share
+one question, even if one disconnects in mid-drag, and an answer is at most one question behind.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ _MISTAKE = "a mistake in ftforce, please report it"
 
 @contextmanager
 def ctrl_c() -> Iterator[list[int]]:
-    """Yield a list that is no longer empty once Ctrl-C was pressed.
+    """Yield a list that becomes non-empty once Ctrl-C is pressed.
 
-    `KeyboardInterrupt` could be lost: trimesh catches it while it tries which libraries there are,
-    one of which does not survive it, and Python itself drops it in a callback of a weak reference.
+    `KeyboardInterrupt` is not reliable here: trimesh swallows it while probing for optional
+    libraries, one of which does not survive it, and Python discards it in weakref callbacks.
     """
     pressed: list[int] = []
     if threading.current_thread() is not threading.main_thread():
@@ -63,22 +63,22 @@ class Session:
     robot :
         The arm.
     state :
-        The question with which it starts.
+        Initial question.
     host, port :
-        Where it listens; without a port the first one that is free.
+        Address to listen on; without a port, the first free one.
     mode :
-        Takes over posture and faults; ``None`` if the user has them.
+        Mode that determines posture and faults; ``None`` leaves them to the user.
 
     Attributes
     ----------
     address :
-        Where a browser finds the page.
+        URL of the page.
     warning :
-        What a user should know of the address; empty if only this machine reaches it.
+        Warning about the address; empty if only this machine can reach it.
     state :
-        The newest question.
+        The current question.
     answer, picture :
-        The last that were shown; ``None`` before the first.
+        The answer and scene shown last; ``None`` before the first.
     """
 
     answer: Answer | None = None
@@ -98,8 +98,8 @@ class Session:
         self.robot = robot
         self.mode = mode or Mode()
         self.state = state
-        self._refusal = ""  # of the last change
-        self._failure = ""  # of the last question that was answered
+        self._refusal = ""  # error of the last change
+        self._failure = ""  # error of the last answered question
         self._is_pulled = False
         self._lock = threading.RLock()
         self._news = threading.Condition(self._lock)
@@ -120,7 +120,7 @@ class Session:
                     first_tab=self.mode.tab,
                     is_played=self.mode.takes_over,
                 )
-            self.mode.start(self)  # before anything is asked of it
+            self.mode.start(self)  # before it is queried
             self._worker = threading.Thread(target=self._work, name="ftforce view", daemon=True)
             self._worker.start()
             self.settle()
@@ -132,20 +132,20 @@ class Session:
 
     @property
     def problem(self) -> str:
-        """Why the newest question has no answer; empty if it has."""
+        """Why the current question has no answer; empty if it has one."""
         with self._lock:
             return self._refusal or self._failure
 
-    # ---- what anybody may do, from any thread ------------------------------------------------
+    # ---- thread-safe interface -------------------------------------------------------------------
 
     def change(self, change: Callable[[State], State]) -> None:
-        """Change the newest question, and have it answered.
+        """Modify the current question and recompute the answer.
 
         Parameters
         ----------
         change :
-            Makes another question of the newest one; an error that ftforce raises in it is shown
-            in the banner, and the question stays.
+            Maps the current question to a new one. If it raises an ftforce error, the error is
+            shown in the banner and the question is kept.
         """
         with self._lock:
             try:
@@ -156,7 +156,7 @@ class Session:
             self._ask()
 
     def refresh(self) -> None:
-        """Have the newest question answered, or the mode asked, again."""
+        """Recompute the answer, or query the mode again."""
         with self._lock:
             self._ask()
 
@@ -165,12 +165,17 @@ class Session:
         self._news.notify_all()
 
     def settle(self, seconds: float = 60.0) -> None:
-        """Wait until the newest question is answered and on its way to the tabs.
+        """Wait until the current question is answered and sent to the tabs.
+
+        Parameters
+        ----------
+        seconds :
+            Timeout, s.
 
         Raises
         ------
         TimeoutError
-            It was not in this time.
+            The timeout expired.
         """
         with self._news:
             asked = self._asked
@@ -178,12 +183,12 @@ class Session:
                 raise TimeoutError(f"no answer within {seconds:g} s")
 
     def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,).
+        """Move the tip of the requested force's arrow to a point in root axes, m, shape (3,).
 
-        What a hand that holds still moves is nobody's wish: the question stays.
+        Displacements below the drag resolution are ignored.
         """
         with self._lock:
-            self._is_pulled = not done  # the scale of the arrows stays as long as one is dragged
+            self._is_pulled = not done  # the arrow scale is fixed during a drag
             shown, scene = self.answer, self.picture
             if shown is None or scene is None or not scene.can_pull:
                 return
@@ -192,10 +197,10 @@ class Session:
                 wrench = pulled(scene, shown, place)
                 self.change(lambda state: state.pushing(wrench))
             elif done:
-                self._ask()  # all arrows in a scale that fits them
+                self._ask()  # rescales the arrows to fit
 
     def touch(self, joint: int) -> None:
-        """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
+        """Toggle a fault: lock a healthy joint (index from 0), or restore a failed one."""
         if self.mode.takes_over:
             return
 
@@ -223,7 +228,7 @@ class Session:
                 self._news.notify_all()
 
     def _answer_now(self, state: State, earlier: Answer | None, like: Picture | None) -> None:
-        """Answer a question, first all of it, then send it: a tab never shows half of two."""
+        """Compute the complete answer, then send it, so that tabs never show a mixed state."""
         started = time.perf_counter()
         try:
             view = self.mode.view(state)
@@ -242,7 +247,7 @@ class Session:
                         view.more()
         except FtforceError as error:
             self._show_failure(str(error))
-        except Exception as error:  # the page lives on; its user never meets a traceback
+        except Exception as error:  # keep the page alive and never show a traceback
             self._show_failure(f"{_MISTAKE} ({error!r})")
         self.seconds = time.perf_counter() - started
 
@@ -259,10 +264,10 @@ class Session:
             self.panel.show_problem(self.problem)
             self.panel.sync(self.state)
 
-    # ---- beginning and end -------------------------------------------------------------------
+    # ---- start and stop --------------------------------------------------------------------------
 
     def load_geometry(self) -> None:
-        """Load the arm's meshes and show them: seconds, so the page is up before."""
+        """Load and show the arm's meshes; this takes seconds, so the page is opened first."""
         from ftforce.view.geometry.meshes import load_geometry
 
         with ctrl_c() as pressed:
@@ -272,22 +277,22 @@ class Session:
         self.set_geometry(geometry)
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Show the arm's links."""
+        """Set the meshes of the arm's links."""
         with self._lock, self.server.atomic():
             self.stage.set_geometry(geometry)
             self.panel.notes = geometry.notes
             if self.picture is not None:
                 self.stage.look(self.picture)
             self.mode.set_geometry(geometry)
-        self.refresh()  # the legend says what is missing
+        self.refresh()  # the legend lists missing meshes
 
     def run(self, announce: Callable[[], None] = lambda: None) -> None:
-        """Load the meshes and stay open until Ctrl-C.
+        """Load the meshes and keep the page open until Ctrl-C.
 
         Parameters
         ----------
         announce :
-            Called as soon as Ctrl-C ends the page.
+            Called once Ctrl-C is handled.
         """
         with ctrl_c() as pressed, suppress(KeyboardInterrupt):
             announce()
@@ -297,7 +302,7 @@ class Session:
         self.close()
 
     def close(self) -> None:
-        """End the worker, the mode and the server; may be called twice."""
+        """Stop the worker, the mode and the server; safe to call twice."""
         with self._news:
             was_open = not self._ends.is_set()
             self._ends.set()
@@ -311,17 +316,17 @@ class Session:
         self._open.close()
 
     def __enter__(self) -> Session:
-        """Return itself, open."""
+        """Return the open session."""
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Close."""
+        """Close the session."""
         self.close()
 
-    # ---- to take along -----------------------------------------------------------------------
+    # ---- export ----------------------------------------------------------------------------------
 
     def page(self) -> str:
-        """Return the page as HTML that needs no server, and asks none for anything."""
+        """Return the page as self-contained HTML that makes no network requests."""
         from ftforce.view.server.export import scene_html
 
         if (page := self.mode.page()) is not None:
@@ -332,44 +337,44 @@ class Session:
                 command = command_line(self.robot, self.answer.state)
                 part = static_page(self.answer, self.picture, command, self.panel.notes)
             title, part = f"ftforce {self.robot.name}", self.mode.part() + part
-            with self.server.atomic(), self.stage.without_handle():  # no tab sees that it is gone
+            with self.server.atomic(), self.stage.without_handle():  # hidden from open tabs
                 return scene_html(self.server, title=title, answer=part)
 
     def png(self) -> bytes:
-        """Return the scene as a PNG, drawn by a browser without a window.
+        """Return the scene as a PNG, rendered by a headless browser.
 
         Raises
         ------
         FtforceError
-            There is no browser, or it fails.
+            No browser is found, or it fails.
         """
         from ftforce.view.server.screenshot import screenshot
 
         return screenshot(self.server, self.address)
 
     def save_page(self, client: Any) -> None:
-        """Give a tab the page as a file that needs no server."""
+        """Send the page to a tab as a self-contained file."""
         self._give(client, "html", lambda: self.page().encode())
 
     def save_picture(self, client: Any) -> None:
-        """Give a tab the scene as it sees it, as a PNG."""
+        """Send the scene, as seen in a tab, to that tab as a PNG."""
         from ftforce.view.server.screenshot import render_png
 
         self._give(client, "png", lambda: render_png(client))
 
     def _give(self, client: Any, ending: str, content: Callable[[], bytes]) -> None:
-        """Give a tab a file, or tell it of the error: this happens in a thread of viser's."""
+        """Send a file to a tab, or notify it of the error: this runs in a viser thread."""
         name = f"{_file_name(self.robot)}.{ending}"
         try:
             given = content()
             client.send_file_download(name, given, save_immediately=True)
-        except Exception as error:  # a tab that is gone, for one
+        except Exception as error:  # for example, the tab was closed
             problem = str(error) if isinstance(error, FtforceError) else repr(error)
             with suppress(Exception):
                 client.add_notification("Nothing was saved", problem, color="red")
 
 
 def _file_name(robot: Robot) -> str:
-    """Return a robot's name as part of a file's: whatever a URDF calls it."""
+    """Return the robot's name in a form that is safe in a file name."""
     kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in robot.name)
     return f"ftforce_{kept[:60]}"

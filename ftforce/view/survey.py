@@ -1,4 +1,4 @@
-"""A sweep on the page: where its tips are and what becomes of them; a click takes the arm there."""
+"""A sweep on the page: tip positions coloured by verdict; clicking one moves the arm there."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from ftforce.view.modes import Host
     from ftforce.view.scene.colours import Colour
 
-MOST = 20_000  # points: a browser without a GPU still turns them
+MOST = 20_000  # points; a browser without a GPU can still rotate this many
 EVERY = "every set"
-# Matplotlib's cividis from 0 to 1, as `ftforce map` has it: bright is good, dark is bad, for all
-# kinds of colour vision and in grey.
+# Matplotlib's cividis from 0 to 1, as in `ftforce map`: bright is good, dark is bad; readable
+# with any kind of colour vision and in greyscale.
 RAMP: tuple[Colour, ...] = (
     (0, 34, 78),
     (67, 78, 108),
@@ -47,16 +47,16 @@ RAMP: tuple[Colour, ...] = (
     (188, 174, 108),
     (254, 232, 56),
 )
-VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # of `VERDICTS`, in their order
-_SEED = 0  # the same points every time
-_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of which the ramp has the colours
-_RADIUS = 0.007  # of a point, as a share of the arm's size
-_CUBE = 0.35  # edge of a cell's cube, as a share of the cell's
-_AIMED = 400  # points that are enough to aim the camera
+VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # in the order of `VERDICTS`
+_SEED = 0  # always selects the same points
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # where the ramp's colours are defined
+_RADIUS = 0.007  # of a point, as a share of the size of the arm
+_CUBE = 0.35  # edge of a cell's cube, as a share of the cell's edge
+_AIMED = 400  # enough points to aim the camera
 _FORCE_DIGITS = 4
 SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
 
-# An octahedron: eight triangles for a point.
+# An octahedron: eight triangles per point.
 _CORNERS = np.array(
     [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float32
 )
@@ -74,13 +74,13 @@ class Points(NamedTuple):
     q :
         Joint positions, rad or m, shape (k, n).
     tip :
-        In the root's axes, m, shape (k, 3).
+        Tip positions in root axes, m, shape (k, 3).
     verdict :
-        Index in `ftforce.core.verdict.VERDICTS`, of each set that can be chosen, shape (k, s).
+        Indices into `ftforce.core.verdict.VERDICTS`, one per selectable fault set, shape (k, s).
     worst :
-        Index of the fault set that is worst in each posture, the first of several, shape (k,).
+        Index of the worst fault set of each posture, the first in case of ties, shape (k,).
     total :
-        How many postures the sweep has that are done.
+        Number of completed postures in the sweep.
     """
 
     q: Matrix
@@ -91,22 +91,21 @@ class Points(NamedTuple):
 
 
 def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
-    """Return what shows a sweep that ``ftforce sweep`` stored.
+    """Return the view of a sweep stored by ``ftforce sweep``.
 
     Parameters
     ----------
     robot :
         The arm.
     state :
-        The question with which the page starts; the sweep's task and force take the place of its
-        own.
+        Initial question of the page; its task and force are replaced by those of the sweep.
     path :
-        The sweep.
+        Folder of the sweep.
 
     Raises
     ------
     SweepError
-        There is none, it is of another arm, or no posture of it is done.
+        There is no such sweep, it belongs to another arm, or it has no completed postures.
     """
     sweep = open_sweep(path)
     check_fits(robot, sweep, path)
@@ -121,12 +120,12 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
 
 
 def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
-    """Check that a sweep is of this arm.
+    """Check that a sweep belongs to this arm.
 
     Raises
     ------
     SweepError
-        It is of another one; the message says what differs.
+        It belongs to another arm; the message states the difference.
     """
     setting = sweep.setting
     if problem := difference(robot, setting, setting.joints, setting.joint_units):
@@ -134,9 +133,10 @@ def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None
 
 
 def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
-    """Return the fault sets that can be chosen: joints, numbers from 1, by label.
+    """Return the selectable fault sets: joint numbers from 1, by label.
 
-    ``None`` stands for every set. A sweep that kept each posture's worst set knows of no other.
+    ``None`` stands for every set; it is the only choice if the sweep kept only the worst set of
+    each posture.
     """
     found: dict[str, tuple[int, ...] | None] = {EVERY: None}
     if sweep.setting.keep != "worst":
@@ -146,21 +146,21 @@ def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
 
 
 def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
-    """Return postures of a sweep, at random if they are too many; ``None`` if it kept none.
+    """Return postures of a sweep; ``None`` if it stored none.
 
     Parameters
     ----------
     sweep :
         The sweep.
     most :
-        Largest number of them.
+        Maximum number of postures; if there are more, a random subset is returned.
     """
     if sweep.setting.keep == "summary":
         return None
     data = sweep.dataset
     name = "verdict" if sweep.setting.keep == "all" else "worst_verdict"
     tips = np.asarray(data["tip"].values)
-    done = np.flatnonzero(np.isfinite(tips).all(axis=1))  # chunks that are not done yet hold NaN
+    done = np.flatnonzero(np.isfinite(tips).all(axis=1))  # unfinished chunks hold NaN
     chosen = done
     if len(done) > most:
         chosen = np.sort(np.random.default_rng(_SEED).choice(done, most, replace=False))
@@ -173,14 +173,14 @@ def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
 
 
 def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
-    """Return the verdict of each point on a fault set, shape (k,).
+    """Return the verdict of each point for a fault set, shape (k,).
 
     Parameters
     ----------
     points :
         The points.
     place :
-        Of the set among those of the sweep; ``None`` for the worst of all.
+        Index of the fault set in the sweep; ``None`` for the worst of all sets.
     """
     found: NDArray[np.int8] = (
         points.verdict.max(axis=1) if place is None else points.verdict[:, place]
@@ -189,27 +189,27 @@ def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
 
 
 def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """Return colours of verdicts, shape (k, 3)."""
+    """Return the colours of verdicts, shape (k, 3)."""
     found: NDArray[np.uint8] = np.array(VERDICT_POINTS, dtype=np.uint8)[verdicts]
     return found
 
 
 def share_colours(shares: Vector) -> NDArray[np.uint8]:
-    """Return colours of shares from 0 to 1, shape (k, 3)."""
+    """Return the colours of shares from 0 to 1, shape (k, 3)."""
     return along_ramp(RAMP, shares)
 
 
 class Survey(Mode):
-    """Shows a sweep on the page: a `ftforce.view.modes.Mode`.
+    """A sweep on the page; a `ftforce.view.modes.Mode`.
 
     Parameters
     ----------
     robot :
         The arm.
     state :
-        The question with which the page starts.
+        Initial question of the page.
     sweep :
-        Of this arm.
+        A sweep of this arm.
     """
 
     tab = "Sweep"
@@ -225,7 +225,7 @@ class Survey(Mode):
     # ---- Mode --------------------------------------------------------------------------------
 
     def start(self, session: Host) -> None:
-        """Show the points, and ask what the sweep asked."""
+        """Show the points, and set the sweep's question."""
         self._session = session
         with session.panel.first_tab:
             self._build(session.server.gui)
@@ -240,15 +240,15 @@ class Survey(Mode):
         self._tell()
 
     def view(self, state: State) -> None:
-        """Return nothing: the ordinary answer is shown. The legend says if it is another's."""
+        """Return ``None``, the ordinary answer; the legend notes a question not of the sweep."""
         with self._lock:
             asks_the_same = state.question() == self._asks.question()
             if asks_the_same != self._asks_the_same:
                 self._asks_the_same = asks_the_same
                 self._tell()
 
-    def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # a `Mode` has it
-        """Aim at all points: there is one arm."""
+    def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # part of the interface
+        """Aim the camera at all points; there is no second arm to set."""
         picture = self._session.picture
         if picture is not None:
             places = self._nodes.batched_positions
@@ -256,12 +256,13 @@ class Survey(Mode):
             lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
             self._session.stage.look(replace(picture, lines=lines))
 
-    # ---- what it is told ---------------------------------------------------------------------
+    # ---- controls --------------------------------------------------------------------------------
 
     def take(self, point: int | None) -> None:
-        """Take the arm to a point, and fail the joints that were chosen.
+        """Move the arm to a point and apply the selected fault set.
 
-        Of every set it is the worst one, unless all are tolerated there: then the faults stay.
+        With "every set" selected, the worst set at that point is applied; if all sets are tolerated
+        there, the faults are left unchanged.
         """
         points = self.points
         if points is None or point is None or not 0 <= point < len(points.q):
@@ -274,7 +275,7 @@ class Survey(Mode):
         )
 
     def choose(self, label: str) -> None:
-        """Colour the points by what another fault set does, named as on the page."""
+        """Color the points by the verdict on a fault set, selected by its label on the page."""
         with self._lock:
             self._chosen = label
             if self.points is None:
@@ -285,7 +286,7 @@ class Survey(Mode):
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
-        """Verdict of each point on the fault set that is chosen, shape (k,)."""
+        """Verdict of each point for the selected fault set, shape (k,)."""
         assert self.points is not None
         return verdicts_of(self.points, self._place())
 
@@ -298,7 +299,7 @@ class Survey(Mode):
         return None if place is None else self.sweep.sets[place]
 
     def _as_swept(self, state: State) -> State:
-        """Return the sweep's question: colours and verdict must agree. It has no limits."""
+        """Return the sweep's question without limits, so that colours and verdict agree."""
         setting = self.sweep.setting
         asked = replace(
             state.asking(setting.task, setting.axes, setting.length),
@@ -333,13 +334,13 @@ class Survey(Mode):
             self._paint()
 
     def _paint(self) -> None:
-        """Colour the points, and draw those of the verdict that is wanted."""
+        """Color the points and show those with the selected verdict."""
         self._nodes.visible = self._shown != SHOWN[-1]
         if self.points is None:
             return
         verdicts = self.verdicts
         self._nodes.batched_colors = linear(verdict_colours(verdicts))
-        wanted = np.ones(len(verdicts), dtype=np.float32)  # what has no size cannot be clicked
+        wanted = np.ones(len(verdicts), dtype=np.float32)  # points of zero size cannot be clicked
         if self._shown in SHOWN[1:-1]:
             wanted *= verdicts == SHOWN.index(self._shown) - 1
         self._nodes.batched_scales = wanted
@@ -369,7 +370,7 @@ class Survey(Mode):
         )
 
     def part(self) -> Markup:
-        """Return what the points' colours mean."""
+        """Return the legend of the point colours."""
         return self._cells_legend() if self.points is None else self._points_legend(self.points)
 
     def _tell(self) -> None:

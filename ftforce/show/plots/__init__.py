@@ -1,7 +1,8 @@
-"""Results as plots: every function takes and returns axes of matplotlib.
+"""Results as plots: every function draws on Matplotlib axes and returns them.
 
-Without axes there is a new figure, 180 mm wide, in sizes for print: ``ax.figure``. It is none of
-pyplot's; for ``plt.show()`` make axes with pyplot and give them.
+Without ``ax``, a new figure is created, 180 mm wide and sized for print; it is available as
+``ax.figure``. It is not managed by pyplot: to use ``plt.show()``, create the axes with pyplot and
+pass them as ``ax``.
 """
 
 from ftforce.show.plots.capability import capability

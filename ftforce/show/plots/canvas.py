@@ -1,4 +1,4 @@
-"""What plots share: axes in sizes for print, colours and strokes to tell apart, fault marks."""
+"""Common parts of the plots: axes sized for print, colours and line styles, fault marks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.history import History
 
 Options: TypeAlias = dict[str, Any]
-"""Keyword arguments of matplotlib."""
+"""Keyword arguments for Matplotlib."""
 
 WIDTH = 180.0 / 25.4  # in; two columns of a journal, or a page of A4
 SMALL, TITLE = 7.0, 8.0  # pt; the smallest text, and titles
@@ -35,9 +35,9 @@ PRINT: Any = {
     "lines.markersize": 3.5,
     "hatch.linewidth": 0.6,
 }
-"""Sizes for a picture of 180 mm that is printed as it is."""
+"""Style for a figure 180 mm wide, printed at its original size."""
 
-# Okabe and Ito's colours for all kinds of colour vision; their yellow is too pale for a line.
+# Okabe and Ito's colour-blind safe palette, without its yellow, which is too pale for lines.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 LINE_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
@@ -48,15 +48,15 @@ DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
 NOTHING = "nothing holds the arm"
 HIGHEST = 9.6  # in; a page of A4 with its caption
 ROW = 0.16  # in; height of a row of text
-LONGEST_NAME = 24  # letters of a joint's name
+LONGEST_NAME = 24  # characters of a joint's name
 
-ROW_OF_TEXT = 1.3  # height of a row over the size of its text
-_LETTER = 0.52  # width of an average letter over the size of the text
-_ROOM = 0.8  # what legends leave of an axes' width, about
+ROW_OF_TEXT = 1.3  # line height, relative to the font size
+_LETTER = 0.52  # average character width, relative to the font size
+_ROOM = 0.8  # share of the axes' width left by legends, approximately
 
 
 class Stroke(NamedTuple):
-    """How a run is drawn: curves that coincide must all be seen."""
+    """Line style of a run, chosen so that coinciding curves remain visible."""
 
     words: str
     colour: str
@@ -65,7 +65,7 @@ class Stroke(NamedTuple):
     alpha: float
 
     def options(self, colour: str | None = None) -> dict[str, Any]:
-        """Return options of a line, in the run's colour if none is given."""
+        """Return line options, by default in the run's colour."""
         return {
             "color": colour or self.colour,
             "linestyle": self.dashes,
@@ -83,7 +83,7 @@ STROKES = {
 
 
 def line_of(i: int, count: int, samples: int) -> dict[str, Any]:
-    """Return options of line i of some: colour, dashes and marker, apart also without colour."""
+    """Return the options of line i of ``count``, distinguishable also without colour."""
     return {
         "color": LINE_COLOURS[i % len(LINE_COLOURS)],
         "linestyle": DASHES[i % len(DASHES)],
@@ -93,18 +93,18 @@ def line_of(i: int, count: int, samples: int) -> dict[str, Any]:
 
 
 def sparse(i: int, count: int, samples: int) -> tuple[int, int]:
-    """Return which samples of line i of some carry a marker: few, and not the same in all lines."""
+    """Return the ``markevery`` of line i of ``count``: few markers, staggered between lines."""
     step = max(samples // 8, 1)
     return step * (i + 1) // (count + 1), step
 
 
 def needs_matplotlib() -> None:
-    """Say how to get matplotlib.
+    """Check that Matplotlib is installed.
 
     Raises
     ------
     FtforceError
-        It is missing.
+        It is not installed; the message says how to install it.
     """
     try:
         import matplotlib  # noqa: F401
@@ -114,21 +114,21 @@ def needs_matplotlib() -> None:
 
 @contextmanager
 def canvas(ax: Axes | None, height: float, *, solid: bool = False) -> Iterator[Axes]:
-    """Yield the axes to draw on: those given, or a new figure's in sizes for print.
+    """Yield the axes to draw on: those given, or those of a new figure sized for print.
 
     Parameters
     ----------
     ax :
         Axes, or ``None`` for new ones.
     height :
-        Of a new figure, in.
+        Height of a new figure, in.
     solid :
-        Whether they have three dimensions.
+        Whether the axes are three-dimensional.
 
     Raises
     ------
     InputError
-        What is given is no axes, or of the other dimension.
+        ``ax`` is not an Axes object, or does not have the required dimension.
     """
     needs_matplotlib()
     from matplotlib import rc_context
@@ -150,13 +150,13 @@ def canvas(ax: Axes | None, height: float, *, solid: bool = False) -> Iterator[A
 
 
 def grid(ax: Axes, axis: Literal["both", "x"] = "both") -> None:
-    """Draw pale lines behind everything."""
+    """Draw a light grid behind everything."""
     ax.grid(axis=axis, color="0.9", linewidth=0.5)
     ax.set_axisbelow(True)
 
 
 def mark(marker: str, colour: str, size: float, label: str, **options: Any) -> Line2D:
-    """Return a marker with a black border, as a legend shows it."""
+    """Return a black-edged marker as a legend handle."""
     from matplotlib.lines import Line2D
 
     look: Options = {"markeredgecolor": BLACK, "markeredgewidth": 0.8} | options
@@ -165,7 +165,7 @@ def mark(marker: str, colour: str, size: float, label: str, **options: Any) -> L
 
 
 def cube(ax: Any, low: Vector, high: Vector, half: float, **ticks: Any) -> None:
-    """Give axes of three dimensions one scale: a cube of twice the half around low to high, m."""
+    """Set equal scales on 3D axes: a cube of half side ``half`` around ``low`` to ``high``, m."""
     from matplotlib.ticker import MaxNLocator
 
     for name, middle in zip("xyz", (0.5 * (low + high)).tolist(), strict=True):
@@ -177,7 +177,7 @@ def cube(ax: Any, low: Vector, high: Vector, half: float, **ticks: Any) -> None:
 
 
 def fit_ticks(figure: Figure) -> None:
-    """Give numbers at the axes the size for print: they are made later, outside of the style."""
+    """Set the font size of tick labels, which are created after the style context has ended."""
     for ax in figure.axes:
         ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
         if ax.name != "3d":
@@ -185,20 +185,20 @@ def fit_ticks(figure: Figure) -> None:
 
 
 def key(ax: Axes, handles: Sequence[Any] | None = None, *, gap: bool = False) -> None:
-    """Put the legend beside the axes, where it hides nothing; it says what a gap means."""
+    """Place the legend beside the axes; with ``gap``, it explains gaps in the curves."""
     from matplotlib.lines import Line2D
 
     found = list(ax.get_legend_handles_labels()[0] if handles is None else handles)
     if gap:
         found.append(Line2D([], [], linestyle="none", label=f"gap: {NOTHING}"))
-    if not found:  # matplotlib would warn
+    if not found:  # avoids a Matplotlib warning
         return
     place: Options = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.3}
     ax.legend(handles=found, **place, frameon=False, handlelength=3.4, labelspacing=0.3)
 
 
 def wrapped(ax: Axes, lines: Sequence[str]) -> str:
-    """Return lines of a title, broken where the axes end."""
+    """Return the lines of a title, wrapped to the width of the axes."""
     from textwrap import wrap
 
     letters = int(width_of(ax) / (_LETTER * TITLE))
@@ -206,7 +206,7 @@ def wrapped(ax: Axes, lines: Sequence[str]) -> str:
 
 
 def head(ax: Axes, title: str, handles: Sequence[Any]) -> None:
-    """Put a title above the axes, and the legend between the two."""
+    """Put a title above the axes, with the legend between title and axes."""
     place: Options = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": len(handles)}
     space: Options = {
         "borderpad": 0.0,
@@ -220,9 +220,9 @@ def head(ax: Axes, title: str, handles: Sequence[Any]) -> None:
 
 
 def lift_titles(ax: Axes, rows: int) -> None:
-    """Have titles, also later ones, stand above rows of text.
+    """Reserve rows of text between the axes and their title.
 
-    They stand above the numbers of an axis at the top: here one with blanks for numbers.
+    Titles are placed above the tick labels of a top axis, so one with blank labels is added.
     """
     if rows:
         top = ax.secondary_xaxis("top")
@@ -231,13 +231,13 @@ def lift_titles(ax: Axes, rows: int) -> None:
 
 
 def fit(ax: Axes, values: Matrix, *, positive: bool = False, least: float = NEGLIGIBLE) -> None:
-    """Fit the vertical axis to values; what is smaller than the least must look like nothing."""
+    """Fit the vertical axis to values; values up to ``least`` are shown as zero."""
     size = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     if size <= least:
         ax.set_ylim(0.0 if positive else -1.0, 1.0)
     elif positive:
         ax.set_ylim(0.0, 1.08 * size)
-    # A power of ten above the axis would stand in the way of what is written there.
+    # An offset text above the axis would overlap the labels there.
     ax.yaxis.set_major_formatter(_plain)
 
 
@@ -246,7 +246,7 @@ def _plain(value: float, _: float) -> str:
 
 
 def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
-    """Give axes over time their labels, grid and fault marks, and the title above these."""
+    """Set labels, grid, fault marks and title of axes over time."""
     ax.set_xlabel("time [s]")
     ax.set_ylabel(ylabel)
     grid(ax)
@@ -257,8 +257,8 @@ def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
 
 
 def mark_faults(ax: Axes, history: History) -> int:
-    """Draw a dashed line at each fault and name it above; return how many rows of names it took."""
-    size, room = _size(), max(int(_ROOM * width_of(ax) / (_LETTER * _size())), 1)  # letters
+    """Draw a labelled dashed line at each fault; return the number of label rows."""
+    size, room = _size(), max(int(_ROOM * width_of(ax) / (_LETTER * _size())), 1)  # characters
     start, end = ax.get_xlim()
     taken: list[list[tuple[float, float]]] = []
     for time, at in _in_order(history, start, end):
@@ -284,10 +284,10 @@ def mark_faults(ax: Axes, history: History) -> int:
 
 
 def _in_order(history: History, start: float, end: float) -> list[tuple[float, float]]:
-    """Return times of faults, and where along the axes, so that lines to names cross no name.
+    """Return fault times and relative positions, ordered so that leader lines cross no label.
 
-    A name stands right of its line in the first half and left of it in the second: the names
-    closest to the middle get the lowest rows.
+    Labels are right of their line in the first half and left of it in the second; those closest to
+    the middle get the lowest rows.
     """
     times = {event.time for event in history.setting.events}
     places = [(time, (time - start) / (end - start)) for time in times]
@@ -301,7 +301,7 @@ def _in_order(history: History, start: float, end: float) -> list[tuple[float, f
 def _first_free(
     taken: list[list[tuple[float, float]]], at: float, span: tuple[float, float]
 ) -> int:
-    """Return the lowest row with room for a name, and take it, with the line that leads to it."""
+    """Reserve the lowest free row for a label, and space for its leader; return the row."""
     row = 0
     while row < len(taken) and any(span[0] < end and start < span[1] for start, end in taken[row]):
         row += 1
@@ -314,7 +314,7 @@ def _first_free(
 
 
 def fault_label(history: History, time: float, most: int) -> str:
-    """Return which joints fail at a time and how, in at most so many letters if they can be."""
+    """Return which joints fail at a time and how, in at most ``most`` characters if possible."""
     events = (event for event in history.setting.events if event.time == time)
     named = [part for event in events for part in event.faults.split(", ")]
     names = {f"{i} {joint.name} " for i, joint in enumerate(history.setting.joints, start=1)}
@@ -332,7 +332,7 @@ def _without_name(part: str, names: set[str]) -> str:
 
 
 def shortened(text: str, most: int) -> str:
-    """Return a text of at most so many letters, cut in the middle: names differ at their ends."""
+    """Shorten a text to ``most`` characters in the middle, as names differ at their ends."""
     if len(text) <= most:
         return text
     tail = max(most // 2, 1)
@@ -340,7 +340,7 @@ def shortened(text: str, most: int) -> str:
 
 
 def _size() -> float:
-    """Return the size of text beside the lines, pt: on axes that were given it is their style's."""
+    """Return the font size of labels, pt; on user-supplied axes, that of the current style."""
     from matplotlib import rcParams
     from matplotlib.font_manager import FontProperties
 
@@ -348,7 +348,7 @@ def _size() -> float:
 
 
 def width_of(ax: Axes) -> float:
-    """Return the width of axes, pt."""
+    """Return the width of the axes, pt."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     return float(72.0 * ax.bbox.width / figure.dpi)

@@ -1,4 +1,4 @@
-"""The forces in a plane that an arm can hold: slices of the feasible forces, exact, and drawn."""
+"""Exact planar slices of the feasible forces, computed and drawn."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ Rows = tuple[int, int]
 
 
 class Slice(NamedTuple):
-    """The forces in a plane that can be held at some time.
+    """A planar slice of the feasible forces before or after the fault.
 
     Attributes
     ----------
     when, words :
-        Short, and for the legend.
+        Short label, and legend text.
     polytope :
-        The forces, N (N·m), in the plane's two components.
+        The feasible forces, N (N·m), in the plane's two components.
     look :
-        Options of the drawing.
+        Drawing options.
     """
 
     when: str
@@ -49,26 +49,26 @@ class Slice(NamedTuple):
 def capability(
     result: Capability, components: Sequence[str] | None = None, *, ax: Axes | None = None
 ) -> Axes:
-    """Draw the forces of two components that can be held before and after the fault.
+    """Draw the feasible forces in two components before and after the fault.
 
-    They are the exact slice of the force polytope, and not its shadow: the task's other components
-    are zero. So a point says how much the arm can push in this plane and in no other way. With
-    locked joints there are two sets after the fault: what motors command, and what locks and motors
-    hold of a load that is there already.
+    The sets are exact slices of the force polytope, not projections: the task's other components
+    are zero, so a point is a force exerted in this plane only. With locked joints there are two
+    sets after the fault: forces that the motors can command, and forces of an existing load that
+    motors and brakes can hold together.
 
     Parameters
     ----------
     result :
-        What can be held.
+        The force capability.
     components :
-        Two of the task's components, for x and y; the first two if not given.
+        Two task components, for the x and y axes; by default the first two.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The task has no such components, or only one; or the axes are none of two dimensions.
+        The task has no such components, or only one, or ``ax`` is not two-dimensional.
     """
     task = result.analysis.task
     rows = _rows(task, components)
@@ -91,7 +91,7 @@ def capability(
 
 
 def slices_of(result: Capability, rows: Rows) -> list[Slice]:
-    """Return the forces in the plane of two components, before and after."""
+    """Return the slices in the plane of two components, before and after the fault."""
     faults, weights = result.analysis.faults, result.analysis.task.weights
     found = []
     locked = faults.in_mode(FaultMode.LOCKED)
@@ -103,7 +103,7 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
     return found
 
 
-# Wide below narrow: where the sets are the same, all outlines show.
+# Wide outlines are drawn first, so that coinciding outlines all remain visible.
 _LOOKS: tuple[tuple[str, str, bool, LockModel, dict[str, Any]], ...] = (
     (
         "before",
@@ -130,25 +130,25 @@ _LOOKS: tuple[tuple[str, str, bool, LockModel, dict[str, Any]], ...] = (
 
 
 def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = None) -> Polytope:
-    """Return the feasible forces that have two components only, with these as coordinates.
+    """Return the slice of the feasible forces in the plane of two components.
 
-    A slice of ``{F₀ + Z z}`` and its limits is a set of the same kind with two rows; so its corners
-    are found as those of the whole set are, without sampling.
+    The slice of ``{F₀ + Z z}`` with its limits has the same form with two rows, so its vertices are
+    found in the same way as those of the full set, without sampling.
 
     Parameters
     ----------
     feasible :
         The feasible forces, weighted.
     rows :
-        The two components.
+        Rows of the two components.
     weights :
-        Row weights of the task; ``None`` where all are 1.
+        Row weights of the task; ``None`` if all are 1.
     """
-    # A force E x of the plane is feasible if (I - ZZᵀ) E x = F₀: F₀ is square to Z.
+    # A force E x in the plane is feasible if (I - ZZᵀ) E x = F₀; F₀ is orthogonal to Z.
     m = len(feasible.F0)
     beyond = (np.eye(m) - feasible.Z @ feasible.Z.T)[:, rows]
     U, s, Vt = np.linalg.svd(beyond, full_matrices=False)
-    rank = int(np.count_nonzero(s > feasible.rtol))  # sines of the angles from the plane to Z
+    rank = int(np.count_nonzero(s > feasible.rtol))  # sines of the angles between the plane and Z
     F0 = ((U.T @ feasible.F0)[:rank] / s[:rank]) @ Vt[:rank]
     miss = float(np.linalg.norm(beyond @ F0 - feasible.F0))
     if miss > feasible.rtol * float(np.linalg.norm(feasible.F0)):
@@ -161,16 +161,16 @@ def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = N
 
 
 def outline(polytope: Polytope, far: float, weights: Vector | None = None) -> Matrix:
-    """Return the corners of a slice in order; where no limit ends it they are far away.
+    """Return the ordered corners of a slice; unbounded directions end at a distance ``far``.
 
     Parameters
     ----------
     polytope :
-        A slice.
+        The slice.
     far :
-        How far, N (N·m).
+        Distance, N (N·m).
     weights :
-        Row weights of the two components; ``None`` where both are 1.
+        Row weights of the two components; ``None`` if both are 1.
     """
     order = polytope.faces[0] if polytope.faces else range(len(polytope.vertices))
     corners = polytope.vertices[list(order)]
@@ -199,7 +199,7 @@ def _weights(task: Task, rows: Rows) -> Vector | None:
 
 
 def _notes(task: Task, rows: Rows, slices: Sequence[Slice]) -> list[str]:
-    """Say what outlines do not: that a slice is empty, a point, or has no end."""
+    """Return notes on slices that are empty, a single point, or unbounded."""
     found: dict[str, list[str]] = {}
     for one in slices:
         found.setdefault(_note(task, rows, one.polytope), []).append(one.when)
@@ -219,7 +219,7 @@ def _note(task: Task, rows: Rows, polytope: Polytope) -> str:
 
 
 def _along(task: Task, rows: Rows, weighted: Vector) -> str:
-    """Say a direction in the plane: the name of its component, or the two parts."""
+    """Return a direction in the plane in words: its component's name, or both coordinates."""
     weights = _weights(task, rows)
     direction = weighted if weights is None else weighted * weights
     direction = direction / np.linalg.norm(direction)
@@ -230,7 +230,7 @@ def _along(task: Task, rows: Rows, weighted: Vector) -> str:
 
 
 def _draw(ax: Axes, corners: Matrix, one: Slice) -> None:
-    """Draw a polygon, or what is left of one: a line, a point, nothing."""
+    """Draw a polygon, or a line or point if it is degenerate."""
     from matplotlib.patches import Polygon
 
     look = one.look
@@ -246,7 +246,7 @@ def _draw(ax: Axes, corners: Matrix, one: Slice) -> None:
 
 
 def _window(ax: Axes, corners: Matrix, *, same_unit: bool) -> None:
-    """Show all corners: in a square of one scale if both components have one unit."""
+    """Fit the axes to all corners, with equal scales if both components have the same unit."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     span = high - low
     if same_unit:

@@ -1,4 +1,4 @@
-"""Bars of a census. `ftforce.show.plots` has all plots."""
+"""Bar chart of a census."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.fault_set import SetReport
     from ftforce.core.arrays import Vector
 
-# Apart also without colour: their greys differ, and so do the hatches.
+# Distinguishable also without colour, by brightness and hatching.
 LOOKS = {
     Verdict.NOT_TOLERATED: (VERMILION, ""),
     Verdict.BORDERLINE: (YELLOW, "////"),
@@ -41,23 +41,23 @@ LOOKS = {
 
 
 def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
-    """Draw bars of the worst fault sets: their jump, or what the census ranks by.
+    """Draw a bar chart of the worst fault sets, by the measure that ranks the census.
 
-    Without a force there is no jump: then the bars are margins.
+    Without a force there is no jump; the bars then show margins.
 
     Parameters
     ----------
     result :
-        All fault sets of a posture.
+        The census of a posture.
     most :
-        How many sets to show, the worst ones.
+        Maximum number of fault sets shown, worst first.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The axes are none of two dimensions.
+        ``ax`` is not two-dimensional.
     """
     sets = result.sets[: max(most, 1)]
     title, label = _words(result)
@@ -82,7 +82,7 @@ def _words(result: Census) -> tuple[str, str]:
 
 
 def _value(result: Census, report: SetReport) -> float:
-    """Return what a bar shows: NaN if nothing holds the arm."""
+    """Return the value of a bar; NaN if the arm falls."""
     if report.capability is not None:
         return report.capability.commanded
     if result.before is None:
@@ -113,13 +113,13 @@ def _in_words(value: float) -> str:
 
 
 def look(verdict: Verdict) -> dict[str, Any]:
-    """Return how a verdict's bar is drawn."""
+    """Return the bar style of a verdict."""
     colour, hatch = LOOKS[verdict]
     return {"facecolor": colour, "hatch": hatch, "edgecolor": BLACK, "linewidth": 0.5}
 
 
 def verdict_key(verdicts: Iterable[Verdict]) -> list[Any]:
-    """Return what the legend has to say of verdicts, the worst first."""
+    """Return the legend handles of verdicts, worst first."""
     from matplotlib.patches import Patch
 
     found = set(verdicts)

@@ -1,4 +1,4 @@
-"""Dots and intervals of a comparison, one row per arm."""
+"""Dot plot of a comparison, with intervals, one row per arm."""
 
 from __future__ import annotations
 
@@ -52,16 +52,16 @@ _BOUND: Any = {
 
 
 class Marks(NamedTuple):
-    """What a plot shows of the arms.
+    """The marks of a plot, one entry per arm.
 
     Attributes
     ----------
     value :
-        Where the dot stands, shape (arms,); NaN where nothing is known.
+        Position of the dot, shape (arms,); NaN if unknown.
     low, high :
         Ends of the line through it, shape (arms,).
     bound :
-        Where the most that there can be is marked, shape (arms,); NaN for no mark.
+        Position of the mark for the upper bound, shape (arms,); NaN for no mark.
     """
 
     value: Vector
@@ -71,30 +71,30 @@ class Marks(NamedTuple):
 
 
 MOST = 50
-"""How many arms a figure shows, the best ones."""
+"""Maximum number of arms in a figure, best first."""
 
 
 def comparison(
     result: Comparison, *, shown: Shown = "tolerated", most: int = MOST, ax: Axes | None = None
 ) -> Axes:
-    """Draw a dot per arm, the best on top, with an interval.
+    """Draw one dot with an interval per arm, best arm on top.
 
     Parameters
     ----------
     result :
-        The arms.
+        The comparison.
     shown :
-        ``tolerated`` or ``every``, shares with their intervals of confidence; ``rho`` or
-        ``margin`` of the largest sets: the median, and a line that begins at the 5 % quantile.
+        ``tolerated`` or ``every``: shares with confidence intervals; ``rho`` or ``margin``, for
+        the largest fault sets: the median, with a line from the 5 % quantile.
     most :
-        How many arms to show, the best ones.
+        Maximum number of arms shown, best first.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        There is no such quantity, or the axes are none of two dimensions.
+        The quantity is unknown, or ``ax`` is not two-dimensional.
     """
     if shown not in SHOWN:
         raise UnknownNameError("quantity", shown, SHOWN)
@@ -117,7 +117,7 @@ def _cut(shown: int, arms: int) -> str:
 
 
 def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
-    """Draw without title and legend; return what was drawn."""
+    """Draw the dots without title and legend; return the marks."""
     marks = marks_of(arms, shown)
     _draw(ax, marks)
     names = [f"{shortened(arm.name, LONGEST_NAME)}  {ranks(arm)}" for arm in arms]
@@ -128,7 +128,7 @@ def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
 
 
 def marks_of(arms: Sequence[ArmReport], shown: str) -> Marks:
-    """Return what a plot shows of the arms, best first; shares in percent."""
+    """Return the marks of arms in the given order; shares in percent."""
     rows = np.array([_row(arm, shown) for arm in arms])
     return Marks(*(rows[:, k] for k in range(4)))
 
@@ -163,14 +163,14 @@ def _key(marks: Marks, *, is_share: bool) -> list[Any]:
 
 
 def lay_out(drawn: Figure, result: Comparison) -> None:
-    """Draw all that is shown of a comparison, the rows of one arm on one line.
+    """Draw the full figure of a comparison, with aligned rows for each arm.
 
     Parameters
     ----------
     drawn :
         An empty figure.
     result :
-        The arms.
+        The comparison.
     """
     arms = result.arms[:MOST]
     height = min(1.3 + ROW * max(len(arms), 4), HIGHEST)

@@ -1,4 +1,4 @@
-"""Bars and histograms of a sweep's joints, in one order. `ftforce.show.plots` has all plots."""
+"""Criticality bars and histograms of a sweep's joints, in the same order."""
 
 from __future__ import annotations
 
@@ -36,28 +36,28 @@ if TYPE_CHECKING:
 
     Quantity = Literal["rho", "margin", "jump", "capability"]
 
-ROW_HEIGHT = 0.28  # in; of a joint
-_PEAK = 0.86  # of a row's height
-_LINEAR, _LOGARITHMIC = 20, 10  # bins of the sweep that make one of the picture
-_NUMBERS = 82.0  # pt; what the numbers behind a bar need
-_HEAD = 1.2  # in; what a plot needs besides its rows
+ROW_HEIGHT = 0.28  # in; per joint
+_PEAK = 0.86  # share of a row's height
+_LINEAR, _LOGARITHMIC = 20, 10  # bins of the sweep merged into one bin of the plot
+_NUMBERS = 82.0  # pt; width of the numbers beside a bar
+_HEAD = 1.2  # in; a plot's height in addition to its rows
 
 
 class Histogram(NamedTuple):
-    """What a joint's histogram shows.
+    """The histogram of one joint.
 
     Attributes
     ----------
     edges :
-        Of the bins, shape (b + 1,).
+        Bin edges, shape (b + 1,).
     counts :
         Postures per bin, shape (b,).
     bad :
-        The quantile of the worst 5 %.
+        Quantile that bounds the worst 5 %.
     median :
         The median.
     notes :
-        What lies in no bin, with its share.
+        Postures outside all bins, with their shares.
     """
 
     edges: Vector
@@ -77,11 +77,11 @@ WORDS = {
 
 
 def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = None) -> Axes:
-    """Draw how a quantity is distributed over the postures when each joint fails alone.
+    """Draw the distribution of a quantity over the postures when each joint fails alone.
 
-    One row per joint, the most critical on top, each as high as its own fullest bin. A diamond
-    marks the median, a triangle the worst 5 %: small values of ρ, margin and capability, large
-    jumps. What lies in no bin, such as postures without any jump, is said beside the row.
+    One row per joint, the most critical on top, each scaled to its fullest bin. A diamond marks the
+    median, a triangle the worst 5 %: small values of ρ, margin and capability, large jumps.
+    Postures outside all bins, such as those without a jump, are listed beside the row.
 
     Parameters
     ----------
@@ -90,13 +90,12 @@ def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = Non
     quantity :
         ``rho``, ``margin``, ``jump`` or ``capability``.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        There is no such quantity or the sweep does not count it, or the axes are none of two
-        dimensions.
+        The quantity is unknown or not part of the sweep, or ``ax`` is not two-dimensional.
     """
     check_quantity(sweep, quantity)
     ranked = sweep.joints
@@ -113,13 +112,13 @@ def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = Non
 
 
 def without_ticks_above(ax: Axes) -> None:
-    """Remove the small ticks that a logarithmic axis gives the blank one above it."""
+    """Remove the minor ticks that the blank top axis inherits from a logarithmic axis."""
     for above in ax.child_axes:
         above.minorticks_off()
 
 
 def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
-    """Return the histogram of a joint (from 0) that fails alone, in bins wide enough to be seen."""
+    """Return the histogram for a joint (from 0) that fails alone, in bins wide enough to see."""
     summary, bins = sweep.summary, sweep.summary.bins
     place = sweep.index_of((joint + 1,))
     counts = np.asarray(getattr(summary, quantity)[place])
@@ -132,7 +131,7 @@ def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
     bad, median = (float(quantile(counts, edges, p)) for p in (_bad(quantity), 0.5))
     notes = {_UNKNOWN[quantity]: unknown}
     shown = counts[: len(edges) - 1].copy()
-    if quantity == "jump":  # most postures have none: their bar would hide all others
+    if quantity == "jump":  # most postures: their bar would dwarf all others
         notes = {"no jump": int(shown[0]), **notes, "more": int(counts[-1])}
         shown[0] = 0
     grouped = shown.reshape(-1, _LINEAR).sum(axis=1)
@@ -142,7 +141,7 @@ def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
 def _of_capability(
     counts: Counts, edges: Vector, unknown: int, unlimited: int, total: int
 ) -> Histogram:
-    """Return a histogram over decades; no force at all counts as 0, no limit as infinite."""
+    """Return a histogram over decades; infeasible counts as 0, unlimited as infinite."""
     every = counts.copy()
     every[0] += unknown
     every[-1] += unlimited
@@ -165,7 +164,7 @@ def _shares(notes: dict[str, int], total: int) -> list[str]:
 
 
 def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
-    """Draw a step histogram per row, the first on top, with its marks and notes."""
+    """Draw one step histogram per row, the first on top, with marks and notes."""
     low, high = _window(rows, logarithmic=logarithmic)
     if logarithmic:
         ax.set_xscale("log")
@@ -181,7 +180,7 @@ def draw_rows(ax: Axes, rows: list[Histogram], *, logarithmic: bool) -> None:
             (one.median, 0.45, "D", "white", 14.0),
             (one.bad, 0.06, "^", VERMILION, 20.0),
         ):
-            if math.isfinite(x) and low <= x <= high:  # marks that coincide stand above each other
+            if math.isfinite(x) and low <= x <= high:  # stack coinciding marks
                 look: Options = {
                     "marker": marker,
                     "facecolor": colour,
@@ -215,14 +214,14 @@ def _window(rows: list[Histogram], *, logarithmic: bool) -> tuple[float, float]:
 
 
 def mark_key(quantity: str) -> list[Any]:
-    """Return what the legend of histograms has to explain."""
+    """Return the legend handles of the histograms."""
     worst = "95 %" if quantity == "jump" else "5 %"
     looks = (("^", VERMILION, 4.5, worst), ("D", "white", 4.0, "median"))
     return [mark(*look, markeredgewidth=0.7) for look in looks]
 
 
 def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
-    """Say what a histogram shows, and name its axis."""
+    """Return the title and axis label of a histogram."""
     title, label = WORDS[quantity]
     setting = sweep.setting
     unit = setting.capability_unit if quantity == "capability" else setting.size_unit
@@ -238,7 +237,7 @@ def _fails(sweep: Sweep) -> str:
 
 
 def name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:
-    """Name the rows by numbers and names of the joints, which are cut to so many letters."""
+    """Label the rows with joint numbers and names of at most ``most`` characters."""
     names = [
         f"{one.joint + 1} {shortened(sweep.setting.joints[one.joint], most)}"
         for one in sweep.joints
@@ -248,23 +247,24 @@ def name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:
 
 
 def criticality(sweep: Sweep, *, ax: Axes | None = None) -> Axes:
-    """Draw the joints, most critical on top: which share of the cases their failure is no good.
+    """Draw the joints, most critical on top, by the share of cases that are not tolerated.
 
-    A case is a posture and a fault set that holds the joint. Whiskers are 95 % intervals: of the
-    share that is not tolerated, and of that together with what is borderline. The numbers say the
-    latter. For postures that were not drawn they only show how much their number matters.
+    A case is a posture with a fault set that contains the joint. Whiskers are 95 % intervals of the
+    share that is not tolerated, and of the share that is not tolerated or borderline; the numbers
+    refer to the latter. For postures that were not drawn at random, the intervals only indicate the
+    effect of the number of postures.
 
     Parameters
     ----------
     sweep :
         The sweep.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The axes are none of two dimensions.
+        ``ax`` is not two-dimensional.
     """
     with canvas(ax, _HEAD + ROW_HEIGHT * len(sweep.joints)) as axes:
         draw_ranking(axes, sweep)
@@ -281,7 +281,7 @@ def _cases(sweep: Sweep) -> list[str]:
 
 
 def draw_ranking(ax: Axes, sweep: Sweep) -> None:
-    """Draw the bars, whiskers and numbers of a ranking."""
+    """Draw the bars, whiskers and numbers of the ranking."""
     joints, postures = sweep.joints, int(sweep.summary.postures)
     lost = 100.0 * np.nan_to_num([one.not_tolerated.value for one in joints])
     doubtful = 100.0 * np.nan_to_num([one.borderline for one in joints])
@@ -305,7 +305,7 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
 
 
 def _none(sweep: Sweep) -> str:
-    """Say that no failure is ever not tolerated: the end of that interval is too small to see."""
+    """Return a note if no case is "not tolerated": its interval is too small to see."""
     if any(one.not_tolerated.value > 0.0 for one in sweep.joints):
         return ""
     most = max(one.not_tolerated.high for one in sweep.joints)
@@ -313,7 +313,7 @@ def _none(sweep: Sweep) -> str:
 
 
 def _window_of_shares(ax: Axes, top: float) -> None:
-    """Leave room for the numbers behind the bars; beyond 100 % the axis has none itself."""
+    """Leave space for the numbers beside the bars, without ticks beyond 100 %."""
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
     room = min(_NUMBERS / width_of(ax), 0.6)
@@ -329,5 +329,5 @@ def _whiskers(ax: Axes, rows: Values, values: Values, ends: Any) -> None:
 
 
 def ranking_key() -> list[Any]:
-    """Return what the legend of a ranking has to explain."""
+    """Return the legend handles of the ranking."""
     return verdict_key((Verdict.NOT_TOLERATED, Verdict.BORDERLINE))

@@ -1,4 +1,4 @@
-"""Heat maps of timelines: their cells, rows and colours. `ftforce.show.plots` has all plots."""
+"""Heat maps of timelines."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 Quantity = Literal["jump", "margin", "capability"]
 
 QUANTITIES = ("jump", "margin", "capability")
-MOST_COLUMNS = 1000  # more than print can show
-LONGEST_LABEL = 34  # letters
+MOST_COLUMNS = 1000  # beyond the resolution of print
+LONGEST_LABEL = 34  # characters
 
 
 class Cells(NamedTuple):
@@ -34,15 +34,15 @@ class Cells(NamedTuple):
     Attributes
     ----------
     title, label :
-        What they hold, in words and with its unit.
+        The quantity in words, and its label with unit.
     edges :
-        Of the columns, s, shape (columns + 1,).
+        Column edges, s, shape (columns + 1,).
     values :
-        Shape (rows, columns): NaN where nothing holds the arm, infinite without a known limit.
+        Shape (rows, columns): NaN where the arm falls, infinite without a known limit.
     rows :
-        The worst instant of each row's fault set.
+        Worst instant of each row's fault set.
     marks :
-        When it is, s, shape (rows,).
+        Times of these instants, s, shape (rows,).
     """
 
     title: str
@@ -56,7 +56,7 @@ class Cells(NamedTuple):
 def heat_map(
     timeline: Timeline, *, quantity: Quantity = "jump", most: int = 40, ax: Axes | None = None
 ) -> Axes:
-    """Draw when which fault set would hurt: time against sets, dark where it is bad.
+    """Draw the severity of each fault set over time, darker where it is worse.
 
     Parameters
     ----------
@@ -65,14 +65,14 @@ def heat_map(
     quantity :
         ``jump``, ``margin`` or ``capability``.
     most :
-        How many sets to show, the worst ones.
+        Maximum number of fault sets shown, worst first.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        There is no such quantity, no force that could jump, or the axes are none of two dimensions.
+        The quantity is unknown or is a jump without a force, or ``ax`` is not two-dimensional.
     """
     cells = cells_of(timeline, quantity, most)
     with canvas(ax, 1.1 + ROW * len(cells.rows)) as axes:
@@ -92,7 +92,7 @@ def cells_of(timeline: Timeline, quantity: str, most: int) -> Cells:
     Raises
     ------
     InputError
-        There is no such quantity, or it needs a force and the timeline has none.
+        The quantity is unknown, or requires a force and the timeline has none.
     """
     if quantity not in QUANTITIES:
         raise UnknownNameError("quantity", quantity, QUANTITIES)
@@ -121,12 +121,12 @@ MARGIN = ("Margin", "σ_min(K) / σ_max(J)")
 
 
 def jump_words(units: Sequence[str]) -> tuple[str, str]:
-    """Say what a jump's size is, with its unit: moments count only without forces."""
+    """Return title and label of a jump; moments are used only for tasks without forces."""
     return ("Force jump", "‖ΔF‖ [N]") if "N" in units else ("Moment jump", "‖ΔF‖ [N·m]")
 
 
 def capability_words(unit: str, direction: Vector | None) -> tuple[str, str]:
-    """Say what a capability is, with its unit."""
+    """Return title and label of a capability."""
     what = "moment" if unit == "N·m" else "force"
     where = "weakest direction"
     if direction is not None:
@@ -135,10 +135,10 @@ def capability_words(unit: str, direction: Vector | None) -> tuple[str, str]:
 
 
 def _columns(t: Vector, values: Matrix, *, largest: bool) -> tuple[Vector, Matrix]:
-    """Return edges and values of the columns: each shows the worst of its instants."""
+    """Return column edges and values; a column shows its worst instant."""
     width = -(-len(t) // MOST_COLUMNS)
     starts = np.arange(0, len(t), width)
-    worst = np.maximum if largest else np.minimum  # NaN, the worst of all, wins in both
+    worst = np.maximum if largest else np.minimum  # both propagate NaN, the worst value
     middles = 0.5 * (t[starts[1:] - 1] + t[starts[1:]])
     end = t[-1] if t[-1] > t[0] else t[0] + 1.0
     edges = np.concatenate([t[:1], middles, [end]])
@@ -146,7 +146,7 @@ def _columns(t: Vector, values: Matrix, *, largest: bool) -> tuple[Vector, Matri
 
 
 def set_labels(robot: Robot, sets: Sequence[FaultSet]) -> list[str]:
-    """Name fault sets by numbers and names; if that is long, those of several joints by numbers."""
+    """Label fault sets by joint numbers and names, or only numbers where that is too long."""
     named = [", ".join(f"{j + 1} {robot.names[j]}" for j in one.joints) for one in sets]
     if max(map(len, named)) <= LONGEST_LABEL:
         return named
@@ -157,14 +157,14 @@ def set_labels(robot: Robot, sets: Sequence[FaultSet]) -> list[str]:
 
 
 def cut(shown: int, sets: int) -> str:
-    """Say how many fault sets are shown if it is not all."""
+    """Return a note on the number of fault sets shown; empty if all are."""
     return f", the worst {shown} of {sets} sets" if shown < sets else ""
 
 
 def _paint(ax: Axes, cells: Cells, *, high_is_bad: bool) -> None:
-    """Paint the cells, dark where it is bad, with a colour bar; where they have no number a hatch.
+    """Draw the cells with a colour bar, darker is worse; cells without a value are hatched.
 
-    The hatch is the background: it shows through where no cell is painted.
+    The hatching is the background, visible where no cell is drawn.
     """
     values, edges, rows = cells.values, cells.edges, np.arange(len(cells.rows) + 1) - 0.5
     finite = np.isfinite(values)
@@ -186,7 +186,7 @@ def _paint(ax: Axes, cells: Cells, *, high_is_bad: bool) -> None:
 
 
 def _notes(cells: Cells) -> list[Any]:
-    """Return what the legend has to explain."""
+    """Return the legend handles."""
     from matplotlib.patches import Patch
 
     found: list[Any] = [mark("D", "white", 4.0, "worst instant", markeredgecolor="black")]

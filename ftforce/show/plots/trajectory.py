@@ -1,4 +1,4 @@
-"""Histories as plots: torques, force, jump, path error, and the path."""
+"""Plots of histories: torques, force, force jump, path error, and path."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 Torque = Literal["motor", "U", "force_part", "rnea", "brake"]
 Kind = Literal["force", "moment"]
 
-_SMALLEST_ERROR = 1e-3  # mm; below it is the integration's
+_SMALLEST_ERROR = 1e-3  # mm; smaller errors are due to the integration
 
 _TORQUES = {
     "motor": "motor torque",
@@ -56,23 +56,23 @@ def torques(
     quantity: Torque = "motor",
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the torques of all joints over time; a line has a gap where nothing holds the arm.
+    """Draw the joint torques over time; gaps mark the time after the arm falls.
 
     Parameters
     ----------
     history :
-        What was simulated.
+        The simulation history.
     run :
         ``healthy``, ``unremapped`` or ``remapped``.
     quantity :
-        ``motor``, or ``U``, ``force_part``, ``rnea``, ``brake``: see `Run`.
+        ``motor``, ``U``, ``force_part``, ``rnea`` or ``brake``; see `Run`.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        There is no such run or quantity, or the axes are none of two dimensions.
+        The run or quantity is unknown, or ``ax`` is not two-dimensional.
     """
     if run not in history.runs:
         raise UnknownNameError("run", run, history.runs)
@@ -96,21 +96,21 @@ def torques(
 
 
 def force(history: History, *, kind: Kind | None = None, ax: Axes | None = None) -> Axes:
-    """Draw the components of the tip's force over time, of all runs (the paper's fig. 4).
+    """Draw the components of the tip force over time, for all runs (Fig. 4 of the paper).
 
     Parameters
     ----------
     history :
-        What was simulated.
+        The simulation history.
     kind :
-        ``force`` or ``moment``; if not given forces, or if the task has none moments.
+        ``force`` or ``moment``; by default forces, or moments if the task has no forces.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The task has no such components, or the axes are none of two dimensions.
+        The task has no such components, or ``ax`` is not two-dimensional.
     """
     task = history.setting.task
     kinds = {k: r for k, r in (("force", task.force_rows), ("moment", task.moment_rows)) if r}
@@ -135,7 +135,7 @@ def force(history: History, *, kind: Kind | None = None, ax: Axes | None = None)
 
 
 def _marker(history: History, run: str, i: int) -> dict[str, Any]:
-    """Return markers that tell components apart without colour, of each run elsewhere."""
+    """Return markers that identify components without colour, staggered between runs."""
     place = 3 * list(history.runs).index(run) + i
     every = sparse(place, 9, len(history.t))
     return {
@@ -165,19 +165,19 @@ def _force_key(history: History, rows: Sequence[int]) -> list[Any]:
 
 
 def jump(history: History, *, ax: Axes | None = None) -> Axes:
-    """Draw the size of the force jump over time, of all runs.
+    """Draw the magnitude of the force jump over time, for all runs.
 
     Parameters
     ----------
     history :
-        What was simulated.
+        The simulation history.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The axes are none of two dimensions.
+        ``ax`` is not two-dimensional.
     """
     sizes = {name: history.jump_norm(run) for name, run in history.runs.items()}
     what, unit = ("Force", "N") if history.setting.task.force_rows else ("Moment", "N·m")
@@ -185,19 +185,19 @@ def jump(history: History, *, ax: Axes | None = None) -> Axes:
 
 
 def path_error(history: History, *, ax: Axes | None = None) -> Axes:
-    """Draw the distance of the tip from its path over time, of all runs, until an arm falls.
+    """Draw the distance of the tip from its path over time, for all runs, until the arm falls.
 
     Parameters
     ----------
     history :
-        What was simulated.
+        The simulation history.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The axes are none of two dimensions.
+        ``ax`` is not two-dimensional.
     """
     sizes = {}
     for name, run in history.runs.items():
@@ -214,7 +214,7 @@ def _of_runs(
     least: float,
     ax: Axes | None,
 ) -> Axes:
-    """Draw a size over time of all runs: what is smaller than the least is only rounding."""
+    """Draw a magnitude over time for all runs; values up to ``least`` are rounding errors."""
     with canvas(ax, 1.8) as axes:
         for name, line in values.items():
             axes.plot(history.t, line, label=STROKES[name].words, **STROKES[name].options())
@@ -226,19 +226,19 @@ def _of_runs(
 
 
 def path(history: History, *, ax: Axes | None = None) -> Axes:
-    """Draw the tip's path in space, of all runs, in the root's axes, until an arm falls.
+    """Draw the tip path in root axes, for all runs, until the arm falls.
 
     Parameters
     ----------
     history :
-        What was simulated.
+        The simulation history.
     ax :
-        Axes with ``projection="3d"``; a new figure's if not given.
+        Axes with ``projection="3d"``; a new figure by default.
 
     Raises
     ------
     InputError
-        The axes are none of three dimensions.
+        ``ax`` is not three-dimensional.
     """
     with canvas(ax, 4.2, solid=True) as axes:
         solid: Any = axes
@@ -268,15 +268,15 @@ def _places(history: History) -> list[tuple[list[int], str, str]]:
 
 
 def _look_at(ax: Any, points: Matrix) -> None:
-    """Show a cube around points, from their side."""
+    """Fit a cube to the points, viewed from their side."""
     low, high = points.min(axis=0), points.max(axis=0)
     cube(ax, low, high, 0.55 * max(float((high - low).max()), 1e-3), nbins=3)
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.9)  # its numbers and names need room
+    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.9)  # leaves space for tick labels and axis labels
     ax.view_init(elev=25.0, azim=_azimuth(points))
 
 
 def _azimuth(points: Matrix) -> float:
-    """Return the direction, degrees, from which a path is seen from its side, not from its end."""
+    """Return the azimuth, in degrees, that shows a path from its side rather than end on."""
     main = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
     side = math.degrees(math.atan2(main[1], main[0])) + 70.0
 

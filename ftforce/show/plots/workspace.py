@@ -1,4 +1,4 @@
-"""Maps of a sweep's workspace, flat and solid. `ftforce.show.plots` has all plots."""
+"""Maps of a sweep's workspace, planar and 3D."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
 
 UNSURE = 0.2
-"""Width of a share's interval from which a cell is marked: it holds too few postures."""
+"""Width of a share's 95 % interval above which a cell is marked as uncertain."""
 UNSURE_WORDS = f"95 % interval wider than {100.0 * UNSURE:.0f} points"
 _FLOORS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
-_COLOURS = "cividis"  # for all kinds of colour vision, and even in grey: dark where it is bad
-_OF_HEIGHT = 0.48  # edge of the cube of axes of three dimensions over their height, about
+_COLOURS = "cividis"  # readable with any kind of colour vision and in grey; dark is bad
+_OF_HEIGHT = 0.48  # side of the cube in 3D axes, as a share of their height, approximately
 _FAINTEST = 0.03
 
 
 class Scale(NamedTuple):
-    """What the colours mean: from the share ``floor``, dark, to 1, bright."""
+    """The colour scale: from the share ``floor``, dark, to 1, bright."""
 
     floor: float
     reaches_below: bool
@@ -45,30 +45,31 @@ def survival(
     at: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw which share of the postures tolerates a fault, over the workspace: dark where it is bad.
+    """Draw the share of postures that tolerate a fault, over the workspace; darker is worse.
 
-    The whole depth is pooled: all postures of a column of cells count alike. With ``at`` there is
-    one layer of cells. Where no posture has its tip the map is white. A cell with a dot has so few
-    postures that its share is known to no better than 20 points.
+    By default, all postures in a column of cells along the third axis are pooled with equal weight;
+    with ``at``, a single layer of cells is drawn. The map is white where no posture has its tip. A
+    dot marks cells with so few postures that the 95 % interval of the share is wider than 20
+    percentage points.
 
     Parameters
     ----------
     sweep :
         The sweep.
     joints :
-        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+        Numbers, from 1, of the joints that fail together; ``None`` for every set of the sweep.
     plane :
-        ``xy``, ``xz`` or ``yz``, of the root's axes.
+        ``xy``, ``xz`` or ``yz``, in root axes.
     at :
-        Where along the third axis a slice lies, m; if not given the whole depth is pooled.
+        Position of a slice along the third axis, m; by default, the whole depth is pooled.
     ax :
-        Axes to draw on; a new figure's if not given.
+        Axes to draw on; a new figure by default.
 
     Raises
     ------
     InputError
-        The sweep has no such set, there is no such plane, nothing lies in the slice, or the axes
-        are none of two dimensions.
+        The sweep has no such fault set, the plane is unknown, the slice contains no postures, or
+        ``ax`` is not two-dimensional.
     """
     found = workspace_map(sweep, joints, plane=plane, at=at)
     with canvas(ax, 4.6) as axes:
@@ -84,23 +85,23 @@ def survival(
 def survival_3d(
     sweep: Sweep, joints: Sequence[int] | None = None, *, ax: Axes | None = None
 ) -> Axes:
-    """Draw the cells of the workspace in space: bad ones are dark, the others all but transparent.
+    """Draw the workspace cells in 3D: bad cells dark, the others nearly transparent.
 
-    Cells are pooled into larger ones until most hold enough postures for a share.
+    Cells are pooled into larger ones until most contain enough postures for a share.
 
     Parameters
     ----------
     sweep :
         The sweep.
     joints :
-        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+        Numbers, from 1, of the joints that fail together; ``None`` for every set of the sweep.
     ax :
-        Axes with ``projection="3d"``; a new figure's if not given.
+        Axes with ``projection="3d"``; a new figure by default.
 
     Raises
     ------
     InputError
-        The sweep has no such set, or the axes are none of three dimensions.
+        The sweep has no such fault set, or ``ax`` is not three-dimensional.
     """
     found = workspace_map(sweep, joints)
     with canvas(ax, 5.0, solid=True) as axes:
@@ -114,14 +115,14 @@ def survival_3d(
 
 
 def scale_of(*maps: Cells) -> Scale:
-    """Return the colours' scale of maps that share it: fine enough to show what differs.
+    """Return a colour scale shared by several maps, narrow enough to resolve their differences.
 
-    Cells of few postures do not count: one that fails would take all contrast from the others.
+    Cells with few postures are ignored: one failure in such a cell would spoil the contrast.
     """
     shares = [cells.share[cells.postures > 0] for cells in maps]
     sure = [cells.share[_is_sure(cells)] for cells in maps]
     lowest = min((float(one.min()) for one in sure if one.size), default=0.0)
-    if lowest >= 1.0:  # nothing differs
+    if lowest >= 1.0:  # all equal
         lowest = 0.0
     floor = max(step for step in _FLOORS if step <= lowest)
     below = any(bool((one < floor).any()) for one in shares)
@@ -133,7 +134,7 @@ def _is_sure(cells: Cells) -> Any:
 
 
 def paint_flat(ax: Axes, found: WorkspaceMap, flat: Flat, one: Scale) -> None:
-    """Paint a map's cells, with the border of the workspace, the origin and doubtful cells."""
+    """Draw a map's cells, workspace border, origin, and dots for uncertain cells."""
     from matplotlib.ticker import MaxNLocator
 
     cells = flat.cells
@@ -168,14 +169,14 @@ def _border(found: WorkspaceMap, axis: int) -> Vector:
 
 
 def spans_of(found: WorkspaceMap) -> tuple[float, float, float]:
-    """Return how long the part of the workspace with postures is along x, y and z, m."""
+    """Return the extent along x, y and z of the workspace part that contains postures, m."""
     window, edge = window_of(found.grid.postures), found.sweep.summary.workspace.edge
     x, y, z = (edge * (window[:, 1] - window[:, 0])).tolist()
     return x, y, z
 
 
 def _draw_border(ax: Axes, flat: Flat, filled: Any) -> None:
-    """Draw a line between cells with postures and those without: bright is not white."""
+    """Outline the cells with postures, as bright cells look similar to the white background."""
     from matplotlib.collections import LineCollection
 
     u, v = flat.edges
@@ -201,7 +202,7 @@ def _mark_unsure(ax: Axes, flat: Flat, one: Scale) -> None:
 
 
 def map_key(maps: Sequence[Cells]) -> list[Any]:
-    """Return what the legend of maps has to explain."""
+    """Return the legend handles of maps."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -216,7 +217,7 @@ def map_key(maps: Sequence[Cells]) -> list[Any]:
 
 
 def colour_bar(ax: Axes, beside: Sequence[Axes], one: Scale, **place: Any) -> None:
-    """Add the bar that says what the colours mean, beside axes that share it."""
+    """Add a colour bar beside the axes that share it."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
@@ -232,22 +233,22 @@ def colour_bar(ax: Axes, beside: Sequence[Axes], one: Scale, **place: Any) -> No
 
 
 def solid_in_words(blocks: Located) -> list[str]:
-    """Say what a picture in space shows."""
+    """Return a description of a 3D map."""
     words = [f"blocks of {blocks.edge:g} m; the brighter, the more transparent"]
     return words if _is_sure(blocks.cells).all() else [*words, f"small: {UNSURE_WORDS}"]
 
 
 def paint_solid(ax: Any, blocks: Located, one: Scale, points: float | None = None) -> None:
-    """Paint blocks as squares that face the reader.
+    """Draw blocks of cells as squares facing the viewer.
 
     Parameters
     ----------
     ax :
-        Axes of three dimensions.
+        Three-dimensional axes.
     blocks, one :
-        What is drawn, in which colours.
+        The blocks, and their colour scale.
     points :
-        Height of the axes, pt, if they are not laid out yet.
+        Height of the axes, pt, if they have no final layout yet.
     """
     from matplotlib import colormaps
 
@@ -269,7 +270,7 @@ def paint_solid(ax: Any, blocks: Located, one: Scale, points: float | None = Non
 
 
 def _points(ax: Axes) -> float:
-    """Return the height of axes that are a square, pt."""
+    """Return the height of square axes, pt."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     return float(72.0 / figure.dpi * min(ax.bbox.width, ax.bbox.height))

@@ -1,4 +1,4 @@
-"""The figure of a sweep: where a fault is survived, which joint is critical, how bad it gets."""
+"""The figure of a sweep: workspace maps, joint criticality, histograms."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from ftforce.batch.result import Sweep
     from ftforce.batch.workspace_map import WorkspaceMap
 
-_PANELS = 5.0  # in; width of the maps without numbers and colour bar
-_MAP_HEAD, _ROWS_HEAD = 1.2, 1.1  # in; titles, legend, numbers
-_SINGLE, _SOLID = 3.2, 3.8  # in; height of a map that stands alone
-_LONGEST = 20  # letters of a joint's name
+_PANELS = 5.0  # in; width of the maps without tick labels and colour bar
+_MAP_HEAD, _ROWS_HEAD = 1.2, 1.1  # in; titles, legend, tick labels
+_SINGLE, _SOLID = 3.2, 3.8  # in; height of a single map
+_LONGEST = 20  # characters of a joint's name
 _SHORT = {"rho": "ρ", "margin": "Margin", "jump": "Jump", "capability": "Capability"}
 _BESIDE = 2  # histograms beside the ranking
 
@@ -40,7 +40,7 @@ def draw_sweep(drawn: Figure, sweep: Sweep) -> None:
 
 
 def draw_map(drawn: Figure, found: WorkspaceMap) -> None:
-    """Draw what is looked at in a sweep."""
+    """Draw the figure of a workspace map."""
     rows = [found.quantities[:_BESIDE], found.quantities[_BESIDE:]]
     rows = [row for i, row in enumerate(rows) if row or i == 0]
     top = _MAP_HEAD + _height(found)
@@ -56,7 +56,7 @@ def draw_map(drawn: Figure, found: WorkspaceMap) -> None:
 
 
 def _height(found: WorkspaceMap) -> float:
-    """Return how high the maps are, in."""
+    """Return the height of the maps, in."""
     if found.solid:
         return _SOLID
     if found.plane is not None:
@@ -108,7 +108,7 @@ def _draw_solid(part: SubFigure, found: WorkspaceMap) -> None:
 
 
 def _draw_rows(part: SubFigure, sweep: Sweep, quantities: tuple[str, ...], *, ranked: bool) -> None:
-    """Draw the ranking and histograms, row by row the same joints."""
+    """Draw the ranking and histograms side by side, with aligned joints."""
     count = len(quantities) + ranked
     widths = [1.25 if ranked and i == 0 else 1.0 for i in range(count)]
     axes: list[Any] = list(part.subplots(1, count, squeeze=False, width_ratios=widths)[0])

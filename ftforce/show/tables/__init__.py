@@ -1,1 +1,1 @@
-"""Results as tables of rich: one module per type of result."""
+"""Results as rich tables: one module per result type."""

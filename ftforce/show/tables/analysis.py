@@ -1,4 +1,4 @@
-"""Tables of one analysis."""
+"""Tables of an analysis."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableType:
-    """Return the tables of one analysis; positions of turning joints in degrees if asked."""
+    """Return the tables of an analysis; with ``degrees``, revolute joint positions in degrees."""
     force, torque = analysis.force, analysis.torque
     return spaced(
         facts(situation(analysis)),
@@ -69,7 +69,7 @@ def analysis_view(analysis: Analysis, *, degrees: bool = False) -> RenderableTyp
 
 
 def situation(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return what was asked: robot, axes, task, posture, faults, conditions."""
+    """Return the question: robot, axes, task, posture, faults, conditions."""
     robot = analysis.robot
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
@@ -84,12 +84,12 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
 
 
 def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:
-    """Return which arm it is, from where to where."""
+    """Return the arm with its base and tip."""
     return "Robot", f"{name}: {n} joints, {base} → {tip}"
 
 
 def task_facts(task: Task, vectors: str = "vectors") -> list[tuple[str, str]]:
-    """Return axes and components of a task."""
+    """Return the axes and components of a task."""
     length = f", characteristic length {task.length:g} m" if task.moment_rows else ""
     return [
         ("Axes", f"{task.axes}: {vectors} are in the axes of {text.axes_in_words(task)}"),
@@ -98,7 +98,7 @@ def task_facts(task: Task, vectors: str = "vectors") -> list[tuple[str, str]]:
 
 
 def force_fact(task: Task, force: Iterable[float] | None) -> tuple[str, str]:
-    """Return which force is asked for."""
+    """Return the requested force."""
     if force is None:
         return "Force", "every direction (none given)"
     return "Force", text.with_units(task.components, force, task.units)
@@ -131,7 +131,7 @@ def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
 def limits_in_words(
     limits: Limits | None, unknown: tuple[int, ...], robot: Robot, locked: tuple[int, ...]
 ) -> str:
-    """Say which limits count, and which are unknown."""
+    """Return which limits apply, and which are unknown, in words."""
     if limits is None:
         return "not counted (--limits urdf counts them)"
     motors = [robot.names[i] for i in unknown if i not in locked]
@@ -162,7 +162,7 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
         analysis.unit_forces, task.components, task.units, strict=True
     ):
         beyond = "*" if text.is_noticeable(force.unsupported) else ""
-        assert force.after is not None  # weight and limits are apart
+        assert force.after is not None  # unit forces ignore weight and limits
         assert force.jump is not None
         after = (number(x, 3) for x in force.after.tolist())
         jumps = (
@@ -239,7 +239,7 @@ def _force_error(analysis: Analysis) -> str:
 
 
 def remap_view(result: Remap) -> RenderableType:
-    """Return the tables of a remap of the array core; joints and rows count from 0 as arrays do."""
+    """Return the tables of a remap from the array core; joints and rows count from 0."""
     joints = table("Torque remap", "column", "state", "before", "after", "brake load", left=2)
     columns = (result.tau, result.U, result.brake_load)
     locked = result.reduced.locked.tolist()

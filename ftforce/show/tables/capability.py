@@ -1,4 +1,4 @@
-"""Tables of what can be held."""
+"""Tables of a force capability."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _weakest_row(
     yield "force", reading.value
     yield f"largest\n[{text.unit_of_size(task)}]", _cell(amount)
     for name, x in zip(task.components, amount.direction.tolist() or [0.0] * task.m, strict=True):
-        # no direction is weaker than another if none has an end
+        # unbounded: there is no weakest direction
         yield name, text.number(x) if math.isfinite(amount.maximum) else "–"
     yield "ends at", capability_words.end_in_words(analysis, amount, after=when == "after")
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.fault_set import SetCapability, SetReport
 
 MOST_SETS = 40
-"""How many fault sets a census table shows, worst first."""
+"""Maximum number of fault sets in a census table, worst first."""
 
 
 def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
@@ -70,7 +70,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
 
 
 def _unknown_brakes(census: Census) -> str:
-    """Say which brakes are unknown, if locks count; a warning names unknown motors."""
+    """Return which brake limits are unknown if they apply; a warning lists unknown motor limits."""
     if census.limits is None or census.mode is not FaultMode.LOCKED:
         return ""
     unknown = [
@@ -181,7 +181,7 @@ def _joint(census: Census, report: JointReport) -> Iterator[tuple[str, str | Tex
 def _bounds(census: Census) -> list[tuple[str, str]]:
     lines: list[tuple[str, str]] = []
     if census.mode is not FaultMode.LOCKED:
-        return lines  # the bound is one of locked joints
+        return lines  # the bound applies only to locked joints
     for f in range(1, census.largest + 1):
         worst, bound = census.worst_manipulability(f)
         if not math.isnan(worst) and bound > 0.0:

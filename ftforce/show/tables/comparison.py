@@ -97,7 +97,7 @@ def _rank(arm: ArmReport) -> Iterator[tuple[str, str]]:
 
 
 def _distances(comparison: Comparison, i: int) -> TitledTable:
-    """Return margin and ρ of the sets of one size."""
+    """Return the table of margin and ρ for fault sets of one size."""
     asked = comparison.question
     is_last, is_locked = i == asked.largest - 1, asked.mode == "locked"
     joints = "a single joint" if i == 0 else f"{i + 1} joints"
@@ -138,7 +138,7 @@ def _mean_rho(one: SizeReport) -> str:
 
 
 def _quantile(found: Estimate, bins: int) -> str:
-    """Write a quantile; in the lowest bin nothing tells it from 0."""
+    """Format a quantile; in the lowest bin it cannot be distinguished from 0."""
     return f"<{1 / bins:.2g}" if found.value < 1 / bins else defined(found.value)
 
 

@@ -1,4 +1,4 @@
-"""Tables of a simulation."""
+"""Tables of a simulation history."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.trajectory.history import EventReport, History, Run, Setting
 
-_WIDEST = 3  # components that find room in a row
+_WIDEST = 3  # components that fit into a row
 RUN_NAMES = {"healthy": "as if healthy", "unremapped": "without remap", "remapped": "with remap"}
 
 
 def history_view(history: History) -> RenderableType:
-    """Return the tables of a simulation."""
+    """Return the tables of a simulation history."""
     verdict = worst_verdict(history.answer)
     return spaced(
         facts(_situation(history)),
@@ -70,7 +70,7 @@ def _situation(history: History) -> list[tuple[str, str]]:
 
 
 def _positions(history: History) -> str:
-    """Write where the joints start, turning ones in degrees."""
+    """Format the initial joint positions, those of revolute joints in degrees."""
     parts = []
     for joint, x in zip(history.setting.joints, history.healthy.q[0].tolist(), strict=True):
         sliding = joint.type == "prismatic"
@@ -132,7 +132,7 @@ def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Tex
 
 
 def _off_path(run: Run) -> str:
-    """Write the largest path error; of an arm that falls it is not known."""
+    """Format the largest path error, which is unknown for an arm that falls."""
     if run.falls_from is not None:
         return "falls"
     return length_in_words(float(run.path_error_norm.max()))
@@ -166,7 +166,7 @@ def _joint(history: History, i: int) -> Iterator[tuple[str, str]]:
 
 
 def _instants(history: History) -> TitledTable:
-    """Return the answer's force and path at the start, around each fault and at the end."""
+    """Return the table of force and path error at the start, around each fault and at the end."""
     columns = _force_columns(history.setting.task)
     rows = [_instant(history, columns, i) for i in _shown(history, history.setting.events)]
     name = RUN_NAMES["unremapped" if history.remapped is None else "remapped"]
@@ -188,7 +188,7 @@ def _instant(
 
 
 def _force_columns(task: Task) -> dict[str, list[int]]:
-    """Return the components by their headings; of many only the sizes find room."""
+    """Return components by heading; if there are too many, only the magnitudes."""
     if task.m <= _WIDEST:
         headings = zip(task.components, task.units, strict=True)
         return {f"{name} [{unit}]": [i] for i, (name, unit) in enumerate(headings)}
@@ -202,7 +202,7 @@ def _force_cell(rows: list[int], force: Vector) -> str:
 
 
 def _shown(history: History, events: Sequence[EventReport]) -> list[int]:
-    """Return the indices of the instants that are shown, each once."""
+    """Return the indices of the instants shown, without duplicates."""
     last = len(history.t) - 1
     indices = {0, last}
     for event in events:

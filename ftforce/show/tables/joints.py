@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> TitledTable:
-    """Return the torques before and after: force part, weight and motion, and their sum."""
+    """Return the torques before and after: force part, gravity and inertial part, and sum."""
     positions = _positions(analysis, degrees=degrees)
     rows = [_torque_row(analysis, torque, i, x) for i, x in enumerate(positions)]
     part = f"weight{' and motion' if analysis.conditions.moves else ''}"
@@ -71,12 +71,12 @@ def _joint(analysis: Analysis, i: int) -> list[tuple[str, str | Text]]:
 
 
 def _unit(joint: Joint) -> str:
-    """Return what a cell adds to the heading's N·m."""
+    """Return the unit to add to a cell if it differs from the heading's N·m."""
     return " N" if joint.type == "prismatic" else ""
 
 
 def _load(analysis: Analysis, torque: TorqueChange, i: int) -> float:
-    """Return what motor or brake of one joint gives after the fault, NaN if nothing does."""
+    """Return the motor or brake load of a joint after the fault; NaN if the arm falls."""
     if torque.after is None or torque.brake_load is None:
         return math.nan
     if analysis.reduced.locked[i]:
@@ -97,7 +97,7 @@ def _used(load: float, limit: float) -> str:
 
 
 def motion_table(analysis: Analysis) -> TitledTable | None:
-    """Return weight and motion apart, before and after; ``None`` for an arm at rest."""
+    """Return the gravity and inertial torques before and after; ``None`` for an arm at rest."""
     rnea = analysis.rnea
     if not analysis.conditions.moves or rnea.motion_before is None or rnea.motion_after is None:
         return None
@@ -113,7 +113,7 @@ def motion_table(analysis: Analysis) -> TitledTable | None:
 
 
 def unit_torque_tables(analysis: Analysis, *, degrees: bool) -> RenderableType:
-    """Return the torques for a force of 1 N (1 N·m) along each task axis, three in a table."""
+    """Return the torques for 1 N (1 N·m) along each task axis, three axes per table."""
     m = analysis.task.m
     parts = [range(first, min(first + 3, m)) for first in range(0, m, 3)]
     return spaced(*(_unit_torque_table(analysis, axes, degrees=degrees) for axes in parts))
@@ -150,7 +150,7 @@ def _unit_cell(torque: TorqueChange, i: int) -> str:
 
 
 def velocity_tables(analysis: Analysis) -> RenderableType | None:
-    """Return joint and tip velocities before, at the impact and after the remap."""
+    """Return joint and tip velocities before the fault, at impact and after the remap."""
     velocity, impact = analysis.velocity, analysis.impact
     if velocity is None:
         return None
@@ -187,12 +187,12 @@ def _velocity_row(
         yield "at\nimpact", number(float(impact.after[i]), 4)
     yield "after\nremap", number(after, 4)
     yield "\nchange", number(after - before, 4)
-    assert shares is not None  # there is a velocity
+    assert shares is not None  # set whenever there is a velocity
     yield "share of\ntip velocity", number(float(shares[i]))
 
 
 def _positions(analysis: Analysis, *, degrees: bool) -> list[tuple[str, str]]:
-    """Return joint positions under their heading, sliding ones with their unit."""
+    """Return joint positions with their heading, those of prismatic joints with their unit."""
     shown = []
     for joint, value in zip(analysis.robot.joints, analysis.posture.q.tolist(), strict=True):
         if joint.type == "prismatic":
@@ -203,7 +203,7 @@ def _positions(analysis: Analysis, *, degrees: bool) -> list[tuple[str, str]]:
 
 
 def by_joint(robot: Robot, torque: Vector, joints: tuple[int, ...]) -> str:
-    """Say torques of some joints with names and units, or ``none``."""
+    """Format the torques of some joints with names and units; ``none`` if there are none."""
     parts = (
         f"{robot.names[i]} {number(float(torque[i]))} {robot.joints[i].torque_unit}" for i in joints
     )
@@ -211,7 +211,7 @@ def by_joint(robot: Robot, torque: Vector, joints: tuple[int, ...]) -> str:
 
 
 def by_unit(robot: Robot, torque: Vector) -> str:
-    """Say the norm of torques, those of prismatic joints apart: units are never mixed."""
+    """Format norms of torques, separately for prismatic joints: units are never mixed."""
     parts = []
     for unit in ("N·m", "N"):
         own = [i for i, joint in enumerate(robot.joints) if joint.torque_unit == unit]

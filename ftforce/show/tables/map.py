@@ -1,4 +1,4 @@
-"""Tables of a map of a sweep's workspace."""
+"""Tables of a workspace map."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from ftforce.batch.workspace_map import WorkspaceMap
 
 MOST_CELLS = 8
-"""How many cells the table of the worst ones shows."""
+"""Maximum number of cells in the table of the worst cells."""
 _FACTS = ("Robot", "Axes", "Task", "Postures", "Faults", "Force", "Stored")
-_COLUMNS = 24  # cells of three letters beside a position, in 80 columns
+_COLUMNS = 24  # three-character cells that fit beside a row label in 80 columns
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_LABEL = 8  # letters of a row's position
+_LABEL = 8  # characters of a row label
 _ALL = "·"
 
 
@@ -51,13 +51,13 @@ def map_view(found: WorkspaceMap, *, most: int = MOST_CELLS) -> RenderableType:
 
 
 def _map(found: WorkspaceMap, flat: Flat) -> Text:
-    """Return percent per cell: what is bad stands out, since all tolerated is only a dot."""
+    """Return the map in percent; cells that tolerate everything are dots, so bad ones stand out."""
     cells, first, second, edge = _blocks(found, flat)
     right, up = list(flat.plane)
     shown = Text(f"Tolerated [% of the postures], {up} upwards, {right} to the right [m]\n", "bold")
     digits = 2 if edge >= 0.0999 else 3
     every = 3 if digits == 3 else 2
-    longest = 3 + digits  # the last digit stands above that of its column
+    longest = 3 + digits  # right-aligned with its column
     shown.append(" " * (_LABEL + 3 - longest))
     for i, x in enumerate(first[::every]):
         shown.append(f"{number(x, digits):>{3 * every if i else longest}}", style="dim")
@@ -72,7 +72,7 @@ def _map(found: WorkspaceMap, flat: Flat) -> Text:
 
 
 def _blocks(found: WorkspaceMap, flat: Flat) -> tuple[Cells, list[float], list[float], float]:
-    """Return the part with postures, pooled until it fits; middles of its columns and rows."""
+    """Return the occupied part, pooled to fit, its column and row centres, and the cell edge."""
     workspace = found.sweep.summary.workspace
     postures, tolerated = flat.cells.postures, flat.cells.tolerated
     windows = []
@@ -91,7 +91,7 @@ def _blocks(found: WorkspaceMap, flat: Flat) -> tuple[Cells, list[float], list[f
 
 
 def _cell(cells: Cells, i: int, j: int) -> Text:
-    """Return a cell in three letters; percents are rounded down, so that 100 never is a claim."""
+    """Format a cell in three characters; percentages are rounded down, never up to 100."""
     postures, tolerated = int(cells.postures[i, j]), int(cells.tolerated[i, j])
     if not postures:
         return Text("   ")
@@ -154,11 +154,11 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
     for one in sweep.joints:
         place = sweep.index_of((one.joint + 1,))
         histogram, extreme = counts[place].copy(), float(extremes[place])
-        if quantity == "capability":  # as in the table of joints: what falls is 0
+        if quantity == "capability":  # infeasible counts as 0, as in the joint table
             histogram[0] += np.asarray(summary.capability_unknown)[place]
             histogram[-1] += np.asarray(summary.capability_unlimited)[place]
         values = [float(quantile(histogram, edges, p)) for p in _SHARES]
-        if quantity != "capability":  # a quantile is known to one bin: the extreme is better known
+        if quantity != "capability":  # the extreme is more accurate than the bins
             within = min if is_jump else max
             values = [within(x, extreme) if math.isfinite(x) else x for x in values]
         least = 0.0 if quantity == "capability" else float(edges[1])
@@ -179,7 +179,7 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
 
 
 def _written(x: float, least: float, above: str, *, amount: bool) -> str:
-    """Write a number; what lies in the first bin, below the least, may be nothing."""
+    """Format a number; below ``least``, in the first bin, it cannot be distinguished from 0."""
     if math.isnan(x) or x == -math.inf:
         return "–"
     if math.isinf(x):

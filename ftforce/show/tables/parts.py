@@ -1,4 +1,4 @@
-"""The pieces that all tables are made of, for a terminal of 80 columns."""
+"""Building blocks of the tables, for an 80-column terminal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ftforce.core.arrays import Vector
 
-_DIFFERENCES = ("jump", "jump ", "unsupported")  # small ones matter
+_DIFFERENCES = ("jump", "jump ", "unsupported")  # printed also when small
 
 VERDICT_STYLE = {
     Verdict.TOLERATED: "bold green",
@@ -42,14 +42,14 @@ def facts(pairs: Iterable[tuple[str, str]]) -> Table:
 
 
 class TitledTable:
-    """A table under its title, which may be wider than the table."""
+    """A table with a title that may be wider than the table."""
 
     def __init__(self, title: str, body: Table) -> None:
         self.title, self.body = title, body
         self.caption = ""
 
     def add_row(self, *cells: str | Text, style: str = "") -> None:
-        """Add a row as plain text: names out of a URDF are never read as markup."""
+        """Add a row as plain text, so that URDF names are not interpreted as markup."""
         texts = (Text(cell) if isinstance(cell, str) else cell for cell in cells)
         self.body.add_row(*texts, style=style)
 
@@ -60,7 +60,7 @@ class TitledTable:
 
 
 def table(title: str, *columns: str, left: int = 1, folded: Sequence[int] = (0,)) -> TitledTable:
-    """Return an empty table whose first ``left`` columns, and folded ones, are text."""
+    """Return an empty table whose first ``left`` columns, and ``folded`` ones, are text."""
     body = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
     for i, column in enumerate(columns):
         body.add_column(
@@ -79,7 +79,7 @@ def listing(
     left: int = 1,
     folded: Sequence[int] = (0,),
 ) -> TitledTable:
-    """Return a table of rows that are pairs of a heading and a cell, headings alike in all."""
+    """Return a table of rows of (heading, cell) pairs, with the same headings in all rows."""
     all_rows = [tuple(row) for row in rows] or [()]
     result = table(title, *(heading for heading, _ in all_rows[0]), left=left, folded=folded)
     for row in all_rows:
@@ -88,7 +88,7 @@ def listing(
 
 
 def spaced(*parts: RenderableType | None) -> Group:
-    """Put an empty line between the parts."""
+    """Join the parts with blank lines."""
     shown: list[RenderableType] = []
     for part in parts:
         if part is not None:
@@ -97,14 +97,14 @@ def spaced(*parts: RenderableType | None) -> Group:
 
 
 def warning_lines(warnings: Iterable[str]) -> Text | None:
-    """Return warnings as text, or ``None``."""
+    """Return warnings as text; ``None`` if there are none."""
     lines = [f"Warning: {warning}." for warning in warnings]
     return Text("\n".join(lines), style="yellow") if lines else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Components:
-    """Names and units of a vector's components, and which of them share a norm.
+    """Component names and units of a vector, and the norms defined on it.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Components:
 def vectors(
     title: str, components: Components, columns: Mapping[str, Vector], digits: int
 ) -> TitledTable:
-    """Return vectors side by side, per component and then their norms."""
+    """Return a table of vectors side by side, by component, followed by their norms."""
     result = table(title, "", "unit", *columns, left=2)
     writers = [size if name in _DIFFERENCES else number for name in columns]
     columns_and_writers = list(zip(columns.values(), writers, strict=True))
@@ -154,15 +154,15 @@ def fault_text(fault: Fault | None) -> Text:
 
 
 def state_text(locked: bool) -> Text:
-    """Return the state of a joint that is locked or healthy in words and colour."""
+    """Return the state of a locked or healthy joint in words and colour."""
     return fault_text(Fault(0) if locked else None)
 
 
 def amount(x: float, digits: int = 1) -> str:
-    """Write how much can be held: a dash for nothing, and in words where no limit ends it."""
+    """Format a force that can be held: a dash for none, in words if unlimited."""
     return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, digits)
 
 
 def defined(x: float) -> str:
-    """Write a ratio, or a dash where it is undefined."""
+    """Format a ratio; a dash if undefined."""
     return "–" if math.isnan(x) else ratio(x)

@@ -1,4 +1,4 @@
-"""Tables of the paper's numbers, printed and computed."""
+"""Tables of the replication of the paper."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MARK = {Outcome.PASS: ("✓", "green"), Outcome.ERRATUM: ("e", "yellow"), Outco
 
 
 def replication_view(result: Replication) -> RenderableType:
-    """Return the paper's tables, each number printed and computed with its outcome."""
+    """Return the paper's tables, with printed value, computed value and outcome of each number."""
     names = dict.fromkeys(check.table for check in result.checks)
     legend = "Each cell: printed, computed, and ✓ pass, e explained by an erratum, ✗ fail."
     return spaced(

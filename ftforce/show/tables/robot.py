@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def robot_view(robot: Robot) -> RenderableType:
-    """Return the tables of a robot: its chain, tips and postures."""
+    """Return the tables of a robot: chain, tips and postures."""
     held = "1 moving joint" if len(robot.held) == 1 else f"{len(robot.held)} moving joints"
     outside = f"{held} held fixed" if robot.held else "nothing moves"
     candidates = ", ".join(f"{name} ({count})" for name, count in robot.tips.items())

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ftforce.show.tables.parts import TitledTable
 
 MOST_SETS = 20
-"""How many fault sets a sweep's table shows, worst first."""
+"""Maximum number of fault sets in a sweep's table, worst first."""
 _BIN = 1.0 / LINEAR_BINS
 _CELLS_LEFT = 0.95  # share of tolerated postures from which a cell counts as surviving
 
@@ -43,7 +43,7 @@ def sweep_view(sweep: Sweep, *, most: int = MOST_SETS) -> RenderableType:
 
 
 def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
-    """Return what was asked, as names and values."""
+    """Return the question as names and values."""
     setting = sweep.setting
     has_moments = any(name[0] == "m" for name in setting.components)
     length = f", characteristic length {setting.length:g} m" if has_moments else ""
@@ -105,7 +105,7 @@ def _joint(
 
 
 def quantile(x: float) -> str:
-    """Write a quantile of margin or ρ; what lies in the first bin may be nothing."""
+    """Format a quantile of margin or ρ; in the first bin it cannot be distinguished from 0."""
     return f"<{_BIN:g}" if x < _BIN else defined(x)
 
 
@@ -145,7 +145,7 @@ def _set(sweep: Sweep, one: SetSummary, *, falls: bool, jumps: bool) -> Iterator
 
 
 def _jumps(sweep: Sweep, one: SetSummary) -> tuple[str, ...]:
-    """Return the jump's quantiles and its largest; what lies in the first bin may be nothing."""
+    """Return quantiles and maximum of the jump; in the first bin it cannot be told from 0."""
     edges = sweep.summary.bins.jump
     if one.jump is None or edges is None:
         return ("–", "–", "–")

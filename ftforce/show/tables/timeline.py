@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.timeline import Timeline, WorstInstant
 
 MOST_SETS = 40
-"""How many fault sets a timeline's table shows, worst first."""
+"""Maximum number of fault sets in a timeline's table, worst first."""
 
 
 def timeline_view(timeline: Timeline, *, most: int = MOST_SETS) -> RenderableType:

@@ -1,1 +1,1 @@
-"""What an arm looks like: its visuals, solids and meshes, within bounds."""
+"""Visual geometry of an arm: URDF visuals, primitive shapes and meshes, within size limits."""

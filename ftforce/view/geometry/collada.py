@@ -1,8 +1,8 @@
-"""Triangles from COLLADA, read by pycollada within bounds.
+"""Triangles from COLLADA files, parsed by pycollada within size limits.
 
-pycollada is called without trimesh's reader around it, which passes over what is broken, and makes
-triangles of polygons and instances before they could be counted. As ROS does, a file's unit counts
-and its up axis does not.
+pycollada is called directly rather than through trimesh, which ignores errors in a file and
+expands polygons and instances before they could be counted. As in ROS, the file's unit is applied
+and its up axis is ignored.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 Faces: TypeAlias = NDArray[np.int64]
 
 MOST_NODES = 10_000
-_MOST_READ = 1_000_000  # elements of the scene, each time that pycollada reads them
-_FARTHEST = 1e9  # of a transformation's numbers, in the file's unit
+_MOST_READ = 1_000_000  # elements of the scene, counting repeated reads by pycollada
+_FARTHEST = 1e9  # bound on the entries of a transformation, in the file's unit
 _NAMESPACE = "http://www.collada.org/2005/11/COLLADASchema"
 
 _SCENES = ("library_nodes", "library_visual_scenes")
@@ -54,14 +54,14 @@ def read_collada(text: str, path: Path, most_triangles: int) -> Trimesh:
     Parameters
     ----------
     text, path :
-        The file's text, and its name for messages.
+        Content of the file, and its path for error messages.
     most_triangles :
-        How many it may have.
+        Maximum number of triangles.
 
     Raises
     ------
     FileError
-        It is no COLLADA, or uses what is not read here.
+        The text is not valid COLLADA, or uses unsupported features.
     """
     root = parse_xml(text, path, FileError)
     if root.tag != "COLLADA":
@@ -69,7 +69,7 @@ def read_collada(text: str, path: Path, most_triangles: int) -> Trimesh:
     try:
         metre = _metre(root)
         return _scene(_parsed(root), most_triangles).apply_scale(metre)
-    except Exception as problem:  # pycollada raises whatever it stumbles over
+    except Exception as problem:  # pycollada raises all kinds of exceptions on invalid input
         reason = printable(getattr(problem, "msg", problem))[:200]
         raise FileError(path, f"cannot be read as COLLADA ({reason})") from None
 
@@ -83,10 +83,10 @@ def _metre(root: Element) -> float:
 
 
 def _parsed(root: Element) -> Collada:
-    """Return what pycollada makes of the geometries and of the scene.
+    """Parse the geometries and the scene with pycollada.
 
-    Everything else is taken out before: materials, images, cameras can neither be wrong nor name
-    a file. What pycollada reads is written anew, so it is what was checked.
+    All other elements are removed first, so materials, images and cameras can neither cause errors
+    nor refer to files. pycollada parses the rewritten document: exactly what was checked.
     """
     from collada import Collada
 
@@ -94,7 +94,7 @@ def _parsed(root: Element) -> Collada:
         if parent.tag in _READ:
             parent[:] = [child for child in parent if child.tag in _READ[parent.tag]]
     scene = [one.tag for tag in _SCENES for library in root.findall(tag) for one in library.iter()]
-    # A node is read again for each one that it names and that comes after it.
+    # A node is read again for each node that it references and that is defined later.
     if len(scene) * (1 + scene.count("instance_node")) > _MOST_READ:
         raise ValueError("its scene has too many nodes")
     for one in root.iter("rotate"):
@@ -104,7 +104,7 @@ def _parsed(root: Element) -> Collada:
 
 
 def _of_unit_axis(rotation: str) -> str:
-    """Return a rotation about an axis of length 1: pycollada takes every axis for one."""
+    """Normalize the axis of a rotation: pycollada assumes unit axes."""
     x, y, z, angle = map(float, rotation.split())
     length = math.hypot(x, y, z) or 1.0
     return f"{x / length} {y / length} {z / length} {angle}"
@@ -126,11 +126,11 @@ def _scene(file: Collada, most: int) -> Trimesh:
 
 
 def _instances(file: Collada) -> Iterator[tuple[Geometry, Matrix]]:
-    """Yield geometries, and where each stands."""
+    """Yield geometries and their poses."""
     from collada.scene import GeometryNode, Node
 
     scene = file.scene or next(iter(file.scenes), None)
-    if scene is None:  # geometries alone
+    if scene is None:  # the file has geometries but no scene
         yield from ((geometry, np.eye(4)) for geometry in file.geometries)
         return
     waiting = [(node, np.eye(4)) for node in scene.nodes]
@@ -142,7 +142,7 @@ def _instances(file: Collada) -> Iterator[tuple[Geometry, Matrix]]:
             yield node.geometry, above
         elif isinstance(node, Node):
             pose = above @ node.matrix
-            if not np.abs(pose).max() < _FARTHEST:  # nor NaN
+            if not np.abs(pose).max() < _FARTHEST:  # also rejects NaN
                 raise ValueError("a node's place is not finite, or far away")
             waiting += [(child, pose) for child in node.children]
     if waiting:
@@ -150,7 +150,7 @@ def _instances(file: Collada) -> Iterator[tuple[Geometry, Matrix]]:
 
 
 def _mesh(geometry: Geometry, most: int) -> Trimesh:
-    """Return a geometry, in its own axes and unit."""
+    """Return a geometry in its own axes and unit."""
     import trimesh
 
     meshes, count = [], 0
@@ -165,7 +165,7 @@ def _mesh(geometry: Geometry, most: int) -> Trimesh:
 
 
 def _count(part: Primitive) -> int:
-    """Return how many triangles a part has, at least 1: empty ones take time too."""
+    """Return the number of triangles of a part; at least 1, as empty parts take time too."""
     from collada.polylist import Polylist
 
     if not isinstance(part, Polylist):
@@ -176,14 +176,14 @@ def _count(part: Primitive) -> int:
 
 
 def _triangles(part: Primitive) -> tuple[Matrix, Faces]:
-    """Return a part's vertices, without those that it does not use, and its triangles."""
+    """Return the vertices that a part uses, and its triangles."""
     from collada.polylist import Polylist
 
     triangles = part.triangleset() if isinstance(part, Polylist) else part
     if not len(triangles):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     used, faces = np.unique(triangles.vertex_index, return_inverse=True)
-    if used[0] < 0:  # pycollada looks at the largest only
+    if used[0] < 0:  # pycollada checks only the largest index
         raise ValueError("it names vertices that do not exist")
     return triangles.vertex[used], faces.reshape(-1, 3)
 

@@ -1,4 +1,4 @@
-"""Triangles from a file: STL, COLLADA and OBJ, within bounds, so that no file can do harm."""
+"""Triangles from STL, COLLADA and OBJ files, with limits that make untrusted files safe."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ if TYPE_CHECKING:
 
     from trimesh import Trimesh
 
-LARGEST_MESH = 64_000_000  # bytes of one file; the largest of the known robots has 6 MB
-MOST_TRIANGLES = 1_000_000  # of one file
+LARGEST_MESH = 64_000_000  # bytes per file; the largest file of the known robots has 6 MB
+MOST_TRIANGLES = 1_000_000  # per file
 
-_SMALLEST_SCALE = 1e-4  # of a mesh in the URDF: many are in mm
-_MOST_SOLIDS = 1_000  # of an ASCII STL
+_SMALLEST_SCALE = 1e-4  # of a mesh in the URDF; many are in mm
+_MOST_SOLIDS = 1_000  # per ASCII STL
 
 
 def read_mesh(path: Path) -> Trimesh:
-    """Read a mesh.
+    """Read a mesh file.
 
     Parameters
     ----------
     path :
-        A file that ends in one of `ftforce.view.geometry.visuals.MESH_ENDINGS`.
+        File with one of the extensions in `ftforce.view.geometry.visuals.MESH_ENDINGS`.
 
     Raises
     ------
     FileError
-        It cannot be read, is too large, or holds no triangles.
+        The file cannot be read, is too large, or contains no triangles.
     """
     with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
-        # Older versions of numpy go on with the numbers before what is no number.
+        # Older numpy versions only warn about non-numeric text and return the numbers before it.
         warnings.filterwarnings("error", "string or file could not be read")
         mesh = _read(path)
     if len(mesh.faces) > MOST_TRIANGLES:
         count = len(mesh.faces)
         raise FileError(path, f"holds {count} triangles; at most {MOST_TRIANGLES} are shown")
-    if not np.abs(mesh.vertices).max(initial=0.0) <= LARGEST_LENGTH / _SMALLEST_SCALE:  # nor NaN
+    if not np.abs(mesh.vertices).max(initial=0.0) <= LARGEST_LENGTH / _SMALLEST_SCALE:  # also NaN
         raise FileError(path, "has vertices that are not finite, or far away")
-    if path.suffix.lower() == ".stl":  # each of its triangles has vertices of its own
+    if path.suffix.lower() == ".stl":  # STL stores three separate vertices per triangle
         mesh.merge_vertices()
         mesh.update_faces(~is_degenerate(np.asarray(mesh.faces)))
     if not len(mesh.faces):
@@ -69,16 +69,16 @@ def _stl(data: bytes, path: Path) -> Trimesh:
     import trimesh
 
     try:
-        if data.lower().count(b"endsolid") > _MOST_SOLIDS:  # trimesh looks for a new name for each
+        if data.lower().count(b"endsolid") > _MOST_SOLIDS:  # trimesh gives each a unique name
             raise ValueError(f"over {_MOST_SOLIDS} solids")
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
-    except Exception as problem:  # trimesh raises whatever it stumbles over
+    except Exception as problem:  # trimesh raises all kinds of exceptions on invalid input
         raise FileError(path, f"cannot be read as an STL ({printable(problem)[:200]})") from None
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)  # no normals or attributes
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)  # drops normals and attributes
 
 
 def _obj(text: str, path: Path) -> Trimesh:
-    """Return the polygons of an OBJ as fans of triangles; all its objects together.
+    """Return the polygons of an OBJ file as triangle fans, with all its objects merged.
 
     trimesh would count relative indices from the end of the file, and take 0 for the first vertex.
     """
@@ -101,7 +101,7 @@ def _obj(text: str, path: Path) -> Trimesh:
 
 
 def _obj_index(word: str, count: int) -> int:
-    """Return the index, from 0, of a corner such as 3/1/2; negative ones count from the end."""
+    """Return the index (from 0) of a corner such as 3/1/2; negative numbers count backwards."""
     number = int(word.partition("/")[0])
     index = number - 1 if number > 0 else count + number
     if number == 0 or not 0 <= index < count:

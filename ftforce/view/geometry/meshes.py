@@ -1,8 +1,8 @@
-"""What an arm looks like: one mesh for each joint of its model, which moves with that joint.
+"""Visual geometry of an arm: one mesh per joint of its model, moving with that joint.
 
-ftforce's model keeps every link of the URDF as a frame, those outside the chain where they are
-held. So the shapes of a URDF are put into the axes of the joint that carries their link, and the
-arm at a posture is these meshes at the poses of the model's joints.
+The model keeps every URDF link as a frame, including links outside the chain, which are held
+fixed. The visuals of each link are therefore expressed in the axes of the joint that carries it,
+and the arm is drawn by placing these meshes at the poses of the model's joints.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.visuals import Visual
 
-MOST_SHOWN = 70_000  # triangles; more of them take a browser without a GPU too long
-LARGEST_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known ones have up to 21 MB
+MOST_SHOWN = 70_000  # triangles; more are too slow in a browser without a GPU
+LARGEST_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known robots have up to 21 MB
 _BONE = 0.03  # radius of a link without a mesh, as a share of the arm's reach
 _UNSCALED = (1.0, 1.0, 1.0)
 _COARSER = 1.4
-_FINEST = 1.0 / 4000.0  # a grid's cell, as a share of the largest mesh
+_FINEST = 1.0 / 4000.0  # initial grid cell, as a share of the largest mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """What moves with one joint.
+    """The geometry that moves with one joint.
 
     Attributes
     ----------
     joint :
-        Index of the joint in the Pinocchio model; 0 is the root, which does not move.
+        Index of the joint in the Pinocchio model; 0 is the fixed root.
     vertices :
-        In the joint's axes, m, shape (k, 3).
+        In joint axes, m, shape (k, 3).
     faces :
         Indices into ``vertices``, shape (f, 3).
     flat :
-        Whether each triangle is shaded by itself. Meshes of files share vertices across sharp
-        edges: smoothly shaded they look dented, and black in places where they are coarse.
+        Whether to use flat shading. Meshes from files share vertices across sharp edges: with
+        smooth shading they look dented, and black where they are coarse.
     """
 
     joint: int
@@ -64,14 +64,14 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Geometry:
-    """What an arm looks like, and in words what could not be shown.
+    """The visual geometry of an arm.
 
     Attributes
     ----------
     parts :
-        At most one per joint of the model, in its order.
+        At most one per joint of the model, in the model's order.
     notes :
-        Meshes that are missing, visuals that cannot be read.
+        Missing meshes and unreadable visuals, in words.
     """
 
     parts: tuple[Part, ...]
@@ -80,7 +80,7 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """One shape, not yet scaled, and how it gets to its joint's axes."""
+    """An unscaled shape with its scale and its placement in joint axes."""
 
     joint: int
     mesh: Trimesh
@@ -90,13 +90,13 @@ class _Piece:
 
 
 def load_geometry(robot: Robot) -> Geometry:
-    """Load what an arm looks like; it never fails, what is missing is replaced.
+    """Load the visual geometry of an arm; never fails, missing parts are replaced.
 
     Parameters
     ----------
     robot :
-        The arm. Its URDF is read again; a link whose mesh cannot be had becomes a rod from its
-        joint to the next, and so does every link of an arm without any look.
+        The arm. Its URDF is read again. Links whose mesh is not available are drawn as rods from
+        their joint to the next, as are all links of an arm without visuals.
     """
     try:
         visuals = read_visuals(robot.path)
@@ -126,7 +126,7 @@ def _part(joint: int, meshes: Sequence[Trimesh], is_flat: bool) -> Part:
 
 
 def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[int], list[str]]:
-    """Return the shapes, the joints of which some mesh is missing, and notes that say which."""
+    """Return the shapes, the joints with missing meshes, and notes on these meshes."""
     frames = {frame.name: frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY}
     files = _Files()
     pieces: list[_Piece] = []
@@ -147,7 +147,7 @@ def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[
 
 
 class _Files:
-    """Mesh files, each of which is read once."""
+    """Mesh files, each read only once."""
 
     def __init__(self) -> None:
         self._meshes: dict[Path, Trimesh | None] = {}
@@ -155,7 +155,7 @@ class _Files:
         self._bytes = 0
 
     def mesh(self, visual: Visual) -> Trimesh | None:
-        """Return the mesh of a visual; ``None`` if it cannot be had."""
+        """Return the mesh of a visual; ``None`` if it is not available."""
         path = visual.path
         if path is None:
             self._problems[visual.named] = f"mesh {printable(visual.named)!r} is missing"
@@ -181,7 +181,7 @@ class _Files:
             return None
 
     def notes(self) -> list[str]:
-        """Return what was wrong, in words."""
+        """Return the problems found, in words."""
         return list(self._problems.values())
 
 
@@ -202,11 +202,11 @@ def _placed(piece: _Piece) -> Trimesh:
     return piece.mesh.copy().apply_transform(piece.placement @ np.diag([*piece.scale, 1.0]))
 
 
-# ---- fewer triangles -------------------------------------------------------------------------
+# ---- decimation ------------------------------------------------------------------------------
 
 
 def _few(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
-    """Return the shapes with no more triangles than can be shown."""
+    """Return the shapes, decimated to the maximum number of triangles."""
     if sum(len(piece.mesh.faces) for piece in pieces) <= MOST_SHOWN:
         return pieces
     largest = max(_size(piece) for piece in pieces)
@@ -216,7 +216,7 @@ def _few(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
         count = sum(len(piece.mesh.faces) for piece in coarse)
         if count <= MOST_SHOWN or cell > largest:
             return coarse
-        # Triangles become fewer by the square of the cell at most: no step goes too far.
+        # The triangle count falls at most with the square of the cell size: no step overshoots.
         cell *= max(_COARSER, (count / MOST_SHOWN) ** 0.5)
 
 
@@ -226,12 +226,12 @@ def _size(piece: _Piece) -> float:
 
 
 def _coarser(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
-    """Return the shapes on a grid, m; a mesh that several of them share is worked on once."""
+    """Cluster the shapes' vertices on a grid, cell in m; shared meshes are processed once."""
     done: dict[tuple[int, tuple[float, ...]], Trimesh] = {}
     for piece in pieces:
         key = (id(piece.mesh), piece.scale)
         if key not in done:
-            with np.errstate(divide="ignore"):  # a scale of 0 makes all of an axis one cell
+            with np.errstate(divide="ignore"):  # zero scale: the axis collapses into one cell
                 done[key] = shapes.coarser(piece.mesh, cell / np.abs(piece.scale))
     return [replace(piece, mesh=done[id(piece.mesh), piece.scale]) for piece in pieces]
 
@@ -240,7 +240,7 @@ def _coarser(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
 
 
 def _bones(robot: Robot, joint: int) -> Iterator[Trimesh]:
-    """Yield a joint and rods to the next joints, or to the tip, in the joint's axes."""
+    """Yield a drum at the joint and rods to the next joints or the tip, in joint axes."""
     radius = _BONE * min(reach_bound(robot)[1], 4.0) or _BONE
     start = np.zeros(3)
     ends = _ends(robot, joint)
@@ -269,7 +269,7 @@ def _ends(robot: Robot, joint: int) -> list[Vector]:
 
 
 def _axis(robot: Robot, joint: int) -> Vector:
-    """Return the direction a joint turns about or slides along, in its own axes, shape (3,)."""
+    """Return the joint axis (of rotation or translation) in joint axes, shape (3,)."""
     model = robot.model.joints[joint]
     data = model.createData()
     q = pin.neutral(robot.model)

@@ -1,4 +1,4 @@
-"""Simple solids as triangles, and what is done to triangles."""
+"""Primitive shapes as triangle meshes, and mesh operations."""
 
 from __future__ import annotations
 
@@ -13,57 +13,57 @@ if TYPE_CHECKING:
 
     from ftforce.core.arrays import Matrix, Vector
 
-ROUND = 32  # sides of what is round
-_SMOOTH = np.radians(30.0)  # edges below this angle are shaded as one surface
+ROUND = 32  # segments of a circle
+_SMOOTH = np.radians(30.0)  # edges with smaller angles are shaded smoothly
 
 
 def box(x: float, y: float, z: float) -> Trimesh:
-    """Return a box around the origin, sides in m."""
+    """Return a box centred at the origin, side lengths in m."""
     return _unit_box().copy().apply_scale((x, y, z))
 
 
 def sphere(radius: float) -> Trimesh:
-    """Return a sphere around the origin, radius in m."""
+    """Return a sphere centred at the origin, radius in m."""
     return capsule(radius, 0.0)
 
 
 def capsule(radius: float, length: float) -> Trimesh:
-    """Return a cylinder on z with a half sphere at each end; ``length`` is the cylinder's, m."""
+    """Return a capsule along z; ``length`` is that of its cylindrical part, m."""
     from trimesh import creation
 
-    # trimesh's own capsule has its full width since version 5 only.
+    # trimesh's own capsule has its full width only since version 5.
     quarter = np.linspace(0.0, np.pi / 2.0, ROUND // 4 + 1)
     half = np.column_stack([np.cos(quarter), np.sin(quarter)]) * radius + [0.0, length / 2.0]
     return creation.revolve(np.concatenate([half[::-1] * [1.0, -1.0], half]), sections=ROUND)
 
 
 def cylinder(radius: float, length: float) -> Trimesh:
-    """Return a cylinder on z around the origin, m."""
+    """Return a cylinder along z, centred at the origin, m."""
     return _unit_cylinder().copy().apply_scale((radius, radius, length))
 
 
 def between(start: Vector, end: Vector, radius: float) -> Trimesh:
-    """Return a capsule from one point to another, m, shape (3,) each."""
+    """Return a capsule between two points, m, shape (3,) each."""
     mesh = along(capsule(radius, float(np.linalg.norm(end - start))), end - start)
     return mesh.apply_translation((start + end) / 2.0)
 
 
 def along(mesh: Trimesh, direction: Vector) -> Trimesh:
-    """Return the mesh, turned about the origin so that its z points in a direction."""
+    """Return the mesh, rotated about the origin so that its z axis points in a direction."""
     from trimesh.geometry import align_vectors
 
     return mesh.apply_transform(align_vectors([0.0, 0.0, 1.0], direction))
 
 
 def coarser(mesh: Trimesh, cell: Vector) -> Trimesh:
-    """Return the mesh with all vertices in a cell of a grid made one, at their mean.
+    """Return the mesh with all vertices in a grid cell merged at their mean.
 
     Parameters
     ----------
     mesh :
         The mesh.
     cell :
-        Size of a cell along x, y and z, in the mesh's unit, shape (3,).
+        Cell size along x, y and z, in the mesh's unit, shape (3,).
     """
     from trimesh import Trimesh
     from trimesh.grouping import unique_rows
@@ -82,7 +82,7 @@ def coarser(mesh: Trimesh, cell: Vector) -> Trimesh:
 
 
 def is_degenerate(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles have a corner twice."""
+    """Return which triangles use a vertex twice."""
     a, b, c = faces.T
     degenerate: NDArray[np.bool_] = (a == b) | (b == c) | (a == c)
     return degenerate
@@ -103,7 +103,7 @@ def _unit_cylinder() -> Trimesh:
 
 
 def _with_sharp_edges(mesh: Trimesh) -> Trimesh:
-    """Return the mesh with no vertex shared across an edge: the page would shade it round."""
+    """Return the mesh with vertices duplicated at sharp edges, to keep them from being smoothed."""
     from trimesh.graph import smooth_shade
 
     return smooth_shade(mesh, angle=_SMOOTH, facet_minarea=None)

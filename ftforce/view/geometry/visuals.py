@@ -1,7 +1,7 @@
-"""What a URDF says its links look like: the ``<visual>`` elements, checked.
+"""The ``<visual>`` elements of a URDF, validated.
 
-A robot's look is no reason to refuse it. What is wrong with a visual becomes a note, and the rest
-is shown.
+Faulty visuals are no reason to reject a robot: each problem becomes a note, and the remaining
+visuals are shown.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import Numbers
 
 MESH_ENDINGS = (".stl", ".dae", ".obj")
-MOST_VISUALS = 5_000  # far above any robot
-LARGEST_LENGTH = 1e3  # m; what is larger is no part of an arm
+MOST_VISUALS = 5_000  # far more than any robot has
+LARGEST_LENGTH = 1e3  # m; anything larger cannot be part of an arm
 
 _NUMBERS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 _COUNT = {"size": 3, "radius": 1, "length": 1}
@@ -40,18 +40,18 @@ class Visual:
     Attributes
     ----------
     link :
-        The link's name.
+        Name of the link.
     placement :
-        From the shape's axes to the link's, homogeneous, m, shape (4, 4).
+        Homogeneous transform from shape to link axes, m, shape (4, 4).
     shape :
         ``box``, ``cylinder``, ``sphere`` or ``mesh``.
     size :
-        Of a box: x, y, z, m; of a cylinder: radius and length, m; of a sphere: radius, m; of a
-        mesh: its scale along x, y, z.
+        Box: x, y, z, m; cylinder: radius and length, m; sphere: radius, m; mesh: scale along
+        x, y, z.
     path :
-        The file of a mesh; ``None`` if it was not found, and for other shapes.
+        Mesh file; ``None`` if it was not found, and for other shapes.
     named :
-        What the URDF calls that file; empty for other shapes.
+        Mesh file name as given in the URDF; empty for other shapes.
     """
 
     link: str
@@ -63,7 +63,7 @@ class Visual:
 
 
 class Visuals(NamedTuple):
-    """The shapes of a URDF, and what could not be read of them, in words."""
+    """The shapes of a URDF, and descriptions of those that could not be read."""
 
     shapes: tuple[Visual, ...]
     notes: tuple[str, ...]
@@ -75,7 +75,7 @@ def read_visuals(path: str | os.PathLike[str]) -> Visuals:
     Raises
     ------
     URDFError
-        The file cannot be read or is no XML.
+        The file cannot be read or is not valid XML.
     """
     root = parse_xml(read_text(path, URDFError, "a URDF"), path, URDFError)
     shapes: list[Visual] = []
@@ -92,21 +92,21 @@ def read_visuals(path: str | os.PathLike[str]) -> Visuals:
 
 
 def find_mesh(named: str, urdf: Path) -> Path | None:
-    """Return the file that a URDF calls by a name; ``None`` if there is none.
+    """Resolve the name of a mesh in a URDF to a file; ``None`` if there is no such file.
 
     Parameters
     ----------
     named :
-        A path, from the URDF's folder or absolute, or one that begins with ``file://`` or
-        ``package://``. Packages are looked for in every folder above the URDF, then where ROS
-        keeps them (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
+        A path, absolute or relative to the URDF's folder, or a ``file://`` or ``package://`` URL.
+        Packages are searched for in all parent folders of the URDF, then in the folders known to
+        ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
     urdf :
-        The URDF.
+        Path of the URDF.
 
     Raises
     ------
     ValueError
-        It is no local file, or none of a kind that can be read.
+        The name does not refer to a local file, or the file format is not supported.
     """
     scheme, is_url, rest = named.partition("://")
     if is_url and scheme not in {"package", "model", "file"}:
@@ -122,12 +122,12 @@ def find_mesh(named: str, urdf: Path) -> Path | None:
 
 
 def _places(local: Path, urdf: Path) -> Iterator[Path]:
-    """Yield where a mesh could be; the first that exists counts."""
+    """Yield candidate locations of a mesh in order of precedence."""
     if local.is_absolute():
         yield local
         return
     folders = Path(os.path.abspath(urdf)).parents  # noqa: PTH100 # resolve() would follow links
-    inside = Path(*local.parts[1:])  # without the package: its folder may have another name
+    inside = Path(*local.parts[1:])  # without the package name, which may differ from its folder's
     for folder in folders:
         yield folder / local
         if inside.parts:
@@ -140,7 +140,7 @@ def _places(local: Path, urdf: Path) -> Iterator[Path]:
 def _is_file(place: Path) -> bool:
     try:
         return place.is_file()
-    except OSError:  # a name that is too long
+    except OSError:  # for example, the name is too long
         return False
 
 
@@ -151,12 +151,12 @@ def _elements(root: Element) -> Iterator[tuple[str, Element]]:
 
 
 def _visual(link: str, element: Element, urdf: Path) -> Visual:
-    """Return a shape.
+    """Read one ``<visual>`` element.
 
     Raises
     ------
     ValueError
-        With what is wrong with it.
+        The element is invalid; the message describes the problem.
     """
     geometry = element.find("geometry")
     kinds = [] if geometry is None else [child for child in geometry if child.tag in _SHAPES]

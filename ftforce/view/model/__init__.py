@@ -1,1 +1,1 @@
-"""What is asked on the page, and the answer."""
+"""The model behind the page: question and answer, independent of the user interface."""

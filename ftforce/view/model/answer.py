@@ -1,4 +1,4 @@
-"""The answer to what is asked on the page: the one place that calls `analyze` and `census`."""
+"""The answer to the page's question; the only module that calls `analyze` and `census`."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class JointLoad:
-    """What one joint does before and after the fault; NaN where something is unknown.
+    """The load of one joint before and after the fault; NaN where a value is unknown.
 
     Attributes
     ----------
     number, name, unit :
-        Its number along the chain, name, and unit of its torque (N·m, or N if prismatic).
+        Number along the chain, from 1; name; unit of the torque (N·m, or N if prismatic).
     fault :
-        How it fails; ``None`` if it is healthy.
+        The joint's fault; ``None`` if it is healthy.
     before, after :
-        What its motor gives, weight and motion included if the URDF has masses; ``after`` is 0 at
-        a joint that is locked or without torque.
+        Motor torque, including gravity and inertial terms if the URDF has masses; ``after`` is 0
+        for a locked or free joint.
     part_before, part_after :
-        The force part of that, JᵀF; 0 without a force.
+        Force part JᵀF of the motor torque; 0 if no force is requested.
     brake :
-        What its lock carries; NaN if it is not locked.
+        Brake load; NaN if the joint is not locked.
     limit :
-        Of its motor, or if it is locked of its brake.
+        Torque limit of the motor, or of the brake if the joint is locked.
     used :
-        Share of the limit that motor or brake gives after the fault.
+        Motor or brake load after the fault, as a share of the limit.
     """
 
     number: int
@@ -59,22 +59,22 @@ class JointLoad:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What `ftforce.analyze` and `ftforce.census` say to a question.
+    """The results of `ftforce.analyze` and `ftforce.census` for one question.
 
     Attributes
     ----------
     state :
         The question.
     analysis :
-        What the faults do.
+        The analysis of the fault set.
     census :
-        All fault sets of the posture, worst first; ``None`` if they are not asked for.
+        All fault sets of the posture, worst first; ``None`` if not requested.
     census_problem :
-        Why there is no census although it is asked for; empty if there is one.
+        Why a requested census is not available; empty otherwise.
     capability :
-        Forces that can be held; ``None`` if nothing that is shown needs them.
+        Force capability; ``None`` if nothing shown depends on it.
     loads :
-        What each joint does.
+        One load per joint.
     """
 
     state: State
@@ -86,7 +86,7 @@ class Answer:
 
     @property
     def weakest(self) -> tuple[CapabilityRange, CapabilityRange] | None:
-        """How much can be commanded in the weakest direction before and after, if that is shown."""
+        """Commanded force range in the weakest direction, before and after, if shown."""
         if self.capability is None or not self.state.shown.weakest:
             return None
         found = self.capability.weakest
@@ -103,14 +103,14 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
     state :
         The question.
     earlier :
-        An answer about the same arm; its census is taken over if the new one would be the same.
+        A previous answer for the same arm; its census is reused if it would not change.
 
     Raises
     ------
     InputError
-        Something about the question is malformed.
+        The question is malformed.
     """
-    # Analyze's own check says where a position that was given lies outside the limits.
+    # For an explicit position, `analyze` itself warns if it violates the joint limits.
     place = state.q if state.posture.source == "given" else state.posture
     faults = state.faults
     analysis = analyze(
@@ -137,7 +137,7 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
 def _census(
     robot: Robot, state: State, analysis: Analysis, earlier: Answer | None
 ) -> tuple[Census | None, str]:
-    """Return the census, and why there is none."""
+    """Return the census, and why it is not available (empty if it is)."""
     if not state.shown.census:
         return None, ""
     if earlier is not None and earlier.state.census_question() == state.census_question():
@@ -148,10 +148,10 @@ def _census(
             analysis.posture,
             faults=min(state.shown.census, robot.n),
             mode=state.shown.census_mode,
-            limits=analysis.limits,  # also where they count because a joint is weak
+            limits=analysis.limits,  # also where they apply only because a joint is weak
             **state.options(),
         )
-    except FtforceError as error:  # the fault set that is shown has its answer all the same
+    except FtforceError as error:  # the answer for the current fault set is still valid
         return None, str(error)
     return found, ""
 
@@ -195,7 +195,7 @@ def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
 
 
 def _share(load: float, limit: float) -> float:
-    """Return the share of a limit, NaN if it is not known, infinite if the limit is nothing."""
+    """Return ``load`` / ``limit``: NaN if the limit is unknown, infinite for a load against 0."""
     if limit == 0.0:
         return math.inf if abs(load) > NEGLIGIBLE else 0.0
     return abs(load) / limit

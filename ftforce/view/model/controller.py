@@ -1,4 +1,4 @@
-"""What controls and scene may ask of the session, without knowing it."""
+"""What controls and scene may request of the session, without depending on it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 
 class Controller(Protocol):
-    """Takes what a user does on the page; may be called from any thread."""
+    """Receives user actions on the page; may be called from any thread."""
 
     def change(self, change: Callable[[State], State]) -> None:
-        """Change the newest question, and have it answered."""
+        """Modify the current question and recompute the answer."""
 
     def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the end of the requested force to a place in the root's axes, m, shape (3,)."""
+        """Move the tip of the requested force's arrow to a point in root axes, m, shape (3,)."""
 
     def touch(self, joint: int) -> None:
-        """Lock a joint (index from 0) that is healthy, and mend it if it is not."""
+        """Toggle a fault: lock a healthy joint (index from 0), or restore a failed one."""
 
     def save_picture(self, event: Any) -> None:
-        """Send the scene as a picture to the tab that asked for it."""
+        """Send an image of the scene to the tab that requested it."""
 
     def save_page(self, event: Any) -> None:
-        """Send the page as a file to the tab that asked for it."""
+        """Send the page as a file to the tab that requested it."""

@@ -1,4 +1,4 @@
-"""Whether what was stored is of the arm at hand: names alone do not tell a UR5 from a UR10."""
+"""Whether stored results belong to the current arm; joint names do not tell a UR5 from a UR10."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import Setting
 
-_SAME = 1e-5  # m: stored in single precision, an arm of some metres is known to this
+_SAME = 1e-5  # m: accuracy of single-precision storage for an arm of a few metres
 
 
 def difference(
     robot: Robot, setting: Setting | SweepSetting, joints: tuple[str, ...], units: tuple[str, ...]
 ) -> str:
-    """Say how the arm that was stored differs from the one at hand; empty if it does not.
+    """Return how the arm of a stored result differs from the current one; empty if it does not.
 
     Parameters
     ----------
     robot :
-        The arm at hand.
+        The current arm.
     setting :
-        Names the arm that was stored.
+        Setting of the stored result, which names its arm.
     joints, units :
-        Of its chain, ``rad`` or ``m``.
+        Joint names of the stored chain and their units, ``rad`` or ``m``.
     """
     if (joints, units) != (robot.names, tuple(joint.unit for joint in robot.joints)):
         names, own = (", ".join(map(printable, x)) for x in (joints, robot.names))
@@ -44,16 +44,16 @@ def difference(
 
 
 def displacement(robot: Robot, q: Vector, place: Vector) -> str:
-    """Say how far the tip is from where it was stored; empty if it is there.
+    """Return how far the tip is from its stored position, in words; empty if it agrees.
 
     Parameters
     ----------
     robot :
-        The arm at hand.
+        The current arm.
     q :
         Joint positions, rad or m, shape (n,).
     place :
-        Where the tip was then, in the root's axes, m, shape (3,).
+        Stored tip position in root axes, m, shape (3,).
     """
     _, here = tip_pose(robot, q)
     distance = math.dist(here, place)

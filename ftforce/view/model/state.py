@@ -1,4 +1,4 @@
-"""What is asked on the page: everything that its controls set, and the command that asks it."""
+"""The question asked on the page, and the equivalent command line."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ HEALTHY = "healthy"
 MODES = (HEALTHY, *(mode.value for mode in FaultMode))
 LOADS = ("force", "torques", "every direction")
 SOLIDS = ("nothing", "ellipsoid", "polytope")
-FIRST_FORCE = 20.0  # N (N·m of a task of moments): what is pushed with if nothing was asked for
-_FIRST_FACTOR = 0.5  # of the torque of a joint that turns weak
+FIRST_FORCE = 20.0  # N (N·m for tasks of moments only): the default force along each axis
+_FIRST_FACTOR = 0.5  # default torque factor of a weak joint
 
 
 class Origin(NamedTuple):
-    """How the user named the arm: what the command line repeats.
+    """How the user specified the arm, for reproducing the command line.
 
     Attributes
     ----------
     robot :
         A path or a known name.
     base, tip :
-        Links; ``None`` if none was named.
+        Base and tip links; ``None`` if not given.
     posture :
-        The named posture with which the robot was loaded; ``None`` for its default.
+        Named posture with which the robot was loaded; ``None`` for its default.
     note :
-        Why the command line may answer otherwise than the page; empty if it does not.
+        Why the command line may give a different answer; empty if it does not.
     """
 
     robot: str
@@ -63,20 +63,20 @@ class Origin(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What the page shows besides the answer to the question.
+    """What the page shows besides the answer.
 
     Attributes
     ----------
     census :
-        Size of the largest fault sets of the census; 0 for none.
+        Size of the largest fault sets of the census; 0 for no census.
     census_mode :
-        How their joints fail, ``locked`` or ``free``.
+        Fault mode of the census, ``locked`` or ``free``.
     solid :
-        ``nothing``, ``ellipsoid`` or ``polytope``: the forces before and after the fault.
+        Set of forces drawn before and after the fault: ``nothing``, ``ellipsoid`` or ``polytope``.
     weakest :
         Whether the weakest direction is shown.
     see_through :
-        Whether the arm is.
+        Whether the arm is transparent.
     """
 
     census: int = 1
@@ -93,38 +93,39 @@ class State:
     Attributes
     ----------
     posture :
-        Joint positions, rad or m, and where they come from.
+        Joint positions, rad or m, and their source.
     is_start :
         Whether the posture is the one with which the robot was loaded.
     modes :
-        Per joint ``healthy``, ``locked``, ``free`` or ``weak``.
+        Mode of each joint: ``healthy``, ``locked``, ``free`` or ``weak``.
     factors :
-        Share of the torque that each joint keeps when it is weak, 0 to 1; kept while it is not.
+        Torque factor of each joint when weak, 0 to 1; retained while the joint is not weak.
     load :
-        What the tip exerts: ``force``; ``torques``, which are meant for it; ``every direction``.
+        How the load is specified: ``force``; ``torques``; or ``every direction``.
     wrench :
-        The force, N and N·m, in the task's axes, one for each of `COMPONENTS`, shape (6,); those
-        that the task lacks are kept for another task.
+        Force exerted by the tip, N and N·m, in task axes, one value for each of `COMPONENTS`,
+        shape (6,); components outside the task are retained for later tasks.
     torque :
-        Motor torques meant for the tip's force, N·m (N), shape (n,); ``None`` if none were given.
+        Motor torques that produce the tip force, N·m (N), shape (n,); ``None`` if not given.
     velocity, acceleration :
-        Of the joints before the fault, rad or m, per s and per s², shape (n,); or ``None``.
+        Joint velocities and accelerations before the fault, rad or m, per s and s², shape (n,);
+        or ``None``.
     task :
-        Components, axes and length.
+        Task components, axes and length.
     limits :
-        What counts if limits count.
+        Torque limits to use if limits apply.
     is_limited :
-        Whether they do; ``None`` as in `ftforce.analyze` only where a joint is weak.
+        Whether limits apply; ``None``: only if a joint is weak, as in `ftforce.analyze`.
     own_gravity :
-        Instead of the model's, in the root's axes, m/s², shape (3,); ``None`` takes the model's.
+        Gravity in root axes, m/s², shape (3,), in place of the model's; ``None`` for the model's.
     weighs :
-        Whether there is gravity.
+        Whether gravity acts.
     payload :
-        What the tip carries; ``None`` if nothing.
+        Payload at the tip; ``None`` for none.
     inverse, rtol, wary :
         As in `ftforce.analyze`.
     origin :
-        How the user named the arm.
+        How the user specified the arm.
     shown :
         What the page shows.
     """
@@ -157,7 +158,7 @@ class State:
 
     @property
     def faults(self) -> FaultSet:
-        """The fault set."""
+        """The fault set, in the order of the joints."""
         return FaultSet(
             tuple(
                 Fault(i, FaultMode(mode), factor if mode == FaultMode.WEAK else 1.0)
@@ -168,58 +169,58 @@ class State:
 
     @property
     def force(self) -> Vector | None:
-        """Force at the tip, N and N·m, in the task's axes, shape (m,); ``None`` if none counts."""
+        """Requested tip force, N and N·m, in task axes, shape (m,); ``None`` if not applicable."""
         if self.load != "force":
             return None
         return read_only(self.wrench[[COMPONENTS.index(name) for name in self.task.components]])
 
     @property
     def asked_torque(self) -> Vector | None:
-        """Torques meant for the tip's force, N·m (N), shape (n,); ``None`` if none count."""
+        """Torques for the tip force, N·m (N), shape (n,); ``None`` if not applicable."""
         return self.torque if self.load == "torques" else None
 
     @property
     def gravity(self) -> Vector | None:
-        """Gravity in the root's axes, m/s², shape (3,); ``None`` for the model's."""
+        """Gravity in root axes, m/s², shape (3,); ``None`` for the model's."""
         return self.own_gravity if self.weighs else read_only(np.zeros(3))
 
     @property
     def asked_limits(self) -> Limits | str | None:
-        """Limits as `ftforce.analyze` takes them."""
+        """Limits, in the form accepted by `ftforce.analyze`."""
         if self.is_limited is None:
             return None
         return self.limits if self.is_limited else NONE
 
     @property
     def counts_limits(self) -> bool:
-        """Whether limits count."""
+        """Whether limits apply."""
         return limits_for(self.faults, self.asked_limits) not in (None, NONE)
 
-    # ---- what controls change ----------------------------------------------------------------
+    # ---- modified questions ----------------------------------------------------------------------
 
     def at(self, q: ArrayLike) -> State:
-        """Return the same question at joint positions q, rad or m, shape (n,).
+        """Return the question at joint positions q, rad or m, shape (n,).
 
         Raises
         ------
         InputError
-            They are not n finite numbers.
+            q does not consist of n finite numbers.
         """
         place = as_vector(q, len(self.q), "q")
         return replace(self, posture=Posture(place, "given"), is_start=False)
 
     def in_posture(self, posture: Posture) -> State:
-        """Return the same question in a posture that has a name."""
+        """Return the question in a named posture."""
         return replace(self, posture=posture, is_start=False)
 
     def with_joint(self, joint: int, position: float) -> State:
-        """Return the same question with one joint (index from 0) at a position, rad or m."""
+        """Return the question with one joint (index from 0) at a position, rad or m."""
         q = self.q.copy()
         q[joint] = position
         return self.at(q)
 
     def failing(self, joint: int, mode: str, factor: float | None = None) -> State:
-        """Return the same question with one joint (index from 0) in a mode.
+        """Return the question with one joint in a given mode.
 
         Parameters
         ----------
@@ -228,24 +229,24 @@ class State:
         mode :
             ``healthy``, ``locked``, ``free`` or ``weak``.
         factor :
-            Share of its torque that a weak joint keeps, 0 to 1; as it was if not given.
+            Torque factor of a weak joint, 0 to 1; unchanged if not given.
 
         Raises
         ------
         InputError
-            There is no such mode, or the factor does not lie between 0 and 1.
+            The mode is unknown, or the factor does not lie between 0 and 1.
         """
         if mode not in MODES:
             raise UnknownNameError("state of a joint", mode, MODES)
         share = self.factors[joint] if factor is None else float(factor)
-        if not 0.0 <= share <= 1.0:  # nor is NaN
+        if not 0.0 <= share <= 1.0:  # also rejects NaN
             raise InputError(f"the factor of joint {joint + 1} must lie between 0 and 1")
         modes, factors = list(self.modes), list(self.factors)
         modes[joint], factors[joint] = mode, share
         return replace(self, modes=tuple(modes), factors=tuple(factors))
 
     def with_faults(self, faults: FaultSet) -> State:
-        """Return the same question about a fault set."""
+        """Return the question for a fault set."""
         modes, factors = [HEALTHY] * len(self.modes), list(self.factors)
         for fault in faults.faults:
             modes[fault.joint] = fault.mode.value
@@ -254,23 +255,23 @@ class State:
         return replace(self, modes=tuple(modes), factors=tuple(factors))
 
     def pushing(self, wrench: ArrayLike) -> State:
-        """Return the same question about a force; N and N·m for each of `COMPONENTS`, shape (6,).
+        """Return the question for a force, N and N·m for each of `COMPONENTS`, shape (6,).
 
         Raises
         ------
         InputError
-            They are not six finite numbers.
+            ``wrench`` does not consist of six finite numbers.
         """
         six = as_vector(wrench, 6, "force", ", ".join(COMPONENTS))
         return replace(self, wrench=six, load="force")
 
     def loaded(self, load: str) -> State:
-        """Return the same question about another kind of load, one of `LOADS`.
+        """Return the question for another kind of load, one of `LOADS`.
 
         Raises
         ------
         InputError
-            There is none such, or no torques were given.
+            The kind is unknown, or requires torques and none were given.
         """
         if load not in LOADS:
             raise UnknownNameError("load", load, LOADS)
@@ -279,36 +280,36 @@ class State:
         return replace(self, load=load)
 
     def asking(self, task: str, axes: str, length: float | None = None) -> State:
-        """Return the same question about another task, in other axes.
+        """Return the question for another task, in the given axes.
 
         Raises
         ------
         InputError
-            As `ftforce.core.task.Task.parse`.
+            As for `ftforce.core.task.Task.parse`.
         """
         L = self.task.length if length is None else length
         return replace(self, task=Task.parse(task, axes, L))  # type: ignore[arg-type] # checked
 
     def limited(self, counts: bool) -> State:
-        """Return the same question with limits, or without."""
+        """Return the question with or without torque limits."""
         return self if counts == self.counts_limits else replace(self, is_limited=counts)
 
     def weighing(self, weighs: bool) -> State:
-        """Return the same question with gravity, or without."""
+        """Return the question with or without gravity."""
         return replace(self, weighs=weighs)
 
     def carrying(self, payload: Payload | None) -> State:
-        """Return the same question with something at the tip."""
+        """Return the question with a payload at the tip."""
         return replace(self, payload=payload)
 
     def showing(self, **changes: Any) -> State:
-        """Return the same question with something else on the page: fields of `Shown`."""
+        """Return the question with changes to what the page shows: fields of `Shown`."""
         return replace(self, shown=self.shown._replace(**changes))
 
-    # ---- what is asked -----------------------------------------------------------------------
+    # ---- arguments -------------------------------------------------------------------------------
 
     def options(self) -> dict[str, Any]:
-        """Return what `ftforce.analyze` and `ftforce.census` take alike, limits apart."""
+        """Return the arguments common to `ftforce.analyze` and `ftforce.census`, except limits."""
         return {
             "force": self.force,
             "torque": self.asked_torque,
@@ -332,7 +333,7 @@ class State:
         return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in options.values())
 
     def census_question(self) -> tuple[object, ...]:
-        """Return what the census depends on: two states that agree in it have the same one."""
+        """Return what the census depends on: states that agree in it share their census."""
         own = (self.q.tobytes(), id(self.limits), self.payload)
         return (*self.question(), *own, self.shown.census, self.shown.census_mode)
 
@@ -359,7 +360,7 @@ def initial_state(
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
 ) -> State:
-    """Return the question with which the page starts.
+    """Return the initial question of the page.
 
     Parameters
     ----------
@@ -370,14 +371,14 @@ def initial_state(
     task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     force :
-        As in `ftforce.analyze`; if neither a force nor torques are given, 20 N along each axis.
+        As in `ftforce.analyze`; 20 N along each axis if neither a force nor torques are given.
     origin :
-        How the user named the arm; its URDF if not given.
+        How the user specified the arm; defaults to its URDF.
 
     Raises
     ------
     InputError
-        As `ftforce.analyze`.
+        As for `ftforce.analyze`.
     """
     check_tolerances(rtol, wary)
     if force is not None and torque is not None:
@@ -418,9 +419,9 @@ def initial_state(
 
 
 def command_line(robot: Robot, state: State) -> str:
-    """Return the ``ftforce analyze`` command that asks the same question, quoted for a shell.
+    """Return the equivalent ``ftforce analyze`` command, quoted for a shell.
 
-    Numbers have all their digits, so that its answer has the page's numbers.
+    Numbers are written with all their digits, so that the command reproduces the page's results.
     """
     task, faults, origin = state.task, state.faults, state.origin
     locked, free = (
@@ -450,13 +451,13 @@ def command_line(robot: Robot, state: State) -> str:
         "rtol": _unless(RTOL, state.rtol),
         "wary": _unless(BORDERLINE_RTOL, state.wary),
     }
-    # Each in one word: a value may begin with a minus.
+    # As `--option=value`, since a value may begin with a minus sign.
     given = (f"--{option}={value}" for option, value in options.items() if value)
     return shlex.join(["ftforce", "analyze", _argument(origin.robot), *given])
 
 
 def _unless(default: object, value: object) -> str:
-    """Return a value with all its digits; nothing if it is the default."""
+    """Return a value as text with all its digits; empty if it is the default."""
     return "" if value == default else str(value)
 
 
@@ -465,7 +466,7 @@ def _argument(robot: str) -> str:
 
 
 def _joint(robot: Robot, i: int) -> str:
-    """Return a joint's number, or its name where the number is the name of another one."""
+    """Return a joint's number, or its name if another joint is named by that number."""
     number = str(i + 1)
     return robot.names[i] if number in robot.names and robot.names[i] != number else number
 
@@ -494,7 +495,7 @@ def _urdf_limits(robot: Robot) -> Limits:
 
 
 def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
-    """Return the force that was given, or a first one, for each of `COMPONENTS`, shape (6,)."""
+    """Return the given force, or the default, for each of `COMPONENTS`, shape (6,)."""
     if force is None:
         unit = "f" if task.force_rows else "m"
         return read_only(np.array([FIRST_FORCE * (name[0] == unit) for name in COMPONENTS]))
@@ -504,17 +505,17 @@ def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
 
 
 def in_components(components: Sequence[str], vectors: Vector) -> Vector:
-    """Return vectors (..., m) over some of `COMPONENTS` as ones over all, (..., 6), 0 elsewhere."""
+    """Expand vectors over some of `COMPONENTS`, (..., m), to all of them, (..., 6), with zeros."""
     six = np.zeros((*vectors.shape[:-1], len(COMPONENTS)))
     six[..., [COMPONENTS.index(name) for name in components]] = vectors
     return six
 
 
 def shown_position(unit: str, position: float) -> float:
-    """Return a joint's position (rad or m) as it is shown: degrees or m."""
+    """Return a joint position (rad or m) in display units, degrees or m."""
     return math.degrees(position) if unit == "rad" else position
 
 
 def meant_position(unit: str, shown: float) -> float:
-    """Return the position (rad or m) that is meant by what is shown: degrees or m."""
+    """Return a joint position in rad or m, given in display units, degrees or m."""
     return math.radians(shown) if unit == "rad" else shown

@@ -1,1 +1,1 @@
-"""The HTML of the page, and its controls."""
+"""HTML and controls of the page."""

@@ -1,4 +1,4 @@
-"""The page's answer as HTML: verdict, tables, census, legend, command."""
+"""The answer as HTML: verdict, tables, census, legend and command."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 MOST_SETS = 40
 _FALLS = "cannot stand still"
-_ROUNDING = 1e-6  # a share of a force that is smaller is none
+_ROUNDING = 1e-6  # smaller shares of a force are treated as zero
 
-# The text is in the element's data, never in the script.
+# The text is passed as a data attribute and never becomes part of the script.
 _COPY = (
     "const b=this,t=b.dataset.text;"
     "const say=x=>{b.textContent=x;setTimeout(()=>{b.textContent=b.dataset.label},1500)};"
@@ -45,7 +45,7 @@ _COPY = (
 
 
 def banner(answer: Answer) -> Markup:
-    """Return the verdict in words, and the warnings."""
+    """Return the verdict in words, with warnings."""
     analysis = answer.analysis
     no_census = [f"No census: {answer.census_problem}."] if answer.census_problem else []
     told = sentences.verdict_sentence(analysis)
@@ -55,7 +55,7 @@ def banner(answer: Answer) -> Markup:
 def verdict_banner(
     verdict: Verdict, words_: str, doubts: Iterable[str], notes: Iterable[str] = ()
 ) -> Markup:
-    """Return a verdict in words, what makes it doubtful, and what else is to be warned of."""
+    """Return a verdict in words, the reasons to doubt it, and further warnings."""
     warned = [*(f"Warning: {doubt}." for doubt in doubts), *notes]
     warnings = (element("div", text, class_="warning") for text in warned)
     told = _banner(VERDICT_COLOURS[verdict], words_)
@@ -63,7 +63,7 @@ def verdict_banner(
 
 
 def problem_banner(problem: str) -> Markup:
-    """Return why there is no answer."""
+    """Return the reason why there is no answer."""
     return block(style(), _banner((90, 90, 90), problem))
 
 
@@ -76,7 +76,7 @@ def _banner(colour: Colour, words_: str) -> Markup:
 
 
 def measures(answer: Answer) -> Markup:
-    """Return margin, rank, lost directions, brake loads and what else measures the answer."""
+    """Return margin, rank, lost directions, brake loads and further measures."""
     analysis = answer.analysis
     reduced, bounded = analysis.reduced, analysis.bounded
     rho = analysis.relative_manipulability
@@ -104,7 +104,7 @@ def _weakest(most: float) -> str:
 
 
 def answer_part(answer: Answer) -> Markup:
-    """Return tables of torques and forces, and the measures."""
+    """Return the tables of torques and forces, and the measures."""
     analysis = answer.analysis
     asked = facts(situation(analysis), "question")
     question = element("details", element("summary", "The question"), asked)
@@ -117,7 +117,7 @@ def answer_part(answer: Answer) -> Markup:
 
 
 def set_label(report: SetReport) -> str:
-    """Return a fault set and what it does in a line, as plain text."""
+    """Return a fault set and its effect on one line of plain text."""
     share = report.relative_jump
     if not report.can_stand_still:
         return f"{_joints(report)} {_FALLS}"
@@ -135,9 +135,9 @@ def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
     Parameters
     ----------
     census :
-        ``None`` if there is none.
+        The census; ``None`` if not available.
     chosen :
-        Indices of the joints of the set that is shown.
+        Joint indices of the current fault set.
     """
     if census is None:
         return block(element("span", "no census", class_="note"), testid="census")
@@ -173,13 +173,13 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
     )
 
 
-# ---- legend, command -------------------------------------------------------------------------
+# ---- legend and command ----------------------------------------------------------------------
 
 
 def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
-    """Return what colours, arrows and lines mean; with remarks, on missing meshes mostly."""
+    """Return the legend of colours, arrows and lines, with remarks, mostly on missing meshes."""
     told = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
-    lines = {line.label: line.colour for line in picture.lines}  # of lost ones there may be more
+    lines = {line.label: line.colour for line in picture.lines}  # lost ones share one entry
     told += [_key(colour, label, "line") for label, colour in lines.items()]
     told += [_key(solid.colour, solid.label) for solid in picture.solids]
     told += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
@@ -193,7 +193,7 @@ def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
 
 
 def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str) -> Markup:
-    """Return what colours mean, and what else is to be said."""
+    """Return a legend of colours, with notes."""
     told = (_key(colour, words_) for colour, words_ in pairs)
     return block(style(), *told, *_notes(*notes), testid=testid)
 
@@ -208,7 +208,7 @@ def _key(colour: Colour, words_: str, kind: str = "") -> Markup:
 
 
 def command_part(command: str, note: str = "") -> Markup:
-    """Return the command line with a button that copies it."""
+    """Return the command line with a copy button."""
     label = "Copy command line"
     button = element(
         "button", label, data_text=command, data_label=label, data_testid="copy", onclick=_COPY
@@ -220,7 +220,7 @@ def command_part(command: str, note: str = "") -> Markup:
 def static_page(
     answer: Answer, picture: Picture, command: str, remarks: Iterable[str] = ()
 ) -> Markup:
-    """Return the whole answer for a page on which nothing can be changed."""
+    """Return the complete answer for a page without controls."""
     parts = [banner(answer), answer_part(answer), legend(picture, remarks)]
     if answer.census is not None:
         parts.append(census_part(answer.census, answer.analysis.faults.joints))

@@ -1,4 +1,4 @@
-"""One control of the page: what it shows, and how a joint is put on a slider."""
+"""Individual controls of the page, and the mapping of joints to sliders."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from ftforce.view.model.state import shown_position
 if TYPE_CHECKING:
     from ftforce.robot.robot import Joint
 
-_LONGEST_NAME = 16  # letters beside a slider
-_SLIDE = 5.0  # m: how far a joint that slides without limits goes on the page
+_LONGEST_NAME = 16  # characters beside a slider
+_SLIDE = 5.0  # m: slider range of a prismatic joint without limits
 
 
 class Control:
-    """A control of the page, and what the question last said it shows."""
+    """A control of the page, and the value it was last given by the question."""
 
     def __init__(self, handle: Any) -> None:
         self.handle, self.value = handle, handle.value
 
     def tell(self, value: Any) -> None:
-        """Let it show what the question says, unless a hand has just moved it.
+        """Show the question's value, unless the user has just moved the control.
 
-        Then the hand's own callback is on its way; what it says becomes the question's.
+        In that case its callback is pending, and will change the question instead.
         """
         is_moved = self.handle.value != self.value
         if self.value != value and not is_moved:
@@ -31,7 +31,7 @@ class Control:
 
 
 def slider_range(joint: Joint) -> tuple[float, float]:
-    """Return the ends of a joint's slider, degrees or m; a continuous joint turns once."""
+    """Return a joint's slider range, degrees or m; a continuous joint spans one revolution."""
     widest, digits = (_SLIDE, 4) if joint.unit == "m" else (180.0, 2)
     low, high = (
         shown_position(joint.unit, x) if math.isfinite(x) else math.copysign(widest, x)
@@ -42,12 +42,12 @@ def slider_range(joint: Joint) -> tuple[float, float]:
 
 
 def slider_step(joint: Joint) -> float:
-    """Return the step of a joint's slider, degrees or m."""
+    """Return a joint's slider step, degrees or m."""
     return 0.0001 if joint.unit == "m" else 0.01
 
 
 def slider_value(joint: Joint, position: float) -> float:
-    """Return what a joint's slider shows, degrees or m; a continuous joint's angle is wrapped."""
+    """Return a joint's slider value, degrees or m; the angle of a continuous joint is wrapped."""
     low, high = slider_range(joint)
     if joint.type == "continuous":
         position = math.remainder(position, 2.0 * math.pi)
@@ -56,5 +56,5 @@ def slider_value(joint: Joint, position: float) -> float:
 
 
 def shortened(name: str) -> str:
-    """Return a name that fits beside a slider: its end says more than its beginning."""
+    """Return a name that fits beside a slider, keeping its end, which is more distinctive."""
     return name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"

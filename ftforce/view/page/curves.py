@@ -1,4 +1,4 @@
-"""Quantities over time as SVG, with a cursor that marks a time."""
+"""Time series as SVG charts, with a cursor at the current time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Curve(NamedTuple):
-    """A quantity over time: name, values (NaN leaves a gap), colour of CSS, dashes of SVG."""
+    """A time series: name, values (NaN leaves a gap), CSS colour and SVG dash pattern."""
 
     name: str
     values: Vector
@@ -28,16 +28,16 @@ class Curve(NamedTuple):
 def chart(
     title: str, unit: str, t: Vector, curves: Sequence[Curve], marks: Iterable[float] = ()
 ) -> Markup:
-    """Return curves over time as SVG, from 0 or the lowest value up; `cursor` marks a time.
+    """Return an SVG chart from 0, or the lowest value, upwards; `cursor` marks a time in it.
 
     Parameters
     ----------
     title, unit :
-        Of the values.
+        Title of the chart and unit of the values.
     t :
         Times, s, shape (N,).
     curves :
-        Their values have shape (N,).
+        Curves with values of shape (N,).
     marks :
         Times of vertical lines, s.
     """
@@ -69,15 +69,15 @@ def _name(curve: Curve) -> Markup:
 
 
 def cursor(share: float) -> Markup:
-    """Return what puts the cursor of all charts at a share of their time, 0 to 1.
+    """Return HTML that moves the cursors of all charts to a share of their duration, 0 to 1.
 
-    So a frame sends a few bytes, and no curve again.
+    A frame thus sends only a few bytes instead of the curves.
     """
     return style(f".ftf .plot b{{left:{100.0 * share:.2f}%}}")
 
 
 def no_cursor() -> Markup:
-    """Return what hides the cursor of all charts: time goes on without them."""
+    """Return HTML that hides the cursors of all charts, for pages whose time they cannot follow."""
     return style(".ftf .plot b{display:none}")
 
 
@@ -88,7 +88,7 @@ def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = ""
 
 
 def _unbroken(x: Vector, y: Vector) -> list[list[tuple[float, float]]]:
-    """Return runs of points between gaps."""
+    """Return the runs of points between gaps."""
     known = np.flatnonzero(~np.isnan(y))
     runs = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1)
     return [list(zip(x[k].tolist(), y[k].tolist(), strict=True)) for k in runs if len(k) > 1]

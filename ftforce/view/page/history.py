@@ -1,4 +1,4 @@
-"""A history beside the scene: curves over time, and tables of a time."""
+"""A history beside the scene: charts over time, and tables for one instant."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from ftforce.trajectory.history import History, Run
     from ftforce.view.scene.snapshots import Snapshot
 
-_POINTS = 240  # of a curve
+_POINTS = 240  # per curve
 _DASHES = ("", "5 2", "1.5 2")
 
 
 def charts(history: History, run: Run) -> Markup:
-    """Return all curves of a run."""
+    """Return all charts of a run."""
     task, found = history.setting.task, []
     if task.force_rows:
         found.append(_vector_chart(history, run, forces_of, "Force at the tip", "N"))
@@ -41,7 +41,7 @@ def charts(history: History, run: Run) -> Markup:
 
 
 def chosen(history: History, run: Run) -> Vector:
-    """Return the indices of samples that make a run's curve, the ends of each jump among them."""
+    """Return the indices of the samples to plot, including both sides of each jump."""
     count = len(history.t)
     some = np.rint(np.linspace(0, count - 1, min(count, _POINTS))).astype(int)
     jumps = np.flatnonzero(np.diff(run.verdict)).tolist()[:_POINTS]
@@ -53,7 +53,7 @@ def chosen(history: History, run: Run) -> Vector:
 
 
 def tables(history: History, now: Snapshot) -> Markup:
-    """Return what joints, force, path and margin are at a time."""
+    """Return the tables of joints, force, path and margin at a snapshot."""
     i = now.sample
     vectors = {"asked": now.requested, "kept": now.kept, "lost": now.lost}
     holds = now.kept is not None
@@ -74,7 +74,7 @@ def tables(history: History, now: Snapshot) -> Markup:
 def _vector_chart(
     history: History, run: Run, part: Callable[[Task, Vector], Vector], title: str, unit: str
 ) -> Markup:
-    """Return requested, kept and lost forces, or moments, over time."""
+    """Return a chart of the requested, kept and lost forces, or moments."""
     task, at = history.setting.task, chosen(history, run)
     asked = np.tile(np.array(history.setting.force), (len(at), 1))
     kept, lost = (_until_fall(run, at, F[at]) for F in (run.force, run.jump))
@@ -87,12 +87,12 @@ def _vector_chart(
 
 
 def torque_chart(history: History, run: Run) -> Markup:
-    """Return each motor's share of its limit over time, or where no limit is known its torque."""
+    """Return a chart of motor torques as shares of their limits, or as such if none is known."""
     at = chosen(history, run)
     is_known = bool(np.isfinite(run.used).any())
     values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
     values = _until_fall(run, at, values)
-    looks = cycle(product(_DASHES, LINE_COLOURS))  # first all colours, then with other dashes
+    looks = cycle(product(_DASHES, LINE_COLOURS))  # vary the colour first, then the dashes
     curves = [
         Curve(f"{j + 1}", torques, colour, dashes)
         for j, (torques, (dashes, colour)) in enumerate(zip(values.T, looks, strict=False))
@@ -103,13 +103,13 @@ def torque_chart(history: History, run: Run) -> Markup:
 
 
 def _until_fall(run: Run, at: Vector, values: Vector) -> Vector:
-    """Return values that end where nothing holds the arm any more."""
+    """Return the values up to the sample at which the arm falls."""
     if run.falls_from is None:
         return values
     return np.where((at < run.falls_from)[:, None], values, np.nan)
 
 
 def marks(history: History) -> tuple[float, ...]:
-    """Return the times of its events, s."""
+    """Return the event times, s."""
     end = float(history.t[-1])
     return tuple(event.time for event in history.setting.events if event.time <= end)

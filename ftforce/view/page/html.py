@@ -1,7 +1,7 @@
-"""HTML: the only file that writes markup, so that no name can be any.
+"""HTML generation; the only module that writes markup, so that no name can inject any.
 
-What `element` returns is markupsafe's `Markup`, and only that is taken into another element as it
-is; a plain string, whatever stands in it, is escaped.
+`element` returns markupsafe's `Markup`, which other elements include verbatim; plain strings are
+always escaped.
 """
 
 from __future__ import annotations
@@ -53,16 +53,17 @@ STYLE = """
 
 
 def element(name: str, *children: str, **attributes: str) -> Markup:
-    """Return an element; plain strings in it, and all its attributes, are escaped.
+    """Return an element; plain strings in it and all attributes are escaped.
 
     Parameters
     ----------
     name :
-        Of the element.
+        Tag name.
     children :
-        Texts and `Markup`.
+        Text and `Markup`.
     attributes :
-        ``class_`` is class, ``data_testid`` is data-testid; empty ones are left out.
+        Attributes; ``class_`` stands for class, ``data_testid`` for data-testid. Empty ones are
+        omitted.
     """
     given = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
@@ -73,22 +74,22 @@ def element(name: str, *children: str, **attributes: str) -> Markup:
 
 
 def style(rules: str = STYLE) -> Markup:
-    """Return rules of CSS, not of others' making; if none are given, what the parts look like."""
+    """Return a style element with trusted CSS rules, by default those of the page."""
     return Markup(f"<style>{rules}</style>")
 
 
 def block(*children: str, testid: str = "") -> Markup:
-    """Return a part of the page."""
+    """Return a section of the page."""
     return element("div", *children, class_="ftf", data_testid=testid)
 
 
 def css(colour: Colour) -> str:
-    """Return a colour as CSS has it."""
+    """Return a colour in CSS notation."""
     return f"rgb({colour[0]},{colour[1]},{colour[2]})"
 
 
 def text_on(colour: Colour) -> str:
-    """Return black or white, whichever is read better on a colour."""
+    """Return black or white, whichever contrasts better with a colour."""
     return "#000" if sum(colour) > 400 else "#fff"
 
 
@@ -98,11 +99,11 @@ def table(columns: Sequence[tuple[str, str, str]], rows: Iterable[Markup], testi
     Parameters
     ----------
     columns :
-        Title, class and CSS width of each.
+        Title, class and CSS width of each column.
     rows :
-        Made by `row`.
+        Rows made by `row`.
     testid :
-        For tests.
+        Identifier for tests.
     """
     heads = (
         element("th", title, class_=kind, style=width and f"width:{width}")
@@ -113,12 +114,12 @@ def table(columns: Sequence[tuple[str, str, str]], rows: Iterable[Markup], testi
 
 
 def row(cells: Iterable[Markup], kind: str = "") -> Markup:
-    """Return a row of a table."""
+    """Return a table row."""
     return element("tr", *cells, class_=kind)
 
 
 def cell(words_: str, kind: str = "", title: str = "") -> Markup:
-    """Return a cell; ``title`` is shown when one points at it."""
+    """Return a table cell; ``title`` is its tooltip."""
     return element("td", words_, class_=kind, title=title)
 
 

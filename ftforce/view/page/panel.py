@@ -1,7 +1,8 @@
-"""The controls of the page, shared by all its tabs, and the answer beside them.
+"""The controls, shared by all tabs of the page, and the answer beside them.
 
-Callbacks run in viser's threads, many at a time and in any order. So they read what their control
-says now, change the newest question with it, and leave the answer to the session's one worker.
+Callbacks run concurrently in viser's threads, in any order. They therefore read the current value
+of their control, change the current question accordingly, and leave the answer to the session's
+single worker.
 """
 
 from __future__ import annotations
@@ -49,14 +50,14 @@ if TYPE_CHECKING:
 ANSWER_WIDTH, CONTROL_WIDTH = 350, 385  # px
 _TASKS = ("force", "moment", "wrench", "fx,fy", "fx,fz", "fy,fz", "fx", "fy", "fz")
 _CENSUS = ("none", "single faults", "single and double faults")
-_BUTTONS = 8  # fault sets that have a button of their own, the worst
+_BUTTONS = 8  # number of buttons for the worst fault sets
 _CHOOSE = "choose …"
 _HEAVIEST = 1000.0  # kg
-_DIGITS = 4  # after the point of what is typed
+_DIGITS = 4  # decimals of number inputs
 
 
 class Panel:
-    """Controls to the right, the answer to the left.
+    """The control panel on the right and the answer panel on the left.
 
     Parameters
     ----------
@@ -65,21 +66,21 @@ class Panel:
     robot :
         The arm.
     state :
-        The question with which the page starts.
+        Initial question.
     session :
-        Does what the controls say.
+        Controller that carries out user actions.
     first_tab :
-        Label of a `Mode`'s own tab; empty if there is none.
+        Label of a `Mode`'s own tab; empty for none.
     is_played :
-        Whether posture, faults and load are a `Mode`'s: then controls show the first two, and
-        there is no question to be changed.
+        Whether a `Mode` determines posture, faults and load; the controls then only display
+        posture and faults, and the question cannot be changed.
 
     Attributes
     ----------
     first_tab :
-        The `Mode`'s tab, in which the page opens; ``None`` if there is none.
+        The `Mode`'s tab, selected when the page opens; ``None`` if there is none.
     notes :
-        On the arm's meshes.
+        Notes on the arm's meshes.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Panel:
         self._session = session
         self._start = state
         self._is_played = is_played
-        self._own = threading.local()  # whether this thread is writing what the question says
+        self._own = threading.local()  # whether this thread is writing control values
         self._controls: dict[str, Control] = {}
         self._labels: tuple[str, ...] = ()
         self._sets: tuple[FaultSet, ...] = ()
@@ -108,7 +109,7 @@ class Panel:
         self._build_answer()
         self._build_controls(state, first_tab)
 
-    # ---- building ----------------------------------------------------------------------------
+    # ---- layout ----------------------------------------------------------------------------------
 
     def _build_answer(self) -> None:
         panel = self._gui.add_panel()
@@ -121,7 +122,7 @@ class Panel:
 
     def _build_controls(self, state: State, first_tab: str) -> None:
         gui = self._gui
-        tabs = gui.add_tab_group()  # it opens with its first
+        tabs = gui.add_tab_group()  # the first tab is the active one
         self.first_tab: Any = tabs.add_tab(first_tab) if first_tab else None
         with tabs.add_tab("Arm"):
             if self._is_played:
@@ -228,7 +229,7 @@ class Panel:
             button.on_click(lambda _event, k=k: self._show_set(k))
         self._census = gui.add_html("")
 
-    # ---- single controls ---------------------------------------------------------------------
+    # ---- control types ---------------------------------------------------------------------------
 
     def _choice(
         self,
@@ -250,7 +251,7 @@ class Panel:
         self, name: str, label: str, meaning: Change, step: float, hint: str, **ends: float
     ) -> None:
         handle = self._gui.add_number(label, self._initial[name], step=step, hint=hint, **ends)
-        handle.precision = _DIGITS  # viser takes the step's, and lets nobody type more
+        handle.precision = _DIGITS  # viser derives it from the step
         self._control(name, handle, meaning)
 
     def _vector(self, name: str, label: str, rows: slice) -> None:
@@ -270,10 +271,10 @@ class Panel:
         self._control(name, handle, push)
 
     def _control(self, name: str, handle: Any, meaning: Change) -> None:
-        """Take a control into the panel; ``meaning`` changes a question by its value.
+        """Register a control; ``meaning`` changes a question according to its value.
 
-        Its hand on the page and the session's worker write it; who writes says so, and what the
-        question already says is nobody's wish.
+        Controls are written by users and by the session's worker; `writing` marks the latter, whose
+        updates must not change the question.
         """
         control = self._controls[name] = Control(handle)
 
@@ -282,7 +283,7 @@ class Panel:
                 return
 
             def change(state: State) -> State:
-                # Under the session's lock: what the control says now, however late this runs.
+                # Evaluated under the session's lock: a delayed call still uses the current value.
                 control.value = handle.value
                 return meaning(state, handle.value)
 
@@ -295,12 +296,12 @@ class Panel:
         handle.on_click(lambda event: act(event.client))
         self._controls[name] = Control(handle)
 
-    # ---- what controls mean ------------------------------------------------------------------
+    # ---- use of the controls ---------------------------------------------------------------------
 
     def handle(self, name: str) -> Any:
         """Return viser's handle of a control: ``q0``, ``mode0``, ``force``, ``limits``, ….
 
-        Setting its value does what a hand on the page does.
+        Setting its value has the same effect as changing it on the page.
         """
         return self._controls[name].handle
 
@@ -310,11 +311,11 @@ class Panel:
         return state.in_posture(choose_posture(self.robot, None, name))
 
     def begin_with(self, state: State) -> None:
-        """Let Reset go back to another question: for a `Mode` that asks one."""
+        """Set the question to which Reset returns, for a `Mode` with its own question."""
         self._start = state
 
     def _reset(self) -> None:
-        """Go back to the question with which the page started; what is shown stays."""
+        """Return to the initial question, keeping the display options."""
         start = self._start
         self._session.change(lambda state: start.showing(**state.shown._asdict()))
 
@@ -330,16 +331,16 @@ class Panel:
         if k < len(sets):
             self._session.change(lambda state: state.with_faults(sets[k]))
 
-    # ---- writing -----------------------------------------------------------------------------
+    # ---- updates ---------------------------------------------------------------------------------
 
     @property
     def is_writing(self) -> bool:
-        """Whether this thread writes what the question says: then nobody's hand moves a control."""
+        """Whether this thread is writing control values, as opposed to a user changing them."""
         return getattr(self._own, "writes", False)
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Write controls without acting on it: viser calls callbacks of what it is told, too."""
+        """Write control values without reacting: viser runs callbacks for such writes too."""
         self._own.writes = True
         try:
             yield
@@ -347,7 +348,7 @@ class Panel:
             self._own.writes = False
 
     def sync(self, state: State) -> None:
-        """Let the controls show a question; the session's lock is held."""
+        """Update the controls to a question; called with the session's lock held."""
         values = self._values(state)
         with self.writing():
             self._offer_task(values["task"])
@@ -359,7 +360,7 @@ class Panel:
                 assign(self._controls[name].handle, "visible", visible[name])
 
     def _values(self, state: State) -> dict[str, Any]:
-        """Return what each control says of a question."""
+        """Return the value of each control for a question."""
         shown, task = state.shown, state.task
         name = state.posture.source.removeprefix("posture '").removesuffix("'")
         values: dict[str, Any] = {
@@ -386,12 +387,12 @@ class Panel:
         return values
 
     def _offer_task(self, task: str) -> None:
-        """Let the task be one that can be chosen: a mode may have another than the usual ones."""
+        """Add a task to the choices if needed: a mode may use an unusual one."""
         if "task" in self._controls:
             control = self._controls["task"]
             if task not in control.handle.options:
                 control.handle.options = _tasks(task)
-                control.value = control.handle.value  # viser chooses when it is replaced
+                control.value = control.handle.value  # viser may have changed it
 
     def show(self, answer: Answer, picture: Picture) -> None:
         """Show an answer."""
@@ -404,16 +405,16 @@ class Panel:
         self._show_sets(answer)
 
     def show_problem(self, problem: str) -> None:
-        """Show why there is no answer; the last one stays below."""
+        """Show why there is no answer, keeping the last answer below."""
         _write(self._banner, problem_banner(problem))
 
     def static_parts(self) -> Markup:
-        """Return the answer's HTML as it stands on the page."""
+        """Return the answer's HTML as currently shown."""
         parts = (self._banner, self._answer, self._legend)
-        return Markup().join(Markup(part.content) for part in parts)  # as `_write` wrote it
+        return Markup().join(Markup(part.content) for part in parts)  # written by `_write`
 
     def show_parts(self, top: Markup, parts: Markup, below: Markup) -> None:
-        """Show HTML where the verdict, the tables and the legend are."""
+        """Show HTML in place of the verdict, the tables and the legend."""
         _write(self._banner, top)
         _write(self._answer, parts)
         _write(self._legend, below)
@@ -431,7 +432,7 @@ class Panel:
             if labels != self._labels:
                 self._labels = labels
                 self._all_sets.options = (_CHOOSE, *labels)
-                self._chosen_set.value = self._all_sets.value  # viser chooses, if need be
+                self._chosen_set.value = self._all_sets.value  # viser may select another value
             self._chosen_set.tell(chosen)
         for k, button in enumerate(self._buttons):
             assign(button, "visible", k < len(labels))
@@ -441,7 +442,7 @@ class Panel:
 
 
 def _tasks(task: str) -> tuple[str, ...]:
-    """Return tasks that can be chosen, this one among them."""
+    """Return the selectable tasks, including the given one."""
     return _TASKS if task in _TASKS else (task, *_TASKS)
 
 
@@ -463,9 +464,9 @@ def _carrying(state: State, mass: float) -> State:
 
 
 def _showing(name: str, meant: Callable[[Any], Any] = lambda value: value) -> Change:
-    """Return what changes one field of `Shown`, to what is meant by a control's value."""
+    """Return a function that sets one field of `Shown` from a control's value."""
     return lambda state, value: state.showing(**{name: meant(value)})
 
 
 def _write(handle: Any, content: Markup) -> None:
-    assign(handle, "content", str(content))  # viser knows plain strings only
+    assign(handle, "content", str(content))  # viser requires a plain string

@@ -1,4 +1,4 @@
-"""Torques and forces as tables of HTML, with bars against the limits."""
+"""Torques and forces as HTML tables, with bars for the use of limits."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 def load_table(
     loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
 ) -> Markup:
-    """Return what each motor gives, with a bar against its limit.
+    """Return the motor torques, with a bar for each one's share of its limit.
 
     Parameters
     ----------
     loads :
-        Of the joints.
+        Loads of the joints.
     has_masses :
-        Whether the weight is known.
+        Whether the URDF has masses, so that gravity torques are known.
     names :
-        Of the two columns.
+        Headings of the two columns.
     """
     units = {load.unit for load in loads}
     unit = units.pop() if len(units) == 1 else "N·m, N"
@@ -63,7 +63,7 @@ def _load_row(load: JointLoad) -> Markup:
         after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
     colour = colour_of(mode, load.used)
     look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
-    # Not by colour alone; the names of joints leave no room for the whole word.
+    # The state must not depend on colour alone; the full word would not fit beside the name.
     place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
     name = load.name if load.fault is None else f"{load.name}: {load.fault}"
     limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
@@ -80,33 +80,33 @@ def _load_row(load: JointLoad) -> Markup:
 
 
 def brake_loads(loads: Sequence[JointLoad]) -> list[tuple[str, str]]:
-    """Return what the locks carry, with its name, as `facts` takes it; nothing if there is none."""
+    """Return the brake loads with their labels, as accepted by `facts`; empty if none is locked."""
     told = [f"{x.name} {number(x.brake)} {x.unit}" for x in loads if not math.isnan(x.brake)]
     return [("Brake load", ", ".join(told))] if told else []
 
 
 def torque_text(torque: float) -> str:
-    """Return a torque, or what stands for one that is not known."""
+    """Return a torque as text, or a placeholder if unknown."""
     return "–" if math.isnan(torque) else number(torque)
 
 
 def share_text(share: float) -> str:
-    """Return a share of a limit in per cent."""
+    """Return a share of a limit in percent."""
     if math.isinf(share):
         return "∞"
     return "?" if math.isnan(share) else f"{share:.0%}"
 
 
 def bar(share: float, colour: Colour) -> Markup:
-    """Return a bar that is as full as a share of a limit."""
+    """Return a bar filled in proportion to a share of a limit."""
     width = 0.0 if math.isnan(share) else 100.0 * min(share, 1.0)
-    # The darker half of the ramp: its light end would vanish on a page.
+    # Only the darker half of the ramp: its light end would be invisible on a white page.
     filled = element("i", style=f"width:{width:.0f}%;background:{css(colour)}")
     return element("div", filled, class_="bar")
 
 
 def force_table(analysis: Analysis) -> Markup:
-    """Return the force at the tip before and after, and its jump, per axis and their norms."""
+    """Return the tip force before and after and the force jump, by axis and norm."""
     task, change = analysis.task, analysis.force
     if change is None:
         return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
@@ -122,7 +122,7 @@ def _force_title(task: Task) -> str:
 
 
 def vector_table(task: Task, vectors: Mapping[str, Vector | None]) -> Markup:
-    """Return named forces at the tip per axis, N and N·m, and their norms."""
+    """Return named tip forces by axis, N and N·m, with their norms."""
     columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name in vectors)]
     values = [np.full(task.m, np.nan) if F is None else F for F in vectors.values()]
     rows = [
@@ -144,7 +144,7 @@ def _force_row(names: Iterable[str], values: Iterable[float], kind: str = "") ->
 
 
 def _unit_forces(analysis: Analysis) -> Markup:
-    """Return what is kept and lost of 1 N (1 N·m) along each axis."""
+    """Return the kept and lost parts of 1 N (1 N·m) along each axis."""
     task = analysis.task
     columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
     asked = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))

@@ -1,1 +1,1 @@
-"""What is drawn: links, arrows, sets of forces."""
+"""The 3D scene: links, force arrows, sets of forces."""

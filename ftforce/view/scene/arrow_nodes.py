@@ -1,7 +1,7 @@
-"""Arrows in the scene: arrow-shaped handles of viser's transform controls.
+"""Arrows in the scene, drawn as the axis handles of viser's transform controls.
 
-They alone can be drawn over everything else, so that no arrow ever hides inside the arm; the arrow
-of an axis has its colour.
+Only these can be drawn on top of everything else, so that the arm never hides an arrow. The handle
+of each axis has a fixed colour, which determines the axis used for each kind of arrow.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
     from ftforce.view.scene.arrows import Arrow
 
-_AXIS = {"lost": 0, "kept": 1, "requested": 2}  # of the transform controls: red, green, blue
-IN_FRONT: dict[str, Any] = {  # transform controls that are arrows, over everything else
+_AXIS = {"lost": 0, "kept": 1, "requested": 2}  # axes of the transform controls: red, green, blue
+IN_FRONT: dict[str, Any] = {  # draws transform controls as arrows on top of everything else
     "disable_rotations": True,
     "disable_sliders": True,
     "depth_test": False,
     "visible": False,
 }
-_ANCHOR: dict[str, Any] = {  # arrows that end close to each other have labels that do not overlap
+_ANCHOR: dict[str, Any] = {  # keeps the labels of neighbouring arrows from overlapping
     "requested": "bottom-center",
     "kept": "top-center",
     "lost": "bottom-right",
@@ -34,23 +34,23 @@ _MOMENT_ANCHOR: dict[str, Any] = {
     "kept": "center-left",
     "lost": "top-center",
 }
-_SHORTEST = 1e-4  # m: an arrow that is shorter is not drawn
-_SAME = 1e-9  # m: what moved by less did not move
-_SECOND_HEAD = 0.78  # of a moment's arrow: where the other one ends, of its length
+_SHORTEST = 1e-4  # m: shorter arrows are not drawn
+_SAME = 1e-9  # m: smaller displacements are ignored
+_SECOND_HEAD = 0.78  # of a moment's arrow: position of the second head, as a share of its length
 _WIDTH, _MOMENT_WIDTH = 6.0, 4.0  # px
 
 
 class ArrowNodes:
-    """The nodes of one arrow: one handle, or of a moment two, and its label.
+    """The scene nodes of one arrow: one handle, or two for a moment, and a label.
 
     Parameters
     ----------
     server :
-        Whose scene it is.
+        Server whose scene it is drawn in.
     prefix :
-        Of the names of its nodes.
+        Prefix of the node names.
     kind, is_moment :
-        As of `ftforce.view.scene.arrows.Arrow`.
+        As in `ftforce.view.scene.arrows.Arrow`.
     """
 
     def __init__(self, server: viser.ViserServer, prefix: str, kind: str, is_moment: bool) -> None:
@@ -78,15 +78,15 @@ class ArrowNodes:
         return node
 
     def _put_back(self, node: Any, event: Any) -> None:
-        """Undo the drag of an arrow: only the handle at the tip is there to be dragged."""
+        """Undo a drag: only the separate handle at the arrow's tip may be dragged."""
         if event.phase == "end" and self._last is not None:
-            node.position = self._last.start + np.array([0.0, 0.0, _SAME])  # sent anew
+            node.position = self._last.start + np.array([0.0, 0.0, _SAME])  # forces an update
             node.position = self._last.start
 
     def show(self, arrow: Arrow) -> None:
-        """Show it as it is now."""
+        """Show the arrow in its current state."""
         self._last = arrow
-        # Under an arrow that lies on it, it would only flicker.
+        # A coinciding arrow below would only flicker.
         is_shown = arrow.length > _SHORTEST and (bool(arrow.mark) or arrow.kind == "kept")
         assign(self._label, "visible", is_shown and bool(arrow.mark))
         for node, length in zip(self._handles, self._lengths, strict=True):
@@ -100,30 +100,30 @@ class ArrowNodes:
             assign(self._label, "position", arrow.end)
 
     def hide(self) -> None:
-        """Hide it until it is shown again."""
+        """Hide the arrow until it is shown again."""
         for node in (*self._handles, self._label):
             assign(node, "visible", False)
 
 
 def along(vector: Vector, axis: int) -> Vector:
-    """Return a turn (w, x, y, z) that puts an axis (0, 1, 2) along a vector that is not zero."""
+    """Return a rotation (w, x, y, z) that aligns an axis (0, 1, 2) with a nonzero vector."""
     turn = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
     return np.array([turn.w, turn.x, turn.y, turn.z])
 
 
 def assign(node: Any, name: str, value: Any) -> None:
-    """Assign what differs: viser sends every assignment to every tab."""
+    """Set an attribute if its value differs: viser sends every assignment to all tabs."""
     if not is_same(getattr(node, name), value):
         setattr(node, name, value)
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; of arrays, but for rounding."""
+    """Return whether two values are equal; arrays up to rounding."""
     if isinstance(other, np.ndarray):
         return np.shape(one) == other.shape and not moved(one, other)
     return bool(one == other)
 
 
 def moved(one: Vector, other: Vector) -> bool:
-    """Return whether two places, or turns, differ by more than rounding."""
+    """Return whether two positions or rotations differ by more than rounding."""
     return bool(np.abs(one - other).max(initial=0.0) > _SAME)

@@ -1,4 +1,4 @@
-"""Forces as arrows at the tip, and moments as arrows with two heads. Arrays only."""
+"""Forces as arrows at the tip, moments as double-headed arrows. Arrays only."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
 
 ARROW_KINDS = ("requested", "kept", "lost")
-LONGEST = 0.45  # an arrow's length, as a share of the size of the arm's scene
-_LONGEST_MOMENT = 0.3  # likewise: one along a force shows its heads on the other's shaft
+LONGEST = 0.45  # length of the longest arrow, as a share of the size of the arm
+_LONGEST_MOMENT = 0.3  # shorter, so that along a force both heads lie on the force's shaft
 _NICE = (1.0, 2.0, 5.0, 10.0)
 
 
 class Scales(NamedTuple):
-    """Length of an arrow per N, and per N·m, m; NaN where the task has no such components."""
+    """Arrow length per N and per N·m, m; NaN if the task has no such components."""
 
     force: float
     moment: float
 
     def of(self, task: Task) -> float:
-        """Return that of the task's forces, or if it has none of its moments."""
+        """Return the scale of the task's forces, or of its moments if it has no forces."""
         return self.force if task.force_rows else self.moment
 
     def notes(self) -> tuple[str, ...]:
@@ -42,18 +42,18 @@ class Scales(NamedTuple):
 
 
 class TipAxes(NamedTuple):
-    """The task's axes at the tip, in the root's: place, m, shape (3,), and rotation (3, 3)."""
+    """Task axes at the tip, in root axes: position, m, shape (3,), and rotation, (3, 3)."""
 
     place: Vector
     rotation: Matrix
 
     def point(self, F: Vector, scale: float) -> Vector:
-        """Return where forces (moments) in the task's axes end, m, shape (..., 3).
+        """Return the end points of force (moment) arrows in root axes, m, shape (..., 3).
 
         Parameters
         ----------
         F :
-            N (N·m), shape (..., 3).
+            Forces (moments) in task axes, N (N·m), shape (..., 3).
         scale :
             Length per N (N·m), m.
         """
@@ -68,13 +68,13 @@ class Arrow(NamedTuple):
     kind :
         One of `ARROW_KINDS`.
     is_moment :
-        Whether it is one: then it has two heads.
+        Whether it is a moment, drawn with two heads.
     start, end :
-        In the root's axes, m, shape (3,); equal if there is none.
+        In root axes, m, shape (3,); equal if the vector is zero.
     label :
-        What it is, with its size and unit.
+        What it represents, with its magnitude and unit.
     mark :
-        What is written beside it; empty where another arrow lies on it and says it.
+        Label drawn beside it; empty if a coinciding arrow carries the label.
     """
 
     kind: str
@@ -86,39 +86,39 @@ class Arrow(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Its length, m."""
+        """Length, m."""
         return float(np.linalg.norm(self.end - self.start))
 
 
 def has_both(task: Task) -> bool:
-    """Return whether a task has forces and moments: the one are no size of the other."""
+    """Return whether a task has forces and moments, which must not share a norm."""
     return bool(task.force_rows and task.moment_rows)
 
 
 def forces_of(task: Task, F: Vector) -> Vector:
-    """Return the forces of vectors of task components, N, shape (..., m), as (..., 3)."""
+    """Return the force part of task vectors, shape (..., m), as (..., 3), N."""
     return in_components(task.components, F)[..., :3]
 
 
 def moments_of(task: Task, F: Vector) -> Vector:
-    """Return the moments of vectors of task components, N·m, shape (..., m), as (..., 3)."""
+    """Return the moment part of task vectors, shape (..., m), as (..., 3), N·m."""
     return in_components(task.components, F)[..., 3:]
 
 
 def spatial(task: Task, F: Vector) -> Vector:
-    """Return forces, or the moments if the task has no forces, of shape (..., m), as (..., 3)."""
+    """Return the force part of task vectors, (..., m), or the moments if there are no forces."""
     return forces_of(task, F) if task.force_rows else moments_of(task, F)
 
 
 def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
-    """Return the scales at which all arrows fit.
+    """Return scales at which all arrows fit into the scene.
 
     Parameters
     ----------
     task :
         The task.
     vectors :
-        N and N·m, in the task's components, shape (..., m) each; NaN does not count.
+        Task vectors, N and N·m, shape (..., m) each; NaN is ignored.
     extent :
         Size of the scene, m.
     """
@@ -140,15 +140,15 @@ def nice_scale(largest: float, extent: float, longest: float = LONGEST) -> float
     Parameters
     ----------
     largest :
-        Size of the force, N (N·m).
+        Magnitude of the largest force, N (N·m).
     extent :
         Size of the scene, m.
     longest :
-        Share of it that the longest arrow may have.
+        Maximum arrow length, as a share of ``extent``.
     """
     if largest <= NEGLIGIBLE:
         largest = 1.0
-    exact = largest / (longest * extent)  # N per m: the next larger nice number fits
+    exact = largest / (longest * extent)  # N per m, rounded up to the next nice number
     power = 10.0 ** math.floor(math.log10(exact))
     return 1.0 / next(step * power for step in _NICE if step * power >= exact * (1.0 - 1e-9))
 
@@ -156,19 +156,19 @@ def nice_scale(largest: float, extent: float, longest: float = LONGEST) -> float
 def arrows_of(
     task: Task, vectors: dict[str, Vector | None], axes: TipAxes, scales: Scales
 ) -> tuple[Arrow, ...]:
-    """Return the arrows: first three of the forces, then three of the moments, as the task has any.
+    """Return three force arrows followed by three moment arrows, as far as the task has them.
 
     Parameters
     ----------
     task :
         The task.
     vectors :
-        One for each of `ARROW_KINDS`, N and N·m, in the task's components, shape (m,); ``None``
-        where an arm that falls has none. Empty if no force is asked for: then there are no arrows.
+        One task vector for each of `ARROW_KINDS`, N and N·m, shape (m,); ``None`` for those that
+        are undefined because the arm falls. Empty if no force is requested: returns no arrows.
     axes :
-        The task's axes, at the tip.
+        Task axes at the tip.
     scales :
-        Of the arrows.
+        Arrow scales.
     """
     found: list[Arrow] = []
     for rows, part, scale, unit, noun in (
@@ -196,12 +196,12 @@ def _three(
             label = f"{noun}{kind} {amount}"
             if norm(F) > NEGLIGIBLE:
                 end, mark = axes.point(F, scale), label
-        if mark and everything_kept:  # one arrow lies on the other
+        if mark and everything_kept:  # the arrows coincide
             mark = f"{noun}all kept {amount}" if kind == "kept" else ""
         arrows.append(Arrow(kind, is_moment, axes.place, end, label, mark))
     return arrows
 
 
 def norm(x: Vector) -> float:
-    """Return the length of a vector."""
+    """Return the Euclidean norm of a vector."""
     return math.hypot(*x.tolist())

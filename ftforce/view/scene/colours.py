@@ -1,4 +1,4 @@
-"""The page's colours, for the scene and for what stands beside it."""
+"""Colours shared by the scene and the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Colour: TypeAlias = tuple[int, int, int]
 
-# Okabe and Ito's colours: told apart with every kind of colour vision.
+# Okabe and Ito's palette, distinguishable with any kind of colour vision.
 NEUTRAL: Colour = (190, 190, 184)
 FIXED: Colour = (212, 212, 208)
 FAULT_COLOURS: dict[FaultMode, Colour] = {
@@ -25,7 +25,7 @@ FAULT_COLOURS: dict[FaultMode, Colour] = {
     FaultMode.FREE: (204, 121, 167),
     FaultMode.WEAK: (230, 159, 0),
 }
-# From no load to the limit: one hue that darkens, so that grey eyes read it too.
+# From no load to the limit: one hue of decreasing lightness, so it also reads in greyscale.
 RAMP: tuple[Colour, ...] = ((236, 240, 245), (158, 202, 225), (49, 130, 189), (8, 48, 107))
 LOST_LINE: Colour = (120, 0, 60)
 WEAKEST_LINE: Colour = (120, 90, 0)
@@ -36,7 +36,7 @@ VERDICT_COLOURS: dict[Verdict, Colour] = {
     Verdict.BORDERLINE: (150, 95, 0),
     Verdict.NOT_TOLERATED: (170, 40, 20),
 }
-ARROW_COLOURS: dict[str, Colour] = {  # those that viser gives to the axes z, y and x of a gizmo
+ARROW_COLOURS: dict[str, Colour] = {  # of viser's z, y and x axis handles
     "requested": (32, 128, 255),
     "kept": (32, 190, 110),
     "lost": (255, 32, 96),
@@ -44,14 +44,14 @@ ARROW_COLOURS: dict[str, Colour] = {  # those that viser gives to the axes z, y 
 
 
 def colour_of(mode: FaultMode | None, used: float) -> Colour:
-    """Return a joint's colour.
+    """Return the colour of a joint.
 
     Parameters
     ----------
     mode :
-        How it fails; ``None`` if it is healthy.
+        Fault mode; ``None`` if the joint is healthy.
     used :
-        Share of the limit that its motor gives, NaN if that is unknown.
+        Motor torque as a share of its limit; NaN if unknown.
     """
     if mode is not None:
         return FAULT_COLOURS[mode]
@@ -62,7 +62,7 @@ def colour_of(mode: FaultMode | None, used: float) -> Colour:
 
 
 def along_ramp(ramp: tuple[Colour, ...], shares: Vector) -> NDArray[np.uint8]:
-    """Return the colours of a ramp at shares of it, 0 to 1, shape (k, 3)."""
+    """Return the interpolated colours of a ramp at shares from 0 to 1, shape (k, 3)."""
     steps = np.linspace(0.0, 1.0, len(ramp))
     channels = [np.interp(shares, steps, channel) for channel in np.array(ramp, dtype=float).T]
     found: NDArray[np.uint8] = np.rint(np.column_stack(channels)).astype(np.uint8)

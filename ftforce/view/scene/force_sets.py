@@ -1,4 +1,4 @@
-"""All forces that an arm can exert, before the fault and after, as surfaces. Arrays only."""
+"""Sets of exertable forces before and after the fault, as surfaces. Arrays only."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LOOKS = {"before": BEFORE_SOLID, "after": AFTER_SOLID}
 
 
 class Solid(NamedTuple):
-    """A set of forces, drawn around the tip: vertices (k, 3) in the root's axes, m."""
+    """A set of forces drawn around the tip: vertices in root axes, m, shape (k, 3)."""
 
     vertices: Matrix
     faces: Faces
@@ -37,7 +37,7 @@ class Solid(NamedTuple):
 
 
 def polytopes_of(answer: Answer) -> tuple[tuple[Polytope, ...], tuple[str, ...]]:
-    """Return the polytopes before and after, if they are shown, or why they are not."""
+    """Return the force polytopes before and after, if shown, and notes if unavailable."""
     found, task = answer.capability, answer.analysis.task
     if found is None or answer.state.shown.solid != "polytope":
         return (), ()
@@ -55,16 +55,16 @@ def polytopes_of(answer: Answer) -> tuple[tuple[Polytope, ...], tuple[str, ...]]
 def solids_of(
     answer: Answer, axes: TipAxes, polytopes: tuple[Polytope, ...], scale: float, extent: float
 ) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
-    """Return what is shown of all forces, and what the legend adds.
+    """Return the sets of forces to draw, and notes for the legend.
 
     Parameters
     ----------
     answer :
         The answer.
     axes :
-        The task's axes, at the tip.
+        Task axes at the tip.
     polytopes :
-        Of `polytopes_of`.
+        As returned by `polytopes_of`.
     scale :
         Length per N (N·m), m.
     extent :
@@ -97,7 +97,7 @@ def _polytopes(
 
 
 def triangles(faces: tuple[tuple[int, ...], ...]) -> Faces:
-    """Return convex polygons as triangles, shape (k, 3); a segment has none."""
+    """Triangulate convex polygons, shape (k, 3); a segment yields none."""
     fans = [(face[0], *edge) for face in faces for edge in pairwise(face[1:])]
     return np.array(fans, dtype=np.uint32).reshape(-1, 3)
 
@@ -131,18 +131,18 @@ def _flat(label: str) -> str:
 
 
 def _axes_of(U: Matrix, s: list[float], rank: int) -> Matrix:
-    """Return the semi-axes 1/σ_i u_i of the directions that are kept, rows, shape (rank, m)."""
+    """Return the semi-axes u_i/σ_i of the retained directions as rows, shape (rank, m)."""
     axes: Matrix = U[:, :rank].T / np.array(s[:rank])[:, None]
     return axes
 
 
 def ellipsoid(axes: Matrix) -> tuple[Matrix, Faces]:
-    """Return the surface of an ellipsoid around 0, or a disk if it has two axes.
+    """Return the surface of an ellipsoid centred at the origin, or a disk for two semi-axes.
 
     Parameters
     ----------
     axes :
-        Its two or three semi-axes, rows, shape (2 or 3, 3).
+        Two or three semi-axes as rows, shape (2 or 3, 3).
     """
     if len(axes) == 3:
         vertices, faces = _sphere()

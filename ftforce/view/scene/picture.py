@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     from ftforce.view.scene.colours import Colour
     from ftforce.view.scene.force_sets import Solid
 
-_LINE = 0.3  # of half a line, as a share of the size of the arm's scene
-HAND = 0.005  # m: finer steps of a dragged force are not meant
+_LINE = 0.3  # half length of a line, as a share of the size of the arm
+HAND = 0.005  # m: resolution of a dragged force
 
 
 class Pose(NamedTuple):
-    """A place in the root's axes, m, shape (3,), and a unit quaternion w, x, y, z, shape (4,)."""
+    """A position in root axes, m, shape (3,), and a unit quaternion w, x, y, z, shape (4,)."""
 
     position: Vector
     wxyz: Vector
 
 
 class Line(NamedTuple):
-    """A direction through the tip: its ends in the root's axes, m, shape (2, 3)."""
+    """A line through the tip: its ends in root axes, m, shape (2, 3)."""
 
     ends: Matrix
     colour: Colour
@@ -57,28 +57,28 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """What the scene shows.
+    """The contents of the scene.
 
     Attributes
     ----------
     joints :
-        Pose of each joint of the Pinocchio model in the root's axes; the first is the root.
+        Pose of each joint of the Pinocchio model in root axes; the first is the root.
     colours :
         One per joint of the model.
     tip :
-        Of the task's axes, at the tip: what the handle of the force turns with.
+        Pose of the task axes at the tip, which also orients the force's drag handle.
     arrows :
-        Requested, kept and lost: of the force, and then of the moment.
+        Requested, kept and lost force, then requested, kept and lost moment.
     lines :
-        Lost directions, and the weakest one.
+        Lost directions and the weakest direction.
     solids :
-        Forces before and after the fault.
+        Sets of forces before and after the fault.
     scales :
-        Of the arrows.
+        Arrow scales.
     notes :
-        What the legend adds: scales, and why something is not drawn.
+        Notes for the legend: scales, and why something is not drawn.
     see_through :
-        Whether the arm is.
+        Whether the arm is transparent.
     can_pull :
         Whether there is a force that can be dragged.
     """
@@ -96,15 +96,15 @@ class Picture:
 
 
 def picture(answer: Answer, like: Picture | None = None) -> Picture:
-    """Return what the scene shows of an answer.
+    """Return the scene that shows an answer.
 
     Parameters
     ----------
     answer :
         The answer.
     like :
-        Whose scales its arrows have: while the force is dragged they have to stay. If not given,
-        everything fits.
+        Picture whose arrow scales are kept, as needed during a drag; by default, scales are
+        chosen so that all arrows fit.
     """
     analysis, task = answer.analysis, answer.analysis.task
     robot, shown = analysis.robot, answer.state.shown
@@ -135,7 +135,7 @@ def picture(answer: Answer, like: Picture | None = None) -> Picture:
 
 
 def joint_poses(robot: Robot, q: Vector) -> tuple[tuple[Pose, ...], tuple[Matrix, Vector]]:
-    """Return the pose of every joint of the model, and orientation and place of the tip.
+    """Return the pose of every joint of the model, and the tip's rotation and position.
 
     Parameters
     ----------
@@ -149,9 +149,9 @@ def joint_poses(robot: Robot, q: Vector) -> tuple[tuple[Pose, ...], tuple[Matrix
 
 
 def chain_joints(robot: Robot) -> tuple[int | None, ...]:
-    """Return for every joint of the model the index of the chain's joint that moves it.
+    """Return, for every joint of the model, the index of the chain joint that moves it.
 
-    Followers move with their leader; nothing moves the root.
+    Mimic joints map to their leader; the root maps to ``None``.
     """
     G = np.abs(robot.coordinates.G)
     rows = (robot.model.joints[j].idx_v for j in range(1, robot.model.njoints))
@@ -159,7 +159,7 @@ def chain_joints(robot: Robot) -> tuple[int | None, ...]:
 
 
 def joint_colours(robot: Robot, loads: tuple[JointLoad, ...]) -> tuple[Colour, ...]:
-    """Return the colour of each joint of the model: its fault, or the load of its motor."""
+    """Return the colour of each joint of the model, by its fault or motor load."""
     return tuple(FIXED if i is None else _colour(loads[i]) for i in chain_joints(robot))
 
 
@@ -168,37 +168,37 @@ def _colour(load: JointLoad) -> Colour:
 
 
 def scene_size(robot: Robot) -> float:
-    """Return the size of the arm, m: the length of its links in a row, or a few of a slide."""
+    """Return the size of the arm, m: the summed link lengths, capped for long prismatic joints."""
     _, length = reach_bound(robot)
     return min(length, 4.0) if length > 0.0 else 1.0
 
 
 def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
-    """Return the wrench that is meant when the end of the requested force is put somewhere.
+    """Return the wrench that puts the tip of the requested force's arrow at a given point.
 
     Parameters
     ----------
     picture, answer :
-        What is shown.
+        The current picture and answer.
     end :
-        Where the force should end, in the root's axes, m, shape (3,).
+        Desired end of the arrow in root axes, m, shape (3,).
 
     Returns
     -------
     :
-        N and N·m for each of `ftforce.core.task.COMPONENTS`, shape (6,), rounded to what a hand can
-        aim at.
+        N and N·m for each of `ftforce.core.task.COMPONENTS`, shape (6,), rounded to the
+        resolution of a drag.
     """
     task = answer.analysis.task
     scale = picture.scales.of(task)
     F = rotation(picture.tip.wxyz).T @ (end - picture.tip.position) / scale
     step = 10.0 ** math.floor(math.log10(HAND / scale))
     wrench = answer.state.wrench.copy()
-    if (requested := requested_of(answer)) is not None:  # of torques, other than the wrench
+    if (requested := requested_of(answer)) is not None:  # if given by torques
         for name, value in zip(task.components, requested.tolist(), strict=True):
             wrench[COMPONENTS.index(name)] = value
     first = 0 if task.force_rows else 3
-    # What the task lacks is no part of the request, wherever the hand goes.
+    # Components outside the task are unaffected by the drag.
     for row in (COMPONENTS.index(name) for name in task.components):
         if first <= row < first + 3:
             wrench[row] = round(round(float(F[row - first]) / step) * step, 6)
@@ -206,10 +206,9 @@ def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
 
 
 def _vectors(answer: Answer) -> dict[str, Vector | None]:
-    """Return requested, kept and lost force in the task's components, N and N·m, (m,) each.
+    """Return requested, kept and lost force in task components, N and N·m, shape (m,) each.
 
-    Of an arm that cannot stand still the last two are ``None``; if no force is asked for, there
-    is none of them.
+    The last two are ``None`` if the arm cannot stand still; empty if no force is requested.
     """
     change = answer.analysis.force
     if change is None:
@@ -219,9 +218,9 @@ def _vectors(answer: Answer) -> dict[str, Vector | None]:
 
 
 def requested_of(answer: Answer) -> Vector | None:
-    """Return the force that is asked for, in the task's components, N and N·m, shape (m,).
+    """Return the requested force in task components, N and N·m, shape (m,).
 
-    It is what the torques mean if those are given, and ``None`` if every direction is asked about.
+    If torques are given, this is the force they produce; ``None`` if all directions are analysed.
     """
     change = answer.analysis.force
     if change is None:
@@ -230,12 +229,12 @@ def requested_of(answer: Answer) -> Vector | None:
 
 
 def pose_of(rotation: Matrix, place: Vector) -> Pose:
-    """Return a turn (3, 3) and a place, m, shape (3,), as a pose."""
+    """Return a rotation (3, 3) and a position, m, shape (3,), as a pose."""
     return Pose(place, wxyz_of(rotation))
 
 
 def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
-    """Return lost directions both ways, and the weakest one."""
+    """Return the lost directions as full lines, and the weakest one as a half line."""
     task, half = answer.analysis.task, _LINE * extent
     lines = []
     for row in answer.analysis.lost_directions:
@@ -251,11 +250,11 @@ def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
 def _line(
     task: Task, direction: Vector, axes: TipAxes, ahead: float, behind: float
 ) -> tuple[Matrix, str]:
-    """Return a line along a direction's forces, or if it has none its moments, and which it is."""
+    """Return a line along a direction's force part, or its moment part if zero, and a note."""
     whole = task.direction_of(direction)
     force, moment = forces_of(task, whole), moments_of(task, whole)
     whose = ""
-    if has_both(task):  # which no one line can show
+    if has_both(task):  # one line cannot show both parts
         is_mixed = norm(force) > NEGLIGIBLE and norm(moment) > NEGLIGIBLE
         whose = ", its force" if is_mixed else " of forces" if force.any() else " of moments"
     part = force if force.any() else moment
@@ -264,13 +263,13 @@ def _line(
 
 
 def rotation(wxyz: Vector) -> Matrix:
-    """Return the rotation (3, 3) of a unit quaternion w, x, y, z."""
+    """Return the rotation matrix (3, 3) of a unit quaternion w, x, y, z."""
     w, x, y, z = wxyz.tolist()
     R: Matrix = pin.Quaternion(w, x, y, z).toRotationMatrix()
     return R
 
 
 def wxyz_of(R: Matrix) -> Vector:
-    """Return a rotation (3, 3) as a unit quaternion w, x, y, z."""
+    """Return the unit quaternion w, x, y, z of a rotation matrix (3, 3)."""
     x, y, z, w = quaternion(R).tolist()
     return np.array([w, x, y, z])

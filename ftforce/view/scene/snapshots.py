@@ -1,6 +1,6 @@
-"""What a history has at a time: its numbers, in words, and as a scene.
+"""The state of a history at a given time: numbers, description and scene.
 
-Every number stands in the history's arrays; nothing is analysed.
+All numbers are read from the history's arrays; nothing is computed here.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History, Run
 
-ROUNDING = 1e-9  # s: a time on the slider that is meant to be a sample's
+ROUNDING = 1e-9  # s: tolerance between a slider time and a sample time
 _WEAK = re.compile(r"weak (\S+)")
 
 
 class Snapshot(NamedTuple):
-    """What a run has at a time.
+    """The state of a run at one sample.
 
     Attributes
     ----------
     sample :
-        Its index.
+        Index of the sample.
     time :
-        Of the sample, s.
+        Time of the sample, s.
     q :
-        Joint positions, rad or m, shape (n,); the last that are known, if nothing holds the arm.
+        Joint positions, rad or m, shape (n,); the last known ones once the arm falls.
     run, healthy :
-        The run that is shown, and the one without a fault.
+        The run shown, and the run without faults.
     faults :
-        Joints that have failed by then.
+        Joints that have failed so far.
     requested, kept, lost :
-        Force that is asked for, at the tip, and missing there, N and N·m, in the task's axes,
-        shape (m,); ``None`` from where nothing holds the arm.
+        Requested tip force, force kept and force lost, N and N·m, in task axes, shape (m,);
+        ``None`` once the arm falls.
     loads :
-        What each joint does: ``before`` is the healthy run's.
+        Load of each joint; ``before`` refers to the healthy run.
     verdict :
-        Of this instant.
+        Verdict at this sample.
     """
 
     sample: int
@@ -69,12 +69,12 @@ class Snapshot(NamedTuple):
 
 
 def faults_at(history: History, time: float) -> FaultSet:
-    """Return the joints that have failed by a time, s."""
+    """Return the faults that have occurred by a time, s."""
     told = [event.all_faults for event in history.setting.events if event.time <= time + ROUNDING]
     if not told:
         return FaultSet()
     found, rest = [], told[-1]
-    for i, joint in enumerate(history.setting.joints):  # a set is in the order of the joints
+    for i, joint in enumerate(history.setting.joints):  # fault sets are listed in joint order
         start = f"{i + 1} {joint.name} "
         if rest.startswith(start):
             mode, _, rest = rest.removeprefix(start).partition(", ")
@@ -88,16 +88,16 @@ def _fault(joint: int, mode: str) -> Fault:
 
 
 def snapshot(history: History, name: str, time: float) -> Snapshot:
-    """Return what a run has at a time.
+    """Return the state of a run at a given time.
 
     Parameters
     ----------
     history :
         The history.
     name :
-        Of the run, one of `ftforce.trajectory.history.RUNS`.
+        Name of the run, one of `ftforce.trajectory.history.RUNS`.
     time :
-        In s; the last sample at or before it counts.
+        Time, s; the last sample at or before it is used.
     """
     i, run = history.index(time + ROUNDING), history.runs[name]
     at, fall = float(history.t[i]), run.falls_from
@@ -119,7 +119,7 @@ def snapshot(history: History, name: str, time: float) -> Snapshot:
 
 
 def first_with(history: History, time: float) -> float:
-    """Return the time of the first sample that knows of an event at a time, s."""
+    """Return the time of the first sample that includes an event at ``time``, s."""
     i = int(np.searchsorted(history.t, time - ROUNDING))
     return float(history.t[min(i, len(history.t) - 1)])
 
@@ -151,19 +151,19 @@ def _loads(
 
 
 def _limit(history: History, run: Run, i: int, j: int, fault: Fault | None) -> float:
-    """Return the largest torque of what holds a joint, N·m (N), NaN if it is not known."""
-    if fault is not None and fault.mode is FaultMode.LOCKED:  # a brake, of which the share stands
+    """Return the torque limit of a joint's motor or brake, N·m (N); NaN if unknown."""
+    if fault is not None and fault.mode is FaultMode.LOCKED:  # limit from load and share
         used = float(run.used[i, j])
         return abs(float(run.brake[i, j])) / used if used > 0.0 else math.nan
     share = 1.0 if fault is None or fault.mode is not FaultMode.WEAK else fault.factor
     return share * history.setting.effort[j]
 
 
-# ---- words -----------------------------------------------------------------------------------
+# ---- description -----------------------------------------------------------------------------
 
 
 def sentence(history: History, name: str, now: Snapshot) -> str:
-    """Say what a run keeps at a time."""
+    """Return a sentence on what a run keeps of the force at a snapshot."""
     told = [event for event in history.setting.events if event.time <= now.time + ROUNDING]
     faults = told[-1].all_faults if told else "every joint healthy"
     parts = [
@@ -201,7 +201,7 @@ def _kept(now: Snapshot, history: History) -> str:
 
 
 def history_scales(history: History, extent: float) -> Scales:
-    """Return the scales at which the largest force, and the largest moment, of a history fit."""
+    """Return scales at which the largest force and the largest moment of a history fit."""
     vectors = [np.array(history.setting.force)]
     vectors += [x for run in history.runs.values() for x in (run.force, run.jump)]
     return scales_for(history.setting.task, vectors, extent)
@@ -210,7 +210,7 @@ def history_scales(history: History, extent: float) -> Scales:
 def scene(
     robot: Robot, history: History, now: Snapshot, scales: Scales, see_through: bool
 ) -> Picture:
-    """Return what the scene shows at a time."""
+    """Return the scene at a snapshot."""
     task = history.setting.task
     poses, (turn, place) = joint_poses(robot, now.q)
     axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
@@ -234,18 +234,18 @@ def scene(
 
 
 def ghost(robot: Robot, picture: Picture, q: Vector, offset: Vector) -> Picture:
-    """Return the arm as if healthy, without any force.
+    """Return the healthy arm as a picture without forces.
 
     Parameters
     ----------
     robot :
         The arm.
     picture :
-        Of the other arm.
+        Picture of the faulty arm.
     q :
         Joint positions, rad or m, shape (n,).
     offset :
-        From the other arm's root to its own, m, shape (3,).
+        Offset from the faulty arm's root, m, shape (3,).
     """
     poses, _ = joint_poses(robot, q)
     return replace(

@@ -1,4 +1,4 @@
-"""The scene: nodes that are made once, of which an update sends only what changed."""
+"""The scene: nodes are created once, and updates send only what changed."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ _BOTH_SIDES: dict[str, Any] = {"side": "double", "cast_shadow": False, "receive_
 _SEE_THROUGH = 0.45
 _SOLID_OPACITY = 0.28
 _FOV = math.radians(40.0)
-_VIEW = np.array([0.80, -0.95, 0.45])  # from where one looks at the arm
+_VIEW = np.array([0.80, -0.95, 0.45])  # direction from which the arm is viewed
 _RIGHT = np.array([-_VIEW[1], _VIEW[0], 0.0]) / math.hypot(*_VIEW[:2])
-_LABEL = 0.2  # length of a line's label, of the size of the scene
-_ASPECT = 0.66  # of the scene between the panels of a window of 1280 × 800 px
-_SAMPLE = 500  # points of a link that are enough to aim the camera
+_LABEL = 0.2  # length of a line's label, as a share of the size of the arm
+_ASPECT = 0.66  # aspect ratio of the scene between the panels in a window of 1280 × 800 px
+_SAMPLE = 500  # points per link, enough to aim the camera
 
 
 class _Part(NamedTuple):
-    """A mesh that moves with one joint of the model, and some of its points, m, shape (k, 3)."""
+    """A mesh that moves with one joint of the model, and sample points of it, m, shape (k, 3)."""
 
     joint: int
     node: Any
@@ -53,15 +53,16 @@ class Stage:
     Parameters
     ----------
     server :
-        Whose scene it is.
+        Server whose scene it is drawn in.
     robot :
         The arm.
     hands :
-        Told when somebody drags the force or clicks on a joint; without it nobody can.
+        Controller notified when a user drags the force or clicks on a joint; without it, the
+        scene is not interactive.
     prefix :
-        Of the names of its nodes; another arm on the same server needs another one.
+        Prefix of the node names; must be unique per arm on the server.
     floor :
-        Whether it has one: one is enough for two arms.
+        Whether to draw the floor; two arms share one.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Stage:
         self._parts: list[_Part] = []
         self._last: Picture | None = None
         self._opacity: float | None = None
-        self._drags: set[Any] = set()  # tabs whose hand has the force
+        self._drags: set[Any] = set()  # tabs that are dragging the force
         self._lines: Any = None
         self._marks: list[Any] = []
         self._solids: list[Any] = []
@@ -101,7 +102,7 @@ class Stage:
     # ---- the arm -----------------------------------------------------------------------------
 
     def set_geometry(self, geometry: Geometry) -> None:
-        """Show the arm's links; they take their places with the picture that was shown last."""
+        """Set the meshes of the arm's links and pose them as in the current picture."""
         scene = self.server.scene
         for earlier in self._parts:
             earlier.node.remove()
@@ -109,7 +110,7 @@ class Stage:
         for i, part in enumerate(geometry.parts):
             moves = self._moves[part.joint]
             node = scene.add_mesh_simple(
-                f"{self.prefix}/arm/{i}",  # never a name out of a URDF: a slash would nest
+                f"{self.prefix}/arm/{i}",  # no URDF name: a slash would create a nested node
                 part.vertices,
                 part.faces,
                 color=FIXED,
@@ -127,27 +128,27 @@ class Stage:
             self._paint(self._last, None)
 
     def look(self, picture: Picture) -> None:
-        """Aim the camera of new tabs, and of pictures, at the links that move and at the force."""
+        """Aim the camera of new tabs and images at the moving links and the force."""
         points = [pose.position for pose in picture.joints[1:]]
         points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
         points += [end for line in picture.lines for end in line.ends]
         for line in picture.lines:
-            if line.label:  # it stands to the right of the line's end
+            if line.label:  # the label extends to the right of the line's end
                 points += [end + _LABEL * self._extent * _RIGHT for end in line.ends]
         points += [corner for solid in picture.solids for corner in solid.vertices]
-        points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # its foot
+        points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # the arm's foot
         for part in self._parts:
             if self._moves[part.joint] is not None:
                 pose = picture.joints[part.joint]
                 points.extend(part.sample @ rotation(pose.wxyz).T + pose.position)
-        # An arm that hangs below its root stands on nothing: the floor is below it.
+        # If the arm hangs below its root, put the floor below the arm.
         assign(self._floor, "position", np.array([0.0, 0.0, min(0.0, *(p[2] for p in points))]))
         eye, target = viewpoint(np.array(points), 0.08 * self._extent)
         camera = self.server.initial_camera
         camera.fov, camera.look_at, camera.position = _FOV, target, eye
 
     def update(self, picture: Picture) -> None:
-        """Show a picture: send what differs from the last one."""
+        """Show a picture, sending only differences from the last one."""
         last, self._last = self._last, picture
         self._pose(picture, last)
         self._paint(picture, last)
@@ -160,7 +161,7 @@ class Stage:
 
     @contextmanager
     def without_handle(self) -> Iterator[None]:
-        """Hide the handle of the force meanwhile: in a file nobody would answer it."""
+        """Temporarily hide the force's drag handle, which has no function in an exported file."""
         is_shown = self._handle.visible
         self._handle.visible = False
         try:
@@ -169,7 +170,7 @@ class Stage:
             self._handle.visible = is_shown
 
     def hide(self) -> None:
-        """Hide the arm until the next update; its forces stay."""
+        """Hide the arm until the next update; forces remain."""
         for part in self._parts:
             assign(part.node, "visible", False)
 
@@ -196,7 +197,7 @@ class Stage:
 
     def _place_arrow(self, arrow: Arrow) -> None:
         key = arrow.kind, arrow.is_moment
-        if key not in self._arrows:  # most tasks have no moments, and some arms no force
+        if key not in self._arrows:  # created on demand: most tasks have no moments
             if not arrow.length:
                 return
             prefix = f"{self.prefix}/{'moment' if arrow.is_moment else 'force'}"
@@ -204,19 +205,19 @@ class Stage:
         self._arrows[key].show(arrow)
 
     def _hide_arrows(self, picture: Picture) -> None:
-        """Hide those that the task no longer has."""
+        """Hide arrows whose components the task no longer has."""
         shown = {(arrow.kind, arrow.is_moment) for arrow in picture.arrows}
         for key in self._arrows.keys() - shown:
             self._arrows[key].hide()
 
     def _place_handle(self, picture: Picture) -> None:
         assign(self._handle, "visible", picture.can_pull)
-        if picture.can_pull and not self._drags:  # never out of somebody's hand
+        if picture.can_pull and not self._drags:  # not while it is being dragged
             assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
     def _dragged(self, event: Any, hands: Controller) -> None:
-        if event.phase == "start":  # nothing has moved
+        if event.phase == "start":  # no displacement yet
             self._drags.add(event.client_id)
             return
         if event.phase == "end":
@@ -270,14 +271,14 @@ class Stage:
 
 
 def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
-    """Return from where, and at what, one looks to see all points: close, with nothing cut off.
+    """Return the closest camera position from which all points are visible, and its target.
 
     Parameters
     ----------
     points :
-        In the root's axes, m, shape (k, 3).
+        In root axes, m, shape (k, 3).
     margin :
-        Around them, m.
+        Margin around the points, m.
     """
     towards = _VIEW / np.linalg.norm(_VIEW)
     right = np.cross([0.0, 0.0, 1.0], towards)
@@ -286,7 +287,7 @@ def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
     target = 0.5 * (points.min(axis=0) + points.max(axis=0))
     slopes = math.tan(0.5 * _FOV) * np.array([_ASPECT, 1.0])
     seen = (points - target) @ np.array([right, up]).T
-    # Centred as it is seen: perspective aside, half of it is on each side.
+    # Centred in the image, neglecting perspective.
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     target = target + middle[0] * right + middle[1] * up
     aside = (np.abs(seen - middle) + margin) / slopes
@@ -295,12 +296,12 @@ def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
 
 
 def linear(colours: NDArray[Any]) -> Any:
-    """Return colours that look as meant on lines and batches: viser takes theirs for linear."""
+    """Convert colours to linear RGB, as viser expects for lines and batched meshes."""
     return np.rint(255.0 * (colours / 255.0) ** 2.2).astype(np.uint8)
 
 
 def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: float) -> Any:
-    """Add line segments of one colour; ends in the root's axes, m, shape (k, 2, 3), and px."""
+    """Add line segments of one colour: ends in root axes, m, shape (k, 2, 3), thickness in px."""
     colours = np.broadcast_to(linear(np.array(colour)), ends.shape)
     places = ends.astype(np.float32)
     return scene.add_line_segments(

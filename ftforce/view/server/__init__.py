@@ -1,1 +1,1 @@
-"""viser's server, for this machine alone; the page as a file or a picture."""
+"""A local viser server, and export of the page as HTML or PNG."""

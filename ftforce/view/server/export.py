@@ -1,4 +1,4 @@
-"""The page as one file that needs no server, and asks none for anything."""
+"""The page as a self-contained file that makes no network requests."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     import viser
 
-PANEL_WIDTH = 340  # px, of the answer beside the scene
+PANEL_WIDTH = 340  # px, of the answer panel
 
 _Frame = TypeVar("_Frame")
 
-# viser's notices (of a browser without a GPU, mostly) would cover the scene.
+# Hides viser's notices (mostly about a missing GPU), which would cover the scene.
 _STYLE = f"""
 {viser_private.ROOT} {{
   position: fixed !important; left: {PANEL_WIDTH}px; right: 0; top: 0; bottom: 0;
@@ -36,23 +36,23 @@ _STYLE = f"""
 def scene_html(
     server: viser.ViserServer, *, title: str, answer: Markup, recording: Any = None
 ) -> str:
-    """Return the scene, with the answer beside it, as HTML; `write_whole` writes it.
+    """Return the scene and the answer beside it as HTML, to be saved with `write_whole`.
 
     Parameters
     ----------
     server :
-        Whose scene it is. No browser needs to be connected.
+        Server of the scene. No browser needs to be connected.
     title :
-        Of the page, as text.
+        Page title, as plain text.
     answer :
-        What stands beside the scene.
+        HTML to be placed beside the scene.
     recording :
-        What `record` returned, to be played; ``None`` for the scene as it is now.
+        Animation returned by `record`; ``None`` for the scene as it is now.
 
     Raises
     ------
     FtforceError
-        viser's page has changed.
+        viser's page has an unexpected format.
     """
     scene = server.get_scene_serializer() if recording is None else recording
     page: str = scene.as_html()
@@ -68,18 +68,18 @@ def scene_html(
 def record(
     server: viser.ViserServer, frames: Iterable[_Frame], dt: float, show: Callable[[_Frame], None]
 ) -> Any:
-    """Record what the scene shows, frame by frame, for `scene_html`.
+    """Record the scene frame by frame for `scene_html`.
 
     Parameters
     ----------
     server :
-        Whose scene it is.
+        Server of the scene.
     frames :
-        What is shown, one after the other.
+        Frames in order.
     dt :
-        Time from one to the next, s.
+        Time between frames, s.
     show :
-        Puts a frame into the scene.
+        Called with each frame to update the scene.
     """
     serializer = server.get_scene_serializer()
     for frame in frames:

@@ -1,9 +1,9 @@
-"""Who may talk to the page's server: only the page that it served itself.
+"""Access control of the page's server: only the page that it served itself may connect.
 
-viser answers everybody. A web page from anywhere could then connect to the server on the user's
-own machine and read along, since a browser's rule of the same origin does not hold for
-websockets. viser has no hook for a check, so its way of starting its server is wrapped while it
-starts (`viser_private`); `server` makes sure that this worked before anything is shown.
+viser answers every request. Any web page could thus connect to the server on the user's own
+machine and read along, as the same-origin policy does not cover WebSockets. viser has no hook for
+an access check, so the function that starts its server is replaced during startup
+(`viser_private`); `server` verifies that the check is effective before anything is shown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
-_PATIENCE = 1.0  # s: how long the end waits for a connection that does not close
+_PATIENCE = 1.0  # s: how long shutdown waits for connections to close
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; "
@@ -38,38 +38,37 @@ _POLICY = (
     "style-src 'unsafe-inline'; font-src data:; form-action 'none'; base-uri 'none'"
 )
 
-_lock = threading.Lock()  # what `serving` replaces belongs to the whole process
+_lock = threading.Lock()  # `serving` replaces a process-wide function
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the server may be called in a request.
+    """Host names under which the server may be addressed.
 
     Attributes
     ----------
     names :
-        In small letters, without a port.
+        In lower case, without a port.
     any_address :
-        Whether every IP address will do. None can be turned to point here by somebody else, as a
-        name can.
+        Whether any IP literal is accepted. IP literals, unlike names, cannot be DNS-rebound.
     """
 
     names: frozenset[str]
     any_address: bool = False
 
     def hold(self, name: str) -> bool:
-        """Whether the server may be called so."""
+        """Return whether the server may be addressed by ``name``."""
         return name.lower() in self.names or (self.any_address and _as_address(name) is not None)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Return whether an address is reachable from this machine only."""
     address = _as_address(host)
     return host.lower() in _LOOPBACK or (address is not None and address.is_loopback)
 
 
 def names_of(host: str) -> Names:
-    """Return what a server that listens on ``host`` may be called."""
+    """Return the host names accepted by a server that listens on ``host``."""
     if is_loopback(host):
         return Names(_LOOPBACK | {host.lower()})
     own = socket.gethostname().lower()
@@ -77,29 +76,29 @@ def names_of(host: str) -> Names:
 
 
 def content_policy(connect: str) -> str:
-    """Return a Content-Security-Policy under which viser's page works and asks nobody else.
+    """Return a Content-Security-Policy that lets viser's page work but contact no other host.
 
     Parameters
     ----------
     connect :
-        Where it may connect to, besides what it holds itself.
+        Permitted connection targets, in addition to embedded data.
     """
     return " ".join(_POLICY.format(connect=connect).split())
 
 
 def refusal(path: str, headers: Headers, names: Names, protocol: str) -> str:
-    """Return why a request is refused; empty if it is not.
+    """Return why a request is refused; empty if it is accepted.
 
     Parameters
     ----------
     path :
-        What is asked for, with its query.
+        Request path with query.
     headers :
-        Of the request.
+        Request headers.
     names :
-        What this server may be called.
+        Host names of this server.
     protocol :
-        The websocket's subprotocol, which names viser's version.
+        WebSocket subprotocol, which identifies viser's version.
     """
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or (match := _HOST.fullmatch(hosts[0])) is None:
@@ -117,7 +116,7 @@ def refusal(path: str, headers: Headers, names: Names, protocol: str) -> str:
 
 
 def _connection_refusal(headers: Headers, own: str, protocol: str) -> str:
-    # Browsers always send an Origin, and no page can forge it; without it, it is no browser.
+    # Browsers always send an Origin that pages cannot forge; only non-browsers omit it.
     if headers.get_all("Origin") != [own]:
         return "only the page that this server sent may connect"
     if headers.get_all("Sec-WebSocket-Protocol") != [protocol]:
@@ -126,16 +125,16 @@ def _connection_refusal(headers: Headers, own: str, protocol: str) -> str:
 
 
 class Guard:
-    """Checks requests, and adds to answers what browsers should enforce.
+    """Checks requests, and adds security headers to responses.
 
     Parameters
     ----------
     names :
-        What the server may be called.
+        Host names of the server.
     title :
-        Of the page.
+        Page title.
     listening :
-        Where it listens.
+        Listening socket.
     """
 
     def __init__(self, names: Names, title: str, listening: socket.socket) -> None:
@@ -153,7 +152,7 @@ class Guard:
         process_request: Any,
         **options: Any,
     ) -> Any:
-        """Start a server of websockets' as viser would, guarded, at no other place than ours."""
+        """Start the websockets server as viser would, but guarded and on our own socket."""
         self.is_used = True
         options |= {
             "sock": self._listening,
@@ -165,16 +164,16 @@ class Guard:
         return serve(handler, **options)
 
     def wrap(self, answer: Any) -> Any:
-        """Return viser's function that answers requests, guarded."""
+        """Return viser's request handler, guarded."""
 
         def checked(connection: Any, request: Any) -> Any:
             try:
                 reason = refusal(request.path, request.headers, self.names, self.protocol)
-            except ValueError:  # what no browser sends
+            except ValueError:  # never sent by a browser
                 reason = "the request is malformed"
             if reason:
                 return self._harden(connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n"))
-            # The title is to be found in the page.
+            # An uncompressed response, in which the title can be replaced.
             _set_header(request, "Accept-Encoding", "identity")
             response = answer(connection, request)
             if response is not None:
@@ -185,7 +184,7 @@ class Guard:
         return checked
 
     def _tracked(self) -> Any:
-        """Return the class of connections that this guard can hang up."""
+        """Return a connection class that records connections for `hang_up`."""
         from websockets.asyncio.server import ServerConnection
 
         transports = self._transports
@@ -199,15 +198,15 @@ class Guard:
         return Tracked
 
     def hang_up(self) -> None:
-        """Cut connections that never asked for anything: the server's end waits for them.
+        """Abort connections on which no request was sent; shutdown would wait for them.
 
-        Browsers open some in advance.
+        Browsers open such connections in advance.
         """
         from websockets.protocol import State
 
         for connection, abort in list(self._transports.items()):
             if connection.state is not State.OPEN:
-                with suppress(RuntimeError):  # the server has ended
+                with suppress(RuntimeError):  # the server has already stopped
                     abort()
 
     def _name(self, response: Any) -> None:
@@ -233,7 +232,7 @@ class Guard:
 
 @contextmanager
 def guarding(names: Names, title: str, listening: socket.socket) -> Iterator[Guard]:
-    """Guard the server that viser starts meanwhile.
+    """Guard the server that viser starts within this context.
 
     Parameters
     ----------
@@ -246,14 +245,14 @@ def guarding(names: Names, title: str, listening: socket.socket) -> Iterator[Gua
 
 
 def _set_header(message: Any, name: str, value: str) -> None:
-    """Set a header to one value: websockets adds a second one to the first."""
+    """Set a header to a single value; assignment in websockets would add a second one."""
     if name in message.headers:
         del message.headers[name]
     message.headers[name] = value
 
 
 def _silent() -> logging.Logger:
-    """Return a logger that prints nothing: what strangers send is no news to the user."""
+    """Return a logger without output: malformed requests of strangers do not concern the user."""
     logger = logging.getLogger("ftforce.view")
     logger.disabled = True
     return logger

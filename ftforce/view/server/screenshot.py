@@ -1,4 +1,4 @@
-"""The scene as a picture, drawn by a browser that nobody sees."""
+"""The scene as an image, rendered by a headless browser."""
 
 from __future__ import annotations
 
@@ -50,19 +50,19 @@ _FLAGS = (
     "--disable-extensions",
     "--disable-sync",
     "--disable-quic",
-    "--disable-dev-shm-usage",  # 64 MB in a container are too few
+    "--disable-dev-shm-usage",  # the 64 MB of a container's /dev/shm are too small
     "--password-store=basic",
     "--use-mock-keychain",
-    # Without a GPU; pictures are then also the same everywhere.
+    # Software rendering: works without a GPU, and gives the same image on all machines.
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--no-proxy-server",
 )
-_PATIENCE = 5.0  # s for a browser that is told to end
-_LONGEST_FOLDER = 50  # a socket's path has 104 bytes on macOS, of which Chromium takes 45
-_STEP = 0.05  # s between two looks
-_MOST_PICTURES = 6  # until two in a row are the same
+_PATIENCE = 5.0  # s for the browser to exit
+_LONGEST_FOLDER = 50  # socket paths are limited to 104 bytes on macOS; Chromium needs 45
+_STEP = 0.05  # s between polls
+_MOST_PICTURES = 6  # attempts to obtain two equal images in a row
 
 
 def screenshot(
@@ -73,23 +73,23 @@ def screenshot(
     *,
     seconds: float = 120.0,
 ) -> bytes:
-    """Return the scene as a PNG on white, drawn by a browser that is started for it.
+    """Return the scene as a PNG on white, rendered by a browser started for this purpose.
 
     Parameters
     ----------
     server, address :
-        What is drawn, and where its page is.
+        Server of the scene, and URL of its page.
     width, height :
-        Of the picture, px.
+        Image size, px.
     seconds :
-        How long it may take in all.
+        Total time limit, s.
 
     Raises
     ------
     FtforceError
-        There is no browser, or it does not draw in this time.
+        No browser is found, or rendering exceeds the time limit.
     InputError
-        The size is none of a picture.
+        The image size is invalid.
     """
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
         raise InputError(f"a picture has 1 to {LARGEST_SIDE} px a side, got {width} x {height}")
@@ -103,21 +103,21 @@ def screenshot(
 def render_png(
     client: Any, width: int | None = None, height: int | None = None, *, seconds: float = 60.0
 ) -> bytes:
-    """Return the scene as a tab sees it, as a PNG on white.
+    """Return the scene as seen in a tab, as a PNG on white.
 
     Parameters
     ----------
     client :
         viser's handle of the tab.
     width, height :
-        Of the picture, px; the tab's own if not given.
+        Image size, px; by default that of the tab.
     seconds :
-        How long it may take.
+        Time limit, s.
 
     Raises
     ------
     FtforceError
-        The tab is gone, or does not draw in this time.
+        The tab was closed, or rendering exceeds the time limit.
     """
     camera = client.camera
     size = width or camera.image_width, height or camera.image_height
@@ -125,12 +125,12 @@ def render_png(
 
 
 def find_browser() -> str:
-    """Return the path of Chromium or one of its kin.
+    """Return the path of a Chromium-based browser.
 
     Raises
     ------
     FtforceError
-        There is none; the message says where it was looked for.
+        None is found; the message lists the places searched.
     """
     for name in BROWSERS:
         if found := shutil.which(name):
@@ -147,11 +147,11 @@ def find_browser() -> str:
 def _browser(
     executable: str, address: str, width: int, height: int
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a browser that leaves nothing behind, and end it with all processes of its own."""
+    """Start a browser with a temporary profile; terminate it with all its child processes."""
     with tempfile.TemporaryDirectory(prefix="ftforce-", ignore_cleanup_errors=True) as folder:
         flags = [*_FLAGS, f"--window-size={width},{height}", f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
-            flags.append("--no-sandbox")  # its sandbox does not work for root
+            flags.append("--no-sandbox")  # Chromium's sandbox does not work as root
         scratch = {"XDG_CONFIG_HOME": folder, "XDG_CACHE_HOME": folder}
         if len(folder) <= _LONGEST_FOLDER:
             scratch["TMPDIR"] = folder
@@ -179,13 +179,13 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         with suppress(subprocess.TimeoutExpired):
             process.wait(_PATIENCE)
             break
-    _signal(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # children that are left
+    _signal(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # remaining child processes
 
 
 def _signal(process: subprocess.Popen[bytes], number: int) -> None:
     with suppress(ProcessLookupError, PermissionError):
         if hasattr(os, "killpg"):
-            os.killpg(process.pid, number)  # its own group: see start_new_session
+            os.killpg(process.pid, number)  # its own process group: see start_new_session
         else:
             process.send_signal(number)
 
@@ -193,7 +193,7 @@ def _signal(process: subprocess.Popen[bytes], number: int) -> None:
 def _connected(
     server: viser.ViserServer, before: set[int], process: subprocess.Popen[bytes], end: float
 ) -> Any:
-    """Return the tab of our browser, as soon as it is there."""
+    """Return the tab of the started browser as soon as it connects."""
     while True:
         new = [client for key, client in server.get_clients().items() if key not in before]
         if new:
@@ -206,7 +206,7 @@ def _connected(
 
 
 def _settled(client: Any, width: int, height: int, end: float) -> NDArray[np.uint8]:
-    """Return the picture that follows itself: meshes come into the scene one after the other."""
+    """Return an image once two in a row are equal: meshes load one after the other."""
     last = _render(client, width, height, end)
     for _ in range(_MOST_PICTURES):
         picture = _render(client, width, height, end)
@@ -228,7 +228,7 @@ def _render(client: Any, width: int, height: int, end: float) -> NDArray[np.uint
 
 
 def _png(picture: NDArray[np.uint8]) -> bytes:
-    """Return a picture with transparency, shape (h, w, 4), as a PNG on white."""
+    """Return an RGBA image, shape (h, w, 4), as a PNG on white."""
     from PIL import Image
 
     opacity = picture[..., 3:].astype(np.float32) / 255.0

@@ -1,4 +1,4 @@
-"""A viser server that only its own page can talk to, from its start to its end."""
+"""A viser server that only its own page can access, from startup to shutdown."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ if TYPE_CHECKING:
     from ftforce.view.server.guard import Guard
 
 FIRST_PORT = 8080
-_MOST_PORTS = 100  # how many are tried before the system chooses
+_MOST_PORTS = 100  # ports tried before leaving the choice to the system
 _BRAND = (30, 90, 160)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
-    """A server that is open.
+    """An open server.
 
     Attributes
     ----------
     server :
-        viser's.
+        The viser server.
     address :
-        Where a browser on this machine finds the page, with a slash at its end.
+        URL of the page for a browser on this machine, with a trailing slash.
     port :
-        Where it listens.
+        Listening port.
     warning :
-        What a user should know of the address it listens on; empty if only this machine reaches
-        it.
+        Warning about the listening address; empty if only this machine can reach it.
     """
 
     server: viser.ViserServer
@@ -48,7 +47,7 @@ class Opened:
     _guard: Guard
 
     def close(self) -> None:
-        """Close the server and all connections; what viser prints is not shown."""
+        """Close the server and all connections, suppressing viser's output."""
         self._guard.hang_up()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
@@ -57,23 +56,24 @@ class Opened:
 def open_server(
     host: str = "127.0.0.1", port: int | None = None, *, title: str = "ftforce"
 ) -> Opened:
-    """Open a page that is empty yet.
+    """Open a server with an empty page.
 
     Parameters
     ----------
     host :
-        Address to listen on. From others than loopback everybody who reaches it can use the page.
+        Address to listen on. Except for loopback addresses, anyone who can reach it can use the
+        page.
     port :
-        Port to listen on; ``None`` for the first one from 8080 that is free, 0 for any.
+        Port to listen on; ``None`` for the first free one from 8080, 0 for any.
     title :
-        Of the page.
+        Page title.
 
     Raises
     ------
     InputError
-        The host is none of this machine's, or the port is taken.
+        The host is not an address of this machine, or the port is in use.
     FtforceError
-        viser is missing, or is a version that cannot be guarded.
+        viser is not installed, or its version cannot be guarded.
     """
     if port is not None and not 0 <= port <= 65535:
         raise InputError(f"a port is a number from 1 to 65535, got {port}")
@@ -85,7 +85,7 @@ def open_server(
         undone.callback(listening.close)
         with guarding(names_of(host), title, listening) as guard:
             server = viser.ViserServer(host=address, port=found, verbose=False)
-        undone.pop_all()  # the server closes it
+        undone.pop_all()  # now owned by the server
     place = f"[{here}]:{found}" if ":" in here else f"{here}:{found}"
     opened = Opened(server, f"http://{place}/", found, exposure(host), guard)
     try:
@@ -99,7 +99,7 @@ def open_server(
 
 
 def exposure(host: str) -> str:
-    """Return a warning about an address to listen on; empty if only this machine reaches it."""
+    """Return a warning about a listening address; empty if only this machine can reach it."""
     if is_loopback(host):
         return ""
     return (
@@ -114,11 +114,11 @@ def _set_up(server: viser.ViserServer) -> None:
         show_share_button=False, show_logo=False, control_width="large", brand_color=_BRAND
     )
     gui.set_panel_label("ftforce")
-    # Without shadows and surroundings, which cost seconds where there is no GPU.
+    # No shadows or environment map: they take seconds without a GPU.
     scene.world_axes.visible = False
     scene.configure_environment_map(None)
     scene.configure_default_lights(True, cast_shadow=False)
-    scene.add_light_ambient("/ambient", intensity=1.5)  # or the arm is black from below
+    scene.add_light_ambient("/ambient", intensity=1.5)  # otherwise the arm is black from below
 
 
 def _viser() -> Any:
@@ -133,7 +133,7 @@ def _viser() -> Any:
 
 
 def _listening(host: str, port: int | None) -> socket.socket:
-    """Return a socket that listens: viser would try for ever, or take another port."""
+    """Return a listening socket; viser would retry forever, or use another port."""
     name = "127.0.0.1" if host == "localhost" else host
     ports = [*range(FIRST_PORT, FIRST_PORT + _MOST_PORTS), 0] if port is None else [port]
     try:
@@ -147,7 +147,7 @@ def _listening(host: str, port: int | None) -> socket.socket:
 
 
 def _refused(host: str, port: int | None, reason: int | None) -> InputError:
-    """Return in words why nothing can listen at a place."""
+    """Return the error for an address on which the server cannot listen."""
     if reason == errno.EACCES:
         words = f"port {port} needs an administrator's rights; give one from 1024 to 65535"
     elif reason == errno.EADDRINUSE:
@@ -163,25 +163,25 @@ def _refused(host: str, port: int | None, reason: int | None) -> InputError:
     return InputError(words)
 
 
-# ---- does the guard stand? -------------------------------------------------------------------
+# ---- check of the guard ----------------------------------------------------------------------
 
 
 def _check(guard: Guard, address: tuple[str, int], own: str) -> None:
-    """Ask as strangers would; fail unless they are refused.
+    """Send requests as an outsider would; fail unless they are refused.
 
     Parameters
     ----------
     guard :
-        Of the server.
+        The server's guard.
     address :
-        Where it is found.
+        Address and port of the server.
     own :
-        Its Host.
+        The server's own Host header.
 
     Raises
     ------
     FtforceError
-        viser has changed, and anybody could connect.
+        viser has changed, and unauthorized clients could connect.
     """
     connect = (
         "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"

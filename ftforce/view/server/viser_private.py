@@ -1,7 +1,7 @@
-"""Parts of viser that are not public, and that the page cannot do without; tried on viser 1.1.1.
+"""Non-public parts of viser that the page depends on; tested with viser 1.1.1.
 
-Nothing else in ftforce relies on them. ``tests/test_view_viser_private.py`` has a test for each;
-it names the version that was tried, so that a test that fails says what to look at.
+No other module uses them. ``tests/test_view_viser_private.py`` has a test for each, which names
+the tested version, so that a failure shows where to look.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 TRIED = "1.1.1"
 
 ELSEWHERE = frozenset({"websocket", "playbackPath"})
-"""Parameters of a page's address that make it connect to another server, and show its HTML.
+"""URL parameters that make a page connect to another server and show its HTML.
 
-Private: viser's page reads them, its documentation does not list them. No option turns them off.
+Private: read by viser's page but undocumented. They cannot be disabled.
 """
 
 ROOT, NOTICES = "#root", ".mantine-Notifications-root"
-"""Selectors of the scene's element, and of the notices that would cover it, in a page for a file.
+"""Selectors, in an exported page, of the scene's element and of the notices that would cover it.
 
 Private: names in viser's built page. `as_html` has no option for either.
 """
@@ -35,9 +35,9 @@ _TITLE = "<title>Viser</title>"
 
 
 def protocol() -> str:
-    """Return the subprotocol of the websockets of viser's page.
+    """Return the WebSocket subprotocol of viser's page.
 
-    Private: a convention of viser's page and server. There is no public way to ask for it.
+    Private: an internal convention of viser's page and server, without public access.
     """
     import viser
 
@@ -46,15 +46,15 @@ def protocol() -> str:
 
 @contextmanager
 def serving(serve: Callable[..., Any]) -> Iterator[None]:
-    """Have the server that viser starts meanwhile started by another function.
+    """Replace the function with which viser starts its server, within this context.
 
-    Private: that viser looks up ``serve`` in ``websockets.asyncio.server`` when it starts, and
-    hands it ``process_request``. `ViserServer` takes no check of requests of its own.
+    Private: viser looks up ``serve`` in ``websockets.asyncio.server`` at startup and passes it
+    ``process_request``. `ViserServer` has no option to check requests.
 
     Parameters
     ----------
     serve :
-        Called with websockets' own ``serve`` first, and then with what viser has for it.
+        Called with websockets' own ``serve``, followed by the arguments that viser passes to it.
     """
     import websockets.asyncio.server as websockets
 
@@ -71,10 +71,10 @@ def serving(serve: Callable[..., Any]) -> Iterator[None]:
 
 
 def close_tunnel(server: Any) -> None:
-    """Take away what a page could ask for: a tunnel that makes the server public.
+    """Disable the page's request for a tunnel that would make the server public.
 
-    Private: the messages and their handlers. A subclass could override `request_share_url`, which
-    is public, but would not notice a release that opens its tunnel another way.
+    Private: the messages and their handlers. Overriding the public `request_share_url` in a
+    subclass would miss future releases that open the tunnel in another way.
 
     Raises
     ------
@@ -92,24 +92,24 @@ def close_tunnel(server: Any) -> None:
 
 
 def titled(page: str, title: str, before: Markup = Markup()) -> str:  # noqa: B008 # immutable
-    """Return viser's page with another title, and something before it; as it is if it has none.
+    """Return viser's page with its title replaced and HTML inserted; unchanged without a title.
 
-    Private: what viser's page has as its title. ``set_panel_label`` does not change it.
+    Private: the title in viser's page, which ``set_panel_label`` does not change.
 
     Parameters
     ----------
     page :
-        HTML.
+        The page's HTML.
     title :
-        As text.
+        New title, as plain text.
     before :
-        HTML that comes before it, and so before all scripts.
+        HTML inserted before the title, and thus before all scripts.
     """
     return page.replace(_TITLE, before + Markup("<title>{}</title>").format(title), 1)
 
 
 def changed(what: str) -> FtforceError:
-    """Return an error that says what the installed version of viser does not do any more."""
+    """Return an error stating what the installed version of viser no longer does."""
     import viser
 
     return FtforceError(
