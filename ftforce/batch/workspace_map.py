@@ -81,7 +81,7 @@ class WorkspaceMap(Displayed):
 
     @cached_property
     def located(self) -> Located:
-        """Cells that contain postures, restricted to the slice if there is one; x varies slowest."""
+        """Cells that contain postures, restricted to any slice; x varies slowest."""
         return self.located_of(self.joints)
 
     def located_of(self, joints: tuple[int, ...] | None) -> Located:
