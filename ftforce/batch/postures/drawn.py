@@ -36,7 +36,7 @@ class Columns(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of points that the columns can generate."""
+        """Scale of the integers, 2**30."""
         return LARGEST
 
     def point(self, i: int) -> Integers:
