@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 AHEAD = 2
-"""Turns that are given to each thread of the cluster beforehand."""
+"""Batches queued per thread of the cluster."""
 PATIENCE = 30.0
-"""s until a scheduler answers and has a worker."""
+"""Longest wait, s, for a scheduler to reply and to have a worker."""
 TURN = 2.0
-"""s of a thread's turn, at least."""
+"""Minimum duration of a batch, s."""
 RATE = 16.0
-"""Turns that come back a second, at most: each brings a summary of megabytes to one process."""
+"""Maximum rate of returned batches, 1/s: each carries megabytes of summary to one process."""
 LOSSES = 10
-"""Workers of a cluster on this machine that a turn may lose; then it is what kills them."""
+"""Local workers a batch may lose before it is itself blamed for killing them."""
 LOOK = 5.0
-"""s between two looks at how many workers there are."""
+"""Interval between checks of the number of workers, s."""
 
 _KEPT = "what is finished is kept if there is an --output: the same command goes on from there"
 

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     Samples = dict[str, NDArray[Any]]
 
 PIECE = 4096
-"""Postures in the smallest chunk; pieces are this often halved or doubled."""
+"""Postures in the smallest chunk; pieces are this number halved or doubled repeatedly."""
 _ANSWERS = 2**17
-"""Postures times fault sets that are answered at once: their answers stay in the caches, and
-threads ask for Python's lock a few hundred times a second, not thousands."""
+"""Postures times fault sets evaluated at once: few enough for the results to stay in cache, and
+enough for threads to acquire the GIL a few hundred times a second, not thousands."""
 _SMALLEST, _LARGEST = PIECE // 16, 4 * PIECE
 
 PER_SET = (

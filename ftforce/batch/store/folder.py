@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from filelock import FileLock
 
 LOCK = ".ftforce.lock"
-"""File that says that the folder is ftforce's, who writes it, and that it is not complete."""
+"""Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
 PARTIAL = ".partial"
-"""How names end of files that are being written; Zarr's too."""
+"""Suffix of files being written, also used by Zarr."""
 _NOT_ALLOWED = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 

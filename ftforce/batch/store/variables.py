@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ftforce.core.faults import FaultSet
 
 ABOUT = "ftforce"
-"""Attribute of the group in which ftforce finds again what it needs, as JSON."""
+"""Attribute of the group that holds ftforce's own metadata, as JSON."""
 SUMMARY = "summary_"
 _CELLS = ("cell_x", "cell_y", "cell_z")
 _SET = ("fault_set",)

@@ -120,9 +120,8 @@ class Workspace:
             raise InputError(f"the edge of a cell must be positive, in m, got {edge!r}")
         if not (is_number(radius) and radius >= 0.0):
             raise InputError(f"the radius must be 0 or more, in m, got {radius!r}")
-        count = max(
-            1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12))
-        )  # rounding must not make 0.3 / 0.1 four
+        # The factor absorbs rounding: 0.3 / 0.1 makes three cells.
+        count = max(1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12)))
         x, y, z = (as_vector(centre, 3, "centre") - 0.5 * count * edge).tolist()
         return cls((x, y, z), float(edge), (count, count, count))
 

@@ -211,7 +211,7 @@ def _capability(
 
 
 def capability_counts(summary: Summary) -> Counts | None:
-    """Return the histogram of capabilities: unlimited above all edges, falling arms below them."""
+    """Return capabilities with unlimited ones in the last bin and unknown ones in the first."""
     counts, unlimited = summary.capability, summary.capability_unlimited
     if counts is None or unlimited is None or summary.capability_unknown is None:
         return None
@@ -229,7 +229,7 @@ def _joint_key(joint: JointCriticality) -> tuple[float, ...]:
 
 
 LOW, HIGH = 0.05, 0.95
-"""Quantiles of what is bad if small, and of what is bad if large."""
+"""Quantiles reported for measures that are bad when small, and when large."""
 
 
 @dataclass(frozen=True, slots=True)
