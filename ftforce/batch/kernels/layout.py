@@ -1,4 +1,4 @@
-"""Inputs and outputs of the kernels, as arrays and numbers: mechanism, faults, question, answers."""
+"""Inputs and outputs of the kernels as arrays: mechanism, faults, question, answers."""
 
 from __future__ import annotations
 
