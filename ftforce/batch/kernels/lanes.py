@@ -196,7 +196,7 @@ def into_tool_axes(tip, vectors):
 
 @inner
 def task_jacobian(mechanism, question, work):
-    """Compute the weighted task Jacobian J̃, shape (m, n, LANES); mimic joints add to their leader."""
+    """Compute the weighted J̃, (m, n, LANES); mimic joints add to their leader's column."""
     J, column = work.J, work.column
     J[:] = 0.0
     for e in range(mechanism.parent.size):

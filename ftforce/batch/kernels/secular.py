@@ -215,8 +215,8 @@ def prepare_bound(square, largest, wary, one):
 def count_below(k, one, count):
     """Count the eigenvalues of K Kᵀ below the bound.
 
-    There is one more than for J Jᵀ where the secular function N_kk - x φ(x) is negative (Sylvester's
-    law of inertia for J Jᵀ - x I bordered by J_k).
+    There is one more than for J Jᵀ where the secular function N_kk - x φ(x) is negative, by
+    Sylvester's law of inertia for J Jᵀ - x I bordered by J_k.
     """
     V, value, bound, below = one.V[k], one.a, one.bound, one.below
     for b in range(LANES):
