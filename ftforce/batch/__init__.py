@@ -1,1 +1,1 @@
-"""Many postures, all fault sets: sweeps, maps of the workspace, comparisons, the control loop."""
+"""Fault analysis over many postures: sweeps, workspace maps, comparisons, real-time remap."""

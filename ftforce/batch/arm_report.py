@@ -1,4 +1,4 @@
-"""What a sweep says of its arm in numbers that can stand beside another arm's."""
+"""Figures of merit of one arm, from its sweep, comparable between arms."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
-CONFIDENCE = 0.95  # of all intervals: what wilson and quantile_interval take if not told
+CONFIDENCE = 0.95  # of all intervals: the default of wilson and quantile_interval
 FULL = 0.99  # share of postures at which a healthy arm should command the whole task
 
 
 @dataclass(frozen=True, slots=True)
 class SizeReport:
-    """What the fault sets of one size cost, over all postures.
+    """Effect of the fault sets of one size, over all postures.
 
     Attributes
     ----------
@@ -39,21 +39,21 @@ class SizeReport:
     sets :
         Number of such sets.
     tolerated :
-        Share of postures x sets that are tolerated; the interval counts a posture once, since what
-        it says of one set tells of the others.
+        Share of postures x sets that are tolerated. The interval counts each posture once, since
+        its verdicts for different sets are correlated.
     borderline :
         Share of postures x sets that are borderline.
     margin, rho :
-        Quantiles 5 % and 50 % over postures x sets; NaN where nothing is known.
+        5 % and 50 % quantiles over postures x sets; NaN where undefined.
     rho_bound :
-        The most that the smallest ρ of a posture can be, √(C(n-m, f)/C(n, f)). It is also the root
-        of the mean ρ² of every posture at which J has full rank. NaN of joints that swing, or
+        Upper bound on the smallest ρ of a posture, √(C(n-m, f)/C(n, f)). It is also the root mean
+        square of ρ at every posture where J has full rank. NaN for free-swinging joints, or with
         fewer joints than task rows.
     jump :
-        Quantiles 50 % and 95 % of the force jump over the force that is asked for, infinite above
-        1 and where the arm cannot stand still; ``None`` without a force.
+        50 % and 95 % quantiles of the force jump relative to the requested force, infinite above 1
+        and where the arm cannot stand still; ``None`` without a force.
     capability :
-        Quantiles 5 % and 50 %, N (N·m): 0 where the arm cannot stand still, infinite where no
+        5 % and 50 % quantiles, N (N·m): 0 where the arm cannot stand still, infinite where no
         limit is known; ``None`` without a direction.
     """
 
@@ -70,20 +70,20 @@ class SizeReport:
 
 @dataclass(frozen=True, slots=True)
 class WorkspaceReport:
-    """Where the tip comes, and where it survives.
+    """Volumes of the workspace that the tip visits, and where faults are tolerated.
 
     Attributes
     ----------
     cell :
-        Edge of a cell, m.
+        Edge length of a cell, m.
     visited :
-        Volume of the cells that hold a posture, m³.
+        Volume of the cells that contain a posture, m³.
     survived :
         Volume of the cells in which enough postures tolerate every set, m³.
     some :
         Volume of the cells in which at least one posture tolerates every set, m³.
     reach :
-        Distance of the farthest visited cell's centre from the first joint, m.
+        Distance from the first joint to the centre of the farthest visited cell, m.
     """
 
     cell: float
@@ -94,7 +94,7 @@ class WorkspaceReport:
 
     @property
     def share(self) -> float:
-        """Survived over visited volume; NaN without postures."""
+        """Ratio of survived to visited volume; NaN without postures."""
         return self.survived / self.visited if self.visited else math.nan
 
 
@@ -105,35 +105,36 @@ class ArmReport:
     Attributes
     ----------
     name :
-        Of the arm; two of one name are told apart.
+        Name of the arm, unique within the comparison.
     setting :
-        What was asked of it.
+        Setting of its sweep.
     path :
-        Of the stored sweep; ``None`` if it was made for the comparison.
+        Path of the stored sweep; ``None`` if the sweep was run for the comparison.
     postures :
-        How many were analysed.
+        Number of postures analysed.
     tolerated :
-        What arms are ranked by: the share of postures x fault sets that are tolerated, where every
-        size of sets weighs the same. The interval counts a posture once.
+        Share of postures x fault sets that are tolerated, with equal weight for every size of set;
+        arms are ranked by it. The interval counts each posture once.
     every :
         Share of postures that tolerate every set.
     full_rank :
         Share of postures at which the healthy arm can command every component of the task.
     worst_rho :
-        Median over the postures of the smallest ρ of any set, to a 32nd; NaN where w(J) = 0.
+        Median over the postures of the smallest ρ of any set, in steps of 1/32; NaN where
+        w(J) = 0.
     sizes :
-        One report per size of sets, small ones first.
+        One report per size of set, in ascending order.
     critical :
         The critical joint, see `ftforce.Sweep`.
     critical_tolerated :
-        Share of postures x the sets with this joint that are tolerated.
+        Share of postures x sets containing this joint that are tolerated.
     workspace :
-        Where the tip comes, and where it survives.
+        Volumes visited and survived.
     healthy_capability :
-        Quantiles 5 % and 50 % of the healthy arm's capability, N (N·m); ``None`` without a
-        direction, or of a stored sweep.
+        5 % and 50 % quantiles of the healthy arm's capability, N (N·m); ``None`` without a
+        direction, or for a stored sweep.
     first, last :
-        Best and worst rank that the intervals leave open.
+        Best and worst rank compatible with the intervals.
     """
 
     name: str
@@ -154,7 +155,7 @@ class ArmReport:
 
     @property
     def largest(self) -> SizeReport:
-        """The report of the largest sets."""
+        """Report of the largest sets."""
         return self.sizes[-1]
 
     @property
@@ -164,15 +165,15 @@ class ArmReport:
 
     @property
     def evenness(self) -> float:
-        """Smallest ρ of a posture, the median, over the most it can be; NaN where that is 0."""
+        """Median of the smallest ρ, relative to its upper bound; NaN where the bound is 0."""
         bound = self.largest.rho_bound
         return self.worst_rho.value / bound if bound > 0.0 else math.nan
 
     @property
     def capability_kept(self) -> float:
-        """Median capability after single faults over the healthy arm's; NaN if unknown.
+        """Ratio of the median capability after single faults to the healthy arm's; NaN if unknown.
 
-        It can exceed 1: the limit of a locked joint's motor counts no more.
+        It can exceed 1, because the motor limit of a locked joint no longer applies.
         """
         after, before = self.sizes[0].capability, self.healthy_capability
         if after is None or before is None or not 0.0 < before[1].value < math.inf:
@@ -187,18 +188,18 @@ def arm_report(
     enough: float,
     healthy_capability: tuple[Estimate, Estimate] | None = None,
 ) -> ArmReport:
-    """Return what a sweep says of its arm.
+    """Return the report of one arm, from its sweep.
 
     Parameters
     ----------
     sweep :
-        At least one posture.
+        Sweep with at least one posture.
     name :
-        Of the arm.
+        Name of the arm.
     enough :
         Share of a cell's postures that must tolerate every set for the cell to survive.
     healthy_capability :
-        Quantiles 5 % and 50 % of the healthy arm's capability, N (N·m), if known.
+        5 % and 50 % quantiles of the healthy arm's capability, N (N·m), if known.
     """
     summary, setting = sweep.summary, sweep.setting
     postures = int(summary.postures)
@@ -247,7 +248,7 @@ def _of_size(sweep: Sweep, size: int) -> SizeReport:
 
 
 def rho_bound(setting: SweepSetting, size: int) -> float:
-    """Return the most that the smallest ρ of a posture can be, see `SizeReport`."""
+    """Return the upper bound on the smallest ρ of a posture, see `SizeReport`."""
     n, m = setting.n, len(setting.components)
     if setting.mode != "locked" or m > n:
         return math.nan
@@ -260,7 +261,7 @@ def _share(summary: Summary, sets: list[int], verdict: int) -> float:
 
 
 def _low_and_middle(counts: Counts, edges: Vector) -> tuple[Estimate, Estimate]:
-    """Return the quantiles 5 % and 50 % over postures x sets, whose counts are rows."""
+    """Return the 5 % and 50 % quantiles over postures x sets; ``counts`` has one row per set."""
     pooled, repeats = counts.sum(axis=0), len(counts)
     return _quantile(pooled, edges, 0.05, repeats), _quantile(pooled, edges, 0.5, repeats)
 
@@ -271,7 +272,7 @@ def _quantile(histogram: Counts, edges: Vector, p: float, repeats: int) -> Estim
 
 
 def _jump(summary: Summary, among: list[int], tolerated: int) -> tuple[Estimate, Estimate] | None:
-    """Return the quantiles over the force; what is tolerated has none, though it has a bin."""
+    """Return quantiles of the jump over the force; tolerated sets, though binned, count as 0."""
     if summary.jump is None or summary.jump_unknown is None:
         return None
     pooled = summary.jump[among].sum(axis=0)
@@ -290,7 +291,7 @@ def _capability(summary: Summary, among: list[int]) -> tuple[Estimate, Estimate]
 
 
 def capability_of(summary: Summary) -> tuple[Estimate, Estimate] | None:
-    """Return the quantiles 5 % and 50 % over postures x sets, N (N·m); ``None`` if not asked."""
+    """Return 5 % and 50 % quantiles over postures x sets, N (N·m); ``None`` if not requested."""
     return _capability(summary, list(range(summary.n_sets)))
 
 
@@ -303,7 +304,7 @@ def _workspace(summary: Summary, enough: float) -> WorkspaceReport:
     grid, postures = summary.workspace, summary.cell_postures
     good, visited = summary.cell_tolerates_all, postures > 0
     volume = grid.edge**3
-    # Farthest from the middle of the grid: a sweep lays it around the first joint.
+    # Farthest from the centre of the grid, which a sweep centres on the first joint.
     at = np.stack(np.unravel_index(np.flatnonzero(visited), grid.shape), axis=1)
     away = (at + 0.5 - 0.5 * np.array(grid.shape)) * grid.edge
     return WorkspaceReport(

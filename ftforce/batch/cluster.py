@@ -1,8 +1,8 @@
-"""The same chunks on Dask: the only file that knows it.
+"""Run the chunks of a sweep on a Dask cluster; the only module that imports Dask.
 
-Chunks are sent by number, several in a turn; a worker that is lost is survived, for Dask gives its
-turn to another, and writing a chunk twice writes the same bytes. The samples go from the workers
-straight into the output, so workers must see the output's folder; only summaries travel back.
+Chunks are sent by number, several per batch. Losing a worker is harmless: Dask reschedules its
+batch, and writing a chunk twice writes the same bytes. Workers write samples straight to the
+output, so they need access to its folder; only summaries are sent back.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 AHEAD = 2
-"""Turns that are given to each thread of the cluster beforehand."""
+"""Batches queued per thread of the cluster."""
 PATIENCE = 30.0
-"""s until a scheduler answers and has a worker."""
+"""Longest wait, s, for a scheduler to reply and to have a worker."""
 TURN = 2.0
-"""s of a thread's turn, at least."""
+"""Minimum duration of a batch, s."""
 RATE = 16.0
-"""Turns that come back a second, at most: each brings a summary of megabytes to one process."""
+"""Maximum rate of returned batches, 1/s: each carries megabytes of summary to one process."""
 LOSSES = 10
-"""Workers of a cluster on this machine that a turn may lose; then it is what kills them."""
+"""Local workers a batch may lose before it is itself blamed for killing them."""
 LOOK = 5.0
-"""s between two looks at how many workers there are."""
+"""Interval between checks of the number of workers, s."""
 
 _KEPT = "what is finished is kept if there is an --output: the same command goes on from there"
 
 
 def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Runner:
-    """Return what does chunks on a Dask cluster.
+    """Return a runner that executes chunks on a Dask cluster.
 
     Parameters
     ----------
     workers :
-        Processes of a cluster on this machine that is made for the purpose.
+        Number of processes of a temporary cluster on this machine.
     scheduler :
-        Or the address of a scheduler, e.g. ``tcp://10.0.0.1:8786``.
+        Alternatively, the address of a scheduler, e.g. ``tcp://10.0.0.1:8786``.
     output :
-        Where samples are kept; ``None`` for nowhere.
+        Where samples are stored; ``None`` if they are not.
 
     Raises
     ------
     InputError
-        Both, or no whole number of workers.
+        Both are given, or the number of workers is not a positive integer.
     FtforceError
         Dask is not installed.
     """
@@ -85,10 +85,10 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep Dask's log off the terminal: what matters comes as an error of ours."""
+    """Silence Dask's log on the terminal; failures that matter are raised as ftforce errors."""
     import logging
 
-    import distributed  # noqa: F401 - which makes its loggers, each with a level of its own
+    import distributed  # noqa: F401 - creates its loggers, each with its own level
 
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     before = {name: logging.getLogger(name).level for name in names}
@@ -96,7 +96,7 @@ def _quiet() -> Iterator[None]:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         yield
-    except LostError:  # a client tries to come back, and says so, long after it was closed
+    except LostError:  # a closed client keeps trying, and logging, to reconnect for a long time
         del before["distributed.client"]
         raise
     finally:
@@ -105,7 +105,7 @@ def _quiet() -> Iterator[None]:
 
 
 class LostError(FtforceError):
-    """The scheduler was lost."""
+    """The connection to the scheduler was lost."""
 
 
 @contextmanager
@@ -117,7 +117,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         try:
             _ask(scheduler)
             client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
-        except Exception as problem:  # what is no scheduler may make anything of the protocol
+        except Exception as problem:  # a server that is not a scheduler may reply with anything
             reason = str(problem).partition("\n")[0] or type(problem).__name__
             raise InputError(
                 f"no scheduler answers at {scheduler!r} ({reason}); "
@@ -132,7 +132,7 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
 
 def _ask(scheduler: str) -> None:
-    """See that a scheduler answers: a client waits for ever for one that listens and is silent."""
+    """Check that the scheduler replies: a client waits forever on one that listens silently."""
     import asyncio
     from concurrent.futures import ThreadPoolExecutor
 
@@ -144,7 +144,7 @@ def _ask(scheduler: str) -> None:
         async with rpc(scheduler, connection_args=security) as one:
             await asyncio.wait_for(one.identity(), PATIENCE)
 
-    with ThreadPoolExecutor(1) as pool:  # the caller's thread may have a loop of its own
+    with ThreadPoolExecutor(1) as pool:  # the caller's thread may already run an event loop
         pool.submit(lambda: asyncio.run(ask())).result()
 
 
@@ -155,7 +155,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
     import dask
     from distributed import LocalCluster
 
-    # Workers are processes of their own, which find the level of their log here.
+    # Workers are separate processes; they read their log level from this configuration.
     about = {
         "distributed.scheduler.allowed-failures": LOSSES,
         "logging.distributed": "critical",
@@ -165,7 +165,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
         LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",  # none at all would be 8787, with a warning if taken
+            dashboard_address="127.0.0.1:0",  # ``None`` would mean 8787, with a warning if taken
             host="127.0.0.1",
             silence_logs=logging.CRITICAL,
         ) as cluster,
@@ -174,12 +174,12 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Wait for a worker, and see that all have this ftforce.
+    """Wait for a worker, and check that all run this version of ftforce.
 
     Raises
     ------
     FtforceError
-        There is no worker, or one that lacks ftforce or has another version.
+        There is no worker, or one lacks ftforce or has a different version.
     """
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
@@ -187,7 +187,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
         raise FtforceError(
             f"the scheduler at {scheduler} has no workers; start some, e.g. dask worker {scheduler}"
         ) from None
-    versions = client.get_versions(packages=["ftforce"])  # its check=True warns, and of any package
+    versions = client.get_versions(packages=["ftforce"])  # check=True only warns, about any package
     own = versions["client"]["packages"]["ftforce"]
     found = {name: one["packages"]["ftforce"] for name, one in versions["workers"].items()}
     wrong = [f"{name} has {one or 'none'}" for name, one in sorted(found.items()) if one != own]
@@ -198,12 +198,12 @@ def _check_workers(client: Any, scheduler: str) -> None:
 def _submit(
     client: Any, job: Job, opened: Opened, turns: BatchSizer
 ) -> Generator[Turn, None, None]:
-    """Give turns to the workers, a few ahead, and take their summaries as they come.
+    """Submit batches to the workers, a few ahead, and yield the results as they complete.
 
     Raises
     ------
     FtforceError
-        What a worker says; or workers or the scheduler were lost.
+        A worker raised an error, or workers or the scheduler were lost.
     """
     from distributed import as_completed
 
@@ -218,8 +218,8 @@ def _submit(
             chunks := turns.take(AHEAD * threads, max(TURN, threads / RATE))
         ):
             task = (_posture_slice(job, chunks), path, token, __version__, chunks)
-            # Not pure: Dask shall not compare tasks. The job goes with every turn, for what is
-            # left on one worker is lost with it.
+            # pure=False: Dask need not hash tasks. The job is sent with every batch, because data
+            # scattered to a worker is lost with it.
             running.add(client.submit(do_turn, *task, pure=False))
         if running.is_empty():
             return
@@ -227,20 +227,20 @@ def _submit(
 
 
 def _threads(client: Any) -> int:
-    """Return how many threads the cluster has now, at least 1."""
+    """Return the current number of threads of the cluster, at least 1."""
     try:
         return max(1, int(sum(client.nthreads().values())))
-    except Exception:  # it is asked again; if it is lost the turns say so
+    except Exception:  # queried again later; a lost scheduler shows up in the batches
         return 1
 
 
 def _result(future: Any) -> Turn:
-    """Return what came of a turn.
+    """Return the result of a batch.
 
     Raises
     ------
     FtforceError
-        What a worker says; or workers or the scheduler were lost.
+        A worker raised an error, or workers or the scheduler were lost.
     """
     from concurrent.futures import CancelledError
 
@@ -265,28 +265,28 @@ def _result(future: Any) -> Turn:
 
 
 def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[int]) -> Turn:
-    """Do some chunks on a worker.
+    """Process some chunks on a worker.
 
     Parameters
     ----------
     job :
         The job.
     path, token :
-        Of the folder of the samples, and of its lock.
+        Path of the sample folder, and token of its lock.
     version :
-        Of the ftforce that asks.
+        Version of ftforce that submitted the job.
     chunks :
-        Numbers.
+        Chunk numbers.
 
     Raises
     ------
     FtforceError
-        This worker has another ftforce, or something cannot be read or written.
+        The worker runs another version of ftforce, or a file cannot be read or written.
     """
     from ftforce.batch.runner import do_chunks
     from ftforce.batch.store.store import write_chunk
 
-    if version != __version__:  # a worker that came later
+    if version != __version__:  # a worker that joined later
         raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")
 
     def write(index: int, samples: Samples) -> None:
@@ -297,7 +297,7 @@ def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[i
 
 
 def _posture_slice(job: Job, chunks: list[int]) -> Job:
-    """Return a job that holds of given postures only what a turn needs."""
+    """Return a copy of the job that carries only the listed postures this batch needs."""
     if not isinstance(job.postures, Listed):
         return job
     rows = {index: job.postures.block(*job.range(index)) for index in chunks}
@@ -306,16 +306,16 @@ def _posture_slice(job: Job, chunks: list[int]) -> Job:
 
 @dataclass(frozen=True, eq=False)
 class PostureSlice:
-    """Some chunks of given postures.
+    """Some chunks of a listed set of postures.
 
     Attributes
     ----------
     rows :
-        Joint positions of the chunks, rad or m, by number of the chunk.
+        Joint positions of each chunk, rad or m, by chunk number.
     chunk :
         Postures per chunk.
     count, n :
-        Number of all postures, and of joints.
+        Total number of postures, and number of joints.
     """
 
     rows: dict[int, Matrix]
@@ -324,11 +324,11 @@ class PostureSlice:
     n: int
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return postures that lie in one of the chunks, see `ftforce.batch.postures.Postures`."""
+        """Return postures of one of the chunks, see `ftforce.batch.postures.Postures`."""
         index = start // self.chunk
         first = index * self.chunk
         return self.rows[index][start - first : stop - first].copy()
 
     def identity(self) -> dict[str, Any]:
-        """Return nothing that could be compared: an excerpt is never stored."""
+        """Return no identity: a slice is never stored."""
         return {"source": "excerpt"}

@@ -1,4 +1,4 @@
-"""Arms side by side: the same question, as many postures within the limits of each."""
+"""Compare arms: the same question, over equally many postures within each arm's limits."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 
 SAMPLES = 100_000
 ENOUGH = 0.95
-CELLS = 20  # along the reach to either side: as many for every arm, whatever its size
-_ALIKE = 1.3  # cells over reach may differ by this factor
+CELLS = 20  # across the workspace, the same number for every arm whatever its size
+_ALIKE = 1.3  # the ratio of cell size to reach may differ by this factor
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Displayed):
-    """Arms side by side.
+    """Ranking of several arms.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Comparison(Displayed):
     enough :
         Share of a cell's postures that must tolerate every set for the cell to survive.
     warnings :
-        What makes the answer doubtful.
+        Reasons to doubt the ranking.
     """
 
     arms: tuple[ArmReport, ...]
@@ -71,12 +71,12 @@ class Comparison(Displayed):
 
     @property
     def question(self) -> SweepSetting:
-        """What was asked of every arm: task, axes, mode, force and the like of the first one."""
+        """Setting of the first arm; task, axes, mode, force etc. are the same for all."""
         return self.arms[0].setting
 
     @property
     def best(self) -> tuple[ArmReport, ...]:
-        """The arms that may be the best as far as the intervals tell."""
+        """Arms that may be the best, given the confidence intervals."""
         return tuple(arm for arm in self.arms if arm.first == 1)
 
     def __getitem__(self, name: str) -> ArmReport:
@@ -85,7 +85,7 @@ class Comparison(Displayed):
         Raises
         ------
         UnknownNameError
-            There is none.
+            There is no such arm.
         """
         from ftforce.errors import UnknownNameError
 
@@ -96,7 +96,7 @@ class Comparison(Displayed):
 
 
 class _Entry(NamedTuple):
-    """An arm that was named, loaded: a robot to sweep, or a sweep."""
+    """A loaded arm of the comparison: a robot to sweep, or a finished sweep."""
 
     name: str
     hints: tuple[str, ...]
@@ -128,39 +128,39 @@ def compare(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Sweep arms over as many postures each, with the same question, and rank them.
+    """Sweep arms over equally many postures, with the same question, and rank them.
 
-    All options but ``enough`` and ``threads`` are about arms that are swept now; a stored sweep
-    was asked already, and must have been asked the same.
+    All options except ``enough`` and ``threads`` apply to arms that are swept now. A stored sweep
+    keeps its own setting, which must match.
 
     Parameters
     ----------
     arms :
-        Two or more: robots, URDFs, names of known robots, sweeps, or folders of stored sweeps. A
-        mapping names them.
+        Two or more robots, URDF files, names of known robots, sweeps, or folders of stored sweeps.
+        The keys of a mapping are the arms' names.
     n :
-        Postures of each, drawn within its limits; 1e5 if not given.
+        Number of postures per arm, drawn within its limits; default 1e5.
     method, seed :
-        How they are drawn, see `ftforce.sweep`; the seed is the same for all.
+        How they are drawn, see `ftforce.sweep`; the seed is the same for all arms.
     faults, mode, force, direction, limits, gravity, payload, task, axes, rtol, wary :
         As in `ftforce.sweep`.
     length :
-        Characteristic length, m, one for all arms: it says how a moment counts beside a force.
+        Characteristic length, m, the same for all arms: it weighs moments against forces.
     cell :
-        Edge of the workspace's cells, m; if not given a tenth of each arm's longest reach.
+        Edge length of the workspace cells, m; default a tenth of each arm's longest reach.
     enough :
         Share of a cell's postures that must tolerate every set for the cell to survive.
     tip, base :
-        Links of every arm that is loaded here; each robot's own if not given.
+        Tip and base links of the arms loaded here; default each robot's own.
     threads :
-        On this machine; one per processor if not given.
+        Number of threads; default one per processor.
     progress :
-        Called with the postures done, and their number, over all arms.
+        Called with the number of postures done and the total, over all arms.
 
     Raises
     ------
     InputError
-        Fewer than two arms, a malformed value, or sweeps that were not asked the same; the message
+        Fewer than two arms, a malformed value, or sweeps with different settings; the message
         names the arm.
     FileError
         A file cannot be read.
@@ -205,7 +205,7 @@ def _loaded(arms: Iterable[Arm] | Mapping[str, Arm], tip: str | None, base: str 
 
 
 def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _Entry:
-    """Load what was given, and note what could tell it from others of its name."""
+    """Load an arm, and note what distinguishes it from others of the same name."""
     found, hints = given, tuple[str, ...]()
     if isinstance(given, (str, os.PathLike)):
         hints = (printable(Path(given).name), printable(given))
@@ -243,7 +243,7 @@ def _is_known(given: object) -> bool:
 
 
 def _named(entries: Sequence[_Entry]) -> list[_Entry]:
-    """Tell arms of one name apart: by their files if these differ, else by numbers."""
+    """Make names unique: by file name where these differ, else by number."""
     counts = Counter(one.name for one in entries)
     found = []
     for i, one in enumerate(entries):
@@ -263,7 +263,7 @@ def _apart(hints: Sequence[tuple[str, ...]], i: int) -> str:
 
 
 class _Reports:
-    """Makes the reports of arms, sweeping those that are robots."""
+    """Builds the reports of arms, sweeping those that are robots."""
 
     def __init__(
         self, asked: dict[str, Any], enough: float, threads: int | None, progress: Progress | None
@@ -274,7 +274,7 @@ class _Reports:
 
     def of(self, entries: Sequence[_Entry]) -> list[ArmReport]:
         """Return one report per arm."""
-        # Every arm's postures before the first sweep: most of what is wrong shows there.
+        # Draw the postures of all arms before the first sweep: most errors surface here.
         robots = {one.name: one.arm for one in entries if isinstance(one.arm, Robot)}
         drawn = {name: self._drawn(name, robot) for name, robot in robots.items()}
         self.total = sum(postures.count for postures in drawn.values())
@@ -293,7 +293,7 @@ class _Reports:
         return found
 
     def _drawn(self, name: str, robot: Robot) -> Drawn:
-        """Return the postures of an arm, and check what may suit the others but not this one."""
+        """Return the postures of an arm, and check the options that depend on the arm."""
         from ftforce.analysis.limits_files import choose_limits
         from ftforce.analysis.question import check_size
         from ftforce.batch.postures.drawn import Drawn
@@ -329,14 +329,14 @@ class _Reports:
 
 @contextmanager
 def _naming(name: str) -> Iterator[None]:
-    """Put the arm's name before what is wrong with it; files name themselves."""
+    """Prefix errors with the arm's name; file errors already name the file."""
     try:
         yield
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from None
 
 
-# What makes a question: two arms that were not asked the same cannot stand side by side.
+# Settings that must match: arms with different questions cannot be compared.
 _QUESTION = (
     *("components", "axes", "length", "mode", "largest", "force", "limits", "direction"),
     *("gravity", "payload", "rtol", "wary"),
@@ -345,12 +345,12 @@ _CALLED = {"components": "task", "largest": "size of sets"}
 
 
 def _check_same(one: _Entry, other: _Entry) -> None:
-    """Refuse two sweeps that were not asked the same.
+    """Check that two sweeps have the same setting.
 
     Raises
     ------
     InputError
-        They were not; the message says in what they differ.
+        They differ; the message says in what.
     """
     assert isinstance(one.arm, Sweep)
     assert isinstance(other.arm, Sweep)
@@ -369,8 +369,8 @@ def _check_same(one: _Entry, other: _Entry) -> None:
 def _asked(setting: SweepSetting, key: str) -> Any:
     value = getattr(setting, key)
     if key == "length" and not any(name[0] == "m" for name in setting.components):
-        return None  # it weighs nothing
-    if key == "limits":  # an arm's limits are its own; whether they count is the question
+        return None  # without moments it has no effect
+    if key == "limits":  # limits differ between arms; only whether they apply must match
         return "none" if value is None else "counted"
     return value
 
@@ -390,9 +390,9 @@ def _in_words(value: Any) -> str:
 
 
 def _ranked(reports: Sequence[ArmReport]) -> tuple[ArmReport, ...]:
-    """Sort arms, and say which ranks their intervals leave open.
+    """Sort arms, and set the range of ranks compatible with their intervals.
 
-    An arm is behind another for certain if its interval lies wholly below the other's.
+    An arm certainly ranks below another if its interval lies entirely below the other's.
     """
     found = []
     for arm in sorted(reports, key=_rank):
@@ -408,7 +408,7 @@ def _rank(arm: ArmReport) -> tuple[float, float, float, str]:
 
 
 def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
-    """Say what makes the answer doubtful, arms of one trouble together."""
+    """Return reasons to doubt the ranking, grouping arms with the same problem."""
     found = []
     weak = [f"{arm.name} at {arm.full_rank:.0%}" for arm in reports if not arm.is_whole]
     if weak:
@@ -463,20 +463,20 @@ def healthy_capability(
     payload: Any = None,
     threads: int | None = None,
 ) -> tuple[Estimate, Estimate] | None:
-    """Return the quantiles 5 % and 50 % of the capability, N (N·m); ``None`` without a direction.
+    """Return 5 % and 50 % quantiles of the capability, N (N·m); ``None`` without a direction.
 
     Parameters
     ----------
     robot :
         The arm.
     setting :
-        What its sweep asked.
+        Setting of its sweep.
     postures :
-        Those of the sweep.
+        Postures of the sweep.
     limits, payload :
-        As the sweep was given them.
+        As passed to the sweep.
     threads :
-        On this machine; one per processor if not given.
+        Number of threads; default one per processor.
     """
     from concurrent.futures import ThreadPoolExecutor
 

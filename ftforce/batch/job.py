@@ -1,4 +1,4 @@
-"""A sweep cut into chunks, each of which any thread or worker can do on its own."""
+"""A sweep split into independent chunks, for threads or workers."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     Samples = dict[str, NDArray[Any]]
 
 PIECE = 4096
-"""Postures in the smallest chunk; pieces are this often halved or doubled."""
+"""Postures in the smallest chunk; pieces are this number halved or doubled repeatedly."""
 _ANSWERS = 2**17
-"""Postures times fault sets that are answered at once: their answers stay in the caches, and
-threads ask for Python's lock a few hundred times a second, not thousands."""
+"""Postures times fault sets evaluated at once: few enough for the results to stay in cache, and
+enough for threads to acquire the GIL a few hundred times a second, not thousands."""
 _SMALLEST, _LARGEST = PIECE // 16, 4 * PIECE
 
 PER_SET = (
@@ -39,16 +39,16 @@ PER_POSTURE = ("q", "tip", "healthy_rank", "healthy_margin")
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """All that is needed to do any chunk.
+    """All that is needed to process any chunk.
 
     Attributes
     ----------
     plan :
-        What is asked of every posture.
+        What to compute at every posture.
     postures :
         The postures.
     bins, workspace :
-        Of the summary.
+        Histogram bins and workspace cells of the summary.
     keep :
         ``all``, ``worst`` or ``summary``.
     chunk :
@@ -74,27 +74,27 @@ class Job:
         return len(self.plan.faults.locked)
 
     def range(self, index: int) -> tuple[int, int]:
-        """Return the first posture of a chunk, and the first after it."""
+        """Return the half-open range of postures of a chunk."""
         start = index * self.chunk
         return start, min(start + self.chunk, self.postures.count)
 
     def empty_summary(self) -> Summary:
-        """Return the summary of no posture."""
+        """Return an empty summary."""
         return Summary.empty(self.n_sets, self.bins, self.workspace)
 
     @property
     def piece(self) -> int:
-        """Number of postures that are answered at once, a power of two."""
+        """Number of postures evaluated at once, a power of two."""
         fits = max(_SMALLEST, min(_LARGEST, _ANSWERS // max(1, self.n_sets)))
         return 1 << (fits.bit_length() - 1)
 
     def run(self, index: int) -> tuple[Summary, Samples]:
-        """Do a chunk.
+        """Process a chunk.
 
         Returns
         -------
         :
-            Its summary, and what is kept of its postures, by name: arrays of the chunk's length.
+            Its summary, and its stored samples by name: arrays of the chunk's length.
 
         Raises
         ------
@@ -105,17 +105,18 @@ class Job:
         return summary, self.add(index, summary)
 
     def add(self, index: int, summary: Summary) -> Samples:
-        """Do a chunk and count it in a summary, in place.
+        """Process a chunk and add it to a summary, in place.
 
         Returns
         -------
         :
-            What is kept of its postures, by name: arrays of the chunk's length.
+            Its stored samples by name: arrays of the chunk's length.
 
         Raises
         ------
         FileError
-            The postures come from a file that cannot be read; a part of the chunk may be counted.
+            The postures come from a file that cannot be read; part of the chunk may have been
+            added.
         """
         start, stop = self.range(index)
         kept: Samples = {}
@@ -145,21 +146,21 @@ class Job:
         return {name: value for name, value in self.__dict__.items() if name != "_per_thread"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore, and start with no workspace."""
+        """Restore without workspaces; they are created on demand."""
         self.__dict__.update(state, _per_thread=threading.local())
 
 
 class _Reusing(Evaluator):
-    """Answers for blocks of postures, always in the same arrays: the next block overwrites them.
+    """Evaluator that reuses its output arrays: the next block overwrites them.
 
-    New arrays of this size are new pages of memory, which cost as much as counting what is in
-    them, and which threads get one after the other only.
+    Allocating arrays of this size means mapping new pages, which costs as much as counting their
+    contents and is serialized between threads.
     """
 
     _answers: Answers | None = None
 
     def __call__(self, q: Matrix) -> Block:
-        """Return the answers for postures, see `Evaluator`; valid until the next call."""
+        """Return the results for postures, see `Evaluator`; valid until the next call."""
         answers = self._answers
         if answers is None or len(answers.tip) != len(q):
             answers = self._answers = empty_answers(self.plan, len(q))
@@ -168,14 +169,14 @@ class _Reusing(Evaluator):
 
 
 def samples_of(q: Matrix, block: Block, keep: str) -> Samples:
-    """Return what is kept of a block, each array with one row per posture.
+    """Return the samples to store for a block, arrays with one row per posture.
 
     Parameters
     ----------
     q :
-        The postures, shape (k, n).
+        Joint positions, rad or m, shape (k, n).
     block :
-        The answers.
+        Results at these postures.
     keep :
         ``all`` or ``worst``.
     """
@@ -198,7 +199,7 @@ def samples_of(q: Matrix, block: Block, keep: str) -> Samples:
 def worst_sets(block: Block) -> NDArray[np.intp]:
     """Return the worst fault set of each posture, shape (k,).
 
-    The worst verdict, then the largest relative jump, then the smallest margin, then the first.
+    Ordered by worst verdict, then largest relative jump, then smallest margin, then index.
     """
     jump = block.relative_jump
     keys = [block.margin, -block.verdict.astype(np.int64)]

@@ -1,4 +1,4 @@
-"""What a sweep asks at every posture, checked once and turned into arrays; and the asking."""
+"""The question of a sweep, checked once and converted to arrays, and its evaluation."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ def mechanism_of(
     payload: Payload | None = None,
     weighs: bool = True,
 ) -> Mechanism:
-    """Return the arrays of a robot.
+    """Return a robot as arrays.
 
-    Every joint's frame is turned so that its axis is z: one kernel serves all types of joints.
+    Every joint frame is rotated so that its axis is z: one kernel serves all joint types.
 
     Parameters
     ----------
     robot :
         The arm.
     gravity :
-        In the root's axes, m/s², shape (3,); ``None`` takes the model's.
+        In root axes, m/s², shape (3,); ``None`` uses the model's.
     payload :
-        What the tip carries.
+        Payload at the tip.
     weighs :
-        Whether the weight is asked for: otherwise joints that only carry weight are left out.
+        Whether gravity torques are needed; if not, joints that only carry weight are left out.
 
     Raises
     ------
     InputError
-        A joint of the model is no hinge and no slide.
+        A joint of the model is neither revolute nor prismatic.
     """
     model, coordinates = robot.model, robot.coordinates
     tip = model.frames[robot.tip_frame]
@@ -88,7 +88,7 @@ def mechanism_of(
 
 
 def _axis(model: pin.Model, joint: int) -> tuple[Vector, bool]:
-    """Return a joint's axis in its own frame, and whether it slides: its motion subspace says."""
+    """Return a joint's axis in its own frame, and whether it is prismatic (motion subspace)."""
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     columns = pin.getJointJacobian(model, data, joint, pin.LOCAL).reshape(6, model.nv)
@@ -103,7 +103,7 @@ def _axis(model: pin.Model, joint: int) -> tuple[Vector, bool]:
 
 
 def _turn_to(axis: Vector) -> Matrix:
-    """Return a rotation that takes z to the axis."""
+    """Return a rotation that maps z to the axis."""
     aligned: Matrix = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
     return aligned
 
@@ -115,7 +115,7 @@ def _flat(R: Matrix, p: Vector) -> Vector:
 def _bodies(
     robot: Robot, kept: list[int], turns: dict[int, Matrix], payload: Payload | None
 ) -> tuple[Vector, Matrix]:
-    """Return mass and centre of what each joint carries, in the turned frames."""
+    """Return the mass and centre of mass carried by each joint, in the rotated frames."""
     model = robot.model
     tip = model.frames[robot.tip_frame]
     masses, centres = [], []
@@ -136,16 +136,16 @@ _PAGE, _APART = 4096, 5 * 64  # bytes
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """All that a worker needs to answer for postures: arrays and numbers, so it can be sent.
+    """All that a worker needs to evaluate postures: arrays and numbers only, so it can be pickled.
 
     Attributes
     ----------
     mechanism, faults, question :
-        As the kernels take them.
+        Arguments of the kernels.
     n :
         Number of joints.
     has_moment_jump :
-        Whether the task has forces and moments, whose jumps share no unit.
+        Whether the task has both forces and moments, whose jumps have different units.
     """
 
     mechanism: Mechanism
@@ -155,17 +155,17 @@ class Plan:
     has_moment_jump: bool
 
     def evaluator(self) -> Evaluator:
-        """Return what answers for postures; one per thread, for it owns a workspace."""
+        """Return an evaluator; use one per thread, since it owns a workspace."""
         return Evaluator(self)
 
 
 class Evaluator:
-    """Answers for blocks of postures.
+    """Evaluates blocks of postures.
 
     Parameters
     ----------
     plan :
-        What is asked.
+        What to compute.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -177,7 +177,7 @@ class Evaluator:
         self._one = settle.pairs(m, plan.n)
 
     def __call__(self, q: Matrix) -> Block:
-        """Return the answers for postures.
+        """Return the results for postures.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class Evaluator:
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:
-    """Return arrays for the answers about k postures."""
+    """Return uninitialized result arrays for k postures."""
     S, asks = len(plan.faults.locked), plan.question.force.size > 0
     moves = plan.question.direction.size > 0
     sizes: dict[str, tuple[tuple[int, ...], type]] = {
@@ -215,9 +215,8 @@ def empty_answers(plan: Plan, k: int) -> Answers:
         "relative_jump": ((S, k) if asks else (0, 0), np.float64),
         "capability": ((S, k) if moves else (0, 0), np.float64),
     }
-    # A vector that lies across two lines of the caches takes twice as long to write. And where
-    # lines have the same place in their pages, the processor takes what is read for what was just
-    # written.
+    # Vector stores that straddle two cache lines take twice as long. Arrays at the same page
+    # offset suffer from 4K aliasing: the processor mistakes a load for one of a recent store.
     arrays = {
         name: aligned(shape, kind, _PAGE, at * _APART)
         for at, (name, (shape, kind)) in enumerate(sizes.items())
@@ -226,7 +225,7 @@ def empty_answers(plan: Plan, k: int) -> Answers:
 
 
 def as_block(answers: Answers) -> Block:
-    """Return the answers, ``None`` for what was not asked."""
+    """Return the results as a `Block`, ``None`` for what was not requested."""
     given: dict[str, Any] = answers._asdict()
     for name in ("jump", "moment_jump", "relative_jump", "capability"):
         if not given[name].shape[0]:
@@ -240,7 +239,7 @@ def faults_of(sets: Sequence[FaultSet], n: int) -> Faults:
     Parameters
     ----------
     sets :
-        Locked and free joints.
+        Sets of locked and free joints.
     n :
         Number of joints.
     """
@@ -266,7 +265,7 @@ def question_of(
     wary: float,
     weighs: bool,
 ) -> Question:
-    """Return what is asked as arrays.
+    """Return the question as arrays.
 
     Parameters
     ----------
@@ -275,13 +274,13 @@ def question_of(
     n :
         Number of joints.
     force, direction :
-        Unweighted, in the task's axes, shape (m,); ``None`` if not asked.
+        Unweighted, in the task's axes, shape (m,); ``None`` if not requested.
     limits :
-        Those that end the capability; ``None`` for none.
+        Torque limits for the capability; ``None`` for unlimited.
     rtol, wary :
-        Tolerances.
+        Relative tolerances of the rank and of the borderline verdict.
     weighs :
-        Whether the arm's weight matters.
+        Whether gravity torques are needed.
     """
     rows = np.arange(6)[task.rows].astype(np.int64)
     unknown = np.full(n, np.nan)

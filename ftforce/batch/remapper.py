@@ -1,4 +1,4 @@
-"""The remap inside a control loop: fault sets that are chosen before, microseconds per posture."""
+"""Torque remap for control loops: fault sets fixed in advance, microseconds per posture."""
 
 from __future__ import annotations
 
@@ -33,34 +33,36 @@ _FLOAT = np.dtype(np.float64)
 
 
 class Remapped(NamedTuple):
-    """What `Remapper` says about S fault sets: arrays that its next call overwrites.
+    """Result of `Remapper` for S fault sets, in arrays that its next call overwrites.
 
-    The arrays are read-only. Numbers are NaN where nothing holds the arm.
+    The arrays are read-only. Values are NaN where the arm cannot stand still.
 
     Attributes
     ----------
     U :
-        Motor torques meant for the force after the remap, N·m (N if prismatic), weight and motion
-        apart, shape (S, n); 0 at locked joints. At a joint without torque it is what balances the
-        joint's weight, as in `ftforce.core.changes.TorqueChange`.
+        Motor torques that exert the force after the remap, N·m (N if prismatic), without the
+        torques for weight and motion, shape (S, n); 0 at locked joints. At a free-swinging joint
+        it is the torque that balances the joint's weight, as in
+        `ftforce.core.changes.TorqueChange`.
     self_motion :
-        Part of the torques that exerts no static force but moves the arm, shape (n,).
+        Part of the torques that exerts no static force but moves the arm, N·m (N if prismatic),
+        shape (n,).
     force_before :
         Force that the healthy arm exerts, F̂, N and N·m, in the task's axes, shape (m,).
     force_after :
-        Force that each set leaves, shape (S, m).
+        Force that remains after each fault set, shape (S, m).
     jump :
-        ΔF, the one less the other, shape (S, m).
+        ΔF, ``force_before`` minus ``force_after``, shape (S, m).
     jump_norm :
-        Norm of the jump's forces, N, shape (S,); ``None`` if the task has none.
+        Norm of the force components of the jump, N, shape (S,); ``None`` if the task has none.
     moment_jump_norm :
-        Norm of its moments, N·m, shape (S,); ``None`` if the task has none.
+        Norm of its moment components, N·m, shape (S,); ``None`` if the task has none.
     margin :
         σ_min(K)/σ_max(J), shape (S,).
     sigma_min :
-        σ_min(K) of the weighted Jacobian, m (1 for a slide), shape (S,).
+        σ_min(K) of the weighted Jacobian, m (dimensionless if prismatic), shape (S,).
     rank_lost :
-        Rank of J less that of K, shape (S,).
+        rank(J) - rank(K), shape (S,).
     verdict :
         Index in ``ftforce.core.verdict.VERDICTS``, shape (S,): 0 tolerated, 1 borderline, 2 not
         tolerated.
@@ -80,45 +82,46 @@ class Remapped(NamedTuple):
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """The verdict of each set; for the screen, as it makes new objects."""
+        """Verdict of each set; for display, since it allocates."""
         return tuple(VERDICTS[code] for code in self.verdict.tolist())
 
     def copy(self) -> Remapped:
-        """Return arrays that stay as they are."""
+        """Return a copy that later calls do not overwrite."""
         kept = (None if array is None else read_only(array.copy()) for array in self)
-        return Remapped(*kept)  # type: ignore[arg-type] # which are None does not change
+        return Remapped(*kept)  # type: ignore[arg-type] # ``None`` fields stay ``None``
 
 
 class Remapper:
-    """Remap torques after faults that are chosen in advance, as `ftforce.analyze` would.
+    """Remap torques after faults fixed in advance, with the results of `ftforce.analyze`.
 
-    Everything but the posture and the torques is checked and laid out here, once. A call costs
-    microseconds and allocates no memory; its result is overwritten by the next call. A remapper
-    serves one thread: give each its own, for instance by ``copy.copy``.
+    Everything except the posture and the torques is checked and converted once, on construction.
+    A call takes microseconds and allocates no memory; its result is overwritten by the next call.
+    A remapper is not thread-safe: give each thread its own, for instance by ``copy.copy``.
 
-    Needs numba, from the extra ``sweep``. The first remapper on a machine waits for its compiler,
-    up to half a minute.
+    Requires numba, from the extra ``sweep``. The first remapper created on a machine waits for
+    compilation, up to half a minute.
 
     Parameters
     ----------
     robot :
         The arm.
     faults :
-        All sets of up to so many joints; or the sets themselves: joints by number (from 1) or
-        name, masks of shape (n,), or `ftforce.FaultSet` for sets of both modes.
+        Largest number of joints that fail together, for all sets up to that size; or the sets
+        themselves: joints by number (from 1) or name, masks of shape (n,), or `ftforce.FaultSet`
+        for sets that mix modes.
     mode :
-        Of the joints that are not in a `ftforce.FaultSet`: ``locked`` or ``free``.
+        Fault mode of joints not given in a `ftforce.FaultSet`: ``locked`` or ``free``.
     gravity, payload :
-        As in `ftforce.analyze`. They count where a joint is free: its weight has to be balanced.
-        Motion does not.
+        As in `ftforce.analyze`. They matter only for free-swinging joints, whose weight has to be
+        balanced. Inertial torques are not considered.
     task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
 
     Raises
     ------
     InputError
-        A malformed value, no sets, or weak joints: they need limits, which `ftforce.analyze`
-        knows.
+        A malformed value, no fault sets, or weak joints: they need torque limits, which only
+        `ftforce.analyze` supports.
     FtforceError
         numba is missing.
 
@@ -187,7 +190,7 @@ class Remapper:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the answers doubtful at every posture."""
+        """Reasons to doubt the results at every posture."""
         swings = any(one.swinging for one in self._sets)
         if swings and self._robot.mass == 0.0:
             return ("the URDF has no masses: the weight of the arm is missing",)
@@ -195,26 +198,26 @@ class Remapper:
 
     @property
     def result(self) -> Remapped:
-        """Answers of the last call; of the last that was answered, if one raised an error."""
+        """Result of the last successful call."""
         return self._result
 
     def __call__(
         self, q: ArrayLike, tau: ArrayLike | None = None, *, force: ArrayLike | None = None
     ) -> Remapped:
-        """Answer for one posture.
+        """Remap the torques of one posture.
 
-        Arrays of float64 are read where they are. Anything else is converted first, which takes
-        memory and some microseconds.
+        Arrays of float64 are used in place. Anything else is converted first, which allocates and
+        takes some microseconds.
 
         Parameters
         ----------
         q :
             Joint positions, rad or m, shape (n,).
         tau :
-            Motor torques meant for the tip's force (weight and motion taken off), N·m (N), shape
-            (n,): ``torque`` of `ftforce.analyze`.
+            Motor torques that exert the force at the tip, without those for weight and motion,
+            N·m (N if prismatic), shape (n,): ``torque`` of `ftforce.analyze`.
         force :
-            Instead, the force that the tool exerts on its environment, N and N·m, in the task's
+            Alternatively, the force the tool exerts on its environment, N and N·m, in the task's
             axes, shape (m,).
 
         Returns
@@ -225,8 +228,8 @@ class Remapper:
         Raises
         ------
         InputError
-            Wrong sizes, not numbers, NaN or infinity; both torques and a force, or neither. The
-            answers of the call before stay.
+            Wrong sizes, non-numeric values, NaN or infinity; both torques and a force, or neither.
+            The previous result is kept.
         """
         run, given = self._by_torque, tau
         if force is not None:
@@ -245,7 +248,7 @@ class Remapper:
         return self._converted(q, tau, force)
 
     def _converted(self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None) -> Remapped:
-        """Answer for anything that can be made arrays; say what is wrong with anything else."""
+        """Convert the arguments to arrays and try again, with clear errors for invalid ones."""
         robot, task = self._robot, self._task
         hint = f"one per joint, {robot.numbered()}"
         q = as_vector(q, robot.n, "q", hint)
@@ -262,11 +265,11 @@ class Remapper:
         return self._result
 
     def __repr__(self) -> str:
-        """Return robot, task and number of sets."""
+        """Return the robot, the task and the number of sets."""
         return f"<Remapper {self._robot.name!r}: {self._task}, {len(self._sets)} fault sets>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle what it was made of: the workspace is each one's own."""
+        """Copy and pickle the constructor arguments only: workspaces are never shared."""
         return partial(Remapper, **self._options), (self._robot, self._sets)
 
 
@@ -283,7 +286,7 @@ def _kernel() -> Any:
 
 
 def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[FaultSet, ...]:
-    if isinstance(faults, int):  # and True, which is none
+    if isinstance(faults, int):  # True too, which is rejected below
         check_size(robot, faults)
         return tuple(fault_sets(robot.n, faults, mode))
     if isinstance(faults, FaultSet):
@@ -309,7 +312,7 @@ def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[Fault
 def _constants(
     mechanism: Mechanism, question: Question, faults: Faults
 ) -> tuple[NDArray[Any], ...]:
-    """Return tree, body, task, locked and free as `single.answer` takes them."""
+    """Return ``tree``, ``body``, ``task``, ``locked`` and ``free`` of `single.answer`."""
     from ftforce.batch.kernels import single
 
     E, m, n = len(mechanism.parent), len(question.rows), faults.locked.shape[1]
@@ -334,14 +337,14 @@ def _constants(
 def _workspace(
     joints: int, task: Task, n: int, sets: int
 ) -> tuple[tuple[NDArray[Any], ...], Remapped]:
-    """Return what `single.answer` writes to, and the part of it that it answers."""
+    """Return the output arrays of `single.answer`, and the views of them that are the result."""
     from ftforce.batch.kernels import single
 
     m = task.m
     square = np.zeros((single.SQUARES, m, m))
-    square[0] = np.eye(m)  # in its own left vectors J has unit ones
+    square[0] = np.eye(m)  # in its own left singular basis, the left vectors of J are unit vectors
     torque = np.full((single.TORQUES + sets, n), np.nan)
-    torque[0] = 0.0  # no weight, unless the kernel is to find it
+    torque[0] = 0.0  # gravity torques, unless the kernel computes them
     force = np.full((1 + 2 * sets, m), np.nan)
     number = np.full((4, sets), np.nan)
     code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
@@ -370,5 +373,5 @@ def _workspace(
 
 
 def _view(array: NDArray[Any]) -> NDArray[Any]:
-    """Return the same memory, but not to be written to through this door."""
+    """Return a read-only view."""
     return read_only(array.view())

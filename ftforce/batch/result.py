@@ -1,4 +1,4 @@
-"""The result of a sweep: what was asked, the summary, and the samples if they were kept."""
+"""The result of a sweep: its setting, its summary, and its samples if they were kept."""
 
 from __future__ import annotations
 
@@ -29,46 +29,46 @@ KEEPS: tuple[str, ...] = get_args(Keep)
 
 @dataclass(frozen=True)
 class SweepSetting:
-    """What a sweep asked: plain numbers and names, so that it can be stored beside the result.
+    """Setting of a sweep, as plain numbers and names that are stored with the result.
 
     Attributes
     ----------
     robot, base, tip :
-        Name of the robot, and its links.
+        Names of the robot, its base link and its tip link.
     joints :
         Names of the n joints.
     joint_units :
-        ``rad`` or ``m`` each.
+        Unit of each joint position, ``rad`` or ``m``.
     task, components, axes, length :
         The task, its components, its axes, and the characteristic length, m.
     mode, largest :
-        How joints fail, and the size of the largest sets.
+        Fault mode, and size of the largest fault sets.
     force :
-        Asked for, in the task's axes, N (N·m); ``None`` without.
+        Requested force in the task's axes, N (N·m), or ``None``.
     direction :
-        Of the capability, in the task's axes, of unit length; ``None`` without.
+        Direction of the capability in the task's axes, of unit length, or ``None``.
     limits :
-        Where the torque limits of the capability come from; ``None`` if none count.
+        Source of the torque limits of the capability; ``None`` if no limits apply.
     unknown_limits :
-        Names of the joints whose motor limit is unknown and so counts as none.
+        Names of the joints whose motor limit is unknown and treated as infinite.
     gravity :
-        In the root's axes, m/s².
+        In root axes, m/s².
     payload :
-        In words; ``None`` without.
+        Description of the payload, or ``None``.
     rtol, wary :
-        Tolerances.
+        Relative tolerances of the rank and of the borderline verdict.
     postures :
-        In words.
+        Description of the postures.
     count :
-        How many postures.
+        Number of postures.
     is_random :
-        Whether they were drawn, so that intervals of confidence mean something.
+        Whether they were drawn at random, so that confidence intervals are meaningful.
     keep :
-        ``all``, ``worst`` or ``summary``.
+        Samples kept: ``all``, ``worst`` or ``summary``.
     chunk :
         Postures per chunk.
     version :
-        Of ftforce.
+        Version of ftforce.
     """
 
     robot: str
@@ -98,12 +98,18 @@ class SweepSetting:
     version: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON has it."""
+        """Return the setting as a JSON-compatible dictionary."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, found: dict[str, Any]) -> SweepSetting:
-        """Return it from what JSON made of it: lists become tuples again."""
+        """Return the setting from a dictionary made by `to_dict`, possibly read from JSON.
+
+        Parameters
+        ----------
+        found :
+            The dictionary; lists become tuples again.
+        """
         known: dict[str, Any] = {
             k: tuple(v) if isinstance(v, list) else v for k, v in found.items()
         }
@@ -116,12 +122,12 @@ class SweepSetting:
 
     @property
     def size_unit(self) -> str:
-        """Unit of the jump: N, or of a task of moments alone N·m."""
+        """Unit of the jump: N, or N·m for a task of moments only."""
         return "N" if any(name[0] == "f" for name in self.components) else "N·m"
 
     @property
     def capability_unit(self) -> str:
-        """Unit of the capability: N, or along a direction of moments alone N·m."""
+        """Unit of the capability: N, or N·m along a direction of pure moment."""
         if self.direction is None:
             return self.size_unit
         pushes = (
@@ -133,20 +139,20 @@ class SweepSetting:
 
 @dataclass(frozen=True, eq=False)
 class Sweep(Displayed):
-    """Many postures, all fault sets.
+    """Result of a fault analysis over many postures and all fault sets.
 
     Attributes
     ----------
     setting :
-        What was asked.
+        The setting.
     sets :
-        The fault sets, small ones first.
+        The fault sets, in ascending order of size.
     summary :
         Counts over all postures.
     path :
-        Where it is stored; ``None`` if it is not.
+        Path of the Zarr group; ``None`` if the sweep is in memory only.
     open_dataset :
-        What opens the store.
+        Function that opens the store.
     """
 
     setting: SweepSetting
@@ -157,42 +163,42 @@ class Sweep(Displayed):
 
     @cached_property
     def dataset(self) -> xr.Dataset:
-        """Everything as an xarray Dataset, read when it is looked at."""
+        """All arrays as an xarray Dataset, loaded lazily."""
         return self.open_dataset()
 
     @cached_property
     def joints(self) -> tuple[JointCriticality, ...]:
-        """Every joint, most critical first."""
+        """All joints, most critical first."""
         return criticality(self.summary, self.sets, self.setting.n)
 
     @cached_property
     def ranked(self) -> tuple[SetSummary, ...]:
-        """Every fault set, worst first."""
+        """All fault sets, worst first."""
         return set_summaries(self.summary, self.sets)
 
     @property
     def done(self) -> int:
-        """Number of postures that are done: fewer than asked for while it runs or if it stopped."""
+        """Number of postures analysed so far; less than requested if unfinished."""
         return int(self.summary.postures)
 
     @property
     def is_complete(self) -> bool:
-        """Whether all postures are done."""
+        """Whether all postures were analysed."""
         return self.done == self.setting.count
 
     @property
     def every_set(self) -> Estimate:
-        """Share of the postures that tolerate every fault set."""
+        """Share of postures that tolerate every fault set."""
         return tolerating_every_set(self.summary)
 
     def survival(self, joints: tuple[int, ...] | None = None) -> Survival:
-        """Return the share of postures of each cell of the workspace that tolerate a fault set.
+        """Return, per workspace cell, the share of postures that tolerate a fault set.
 
         Parameters
         ----------
         joints :
-            Numbers from 1 of the joints that fail together; ``None`` asks for every set of the
-            sweep at once.
+            Joints that fail together, numbered from 1; ``None`` for postures that tolerate every
+            set of the sweep.
 
         Raises
         ------
@@ -202,7 +208,12 @@ class Sweep(Displayed):
         return survival(self.summary, None if joints is None else self.index_of(joints))
 
     def index_of(self, joints: tuple[int, ...]) -> int:
-        """Return the place of the set of these joints (numbers from 1) among the fault sets.
+        """Return the index of a fault set in `sets`.
+
+        Parameters
+        ----------
+        joints :
+            Joints of the set, numbered from 1.
 
         Raises
         ------
@@ -222,7 +233,7 @@ class Sweep(Displayed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the answer doubtful."""
+        """Reasons to doubt the result."""
         doubts = []
         if not self.is_complete:
             doubts.append(
@@ -241,12 +252,12 @@ class Sweep(Displayed):
 
 
 def sets_to_lists(sets: tuple[FaultSet, ...]) -> list[list[list[Any]]]:
-    """Return fault sets as JSON has them: pairs of joint (from 0) and mode."""
+    """Return fault sets in JSON form: pairs of joint (from 0) and mode."""
     return [[[fault.joint, fault.mode.value] for fault in one.faults] for one in sets]
 
 
 def sets_from_lists(found: list[list[list[Any]]]) -> tuple[FaultSet, ...]:
-    """Return fault sets from what JSON made of them."""
+    """Return fault sets from their JSON form."""
     return tuple(
         FaultSet(tuple(Fault(joint, FaultMode(mode)) for joint, mode in one)) for one in found
     )

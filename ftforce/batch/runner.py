@@ -1,4 +1,4 @@
-"""Doing the chunks of a job on this machine, in threads: the kernels let go of Python's lock."""
+"""Process the chunks of a job on this machine, in threads: the kernels release the GIL."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from ftforce.batch.store.store import Opened
     from ftforce.batch.summary.summary import Summary
 
-SAVING = 5.0  # s between two writings of the progress file
-TURN = 1.0  # s that a thread counts into a summary of its own before it is added to the others
+SAVING = 5.0  # s between writes of the progress file
+TURN = 1.0  # s that a thread counts into its own summary before that is merged
 
 
 class Turn(NamedTuple):
-    """Chunks that are done: their samples are written.
+    """Result of a batch of chunks, whose samples are already written.
 
     Attributes
     ----------
     chunks :
-        Numbers.
+        Chunk numbers.
     summary :
-        Of all of them.
+        Summary over all of them.
     seconds :
-        How long they took, s.
+        Time taken, s.
     """
 
     chunks: list[int]
@@ -45,25 +45,25 @@ class Turn(NamedTuple):
 
 
 class Runner(Protocol):
-    """Does chunks somewhere, in any order."""
+    """Function that processes chunks, in any order."""
 
     def __call__(
         self, job: Job, opened: Opened, turns: BatchSizer, /
     ) -> Generator[Turn, None, None]:
-        """Yield turns as they are done."""
+        """Yield batches as they complete."""
 
 
 class BatchSizer:
-    """Chunks that are to be done, dealt out in turns of about the same time.
+    """Splits the remaining chunks into batches of about equal duration.
 
-    A summary is megabytes, whatever it counts: one for every chunk would cost as much as the
-    chunk. So a turn is several chunks with one summary; fewer towards the end, for all to end at
-    the same time.
+    A summary takes megabytes regardless of how much it counts, so one per chunk would cost as
+    much as the chunk itself. A batch therefore holds several chunks with one summary; batches
+    shrink towards the end, so that all workers finish together.
 
     Parameters
     ----------
     chunks, count :
-        Numbers of the chunks, and how many they are.
+        Numbers of the remaining chunks, and how many there are.
     """
 
     def __init__(self, chunks: Iterator[int], count: int) -> None:
@@ -71,14 +71,14 @@ class BatchSizer:
         self._cost: float | None = None  # s per chunk
 
     def take(self, hands: int, seconds: float) -> list[int]:
-        """Return the chunks of the next turn, none if all are given.
+        """Return the chunks of the next batch, an empty list once all are handed out.
 
         Parameters
         ----------
         hands :
-            How many work at the same time.
+            Number of concurrent workers.
         seconds :
-            How long the turn should take.
+            Target duration of the batch, s.
         """
         size = 1 if self._cost is None else int(seconds / max(self._cost, 1e-6))
         taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * hands)))))
@@ -86,12 +86,12 @@ class BatchSizer:
         return taken
 
     def took(self, chunks: int, seconds: float) -> None:
-        """Learn how long a turn took, s."""
+        """Record how long a batch took, s."""
         self._cost = seconds / chunks
 
 
 def do_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]) -> Turn:
-    """Do some chunks here and now, and write what is kept of each."""
+    """Process some chunks in the calling thread, and write their samples."""
     start, summary = time.monotonic(), job.empty_summary()
     for index in chunks:
         samples = job.add(index, summary)
@@ -101,23 +101,23 @@ def do_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]
 
 
 def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = None) -> None:
-    """Do the chunks that are not done yet, and keep count.
+    """Process the remaining chunks of a job, and save progress.
 
     Parameters
     ----------
     job :
-        What is to be done.
+        The job.
     opened :
-        Where it is kept.
+        Store of its results.
     runner :
-        Who does it.
+        Executes the chunks.
     progress :
-        Called with the postures done, and their number.
+        Called with the number of postures done and the total.
 
     Raises
     ------
     FtforceError
-        Something cannot be read or written; what is finished is kept.
+        A file cannot be read or written; finished chunks are kept.
     """
     done, total = opened.done, job.postures.count
     count = int((~done).sum())
@@ -137,19 +137,19 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
                     store.save_progress(opened)
                     saved = time.monotonic()
     finally:
-        # Ctrl-C within a merge leaves half of it: then what was saved last is the truth.
+        # Ctrl-C during a merge leaves the summary inconsistent: then the last save stands.
         if is_whole and not done.all():
-            with suppress(OutputError):  # the first trouble is the one to tell
+            with suppress(OutputError):  # do not mask the original error
                 store.save_progress(opened)
 
 
 def threads_of(threads: int | None) -> int:
-    """Return how many threads to use; all processors this process may use if not said.
+    """Return the number of threads; by default one per processor available to this process.
 
     Raises
     ------
     InputError
-        It is no whole number from 1 on.
+        It is not a positive integer.
     """
     if threads is None:
         return (
@@ -163,11 +163,11 @@ def threads_of(threads: int | None) -> int:
 
 
 def in_threads(threads: int) -> Runner:
-    """Return what does chunks in threads of this process."""
+    """Return a runner that executes chunks in threads of this process."""
 
     def runner(job: Job, opened: Opened, turns: BatchSizer) -> Generator[Turn, None, None]:
         write = partial(store.write_samples, opened)
-        # Samples take longer than the summary, and what is written should count soon.
+        # Samples cost more than the summary, and written chunks should be recorded soon.
         seconds = TURN if job.keep == "summary" else 0.0
         with ThreadPoolExecutor(threads) as pool:
             running: set[Future[Turn]] = set()

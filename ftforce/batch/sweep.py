@@ -1,4 +1,4 @@
-"""Many postures, all fault sets: how much of the workspace survives, which joint is critical."""
+"""Fault analysis over many postures: surviving workspace, critical joints."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 CHUNK = 65_536  # postures, at most
-_LARGEST_ARRAY = 2**31 - 2**16  # bytes that a codec takes at once
-_VALUES = 2_000_000  # postures times fault sets of a chunk, about: 16 MB per array that is kept
-_LEAST_RADIUS = 1e-3  # m: of a wrist whose tip never moves
+_LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
+_VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
+_LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -85,39 +85,39 @@ def sweep(
     robot :
         The arm.
     q :
-        Postures: rad or m, shape (k, n); or a file (.npy .csv .parquet); or
-        `ftforce.batch.postures.Grid`. Without: ``n`` postures are drawn within the limits.
+        Joint positions, rad or m, shape (k, n); or a file (.npy, .csv, .parquet); or a
+        `ftforce.batch.postures.Grid`. By default, ``n`` postures are drawn within the limits.
     n :
-        How many to draw.
+        Number of postures to draw.
     method, seed :
-        ``sobol`` (scrambled) or ``uniform``, and the seed that makes them come again.
+        ``sobol`` (scrambled) or ``uniform``, and the seed of the random numbers.
     faults, mode :
-        Size of the largest sets; ``locked`` or ``free``.
+        Size of the largest fault sets, and their mode, ``locked`` or ``free``.
     force :
         Force the tool exerts on its environment, N and N·m, in the task's axes, shape (m,).
     direction :
-        Of the capability, in the task's axes, shape (m,); the force's if not given.
+        Direction of the capability, in the task's axes, shape (m,); default that of the force.
     limits :
-        Of the capability: ``urdf`` (if not given), a TOML or CSV file, or
-        `ftforce.core.limits.Limits`; ``none`` asks for no capability. Verdict and jump do not
-        count them.
+        Torque limits of the capability: ``urdf`` (default), a TOML or CSV file, or
+        `ftforce.core.limits.Limits`; ``none`` computes no capability. Verdicts and jumps ignore
+        them.
     gravity, payload, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     keep :
-        ``all`` samples, each posture's ``worst`` set, or the ``summary`` alone; if not given all
-        where there is an output, else the summary.
+        Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
+        default ``all`` with an output, else ``summary``.
     cell :
-        Edge of the workspace's cells, m; if not given about a twentieth of the reach.
+        Edge length of the workspace cells, m; default about a twentieth of the reach.
     output :
-        Zarr group to write; in memory if not given. A sweep that was stopped goes on.
+        Zarr group to write; default in memory. An interrupted sweep is resumed.
     chunk :
-        Postures that are done, and stored, at a time; if not given 65,536, or fewer for many sets.
+        Postures processed and stored at a time; default 65,536, or fewer for many sets.
     threads :
-        On this machine; one per processor if not given.
+        Number of threads; default one per processor.
     workers, scheduler :
-        Instead: a number of processes, or the address of a Dask scheduler.
+        Instead of threads, a number of Dask processes, or the address of a Dask scheduler.
     progress :
-        Called after every chunk with the postures done, and their number.
+        Called after every chunk with the number of postures done and the total.
 
     Raises
     ------
@@ -163,12 +163,12 @@ def sweep(
 
 
 def needs_numba() -> None:
-    """Say what is missing if the extra for sweeps is not installed.
+    """Check that the extra ``sweep`` is installed.
 
     Raises
     ------
     FtforceError
-        It is not.
+        A package is missing; the message names it.
     """
     try:
         import filelock  # noqa: F401
@@ -190,7 +190,7 @@ def plan_of(
     weighs: bool,
     **question: Any,
 ) -> Plan:
-    """Return what is asked of every posture; ``question`` as `question_of` takes it."""
+    """Return the plan of a sweep; ``question`` holds further arguments of `question_of`."""
     own = None if conditions.is_model_gravity else conditions.gravity
     return Plan(
         mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
@@ -211,7 +211,7 @@ def _force(task: Task, force: ArrayLike | None) -> Vector | None:
 
 
 def _size_of(task: Task, F: Vector | None) -> float | None:
-    """Return the norm of the force that jumps are compared with, N (N·m)."""
+    """Return the norm of the force relative to which jumps are measured, N (N·m)."""
     if F is None:
         return None
     rows = list(task.force_rows or task.moment_rows)
@@ -245,7 +245,7 @@ def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> 
 
 
 def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
-    """Return the postures of a chunk: those asked for, or as many as memory takes easily."""
+    """Return the number of postures per chunk: as requested, or a size that fits in memory."""
     if chunk is not None:
         size = min(whole_number(chunk, "chunk", PIECE), count)
         most = _LARGEST_ARRAY // (8 * sets)
@@ -259,9 +259,9 @@ def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
 
 
 def _workspace(robot: Robot, postures: Postures, cell: float | None) -> Workspace:
-    """Return cells around all that the tip can reach."""
+    """Return cells that cover the reach of the tip."""
     centre, radius = reach_bound(robot)
-    if not math.isfinite(radius):  # a joint slides without limits: look where the postures are
+    if not math.isfinite(radius):  # a prismatic joint without limits: use the postures' extent
         q = postures.block(0, min(postures.count, PIECE))
         places = np.array([tip_pose(robot, read_only(row.copy()))[1] for row in q])
         centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
@@ -329,7 +329,7 @@ def _runner(
 
 
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
-    """Return what makes this sweep this one: all that its bytes depend on."""
+    """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
     for name in ("postures", "count", "is_random"):
         del plain[name]

@@ -1,6 +1,6 @@
-"""Where in the workspace a fault is survived: a sweep's cells, pooled over a depth or in slices.
+"""Map of the workspace where a fault is tolerated: cells of a sweep, projected or sliced.
 
-Counts are pooled and not shares: a cell with many postures weighs more than one with few.
+Counts are pooled, not shares, so cells weigh by their number of postures.
 """
 
 from __future__ import annotations
@@ -35,27 +35,27 @@ if TYPE_CHECKING:
 
 QUANTITIES = ("rho", "margin", "jump", "capability")
 USUAL = ("rho", "margin")
-_ROUNDING = 1e-9  # of an edge: a slice on the border of two cells is the upper one
+_ROUNDING = 1e-9  # of an edge: a slice on the border of two cells belongs to the upper one
 
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap(Displayed):
-    """What is looked at in a sweep; `workspace_map` makes it.
+    """Map of a sweep over the workspace, made by `workspace_map`.
 
     Attributes
     ----------
     sweep :
         The sweep.
     joints :
-        Numbers from 1 of the joints that fail together; ``None``: every set of the sweep.
+        Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
     plane :
         ``xy``, ``xz`` or ``yz``; ``None`` for all three.
     at :
-        Where along the third axis the slice lies, m; ``None`` pools the whole depth.
+        Position of the slice along the third axis, m; ``None`` pools the whole depth.
     solid :
-        Whether pictures have three dimensions.
+        Whether plots are three-dimensional.
     quantities :
-        Histograms and quantiles that are shown: ``rho``, ``margin``, ``jump``, ``capability``.
+        Histograms and quantiles to show: ``rho``, ``margin``, ``jump``, ``capability``.
     """
 
     sweep: Sweep
@@ -72,20 +72,26 @@ class WorkspaceMap(Displayed):
 
     @cached_property
     def flat(self) -> Flat:
-        """The map: cells of the plane, or of xz if all three are looked at."""
+        """Cells of the plane, or of xz if ``plane`` is ``None``."""
         return self.projected(self.plane or "xz")
 
     def projected(self, plane: str) -> Flat:
-        """Return the map of a plane."""
+        """Return the cells of a plane, ``xy``, ``xz`` or ``yz``."""
         return flatten(self.sweep, self.grid, plane, self.at)
 
     @cached_property
     def located(self) -> Located:
-        """The cells that hold postures, of the slice if there is one, with x slowest."""
+        """Cells that contain postures, restricted to any slice; x varies slowest."""
         return self.located_of(self.joints)
 
     def located_of(self, joints: tuple[int, ...] | None) -> Located:
-        """Return the cells that hold postures with what another fault set does to them."""
+        """Return the cells that contain postures, for another fault set.
+
+        Parameters
+        ----------
+        joints :
+            Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
+        """
         grid = self.grid if joints == self.joints else grid_of(self.sweep, joints)
         workspace = self.sweep.summary.workspace
         chosen = grid.postures > 0
@@ -99,9 +105,9 @@ class WorkspaceMap(Displayed):
 
     @cached_property
     def blocks(self) -> Located:
-        """The located cells, pooled into cubes until most hold enough postures for a share.
+        """Located cells, pooled into cubes until most contain enough postures for a share.
 
-        Those of a slice stay as they are.
+        Cells of a slice are not pooled.
         """
         if self.at is not None:
             return self.located
@@ -118,10 +124,15 @@ class WorkspaceMap(Displayed):
         return Located(read_only(place), edge, cells.only(filled))
 
     def worst(self, most: int) -> list[int]:
-        """Return which of the blocks surely are the worst: by the interval's upper end.
+        """Return the indices of the worst blocks, ranked by the upper end of their intervals.
 
-        So a block of three postures that happen to fail does not come before one of three hundred.
-        Blocks that tolerate everything are none of the worst.
+        A block of three postures that happen to fail thus does not rank above one of three
+        hundred. Blocks that tolerate everything are left out.
+
+        Parameters
+        ----------
+        most :
+            Largest number of blocks to return.
         """
         cells = self.blocks.cells
         order = np.lexsort((cells.share, cells.high))
@@ -129,7 +140,7 @@ class WorkspaceMap(Displayed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes the map doubtful."""
+        """Reasons to doubt the map."""
         found = list(self.sweep.warnings)
         if outside := int(self.sweep.summary.outside):
             found.append(f"{outside:,} tips lie outside the cells and count in the outermost ones")
@@ -145,27 +156,27 @@ def workspace_map(
     solid: bool = False,
     quantities: Sequence[str] = USUAL,
 ) -> WorkspaceMap:
-    """Look at where in the workspace a fault is survived.
+    """Return a map of the workspace that shows where a fault is tolerated.
 
     Parameters
     ----------
     sweep :
-        A sweep.
+        The sweep.
     joints :
-        Numbers from 1 of the joints that fail together; ``None`` asks for every set of the sweep.
+        Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
     plane :
-        ``xy``, ``xz`` or ``yz``.
+        ``xy``, ``xz`` or ``yz``; ``None`` for all three.
     at :
-        Where along the third axis a slice lies, m; if not given the whole depth is pooled.
+        Position of a slice along the third axis, m; by default the whole depth is pooled.
     solid :
-        Whether pictures have three dimensions.
+        Whether plots are three-dimensional.
     quantities :
-        Some of ``rho``, ``margin``, ``jump`` and ``capability``.
+        Histograms and quantiles to show: ``rho``, ``margin``, ``jump``, ``capability``.
 
     Raises
     ------
     InputError
-        The sweep has no posture yet, no such set or quantity, or nothing lies in the slice.
+        The sweep has no postures yet, no such set or quantity, or the slice is empty.
     """
     if not int(sweep.summary.postures):
         raise InputError("no posture of the sweep is done yet; the command that began it goes on")
@@ -202,12 +213,12 @@ def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
 
 
 def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
-    """Return the cells of a plane: pooled over the depth, or one layer of them.
+    """Return the cells of a plane, pooled over the depth or of one layer.
 
     Raises
     ------
     InputError
-        There is no such plane, or nothing lies in the slice.
+        There is no such plane, or the slice is empty.
     """
     if plane not in PLANES:
         raise UnknownNameError("plane", plane, PLANES)
@@ -226,7 +237,7 @@ def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
 
 
 def layer_at(sweep: Sweep, axis: int, at: float) -> int:
-    """Return the layer of cells that holds a position along an axis, within those with postures."""
+    """Return the layer of cells at a position along an axis, clipped to those with postures."""
     workspace = sweep.summary.workspace
     first, end = window_of(sweep.summary.cell_postures.reshape(workspace.shape))[axis].tolist()
     place = (at - workspace.origin[axis]) / workspace.edge
@@ -234,12 +245,12 @@ def layer_at(sweep: Sweep, axis: int, at: float) -> int:
 
 
 def check_slice(sweep: Sweep, plane: str, at: float) -> None:
-    """Check that postures lie at this depth.
+    """Check that there are postures at this depth.
 
     Raises
     ------
     InputError
-        They do not; the message says where they lie.
+        There are none; the message gives the range they occupy.
     """
     axis, workspace = depth_axis(plane), sweep.summary.workspace
     postures = sweep.summary.cell_postures.reshape(workspace.shape)
@@ -255,12 +266,12 @@ def check_slice(sweep: Sweep, plane: str, at: float) -> None:
 
 
 def check_quantity(sweep: Sweep, quantity: str) -> None:
-    """Check that the sweep counts this.
+    """Check that the sweep counted a quantity.
 
     Raises
     ------
     InputError
-        It does not, or there is no such quantity.
+        It did not, or there is no such quantity.
     """
     if quantity not in QUANTITIES:
         raise UnknownNameError("quantity", quantity, QUANTITIES)

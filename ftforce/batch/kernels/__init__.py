@@ -1,1 +1,1 @@
-"""What numba compiles: arrays only; nothing of ftforce outside of this package is imported."""
+"""Numba kernels, on arrays only; this package imports nothing else of ftforce."""

@@ -1,7 +1,7 @@
-"""Counts of a block of postures, in integers: sums that no order of the blocks can change.
+"""Integer counts over a block of postures, independent of the order of the blocks.
 
-Which bin a number lies in hangs on one product, or on comparisons with the edges, never on a
-logarithm or a sum of products: so it is the same on every machine.
+The bin of a value is found by a single product or by comparison with the edges, never by a
+logarithm or a sum of products, so it is the same on every machine.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
-ABOVE = 1.0 + 1e-9  # times the last edge: what lies below is the last edge, rounded
-TILE = 256  # postures whose columns are turned into rows at a time
+ABOVE = 1.0 + 1e-9  # times the last edge; values below count as the last edge, up to rounding
+TILE = 256  # postures transposed at a time
 
 
 @kernel
@@ -32,14 +32,14 @@ def count_codes(codes: Codes, counts: Counts) -> None:
     Parameters
     ----------
     codes :
-        From 0 to C - 1, shape (S, k).
+        Integers from 0 to C - 1, shape (S, k).
     counts :
-        Raised in place, shape (S, C).
+        Incremented in place, shape (S, C).
     """
     sets, k = codes.shape
     for s in range(sets):
         row = codes[s]
-        for code in range(counts.shape[1]):  # C passes without a branch: they run in SIMD
+        for code in range(counts.shape[1]):  # C branch-free passes, which vectorize
             found = 0
             for i in range(k):
                 found += row[i] == code
@@ -50,19 +50,19 @@ def count_codes(codes: Codes, counts: Counts) -> None:
 def count_linear(
     values: Matrix, largest: float, bins: int, counts: Counts, unknown: Counts
 ) -> None:
-    """Count numbers in bins of equal width from 0: x lies in the bin ⌊x · (bins / largest)⌋.
+    """Count values in bins of equal width from 0: x belongs to bin ⌊x · (bins / largest)⌋.
 
     Parameters
     ----------
     values :
-        Shape (S, k); what lies below 0, by rounding, counts in the first bin.
+        Shape (S, k); values below 0, due to rounding, count in the first bin.
     largest, bins :
-        Upper edge of the last bin, which lies in it, and number of bins.
+        Upper edge of the last bin, inclusive, and number of bins.
     counts :
-        Raised in place, shape (S, bins), then what is larger counts in the last bin too; or
-        (S, bins + 1), then the last element counts it.
+        Incremented in place. With shape (S, bins), larger values count in the last bin; with
+        shape (S, bins + 1), in a separate overflow bin.
     unknown :
-        Raised by the number of NaN, shape (S,).
+        Incremented by the number of NaN, shape (S,).
     """
     sets, k = values.shape
     scale = bins / largest
@@ -93,22 +93,22 @@ def count_logarithmic(
     unlimited: Counts,
     unknown: Counts,
 ) -> None:
-    """Count numbers in bins whose edges rise by a factor.
+    """Count values in bins with logarithmically spaced edges.
 
     Parameters
     ----------
     values :
         Shape (S, k).
     first :
-        What `leading_bits` makes of them, shape (S, k).
+        Their `leading_bits`, shape (S, k).
     edges :
-        Positive, rising, shape (b + 1,); the last bin holds its upper edge too.
+        Positive, increasing, shape (b + 1,); the last bin includes its upper edge.
     guide :
-        Made by `guide_to` of the edges.
+        Lookup table of the edges, made by `guide_to`.
     counts :
-        Raised in place, shape (S, b + 2): below the first edge, the bins, above the last edge.
+        Incremented in place, shape (S, b + 2): below the first edge, the bins, above the last edge.
     unlimited, unknown :
-        Raised by the number of infinite values and of NaN, shape (S,).
+        Incremented by the number of infinite values and of NaN, shape (S,).
     """
     sets, k = values.shape
     last = len(edges) - 2
@@ -132,11 +132,11 @@ def count_logarithmic(
                 unknown[s] += 1
 
 
-_SHIFT = 45  # leaves sign, exponent and 7 bits of the fraction: 128 steps per factor of two
+_SHIFT = 45  # keeps sign, exponent and 7 bits of the fraction: 128 steps per factor of two
 
 
 def leading_bits(values: Matrix) -> NDArray[np.int64]:
-    """Return a number that rises with a positive value, 128 steps per factor of two."""
+    """Return an integer that increases with a positive value, by 128 steps per factor of two."""
     bits: NDArray[np.int64] = np.ascontiguousarray(values).view(np.int64) >> _SHIFT
     return bits
 
@@ -147,7 +147,7 @@ def guide_to(edges: Vector) -> Counts:
     Parameters
     ----------
     edges :
-        Positive, rising by a factor of more than 2^(1/64), so that a step meets one edge at most.
+        Positive, increasing by a factor above 2^(1/64), so that a step contains at most one edge.
     """
     start, stop = leading_bits(edges[[0, -1]])
     steps = np.arange(start, stop + 1) << _SHIFT
@@ -162,11 +162,11 @@ def locate(tip: Matrix, origin: Vector, edge: float, shape: Counts, cell: Counts
     Parameters
     ----------
     tip :
-        m, shape (k, 3).
+        Positions, m, shape (k, 3).
     origin, edge, shape :
-        Corner of the grid, m, shape (3,); edge of a cell, m; number of cells, shape (3,).
+        Corner of the grid, m, shape (3,); edge length of a cell, m; number of cells, shape (3,).
     cell :
-        Filled with the cells, the last axis running fastest, shape (k,).
+        Filled with the cell indices, the last axis varying fastest, shape (k,).
     """
     outside = 0
     for i in range(len(tip)):
@@ -189,7 +189,7 @@ def locate(tip: Matrix, origin: Vector, edge: float, shape: Counts, cell: Counts
 
 @kernel
 def _count_share(share: float, counts: Counts) -> None:
-    if share < math.inf:  # infinite where no set says anything
+    if share < math.inf:  # infinite where no set has a value
         counts[min(int(max(share, 0.0) * CELL_BINS), CELL_BINS - 1)] += 1
 
 
@@ -207,7 +207,7 @@ def count_cells(
     cell_worst_rho: Counts,
     cell_min_margin: Matrix,
 ) -> None:
-    """Count what each posture says of all sets together, and of its cell.
+    """Count the outcome of each posture over all sets, in total and per cell.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def count_cells(
         Shape (S, k).
     tolerated_sets, cell_postures, cell_tolerated, cell_tolerates_all, cell_worst_margin, \
     cell_worst_rho, cell_min_margin :
-        Changed in place, see `ftforce.batch.summary.summary.Summary`.
+        Updated in place, see `ftforce.batch.summary.summary.Summary`.
     """
     sets, k = verdict.shape
     good = np.empty((TILE, sets), np.int64)
@@ -229,7 +229,7 @@ def count_cells(
         worst_margin[:] = math.inf
         worst_rho[:] = math.inf
         tolerated[:] = 0
-        for s in range(sets):  # along the rows: columns lie too far apart for the cache
+        for s in range(sets):  # row by row: the stride of columns defeats the cache
             for i in range(size):
                 x = margin[s, start + i] + 0.0  # no negative zero
                 margins[i, s] = x

@@ -1,8 +1,8 @@
-"""The accurate part of the fault analysis: one posture, one fault set, as `analyze` decides it.
+"""The accurate part of the fault analysis: one posture and one fault set, as in `analyze`.
 
-One-sided Jacobi rotations keep small singular values to high relative accuracy (Demmel and Veselić
-1992), and ranks are decided on them. What follows is `reduced_jacobian`, `measures`, `verdict`
-and `feasible_forces` of `ftforce.core`, without limits on the force, in arrays.
+One-sided Jacobi rotations compute small singular values to high relative accuracy (Demmel and
+Veselić 1992), on which the ranks are decided. The rest reimplements `reduced_jacobian`, `measures`,
+`verdict` and `feasible_forces` of `ftforce.core` on arrays, without limits on the force.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ROUNDING = 1e-12
 
 
 class Scratch(NamedTuple):
-    """One posture, and one fault set of it."""
+    """Workspace for one posture and one fault set."""
 
     rank: np.ndarray  # (1,): of J
     J: np.ndarray  # (m, n)
@@ -36,9 +36,9 @@ class Scratch(NamedTuple):
     s: np.ndarray  # (m,)
     F: np.ndarray  # (m,): F̂, 0 without a force
     d: np.ndarray  # (m,): direction
-    rnea: np.ndarray  # (n,): torques for the weight
-    K: np.ndarray  # (m, n); once decomposed diag(t) times its right vectors
-    V: np.ndarray  # (m, m): left vectors of K
+    rnea: np.ndarray  # (n,): gravity torques
+    K: np.ndarray  # (m, n); after decomposition, diag(t) times the right singular vectors
+    V: np.ndarray  # (m, m): left singular vectors of K
     t: np.ndarray  # (m,): singular values of K
     F0: np.ndarray  # (m,)
     W: np.ndarray  # (m, n)
@@ -48,7 +48,7 @@ class Scratch(NamedTuple):
 
 
 def scratch(m, n):
-    """Return a workspace of one posture."""
+    """Return a workspace for one posture."""
     posture = [(m, n), (m, m), m, m, m, n]
     fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
     return Scratch(aligned_zeros(1, np.int64), *aligned_arrays([*posture, *fault_set]))
@@ -56,12 +56,12 @@ def scratch(m, n):
 
 @inner
 def decompose(W, U, s):
-    """Decompose W = U diag(s) Vᵀ; its rows become s_i v_iᵀ, sorted by falling s."""
+    """Compute the SVD W = U diag(s) Vᵀ in place: rows become s_i v_iᵀ, sorted by decreasing s."""
     m = W.shape[0]
     U[:] = 0.0
     for i in range(m):
         U[i, i] = 1.0
-    nothing = 0.0  # rows this short are rounding
+    nothing = 0.0  # rows of at most this norm are rounding errors
     for i in range(m):
         nothing = max(nothing, _LEAST * norm(W[i]))
     for _ in range(_SWEEPS):
@@ -88,7 +88,7 @@ def decompose(W, U, s):
 
 @inner
 def rotate(W, U, i, j, nothing):
-    """Make rows i and j orthogonal; return whether they were not, and both are something."""
+    """Make rows i and j orthogonal, and return whether a rotation of nonzero rows was needed."""
     a, b, c = 0.0, 0.0, 0.0
     for k in range(W.shape[1]):
         a += W[i, k] * W[i, k]
@@ -123,7 +123,7 @@ def norm(x):
 
 @inner
 def rank_of(s, threshold):
-    """Return how many singular values lie above a threshold."""
+    """Return the number of singular values above a threshold."""
     rank = s.size
     while rank > 0 and s[rank - 1] <= threshold:
         rank -= 1
@@ -132,7 +132,7 @@ def rank_of(s, threshold):
 
 @inner
 def project(U, first, last, x, out):
-    """Leave in ``out`` the part of x along the columns first … last - 1 of U."""
+    """Project x onto the span of the columns first … last - 1 of U, into ``out``."""
     m = U.shape[0]
     for i in range(m):
         out[i] = 0.0
@@ -146,7 +146,7 @@ def project(U, first, last, x, out):
 
 @inner
 def reduce_columns(J, locked, K):
-    """K: J with the columns of locked joints zeroed (eq. 25, 26)."""
+    """Set K to J with the columns of locked joints zeroed (eq. 25, 26)."""
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
             K[i, k] = 0.0 if locked[k] else J[i, k]
@@ -154,11 +154,12 @@ def reduce_columns(J, locked, K):
 
 @inner
 def swing_out(one, free, lost):
-    """Project K onto the complement of the columns of joints without torque.
+    """Project K onto the orthogonal complement of the columns of free-swinging joints.
 
-    Leaves in F0 the smallest force that balances them, and returns the torque at them that no
-    force balances, relative to the arm's weight, and their smallest singular value above ``lost``
-    (infinite if there is none), at which a larger tolerance would give one away.
+    Stores in F0 the smallest force that balances these joints. Returns the torque at them that no
+    force can balance, relative to the gravity torques of the arm, and the smallest singular value
+    of their columns above ``lost`` (infinite if there is none), the next one that a larger
+    tolerance would treat as zero.
     """
     m, n = one.J.shape
     W, s, rest = one.W, one.t, one.kept
@@ -177,9 +178,9 @@ def swing_out(one, free, lost):
 
 @inner
 def support(one, free, rank):
-    """Leave in F0 the smallest force that balances the joints without torque, -(J_Sᵀ)† [rnea]_S.
+    """Set F0 to the smallest force that balances the free-swinging joints, -(J_Sᵀ)† [rnea]_S.
 
-    Returns what is left unbalanced, relative to the arm's weight. The rows of W are σ_i v_iᵀ.
+    Returns the unbalanced torque, relative to the gravity torques. The rows of W are σ_i v_iᵀ.
     """
     m, n = one.J.shape
     left, F0 = one.left, one.F0
@@ -204,14 +205,14 @@ def support(one, free, rank):
 
 @inner
 def tolerance_that_loses(s, scale):
-    """Return the least tolerance t that gives a singular value away, s ≤ t · scale."""
+    """Return the smallest tolerance t that treats a singular value as zero, s ≤ t · scale."""
     t = s / scale
     return t if s <= t * scale else np.nextafter(t, math.inf)
 
 
 @inner
 def verdict_of(yes, no):
-    """Return the verdict of the answers that the tolerances gave."""
+    """Return the verdict, given whether any tolerance accepts and any rejects the fault set."""
     if yes and no:
         return BORDERLINE
     return TOLERATED if yes else NOT_TOLERATED
@@ -219,7 +220,7 @@ def verdict_of(yes, no):
 
 @inner
 def judge_locked(one, asks, rtol, wary):
-    """Return the verdict of locks alone (`ftforce.core.verdict.verdict`)."""
+    """Return the verdict for locked joints only (`ftforce.core.verdict.verdict`)."""
     s, scale, m = one.t, one.s[0], one.t.size
     if s[m - 1] > wary * scale:
         return TOLERATED
@@ -232,7 +233,7 @@ def judge_locked(one, asks, rtol, wary):
         return TOLERATED
     yes, no, start = False, False, rtol
     left = rank_of(s, rtol * scale)
-    lost = 0.0  # share of ‖F̂‖² along what is lost
+    lost = 0.0  # share of ‖F̂‖² along lost directions
     for i in range(left, m):
         lost += share(one, i, size)
     while True:  # from one change of the rank to the next
@@ -251,7 +252,7 @@ def judge_locked(one, asks, rtol, wary):
 
 @inner
 def share(one, i, size):
-    """Return the share of ‖F̂‖² along the i-th left vector of K."""
+    """Return the share of ‖F̂‖² along the i-th left singular vector of K."""
     along = 0.0
     for k in range(one.F.size):
         along += one.V[k, i] * (one.F[k] / size)
@@ -260,10 +261,10 @@ def share(one, i, size):
 
 @inner
 def judge_free(one, locked, free, rtol, wary, asks):
-    """Return the verdict where joints have no torque (`ftforce.core.verdict.judge` without limits).
+    """Return the verdict with free-swinging joints (`ftforce.core.verdict.judge` without limits).
 
-    Asked anew at every change of a rank: when a column of a free joint counts as zero, K gets
-    other values. Uses up K, its decomposition and F0.
+    Reevaluated at every change of rank, since K changes when the column of a free joint counts as
+    zero. Overwrites K, its decomposition and F0.
     """
     m, scale, rank = one.s.size, one.s[0], one.rank[0]
     yes, no, start = False, False, rtol
@@ -292,7 +293,7 @@ def judge_free(one, locked, free, rtol, wary, asks):
 
 @inner
 def relative_jump(F, F0, kept, is_whole, scale, rnea):
-    """Return ‖ΔF‖/‖F̂‖; without a force, the support that is needed in relation to the weight."""
+    """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight."""
     jump, size = 0.0, 0.0
     for i in range(F.size):
         after = F[i] if is_whole else F0[i] + kept[i]
@@ -308,7 +309,7 @@ def relative_jump(F, F0, kept, is_whole, scale, rnea):
 
 @inner
 def reach(one, rank, unbalanced, rtol):
-    """Return how far s·d goes inside what can be commanded, NaN if nothing of it does.
+    """Return the largest s for which s·d can be commanded, NaN if there is none.
 
     The ratio test of `ftforce.core.feasible_forces.reach`.
     """
@@ -318,7 +319,7 @@ def reach(one, rank, unbalanced, rtol):
     least, most = on_plane(one, rank, rtol)
     size = rtol * one.s[0] * norm(d)
     for k in range(limit.size):
-        if not limit[k] > 0.0:  # unknown, or no torque at all: in F0 and K
+        if not limit[k] > 0.0:  # unknown, or a free joint, already accounted for in F0 and K
             continue
         lever = 0.0
         for i in range(d.size):
@@ -336,7 +337,7 @@ def reach(one, rank, unbalanced, rtol):
 
 @inner
 def on_plane(one, rank, rtol):
-    """Return the interval of s for which s·d lies in the plane of what can be commanded."""
+    """Return the interval of s for which s·d lies in the affine set of forces for the motors."""
     m, F0, beyond = one.d.size, one.F0, one.kept
     offset = norm(F0)
     if rank == m and offset == 0.0:

@@ -1,10 +1,9 @@
 """The fast part of the fault analysis: σ_min and ρ of every fault set, LANES postures at a time.
 
-J is never kept: it lives in the workspace of LANES postures, which fits into the processor's
-caches. Three rows have closed forms (`three`), others one decomposition of J for all
-sets that lock one joint (`secular`); some sets lose directions wherever the arm
-stands (`lost`). Where a tolerance is near nothing is decided, and what none of these
-answers is left to `settle`.
+J is not stored: it exists only in the workspace of LANES postures, which fits in cache. Tasks of
+three rows have closed forms (`three`); for others, one decomposition of J serves all sets that
+lock one joint (`secular`); some sets lose directions in every posture (`lost`). Cases close to a
+tolerance, and those covered by none of these, are left undecided for `settle`.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ if TYPE_CHECKING:
 
 
 class Lane(NamedTuple):
-    """What is known of LANES postures and one fault set; n joints."""
+    """Intermediate results of LANES postures and one fault set; n joints."""
 
     A: np.ndarray  # (3, 3, LANES): J Jᵀ of three rows
     B: np.ndarray  # (3, 3, LANES): K Kᵀ of three rows
     x: np.ndarray  # (LANES,): smallest eigenvalue of K Kᵀ
     smallest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ
-    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing is to be decided
+    largest: np.ndarray  # (LANES,): eigenvalue of J Jᵀ, NaN where nothing may be decided
     over: np.ndarray  # (2, LANES): 1/σ_max(J) and 1/w(J)
-    reach: np.ndarray  # (n, 4, LANES): least and most of each motor, and of each brake
+    reach: np.ndarray  # (n, 4, LANES): bounds on s·d from each motor, and from each brake
     least: np.ndarray  # (LANES,): interval of s·d
     most: np.ndarray  # (LANES,)
     a: np.ndarray  # (LANES,): workspace
 
 
 class Workspace(NamedTuple):
-    """Workspace of `evaluate`, in parts: what takes few arrays is compiled in less time."""
+    """Workspace of `evaluate`, in parts: kernels with fewer arguments compile faster."""
 
     arm: Work
     lane: Lane
@@ -60,9 +59,9 @@ def bench(joints, n, m):
 
 
 def evaluate(mechanism, faults, question, q, answers, work):
-    """Fill the answers for the postures q, shape (k, n), where no bound is near.
+    """Fill in the results for the postures q, shape (k, n), where no tolerance is near.
 
-    Only the kernels that the question needs are called, and compiled.
+    Only the kernels that the question needs are called, and hence compiled.
     """
     given = (mechanism, faults, question, q, answers, work.arm, work.lane)
     if question.rows.size == 3:
@@ -75,7 +74,7 @@ def evaluate(mechanism, faults, question, q, answers, work):
 
 @kernel
 def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
-    """Answer for sets of locked joints where the task has three rows."""
+    """Evaluate sets of locked joints for a task of three rows."""
     forget(answers.verdict, answers.rank_lost)
     forget_jump(answers.jump, answers.moment_jump, answers.relative_jump)
     for first in range(0, q.shape[0], LANES):
@@ -104,7 +103,7 @@ def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
 
 @kernel
 def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, one, gone):
-    """Answer for sets of locked joints where the task has another number of rows."""
+    """Evaluate sets of locked joints for a task of any other number of rows."""
     m, n = arm.J.shape[0], arm.J.shape[1]
     asks, moves = question.force.size > 0, question.direction.size > 0
     shares, loses = common_work(faults.start, faults.swings, m, n)
@@ -125,7 +124,7 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
             reaches(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
-            size = 0  # of what is lost wherever the arm stands
+            size = 0  # number of directions lost in every posture
             keeps = joints.size == 0 or (joints.size == 1 and n > m)
             if faults.swings[s]:
                 keeps = False
@@ -161,7 +160,7 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
 
 @kernel
 def evaluate_free(mechanism, faults, question, q, answers, arm, lane, spec, gone):
-    """Answer for sets of one joint without torque."""
+    """Evaluate sets of one free-swinging joint."""
     m = arm.J.shape[0]
     for first in range(0, q.shape[0], LANES):
         count = place(mechanism, question, q, first, arm)
@@ -194,7 +193,7 @@ def evaluate_free(mechanism, faults, question, q, answers, arm, lane, spec, gone
 
 @inner
 def place(mechanism, question, q, first, arm):
-    """Place the next postures, and return how many of the lanes they are."""
+    """Compute the kinematics of the next postures, and return how many lanes they fill."""
     count = min(LANES, q.shape[0] - first)
     for b in range(LANES):
         arm.chosen[b] = first + min(b, count - 1)
@@ -204,7 +203,7 @@ def place(mechanism, question, q, first, arm):
 
 @inner
 def common_work(start, swings, m, n):
-    """Return whether roots, and whether lost directions, serve some of the fault sets."""
+    """Return whether any fault set needs the secular equation, and any the lost directions."""
     shares, loses = False, False
     for s in range(swings.size):
         f = start[s + 1] - start[s]
@@ -216,14 +215,14 @@ def common_work(start, swings, m, n):
 
 @inner
 def forget(verdict, rank_lost):
-    """Write what holds where nothing is lost: zeros."""
+    """Initialize a set as tolerated, with no rank lost."""
     verdict[:] = TOLERATED
     rank_lost[:] = 0
 
 
 @inner
 def forget_jump(jump, moment_jump, relative_jump):
-    """Write no jump."""
+    """Initialize the jumps to zero."""
     jump[:] = 0.0
     moment_jump[:] = 0.0
     relative_jump[:] = 0.0
@@ -238,7 +237,7 @@ def leave(first, count, verdict):
 
 @inner
 def write_healthy(m, first, count, tip, lane, answers):
-    """Write what is said of the healthy arm."""
+    """Write the results of the healthy arm."""
     for b in range(count):
         for i in range(3):
             answers.tip[first + b, i] = tip[9 + i, b]
@@ -248,7 +247,7 @@ def write_healthy(m, first, count, tip, lane, answers):
 
 @inner
 def evaluate_healthy(rtol, J, lane, spec):
-    """Decompose J, and decide whether its rank is beyond doubt."""
+    """Decompose J, and mark the lanes whose rank is not certain."""
     m = J.shape[0]
     spectrum.decompose(J, spec)
     least = max(rtol * GUARD_BAND, secular.LEAST) ** 2
@@ -262,14 +261,14 @@ def evaluate_healthy(rtol, J, lane, spec):
 
 @inner
 def start_whole(least, most):
-    """Begin with all of s·d, s ≥ 0."""
+    """Initialize the interval of s·d to s ≥ 0."""
     for b in range(LANES):
         least[b], most[b] = 0.0, math.inf
 
 
 @inner
 def write_lost(question, s, size, swings, first, count, force, largest, gone, answers):
-    """Write what is said of a set that loses ``size`` directions."""
+    """Write the results of a set that loses ``size`` directions."""
     m = gone.part.shape[0]
     for b in range(LANES):
         gone.relative[b] = math.inf
@@ -293,7 +292,7 @@ def write_lost(question, s, size, swings, first, count, force, largest, gone, an
 
 @inner
 def only_one(mask):
-    """Return the index where a mask is true, -1 if it is not true just once."""
+    """Return the index of the only true element of a mask, -1 unless there is exactly one."""
     found, count = -1, 0
     for k in range(mask.size):
         if mask[k]:
@@ -305,7 +304,7 @@ def only_one(mask):
 def answer_single(
     wary, joints, asks, first, count, lane, spec, one, sigma_min, margin, rho, verdict
 ):
-    """Answer for a set that locks no joint, or one."""
+    """Evaluate a set that locks no joint, or one."""
     x, square, share, below = lane.x, lane.least, lane.most, lane.a
     m = spec.square.shape[0]
     if joints.size == 0:
@@ -336,7 +335,7 @@ def answer_single(
 
 @inner
 def limit(locked, free, reach, least, most, first, count, capability):
-    """Write how far s·d goes: what is left of an interval is what the narrowest limit leaves."""
+    """Write the capability: the interval of s·d intersected with those of all limits."""
     for k in range(locked.size):
         if free[k]:
             continue
@@ -350,7 +349,7 @@ def limit(locked, free, reach, least, most, first, count, capability):
 
 @inner
 def reaches(question, J, d, weight, lane):
-    """Interval of s·d that each joint's motor, and brake, allows."""
+    """Compute the interval of s·d that each joint's motor, and brake, allows."""
     m, n = J.shape[0], J.shape[1]
     lever = lane.a
     size = 0.0
@@ -369,7 +368,7 @@ def reaches(question, J, d, weight, lane):
 
 @inner
 def interval(limit, idle, lever, weight, largest, ends):
-    """Interval of s·d that one limit allows; without a lever it only has to bear the weight."""
+    """Compute the interval of s·d within one limit; without a lever arm only gravity counts."""
     if not limit > 0.0:  # unknown
         for b in range(LANES):
             ends[0, b] = -math.inf

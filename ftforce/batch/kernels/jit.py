@@ -1,8 +1,8 @@
-"""How kernels are compiled: once per machine, kept on disk, without the GIL.
+"""Compilation of kernels: once per machine, cached on disk, releasing the GIL.
 
-Numba's cache looks at the file of a kernel alone. One that calls kernels of another file would go
-on with their old code, and old kernels are wrong numbers. So an entry counts for one state of all
-files of this package, and for nothing else of ftforce.
+Numba's cache tracks only the file of a kernel, so a kernel that calls others in another file would
+keep using stale code, and give wrong results. Cache entries are therefore keyed by the content of
+all files of this package, and of nothing else in ftforce.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numba.core.dispatcher import Dispatcher
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Products may be fused with sums; nothing else is rounded otherwise than it is written.
+# Products and sums may be fused; otherwise floating-point semantics are strict.
 _FUSED = {"contract"}
 
 UNKNOWN_CACHE = (
@@ -30,7 +30,7 @@ UNKNOWN_CACHE = (
 
 def kernel(function: Callable[..., Any], **options: bool) -> Any:
     """Compile a function of numbers and arrays; division by zero gives infinity or NaN."""
-    compile_: Any = njit  # its annotations leave out some options
+    compile_: Any = njit  # its type annotations lack some options
     common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
     compiled = compile_(function, cache=True, **common)
     if not isinstance(compiled, Dispatcher) or _is_keyed(compiled):  # plain Python if JIT is off
@@ -40,14 +40,14 @@ def kernel(function: Callable[..., Any], **options: bool) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile a function that only kernels call: without the door for Python, which costs time."""
+    """Compile a function that only kernels call: no Python wrapper, which takes time to compile."""
     return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
 def _is_keyed(compiled: Any) -> bool:
-    """Let what is on disk count for this state of all kernels only; return whether that worked.
+    """Key the disk cache by the state of all kernels, and return whether that worked.
 
-    The attributes are private; tried on numba 0.61 to 0.68.
+    Relies on private attributes, tested with numba 0.61 to 0.68.
     """
     kept: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if not hasattr(kept, "_source_stamp"):

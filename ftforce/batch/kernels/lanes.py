@@ -1,8 +1,7 @@
 """Kinematics and the fast part of the fault analysis, LANES postures side by side.
 
 Every loop over lanes is innermost, over contiguous memory of a fixed length, so that the compiler
-turns it into vector instructions. Nothing here decides near a tolerance: what comes close goes to
-`exact`.
+vectorizes it. Cases close to a tolerance are not decided here but in `exact`.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ import numpy as np
 from ftforce.batch.kernels.jit import inner
 from ftforce.batch.kernels.layout import LANES, aligned_arrays, aligned_zeros
 
-# π/2 in three parts of 33 bits (Cody and Waite; the values are fdlibm's), so that the product of
-# each with a quadrant's number is exact.
+# π/2 in three parts of 33 bits (Cody and Waite; values from fdlibm), so that the product of each
+# with the number of a quadrant is exact.
 _QUADRANTS = 2.0 / math.pi
 _PIO2_1, _PIO2_2 = 1.57079632673412561417e00, 6.07710050630396597660e-11
 _PIO2_3 = 2.02226624871116645580e-21
-# Added and taken away again it rounds to a whole number: in vector registers, which floor is not.
+# Adding and subtracting it rounds to an integer, and vectorizes, unlike floor.
 _ROUNDS = 1.5 * 2.0**52
 FARTHEST = 1e5
-"""Angles up to this, rad, are reduced by the three parts; others by the C library."""
+"""Angles up to this, rad, are reduced with the three parts, larger ones by the C library."""
 
 # Kernel polynomials of sine and cosine on [-π/4, π/4] (fdlibm, below one unit in the last place).
 _S1, _S2, _S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
@@ -33,7 +32,7 @@ _C4, _C5, _C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359
 
 
 class Work(NamedTuple):
-    """Workspace of LANES postures; E joints, n of them driven, m task rows."""
+    """Workspace of LANES postures; E joints driven by n positions, m task rows."""
 
     chosen: np.ndarray  # (LANES,): which postures
     angle: np.ndarray  # (E, LANES)
@@ -43,11 +42,11 @@ class Work(NamedTuple):
     tip: np.ndarray  # (12, LANES)
     column: np.ndarray  # (6, LANES)
     J: np.ndarray  # (m, n, LANES)
-    weight: np.ndarray  # (n, LANES): torques that carry it
+    weight: np.ndarray  # (n, LANES): gravity torques
     moment: np.ndarray  # (E, 3, LANES)
     mass: np.ndarray  # (E,)
-    force: np.ndarray  # (6, LANES): that is asked for, in the axes of the rows
-    direction: np.ndarray  # (6, LANES): of the capability
+    force: np.ndarray  # (6, LANES): requested force, in the axes of the rows
+    direction: np.ndarray  # (6, LANES): direction of the capability
 
 
 def workspace(joints, n, m):
@@ -69,7 +68,7 @@ def read_angles(mechanism, q, chosen, angle):
 
 @inner
 def turn(angle, cosine, sine):
-    """Cosine and sine of one row of angles."""
+    """Compute cosine and sine of one row of angles."""
     farthest = 0.0
     for b in range(LANES):
         farthest = max(farthest, abs(angle[b]))
@@ -95,7 +94,7 @@ def turn(angle, cosine, sine):
 
 @inner
 def start_frame(placement, frame):
-    """Place a frame that the root carries."""
+    """Place a frame that is fixed to the root."""
     for i in range(12):
         for b in range(LANES):
             frame[i, b] = placement[i]
@@ -103,7 +102,7 @@ def start_frame(placement, frame):
 
 @inner
 def carry_frame(above, placement, frame):
-    """Place a frame in another one: ``R = R_above P``, ``p = p_above + R_above t``."""
+    """Compose a placement with its parent frame: ``R = R_above P``, ``p = p_above + R_above t``."""
     p00, p01, p02 = placement[0], placement[1], placement[2]
     p10, p11, p12 = placement[3], placement[4], placement[5]
     p20, p21, p22 = placement[6], placement[7], placement[8]
@@ -119,7 +118,7 @@ def carry_frame(above, placement, frame):
 
 @inner
 def turn_frame(frame, cosine, sine):
-    """Turn a frame about its z axis."""
+    """Rotate a frame about its z axis."""
     for i in range(3):
         for b in range(LANES):
             x, y = frame[3 * i, b], frame[3 * i + 1, b]
@@ -129,7 +128,7 @@ def turn_frame(frame, cosine, sine):
 
 @inner
 def slide_frame(frame, way):
-    """Slide a frame along its z axis."""
+    """Translate a frame along its z axis."""
     for i in range(3):
         for b in range(LANES):
             frame[9 + i, b] += frame[3 * i + 2, b] * way[b]
@@ -137,7 +136,7 @@ def slide_frame(frame, way):
 
 @inner
 def place_frames(mechanism, q, chosen, work):
-    """Place all joints and the tip in the chosen postures, in the root's axes."""
+    """Compute the frames of all joints and of the tip in the chosen postures, in root axes."""
     read_angles(mechanism, q, chosen, work.angle)
     for e in range(mechanism.parent.size):
         above = mechanism.parent[e]
@@ -155,7 +154,7 @@ def place_frames(mechanism, q, chosen, work):
 
 @inner
 def place(mechanism, question, q, work):
-    """Do all that the chosen postures need: frames, J, weight, force and direction."""
+    """Compute the frames, J, gravity torques, force and direction of the chosen postures."""
     place_frames(mechanism, q, work.chosen, work)
     task_jacobian(mechanism, question, work)
     turn_vector(question, question.force, work.tip, work.force)
@@ -166,7 +165,7 @@ def place(mechanism, question, q, work):
 
 @inner
 def column_of(mechanism, e, work):
-    """Velocity of the tip per unit of joint e: linear rows, then angular ones, root's axes."""
+    """Compute the tip velocity per unit rate of joint e, linear rows first, in root axes."""
     frame, tip, column, ratio = work.frame[e], work.tip, work.column, mechanism.ratio[e]
     if mechanism.slides[e]:
         for i in range(3):
@@ -186,7 +185,7 @@ def column_of(mechanism, e, work):
 
 @inner
 def into_tool_axes(tip, vectors):
-    """Turn linear and angular rows into the axes of the tip frame, Rᵀ x."""
+    """Rotate linear and angular rows into tip axes, Rᵀ x."""
     for half in range(0, 6, 3):
         for b in range(LANES):
             x, y, z = vectors[half, b], vectors[half + 1, b], vectors[half + 2, b]
@@ -197,7 +196,7 @@ def into_tool_axes(tip, vectors):
 
 @inner
 def task_jacobian(mechanism, question, work):
-    """Weighted task Jacobian J̃, shape (m, n, LANES): a follower's column belongs to its leader."""
+    """Compute the weighted J̃, (m, n, LANES); mimic joints add to their leader's column."""
     J, column = work.J, work.column
     J[:] = 0.0
     for e in range(mechanism.parent.size):
@@ -214,7 +213,7 @@ def task_jacobian(mechanism, question, work):
 
 @inner
 def weight_torque(mechanism, work):
-    """Torques that carry the weight, G(q), shape (n, LANES): of all that each joint carries."""
+    """Compute the gravity torques G(q), shape (n, LANES), of everything each joint carries."""
     g0, g1, g2 = mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2]
     work.weight[:] = 0.0
     for e in range(mechanism.parent.size):
@@ -250,7 +249,7 @@ def weight_torque(mechanism, work):
 
 @inner
 def gram(J, A):
-    """Set A = J Jᵀ, its lower triangle, shape (m, m, LANES)."""
+    """Compute the lower triangle of A = J Jᵀ, shape (m, m, LANES)."""
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for j in range(i + 1):
@@ -263,7 +262,7 @@ def gram(J, A):
 
 @inner
 def downdate(A, J, joints, B):
-    """B = A - Σ J_k J_kᵀ over the locked joints: K Kᵀ from J Jᵀ."""
+    """Compute B = A - Σ J_k J_kᵀ over the locked joints: K Kᵀ from J Jᵀ."""
     for i in range(A.shape[0]):
         for j in range(i + 1):
             for b in range(LANES):
@@ -275,7 +274,7 @@ def downdate(A, J, joints, B):
 
 @inner
 def turn_vector(question, given, tip, turned):
-    """Bring a force or a direction into the axes of the rows, which may be the root's."""
+    """Express a force or a direction in the axes of the rows, tip or root axes."""
     if not (question.in_tool and question.is_whole):
         for i in range(given.size):
             for b in range(LANES):

@@ -1,4 +1,4 @@
-"""What the kernels are given, as arrays and numbers: mechanism, faults, question, answers."""
+"""Inputs and outputs of the kernels as arrays: mechanism, faults, question, answers."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 
 LANES = 128
-"""Postures that the kernels answer side by side."""
+"""Postures that the kernels process side by side."""
 
 CELL_BINS = 32
-"""Bins of margin and ρ, 0 to 1, in a cell of the workspace, and of a posture's smallest ρ."""
+"""Number of bins of margin and ρ, 0 to 1, per workspace cell, and of a posture's smallest ρ."""
 
 UNDECIDED = -1
-"""Verdict, or rank, that is left to the accurate part."""
+"""Placeholder for a verdict or rank left to the accurate part."""
 
 GUARD_BAND = 1.0 + 1e-6
-"""Closer to a tolerance than this, relative, the fast parts decide nothing."""
+"""Relative distance from a tolerance within which the fast parts decide nothing."""
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -30,13 +30,13 @@ Mask = NDArray[np.bool_]
 Whole = NDArray[np.int64]
 Codes = NDArray[np.int8]
 
-_LINE = 64  # bytes of a line of the caches
+_LINE = 64  # bytes per cache line
 
 
 def aligned(
     shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
-    """Return an empty array that begins some bytes after a multiple of so many."""
+    """Return an uninitialized array whose address is ``offset`` bytes above a ``multiple``."""
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple
@@ -44,9 +44,9 @@ def aligned(
 
 
 def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
-    """Return zeros that begin at a line of the caches, for a workspace.
+    """Return zeros aligned to a cache line, for a workspace.
 
-    Workspaces are made by Python: to compile what makes them takes longer than all they are for.
+    Workspaces are allocated in Python, since compiling their allocation takes too long.
     """
     zeros = aligned(shape, kind)
     zeros.fill(0)
@@ -54,40 +54,41 @@ def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDAr
 
 
 def aligned_arrays(shapes: Iterable[int | tuple[int, ...]]) -> list[NDArray[Any]]:
-    """Return zeros of these shapes, likewise."""
+    """Return zeros of these shapes, aligned to cache lines."""
     return [aligned_zeros(shape) for shape in shapes]
 
 
 class Mechanism(NamedTuple):
-    """A tree of E joints with one degree of freedom each, driven by the chain's n numbers.
+    """A tree of E joints with one degree of freedom each, driven by the chain's n positions.
 
-    Joint e turns about, or slides along, the z axis of its own frame by
+    Joint e rotates about, or translates along, the z axis of its own frame by
     ``ratio · q[driver] + offset``. Parents come before their children.
 
     Attributes
     ----------
     parent :
-        Index of the joint that carries each, -1 for the root, shape (E,).
+        Index of each joint's parent joint, -1 for the root, shape (E,).
     slides :
         Whether it is prismatic, shape (E,).
     placement :
-        Its frame in its parent's before it moves: rotation by rows and translation, m, (E, 12).
+        Its frame in its parent's at zero displacement: row-major rotation and translation, m,
+        shape (E, 12).
     driver :
-        Which of the n joints drives it, shape (E,).
+        Index of the chain joint that drives it, shape (E,).
     ratio, offset :
-        1 and 0 but for mimic joints, shape (E,).
+        1 and 0 except for mimic joints, shape (E,).
     moves_tip :
         Whether it lies between root and tip, shape (E,).
     tip :
-        The tip's frame in that of the joint that carries it, as in ``placement``, shape (12,).
+        The tip frame in that of its parent joint, as in ``placement``, shape (12,).
     tip_parent :
-        Index of that joint.
+        Index of the tip's parent joint.
     mass :
-        Of what each joint carries up to the next ones, kg, shape (E,).
+        Mass between each joint and the next ones, kg, shape (E,).
     centre :
         Centre of that mass in the joint's frame, m, shape (E, 3).
     gravity :
-        In the root's axes, m/s², shape (3,).
+        In root axes, m/s², shape (3,).
     """
 
     parent: Whole
@@ -110,9 +111,9 @@ class Faults(NamedTuple):
     Attributes
     ----------
     locked, free :
-        True at the joints that a brake holds, and at those without torque, shape (S, n).
+        True at the locked joints, and at the free-swinging ones, shape (S, n).
     swings :
-        Whether any joint of the set is without torque, shape (S,).
+        Whether any joint of the set is free-swinging, shape (S,).
     start, joints :
         Set s locks ``joints[start[s]:start[s + 1]]``.
     """
@@ -125,27 +126,27 @@ class Faults(NamedTuple):
 
 
 class Question(NamedTuple):
-    """What is asked at every posture.
+    """What to compute at every posture.
 
     Attributes
     ----------
     rows, weights :
         Rows of the frame Jacobian, linear first, and their weights (1 or L), shape (m,).
     in_tool :
-        Whether the rows, the force and the direction are in the axes of the tip frame.
+        Whether the rows, the force and the direction are in tip axes.
     is_whole :
-        Whether the rows are all forces, all moments or both, in order: then everything that is
-        reported is the same in all axes, and J is not turned into those of the tip.
+        Whether the rows are all forces, all moments or both, in order. All results are then the
+        same in any axes, and J need not be rotated into tip axes.
     force :
-        Weighted force that is asked for, shape (m,), or (0,) without.
+        Weighted requested force, shape (m,), or (0,) without one.
     direction :
-        Weighted direction of the capability, shape (m,), or (0,) without.
+        Weighted direction of the capability, shape (m,), or (0,) without one.
     effort, brake :
-        Largest torques of motors and brakes, N·m (N), NaN where unknown, shape (n,).
+        Largest torques of motors and brakes, N·m (N if prismatic), NaN where unknown, shape (n,).
     rtol, wary :
-        Tolerances.
+        Relative tolerances of the rank and of the borderline verdict.
     weighs :
-        Whether the arm's weight matters to what is asked.
+        Whether gravity torques are needed.
     """
 
     rows: Whole
@@ -162,7 +163,7 @@ class Question(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """Arrays that the kernels fill, as in `Block`; (0, 0) if not asked for.
+    """Output arrays of the kernels, as in `Block`; of shape (0, 0) if not requested.
 
     Attributes
     ----------
@@ -187,16 +188,16 @@ class Answers(NamedTuple):
 
 
 TOLERATED, BORDERLINE, NOT_TOLERATED = 0, 1, 2
-"""Codes of the verdicts, from harmless to bad."""
+"""Codes of the verdicts, from best to worst."""
 
 
 class Block(NamedTuple):
-    """k postures and S fault sets.
+    """Results for k postures and S fault sets.
 
     Attributes
     ----------
     tip :
-        Position of the tip in the root's axes, m, shape (k, 3).
+        Position of the tip in root axes, m, shape (k, 3).
     rank :
         Rank of the healthy arm, shape (k,).
     healthy_margin :
@@ -204,18 +205,18 @@ class Block(NamedTuple):
     verdict :
         `TOLERATED`, `BORDERLINE` or `NOT_TOLERATED`, shape (S, k).
     rank_lost :
-        Rank of J less that of K, shape (S, k).
+        rank(J) - rank(K), shape (S, k).
     sigma_min, margin, rho :
         σ_min(K), σ_min(K)/σ_max(J) and ρ = w(K)/w(J) (NaN where w(J) = 0), shape (S, k).
     jump, moment_jump, relative_jump :
         ‖ΔF‖ of the forces, N (of the moments, N·m, if the task has no forces); of the moments,
-        N·m; and the weighted ‖ΔF‖/‖F̂‖; NaN where the arm cannot stand still (then
-        ``relative_jump`` is 1), shape (S, k). ``None`` without a force, the moments' also if the
-        task has not both.
+        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot stand still, except
+        ``relative_jump``, which is then 1. ``None`` without a force; ``moment_jump`` also unless
+        the task has both forces and moments.
     capability :
-        The largest force that can be commanded in the direction, N (N·m), infinite if no limit
-        that is known ends it, NaN if the arm cannot stand still with any, shape (S, k); ``None``
-        without a direction.
+        Largest force that can be commanded in the direction, N (N·m), infinite if no known limit
+        bounds it, NaN if the arm cannot stand still with any force, shape (S, k); ``None`` without
+        a direction.
     """
 
     tip: Matrix

@@ -1,9 +1,8 @@
-"""Fault sets that lose directions of force wherever the arm stands, LANES postures at a time.
+"""Fault sets that lose directions of force in every posture, LANES postures at a time.
 
-With fewer healthy joints than task rows the directions Null(Kᵀ) are lost; with one joint without
-torque it is that joint's column. What is left has an eigenvalue of K Kᵀ, or of (I - ûûᵀ) J Jᵀ
-(I - ûûᵀ), that interlaces with those of J Jᵀ (Cauchy), so no second decomposition is needed to
-know the rank.
+With fewer healthy joints than task rows, the directions Null(Kᵀ) are lost; with one free-swinging
+joint, the direction of its column. The remaining eigenvalues of K Kᵀ, or of (I - ûûᵀ) J Jᵀ
+(I - ûûᵀ), interlace with those of J Jᵀ (Cauchy), so the rank follows without another decomposition.
 """
 
 from __future__ import annotations
@@ -26,23 +25,23 @@ if TYPE_CHECKING:
     import numpy as np
 
 _FIRM = 1e-6
-"""Vectors whose squared distance, relative, is smaller are left to `settle`."""
+"""Sets of vectors with a smaller relative squared distance are left to `settle`."""
 
-_ZERO = 1e-14  # of σ_max, a column this small is rounding
-_ROUNDING = 1e-12  # `exact.support` takes smaller torques for rounding
+_ZERO = 1e-14  # relative to σ_max; smaller columns are rounding errors
+_ROUNDING = 1e-12  # smaller torques are rounding errors in `exact.support`
 
 
 class Lost(NamedTuple):
-    """Directions that LANES postures lose."""
+    """Lost directions of LANES postures."""
 
     P: np.ndarray  # (n, m, LANES): (J Jᵀ)⁻¹ J_k, one row per joint
     basis: np.ndarray  # (m, m, LANES): orthonormal rows
-    part: np.ndarray  # (m, LANES): what is lost of the force
-    retained: np.ndarray  # (LANES,): no eigenvalue that is left is smaller; NaN if not known
-    offset: np.ndarray  # (LANES,): force along the only direction that carries the weight
+    part: np.ndarray  # (m, LANES): lost part of the force
+    retained: np.ndarray  # (LANES,): lower bound on the remaining eigenvalues; NaN if unknown
+    offset: np.ndarray  # (LANES,): force along the only lost direction that carries the weight
     idle: np.ndarray  # (LANES,): torque that no force balances, relative to all; -1 if one does
-    a: np.ndarray  # (LANES,): workspace, as the rest
-    relative: np.ndarray  # (LANES,): ‖ΔF‖/‖F̂‖, where `write_jump` leaves it
+    a: np.ndarray  # (LANES,): workspace, like the rest
+    relative: np.ndarray  # (LANES,): ‖ΔF‖/‖F̂‖, written by `write_jump`
     forces: np.ndarray  # (LANES,): norms of the jump
     moments: np.ndarray  # (LANES,)
 
@@ -54,7 +53,7 @@ def lost(m, n):
 
 @inner
 def prepare(W, sigma, V, one):
-    """P = U diag(1/σ) Vᵀ, which is (J Jᵀ)⁻¹ J."""
+    """Compute P = U diag(1/σ) Vᵀ = (J Jᵀ)⁻¹ J."""
     over = one.a
     one.P[:] = 0.0
     for i in range(W.shape[0]):
@@ -72,7 +71,7 @@ def add_to_basis(size, one):
     row, before, after, along = one.basis[size], one.a, one.relative, one.forces
     m, retained = row.shape[0], one.retained
     add_squares(row, before)
-    for j in range(2 * size):  # twice
+    for j in range(2 * size):  # orthogonalize twice, for accuracy
         other = one.basis[j % size]
         dot(other, row, along)
         for i in range(m):
@@ -105,7 +104,7 @@ def dot(x, y, total):
 
 @inner
 def lose_span(joints, smallest, one):
-    """As many joints as rows: each locked one takes a direction, its row of J⁻¹."""
+    """With as many joints as rows, each locked joint loses one direction, its row of J⁻¹."""
     for b in range(LANES):
         one.retained[b] = smallest[b]
     for at in range(joints.size):
@@ -118,9 +117,9 @@ def lose_span(joints, smallest, one):
 
 @inner
 def lose_pair(i, j, secular, one):
-    """One joint more than rows, two locked, i < j: P_S a with N_SS a = 0, for N has rank one.
+    """With one joint more than rows, locking i < j loses P_S a with N_SS a = 0: N has rank one.
 
-    What is left is no smaller than what either of the locks alone would leave.
+    The remaining eigenvalues are no smaller than with either joint locked alone.
     """
     x, rest, row, retained = secular.x, secular.rest, one.basis[0], one.retained
     N, first, second = secular.N[j, i], one.a, one.relative
@@ -132,17 +131,17 @@ def lose_pair(i, j, secular, one):
     for r in range(row.shape[0]):
         for b in range(LANES):
             row[r, b] = first[b] * one.P[i, r, b] + second[b] * one.P[j, r, b]
-    for b in range(LANES):  # the difference of the two must have digits left
+    for b in range(LANES):  # reject if the difference of the two cancels
         retained[b] = retained[b] if max(rest[i, b], rest[j, b]) > _FIRM else math.nan
     add_to_basis(0, one)
 
 
 @inner
 def lose_column(k, wary, J, weight, smallest, largest, one):
-    """Joint k without torque: J_kᵀ F' + [rnea]_k = 0 takes the direction of its column.
+    """With joint k free-swinging, J_kᵀ F' + [rnea]_k = 0 loses the direction of its column.
 
-    F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), what is left of it having no component along û. Where the
-    column is zero, the tip lies on the joint's axis: no force balances it, and none is lost.
+    F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), so the component of F' along û is fixed. If the column is
+    zero, the tip lies on the joint's axis: no force balances the joint, and none is lost.
     """
     row, size, total = one.basis[0], one.moments, one.a
     retained, offset, idle = one.retained, one.offset, one.idle
@@ -163,7 +162,7 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
         is_some = share > (2.0 * _ROUNDING) ** 2 * total[b]
         is_none = not share > (0.5 * _ROUNDING) ** 2 * total[b]
         offset[b] = weight[k, b] / math.sqrt(size[b]) if is_some else 0.0
-        is_column = size[b] > (wary * GUARD_BAND) ** 2 * largest[b]  # for every tolerance
+        is_column = size[b] > (wary * GUARD_BAND) ** 2 * largest[b]  # whatever the tolerance
         is_zero = size[b] <= _ZERO * _ZERO * largest[b]
         idle[b] = (math.sqrt(share / total[b]) if is_some else 0.0) if is_zero else -1.0
         is_known = (is_column | is_zero) & (is_some | is_none)
@@ -172,9 +171,9 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
 
 @inner
 def project(force, size, swings, one):
-    """Leave in ``part`` what is lost of the force: what lies along the lost directions.
+    """Store in ``part`` the lost part of the force, its projection onto the lost directions.
 
-    And what carries the weight of a joint without torque.
+    It includes the force that carries the weight of a free-swinging joint.
     """
     along, part = one.a, one.part
     for i in range(part.shape[0]):
@@ -192,7 +191,7 @@ def project(force, size, swings, one):
 
 @inner
 def judge(rtol, wary, largest, first, count, one, verdict):
-    """Judge by the relative jump that `write_jump` left; infinite where every force counts."""
+    """Decide the verdict by the relative jump from `write_jump`; infinite without a force."""
     retained, relative = one.retained, one.relative
     for b in range(count):
         left, jump = retained[b], relative[b]
@@ -202,14 +201,14 @@ def judge(rtol, wary, largest, first, count, one, verdict):
                 code = NOT_TOLERATED
             elif (
                 left > (wary * GUARD_BAND) ** 2 * largest[b]
-            ):  # no tolerance takes another direction
+            ):  # no tolerance removes another direction
                 code = by_tolerance(jump, rtol, wary)
         verdict[first + b] = code
 
 
 @inner
 def by_tolerance(jump, rtol, wary):
-    """Return the verdict where nothing but what is compared with the tolerance depends on it."""
+    """Return the verdict where the jump itself does not depend on the tolerance."""
     if jump > wary * GUARD_BAND:
         return NOT_TOLERATED
     if jump < rtol / GUARD_BAND:
@@ -219,7 +218,7 @@ def by_tolerance(jump, rtol, wary):
 
 @inner
 def write_jump(rows, weights, force, one):
-    """Leave ‖ΔF‖/‖F̂‖, and the norms of forces and moments, in the last three lines."""
+    """Compute ‖ΔF‖/‖F̂‖ and the norms of forces and moments, in the last three fields of `Lost`."""
     part, whole, relative = one.part, one.a, one.relative
     forces, moments = one.forces, one.moments
     dot(force, force, whole)
@@ -241,7 +240,7 @@ def write_jump(rows, weights, force, one):
 
 @inner
 def limit_capability(direction, rtol, size, swings, d, one, least, most):
-    """Interval of s·d that can be commanded (`exact.on_plane`), before any limit."""
+    """Compute the interval of s·d that can be commanded (`exact.on_plane`), without limits."""
     along, whole, retained = one.a, one.relative, one.retained
     for b in range(LANES):
         whole[b] = 0.0
@@ -271,7 +270,7 @@ def limit_capability(direction, rtol, size, swings, d, one, least, most):
 
 @inner
 def keep_idle(question, s, first, count, largest, one, answers):
-    """Write what is said where the joint without torque has a column of zeros."""
+    """Write the results where the column of the free-swinging joint is zero."""
     rtol, wary = question.rtol, question.wary
     for b in range(count):
         at, idle, left = first + b, one.idle[b], one.retained[b]
@@ -281,9 +280,9 @@ def keep_idle(question, s, first, count, largest, one, answers):
         answers.sigma_min[s, at] = math.sqrt(left)
         answers.margin[s, at] = math.sqrt(left / largest[b])
         answers.rho[s, at] = 1.0
-        is_sure = left > (wary * GUARD_BAND) ** 2 * largest[b]  # no tolerance takes a direction
+        is_sure = left > (wary * GUARD_BAND) ** 2 * largest[b]  # no tolerance removes a direction
         answers.verdict[s, at] = by_tolerance(idle, rtol, wary) if is_sure else UNDECIDED
-        falls = idle > rtol  # nothing holds the arm
+        falls = idle > rtol  # the arm cannot stand still
         if question.force.size:
             answers.jump[s, at] = math.nan if falls else 0.0
             answers.relative_jump[s, at] = 1.0 if falls else 0.0

@@ -1,12 +1,12 @@
 """σ_min and ρ of every fault set that locks one joint, from one decomposition of J.
 
 With ``J = U diag(σ) Vᵀ`` and ``N = I - J†J`` the eigenvalues of ``K Kᵀ = J Jᵀ - J_k J_kᵀ`` are the
-roots x of the secular equation (Golub 1973; here without its cancellation)
+roots x of the secular equation (Golub 1973; rearranged here to avoid its cancellation)
 
     x φ(x) = N_kk,    φ(x) = Σ_i v_ki² / (σ_i² - x),
 
-and ρ² = N_kk (Roberts & Maciejewski 1996). The eigenvector of a root has the components
-σ_i v_ki / (σ_i² - x) along the left vectors.
+and ρ² = N_kk (Roberts & Maciejewski 1996). The eigenvector of a root has components proportional
+to σ_i v_ki / (σ_i² - x) along the left singular vectors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 LEAST = 1e-5
-"""Smaller margins, of J or K, are left to `settle`."""
+"""Cases with a smaller margin, of J or K, are left to `settle`."""
 
 _ROUNDS, _MORE = 3, 20
 _CLOSE = 1e-6
@@ -29,18 +29,18 @@ _IDLE = 1e-28
 
 
 class Secular(NamedTuple):
-    """What the fault sets of LANES postures share."""
+    """Intermediate results shared by the fault sets of LANES postures."""
 
     V: np.ndarray  # (n, m, LANES): right singular vectors, one row per joint
-    N: np.ndarray  # (n, n, LANES): its lower triangle
+    N: np.ndarray  # (n, n, LANES): lower triangle of N
     rest: np.ndarray  # (n, LANES): N_kk, to a higher relative accuracy
-    x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if it is not known well enough
-    F: np.ndarray  # (m, LANES): force along the left vectors
+    x: np.ndarray  # (n, LANES): smallest eigenvalue of K Kᵀ; NaN if not accurate enough
+    F: np.ndarray  # (m, LANES): force along the left singular vectors
     over: np.ndarray  # (m, LANES): 1/(σ² - bound)
     size: np.ndarray  # (LANES,): ‖F‖²
-    below: np.ndarray  # (LANES,): how many σ² lie below the bound
+    below: np.ndarray  # (LANES,): number of σ² below the bound
     bound: np.ndarray  # (LANES,)
-    step: np.ndarray  # (LANES,): workspace, as the rest
+    step: np.ndarray  # (LANES,): workspace, like the rest
     upper: np.ndarray  # (LANES,)
     a: np.ndarray  # (LANES,)
     b: np.ndarray  # (LANES,)
@@ -55,7 +55,7 @@ def secular(m, n):
 
 @inner
 def prepare(J, spectrum, force, asks, one):
-    """Bring J's columns, and the force, into the left vectors; and find N."""
+    """Express J's columns and the force in the left singular vectors, and compute N."""
     n, m = one.V.shape[0], one.V.shape[1]
     W, sigma, over, size = spectrum.W, spectrum.sigma, one.step, one.size
     for i in range(m):
@@ -87,7 +87,7 @@ def prepare(J, spectrum, force, asks, one):
 
 @inner
 def complement(Q, one):
-    """N = I - QᵀQ, and its diagonal as the squares of its columns: what is small stays accurate."""
+    """Compute N = I - QᵀQ; its diagonal as squared column norms, accurate even when small."""
     m, n = Q.shape[0], Q.shape[1]
     for k in range(n):
         for b in range(LANES):
@@ -109,10 +109,11 @@ def complement(Q, one):
 
 @inner
 def find_root(k, square, largest, rtol, one):
-    """Find the smallest eigenvalue of K Kᵀ where joint k is locked.
+    """Compute the smallest eigenvalue of K Kᵀ with joint k locked.
 
-    ``F(x) = x - N_kk/φ(x)`` grows and is convex up to σ_m², for 1/φ is concave: Newton's steps come
-    down to the root from the right, and Halley's, which may pass it, are taken if they go further.
+    ``F(x) = x - N_kk/φ(x)`` is increasing and convex up to σ_m², since 1/φ is concave. Newton's
+    iteration converges to the root from the right; Halley's step, which may overshoot it, is used
+    where it goes further.
     """
     least = max(rtol * GUARD_BAND, LEAST) ** 2
     V, N, x, step, upper = one.V[k], one.rest[k], one.x[k], one.step, one.upper
@@ -143,10 +144,10 @@ def find_root(k, square, largest, rtol, one):
 
 @inner
 def start(V, N, square, x, one):
-    """Begin with Newton's step from 0, or with the root if one term of φ were all of it.
+    """Set the initial x: a Newton step from 0, or the root for a single term of φ.
 
-    That is never too small, and below σ_m²: with the i-th alone, N_kk σ_i²/(N_kk + v_ki²). A joint
-    whose column is zero leaves σ_m² as it is.
+    The latter, N_kk σ_i²/(N_kk + v_ki²) for term i, is never too small, and below σ_m². A joint
+    whose column is zero leaves σ_m² unchanged.
     """
     zeroth, first, most = one.a, one.b, one.c
     step, upper = one.step, one.upper
@@ -169,7 +170,7 @@ def start(V, N, square, x, one):
 
 @inner
 def improved(x, N, zeroth, first, second, upper):
-    """Return the next x; the sums are φ, φ' and φ''/2."""
+    """Return the next iterate; the sums are φ, φ' and φ''/2."""
     down = zeroth * zeroth + N * first
     newton = N * (zeroth + x * first) / down  # all terms are positive
     F = (x * zeroth - N) * zeroth
@@ -180,7 +181,7 @@ def improved(x, N, zeroth, first, second, upper):
 
 @inner
 def finish(V, N, square, b, x, step, upper):
-    """Take more steps in one lane."""
+    """Iterate further in one lane."""
     for _ in range(_MORE):
         zeroth, first, second = 0.0, 0.0, 0.0
         for i in range(V.shape[0]):
@@ -198,7 +199,7 @@ def finish(V, N, square, b, x, step, upper):
 
 @inner
 def prepare_bound(square, largest, wary, one):
-    """Prepare to count the eigenvalues that a tolerance just above ``wary`` takes for lost."""
+    """Prepare to count the eigenvalues that a tolerance just above ``wary`` treats as zero."""
     bound, below = one.bound, one.below
     for b in range(LANES):
         bound[b] = (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest[b]
@@ -214,8 +215,8 @@ def prepare_bound(square, largest, wary, one):
 def count_below(k, one, count):
     """Count the eigenvalues of K Kᵀ below the bound.
 
-    There is one more of them than of J Jᵀ where the secular function N_kk - x φ(x) is negative
-    (Sylvester's law, on J Jᵀ - x bordered by J_k).
+    There is one more than for J Jᵀ where the secular function N_kk - x φ(x) is negative, by
+    Sylvester's law of inertia for J Jᵀ - x I bordered by J_k.
     """
     V, value, bound, below = one.V[k], one.a, one.bound, one.below
     for b in range(LANES):
@@ -230,7 +231,7 @@ def count_below(k, one, count):
 
 @inner
 def share_along(k, sigma, square, one, share):
-    """Share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
+    """Compute the share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
     V, x, along, size = one.V[k], one.x[k], one.a, one.b
     for b in range(LANES):
         along[b], size[b] = 0.0, 0.0

@@ -1,7 +1,7 @@
-"""What the fast part left undecided, answered by singular values, as `ftforce.analyze` does it.
+"""Decide by singular values, as `ftforce.analyze` does, what the fast part left undecided.
 
-Pairs of a posture and a fault set of locked joints are collected until there are enough of them to
-decompose K for LANES of them side by side. Joints without torque are taken one by one.
+Pairs of a posture and a set of locked joints are collected until K can be decomposed for LANES of
+them side by side. Sets with free-swinging joints are evaluated one by one.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 class Pairs(NamedTuple):
-    """Postures and fault sets that are settled together."""
+    """Pairs of posture and fault set that are decided together."""
 
     K: np.ndarray  # (m, n, LANES): eq. (25), (26)
     spectrum: Spectrum  # of K
-    lane: np.ndarray  # (LANES,): where in the workspace the posture is
-    set: np.ndarray  # (LANES,): which fault set
-    one: Scratch  # the one that is being judged
+    lane: np.ndarray  # (LANES,): lane of the posture in the workspace
+    set: np.ndarray  # (LANES,): index of the fault set
+    one: Scratch  # the pair being decided
 
 
 def pairs(m, n):
@@ -37,9 +37,9 @@ def pairs(m, n):
 
 
 def settle(mechanism, faults, question, q, answers, work, group):
-    """Answer what `fast.evaluate` left undecided, with its arguments.
+    """Evaluate the cases that `fast.evaluate` left undecided, with the same arguments.
 
-    Only the kernels that are needed are called, and compiled.
+    Only the kernels that are needed are called, and hence compiled.
     """
     given = (mechanism, faults, question, q, answers, work.arm, work.spectrum)
     swings = faults.swings
@@ -51,7 +51,7 @@ def settle(mechanism, faults, question, q, answers, work, group):
 
 @kernel
 def settle_free(mechanism, faults, question, q, answers, arm, spec, one):
-    """Answer for the sets with joints without torque."""
+    """Evaluate the undecided sets with free-swinging joints."""
     start, count = 0, 1
     while count > 0:
         start, count = collect(start, faults.swings, True, answers, arm.chosen)
@@ -69,7 +69,7 @@ def settle_free(mechanism, faults, question, q, answers, arm, spec, one):
 
 @kernel
 def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
-    """Answer for the sets of locked joints, and what is left of the healthy arm."""
+    """Evaluate the undecided sets of locked joints, and the undecided healthy ranks."""
     start, count = 0, 1
     while count > 0:
         start, count = collect(start, faults.swings, False, answers, arm.chosen)
@@ -97,7 +97,7 @@ def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
 
 @inner
 def collect(start, swings, is_free, answers, chosen):
-    """Choose up to LANES postures of which something is undecided; return where to go on."""
+    """Choose up to LANES undecided postures; return where to continue, and their number."""
     at, count = start, 0
     while at < answers.rank.size and count < LANES:
         left = answers.rank[at] == UNDECIDED and not is_free
@@ -114,7 +114,7 @@ def collect(start, swings, is_free, answers, chosen):
 
 @inner
 def decompose_healthy(mechanism, question, q, count, answers, arm, spec, one):
-    """Decompose J of the chosen postures, and take the force that the healthy arms exert."""
+    """Decompose J of the chosen postures, and compute the forces the healthy arm exerts."""
     m = arm.J.shape[0]
     lanes.place(mechanism, question, q, arm)
     spectrum.decompose(arm.J, spec)
@@ -129,13 +129,13 @@ def decompose_healthy(mechanism, question, q, count, answers, arm, spec, one):
 
 @inner
 def keep_exerted(W, b, rank, force, one):
-    """Take the force that the healthy arm exerts, F̂ = J J† F."""
+    """Replace F by the force that the healthy arm exerts, F̂ = J J† F."""
     m = W.shape[0]
     for i in range(m):
         one.F[i] = force[i, b]
     take_left_vectors(W, b, rank, one.V)
     exact.project(one.V, 0, rank, one.F, one.kept)
-    # What only rounding left is no force: its direction would be judged.
+    # A force that is only rounding error counts as zero, or its direction would affect the verdict.
     is_real = exact.norm(one.kept) > 1e-12 * exact.norm(one.F)
     for i in range(m):
         force[i, b] = one.kept[i] if is_real else 0.0
@@ -152,15 +152,15 @@ def rank_of(sigma, b, rtol):
 
 @inner
 def ratio(x, scale):
-    """Return x / scale, 0 without a scale."""
+    """Return x / scale, 0 if the scale is 0."""
     return x / scale if scale > 0.0 else 0.0
 
 
 @inner
 def take_left_vectors(W, b, rank, U):
-    """Copy the left vectors of a lane into columns, and complete them to a basis.
+    """Copy the left singular vectors of a lane into columns, and complete them to a basis.
 
-    Of the unit vectors the one that is farthest from those found yet comes next.
+    Each added column starts from the unit vector farthest from the span of the previous ones.
     """
     m = W.shape[0]
     for i in range(rank):
@@ -176,7 +176,7 @@ def take_left_vectors(W, b, rank, U):
                 farthest, least = r, along
         for r in range(m):
             U[r, i] = 1.0 if r == farthest else 0.0
-        for j in range(2 * i):  # twice
+        for j in range(2 * i):  # orthogonalize twice, for accuracy
             along = 0.0
             for r in range(m):
                 along += U[r, j % i] * U[r, i]
@@ -191,7 +191,7 @@ def take_left_vectors(W, b, rank, U):
 
 @inner
 def take(question, b, arm, sigma, one):
-    """Copy what is known of a lane's posture."""
+    """Copy the posture of a lane into the workspace of `exact`."""
     m, n = one.J.shape
     for i in range(m):
         for k in range(n):
@@ -208,7 +208,7 @@ def take(question, b, arm, sigma, one):
 
 @inner
 def wait(locked, s, b, slot, J, K, lane, which):
-    """Let a pair wait for others."""
+    """Queue a pair, with its K, in a slot."""
     lane[slot], which[slot] = b, s
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
@@ -217,7 +217,7 @@ def wait(locked, s, b, slot, J, K, lane, which):
 
 @inner
 def lock(locked, free, question, s, at, slot, sigma, W, one, answers):
-    """Answer for a set of locked joints, whose K is decomposed in a slot."""
+    """Evaluate a set of locked joints, whose K is decomposed in a slot."""
     for i in range(one.t.size):
         one.t[i] = sigma[i, slot]
         one.F0[i] = 0.0
@@ -229,7 +229,7 @@ def lock(locked, free, question, s, at, slot, sigma, W, one, answers):
 
 @inner
 def swing(locked, free, question, s, at, one, answers):
-    """Answer for a set with joints without torque."""
+    """Evaluate a set with free-swinging joints."""
     asks, lost = question.force.size > 0, question.rtol * one.s[0]
     answers.verdict[s, at] = exact.judge_free(one, locked, free, question.rtol, question.wary, asks)
     exact.reduce_columns(one.J, locked, one.K)
@@ -240,7 +240,7 @@ def swing(locked, free, question, s, at, one, answers):
 
 @inner
 def write(locked, free, question, s, at, after, unbalanced, one, answers):
-    """Write all but the verdict."""
+    """Write all results except the verdict."""
     m, scale, rank = one.s.size, one.s[0], one.rank[0]
     answers.rank_lost[s, at] = rank - after
     answers.sigma_min[s, at] = one.t[m - 1]
@@ -268,9 +268,9 @@ def relative_manipulability(one, rank):
 
 @inner
 def write_jump(question, s, at, after, unbalanced, one, answers):
-    """Write the jump ΔF = F̂ - F', its forces and its moments apart."""
+    """Write the norms of the jump ΔF = F̂ - F', separately for forces and moments."""
     m = one.F.size
-    if unbalanced > question.rtol:  # nothing holds the arm
+    if unbalanced > question.rtol:  # the arm cannot stand still
         answers.jump[s, at] = math.nan
         answers.relative_jump[s, at] = 1.0
         if answers.moment_jump.size:

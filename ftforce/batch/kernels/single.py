@@ -1,11 +1,11 @@
-"""One posture, a handful of fault sets, at once: the kernel of `ftforce.Remapper`.
+"""One posture with a handful of fault sets at minimal latency: the kernel of `ftforce.Remapper`.
 
-It answers as `ftforce.analyze` does. J is decomposed, ``J = U diag(s) Vᵀ``, and all that follows
-is written in its left vectors: there the rows of J are s_i v_iᵀ, orthogonal, F̂ is a quotient per
-row, and K, which lacks a few columns, is nearly decomposed already. For most sets σ_min(K) says
-that nothing is lost; the others are left to `exact`.
+It gives the results of `ftforce.analyze`. J is decomposed, ``J = U diag(s) Vᵀ``, and everything
+else is expressed in its left singular vectors: the rows of J become the orthogonal s_i v_iᵀ, F̂ is
+one quotient per row, and K, which lacks only a few columns, is nearly diagonal. For most sets
+σ_min(K) shows that nothing is lost; the others are left to `exact`.
 
-Nothing here allocates: it is compiled without numba's allocator, and could not be otherwise.
+Nothing here allocates: it is compiled without numba's allocator, so that it cannot.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     import numpy as np
 
 DONE, MALFORMED = 0, 1
-"""What `answer` returns: a number that is not finite, or too many or few of them, is malformed."""
+"""Return codes of `answer`; input of the wrong size or with non-finite numbers is malformed."""
 
 FRAME, BODY = 16, 18
 MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 """Sizes of the workspace."""
 
 SIDE = 8
-"""Sets side by side: loops over them are innermost and become vector instructions."""
+"""Fault sets processed side by side: loops over them are innermost, so that they vectorize."""
 
 LEAST_MARGIN = 1e-3
-"""What K Kᵀ says of a smaller σ_min/σ_max has too few digits."""
+"""K Kᵀ does not determine a smaller σ_min/σ_max accurately enough."""
 
-_CLEAR = 1.0 + 1e-6  # this much beyond all tolerances, σ_min is beyond doubt
-_LARGEST = 1e200  # of a sum of squares: products with it can still be computed
+_CLEAR = 1.0 + 1e-6  # σ_min is certain if it exceeds all tolerances by this factor
+_LARGEST = 1e200  # of a sum of squares, so that products with it do not overflow
 _ROUNDING = 1e-12
 _STEPS, _CLOSE, _NEAR, _SHORT = 40, 1e-13, 1e-9, 1.0 - 1e-7
 _NOTHING = 1e-300
@@ -45,10 +45,10 @@ _NOTHING = 1e-300
 class One(NamedTuple):
     """A decomposed posture, in the left singular vectors of J; m task rows, n joints."""
 
-    scratch: exact.Scratch  # its J has the rows s_i v_iᵀ, its F are the components of F̂
+    scratch: exact.Scratch  # its J has the rows s_i v_iᵀ, its F is F̂ in the left vectors
     left: np.ndarray  # (m, m): U
-    task: np.ndarray  # as `answer` has it
-    carried: np.ndarray  # (n,): torques that carry F̂, JᵀF̂
+    task: np.ndarray  # argument of `answer`
+    carried: np.ndarray  # (n,): torques that exert F̂, JᵀF̂
     before: np.ndarray  # (m,): F̂ in the task's axes, unweighted
 
 
@@ -56,33 +56,34 @@ def answer(
     is_force, tree, body, task, locked, free, failed,
     frame, matrix, square, vector, side, line, torque, force, number, code, q, given,
 ):  # fmt: skip
-    """Answer for one posture; return `DONE`, or `MALFORMED` and leave all answers as they are.
+    """Evaluate one posture; return `DONE`, or `MALFORMED` without touching any output.
 
     Parameters
     ----------
     is_force :
-        Whether a force is given or torques.
+        Whether a force is given, rather than torques.
     tree :
-        Parent (-1: the root), driver, 1 if it slides and 1 if it moves the tip, of every joint;
-        then the tip's parent, 1 if the rows are in its axes and 1 if weight counts; (E + 1, 4).
+        For every joint its parent (-1 for the root), its driver, whether it is prismatic and
+        whether it moves the tip; then the tip's parent, whether the rows are in tip axes and
+        whether gravity torques are needed; (E + 1, 4).
     body :
         Placement, ratio, offset, mass and centre of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
         Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
     locked, free :
-        True at these joints of each set, (S, n).
+        True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
         1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
     frame, matrix, square, vector, side, line :
         Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
         and (LINES, SIDE).
     torque :
-        Workspace, its last row the answer τ_N; then the answers U; (TORQUES + S, n).
+        Workspace, whose last row is the output τ_N; then the outputs U; (TORQUES + S, n).
     force :
-        Answers in the task's axes, unweighted: F̂, every F', every ΔF, (1 + 2 S, m).
+        Outputs in the task's axes, unweighted: F̂, every F', every ΔF, (1 + 2 S, m).
     number, code :
-        Answers: margin, σ_min, norm of the jump's forces and of its moments, (4, S); verdict and
+        Outputs: margin, σ_min, and the norms of the jump's forces and moments, (4, S); verdict and
         lost ranks, with a row of workspace, (3, S).
     q :
         Joint positions, rad or m, (n,).
@@ -124,7 +125,7 @@ def answer(
 
 @inner
 def is_sound(q, given):
-    """Return whether all numbers are finite, and small enough to compute with."""
+    """Return whether all numbers are finite, and small enough not to overflow."""
     size = 0.0
     for i in range(q.size):
         size += q[i] * q[i]
@@ -135,7 +136,7 @@ def is_sound(q, given):
 
 @inner
 def any_of(mask):
-    """Return whether a mask is true anywhere."""
+    """Return whether any element of a mask is true."""
     found = False
     for k in range(mask.size):
         found |= mask[k]
@@ -147,7 +148,7 @@ def any_of(mask):
 
 @inner
 def place(tree, body, q, frame):
-    """Place all joints and the tip in the root's axes: rotation by rows, then translation."""
+    """Compute the frames of all joints and the tip in root axes: rotation by rows, translation."""
     last = tree.shape[0] - 1
     for e in range(last + 1):
         carry(tree[e, 0], body[e], frame, frame[e])
@@ -167,7 +168,7 @@ def place(tree, body, q, frame):
 
 @inner
 def carry(parent, placement, frame, own):
-    """Place a frame that a joint or the root carries: ``R = R_above P``, ``p = p_above + R t``."""
+    """Compose a placement with its parent frame: ``R = R_above P``, ``p = p_above + R_above t``."""
     if parent < 0:
         for i in range(12):
             own[i] = placement[i]
@@ -182,7 +183,7 @@ def carry(parent, placement, frame, own):
 
 @inner
 def task_jacobian(tree, body, task, frame, J):
-    """Weighted task Jacobian J̃, (m, n): a follower's column belongs to its leader."""
+    """Compute the weighted task Jacobian J̃, (m, n); mimic joints add to their leader's column."""
     last = tree.shape[0] - 1
     tip, in_tool = frame[last], tree[last, 1]
     for r in range(J.shape[0]):
@@ -211,7 +212,7 @@ def task_jacobian(tree, body, task, frame, J):
 
 @inner
 def weight_torque(tree, body, frame, weight):
-    """Torques that carry the weight, G(q), (n,): of all that each joint carries."""
+    """Compute the gravity torques G(q), (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
     g0, g1, g2 = body[last, 12], body[last, 13], body[last, 14]
     for k in range(weight.size):
@@ -240,7 +241,7 @@ def weight_torque(tree, body, frame, weight):
 
 @inner
 def learn(one, is_force, given, self_motion):
-    """Decompose J, and find the force that the healthy arm exerts: F̂ = (Jᵀ)† τ, or J J† F."""
+    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F."""
     J, s, F = one.scratch.J, one.scratch.s, one.scratch.F
     m, n = J.shape
     exact.decompose(J, one.left, s)
@@ -266,7 +267,7 @@ def learn(one, is_force, given, self_motion):
         part = 0.0
         for k in range(n):
             part += one.carried[k] * one.carried[k]
-    # What only rounding left is no force: its direction would be judged.
+    # A force that is only rounding error counts as zero, or its direction would affect the verdict.
     if not part > _ROUNDING * _ROUNDING * whole:
         for i in range(m):
             F[i] = 0.0
@@ -282,7 +283,7 @@ def learn(one, is_force, given, self_motion):
 
 @inner
 def carry_force(J, F, torque):
-    """JᵀF."""
+    """Compute the torques JᵀF."""
     for k in range(J.shape[1]):
         torque[k] = 0.0
         for i in range(J.shape[0]):
@@ -291,7 +292,7 @@ def carry_force(J, F, torque):
 
 @inner
 def into_task(one, x, out):
-    """Turn a force from the left vectors of J into the task's axes, and take the weights off."""
+    """Transform a force from the left singular vectors of J to the task's axes, unweighted."""
     for r in range(x.size):
         out[r] = 0.0
         for i in range(x.size):
@@ -304,7 +305,7 @@ def into_task(one, x, out):
 
 @inner
 def keep_all(one, locked, U, after, jump):
-    """Nothing is lost: U = ᔆJᵀ F̂ (eq. 24, 39 as eq. 42 uses it), and no jump."""
+    """Write the results where nothing is lost: U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42), no jump."""
     for k in range(U.size):
         U[k] = 0.0 if locked[k] else one.carried[k]
     for i in range(after.size):
@@ -314,9 +315,9 @@ def keep_all(one, locked, U, after, jump):
 
 @inner
 def margins(one, failed, A, line, margin):
-    """Find σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+    """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
 
-    Where it is smaller than `LEAST_MARGIN`, that is all that the answer says.
+    Below `LEAST_MARGIN` the value is not accurate, only known to be below.
     """
     J, s = one.scratch.J, one.scratch.s
     m, n = J.shape
@@ -339,9 +340,9 @@ def margins(one, failed, A, line, margin):
 
 @inner
 def tridiagonalize(A, line):
-    """Bring symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
+    """Reduce symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
 
-    Leaves their diagonals, and in the rows A[k, k + 1] the squares of the elements beside them.
+    Stores the diagonals, and in A[k, k + 1] the squares of the off-diagonal elements.
     """
     m, w = A.shape[0], line
     beta, along = line[6], line[7]
@@ -382,14 +383,13 @@ def tridiagonalize(A, line):
 
 @inner
 def smallest(A, line, x):
-    """Find the smallest eigenvalues of tridiagonal matrices.
+    """Compute the smallest eigenvalues of tridiagonal matrices.
 
-    Laguerre's iteration on the characteristic polynomial: from below it never passes the root,
-    and near it every step triples the digits (Parlett 1964; all roots are real). Two roots that
-    are closer than rounding can tell from afar look like one between them, so every step is made
-    a little shorter. That no root was passed is seen from the leading minors, which are all
-    positive below it; where rounding has led astray the answer is NaN, and it is 0 where there is
-    no positive root or the iteration has not ended.
+    Laguerre's iteration on the characteristic polynomial approaches the root monotonically from
+    below, with cubic convergence (Parlett 1964; all roots are real). Two roots too close to be
+    resolved from a distance act like one between them, so every step is shortened slightly. The
+    leading minors, all positive below the smallest root, verify that it was not passed. The result
+    is NaN where rounding led past it, and 0 if there is no positive root or no convergence.
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
@@ -421,9 +421,9 @@ def smallest(A, line, x):
                 x[b] += step
                 last[b] = step
                 far += 1 if step > _CLOSE * x[b] else 0
-            elif 0.0 <= last[b] <= _NEAR * x[b]:  # at the root, as far as rounding can tell
+            elif 0.0 <= last[b] <= _NEAR * x[b]:  # at the root, to rounding accuracy
                 last[b] = 0.0
-            elif last[b] > 0.0:  # rounding may have led a little beyond it
+            elif last[b] > 0.0:  # rounding may have led slightly past the root
                 x[b] -= 0.1 * _NEAR * x[b]
                 last[b] = -1.0
                 far += 1
@@ -441,7 +441,7 @@ def smallest(A, line, x):
 
 @inner
 def settle(one, locked, free, at, number, code, U, after, jump):
-    """Answer for a set by the singular values of K, as `settle` does."""
+    """Evaluate a set by the singular values of K, like the module `settle`."""
     scratch, swings = one.scratch, any_of(free)
     rtol, wary, s, t = one.task[2, 0], one.task[2, 1], scratch.s, scratch.t
     verdict = TOLERATED
@@ -460,7 +460,7 @@ def settle(one, locked, free, at, number, code, U, after, jump):
     code[1, at] = scratch.rank[0] - rank
     number[0, at] = t[m - 1] / s[0] if s[0] > 0.0 else 0.0
     number[1, at] = t[m - 1]
-    if unbalanced > rtol:  # nothing holds the arm
+    if unbalanced > rtol:  # the arm cannot stand still
         for k in range(U.size):
             U[k] = math.nan
         for i in range(m):
@@ -475,9 +475,9 @@ def settle(one, locked, free, at, number, code, U, after, jump):
 
 @inner
 def lose(one, locked, swings, rank, U, after, jump):
-    """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), less the force that joints without torque ask.
+    """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), minus F0 with free-swinging joints.
 
-    Locks leave the torques of the others alone, U = ᔆJᵀ F̂; joints without torque do not.
+    Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
     """
     scratch = one.scratch
     J, lost = scratch.J, scratch.kept
@@ -500,7 +500,7 @@ def lose(one, locked, swings, rank, U, after, jump):
 
 @inner
 def norms(task, jump):
-    """Return the norms of the forces, N, and of the moments, N·m, which share no unit."""
+    """Return the norms of the forces, N, and of the moments, N·m."""
     forces, moments = 0.0, 0.0
     for i in range(jump.size):
         if task[0, i] < 3.0:
@@ -510,7 +510,7 @@ def norms(task, jump):
     return math.sqrt(forces), math.sqrt(moments)
 
 
-_VECTOR = types.Array(float64, 1, "A", readonly=True)  # strided and read-only ones will do
+_VECTOR = types.Array(float64, 1, "A", readonly=True)  # accepts strided and read-only ones
 _MASK, _WHOLE = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
 _MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
 _TYPES = int64(
@@ -518,9 +518,9 @@ _TYPES = int64(
     _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE,
     _VECTOR, _VECTOR,
 )  # fmt: skip
-# Python's lock stays held: taking it back can take longer than the call. One signature, so that
-# nothing is ever compiled inside a control loop.
-_compile: Any = njit  # its annotations leave out the last option
+# The GIL is not released: reacquiring it can take longer than the call. One explicit signature, so
+# that nothing is ever compiled inside a control loop.
+_compile: Any = njit  # its type annotations lack the last option
 answer = _compile(_TYPES, cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)(
     answer
 )

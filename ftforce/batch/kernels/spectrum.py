@@ -1,9 +1,9 @@
 """Singular values and left singular vectors of m x n matrices, LANES of them side by side.
 
-First ``J = L Q`` with orthonormal rows of Q, by Gram and Schmidt, each row twice (Giraud et al.
-2005). Then one-sided Jacobi rotations make the rows of Lᵀ orthogonal: they become σ_i u_iᵀ, sorted.
-Like the rotations of `exact` these keep small singular values accurate (Demmel and
-Veselić 1992), and on Lᵀ they need fewer sweeps than on J (Drmač and Veselić 2008).
+First ``J = L Q`` with orthonormal rows of Q, by Gram-Schmidt with reorthogonalization (Giraud et
+al. 2005). Then one-sided Jacobi rotations make the rows of Lᵀ orthogonal: they become σ_i u_iᵀ,
+sorted. Like those of `exact`, the rotations keep small singular values accurate (Demmel and Veselić
+1992), and Lᵀ needs fewer sweeps than J (Drmač and Veselić 2008).
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 
 _SWEEPS = 12
 _CLOSE = 1e-8**2
-"""Squared cosine: rows that were closer to orthogonal before a sweep are orthogonal after it."""
+"""Squared cosine of the angle between rows, below which one sweep makes them orthogonal."""
 
-_NOTHING = 1e-14  # of a row this much is rounding
+_NOTHING = 1e-14  # relative to a row; a smaller remainder is rounding error
 _HALF = math.sqrt(2.0) - 1.0
-_LEAST = 1e-300  # where two rows are zero, something has to be divided by
+_LEAST = 1e-300  # avoids division by zero if two rows are zero
 
 
 class Spectrum(NamedTuple):
-    """LANES matrices J = U diag(σ) Vᵀ with m rows and n columns, σ falling."""
+    """LANES matrices J = U diag(σ) Vᵀ with m rows and n columns, σ decreasing."""
 
     Q: np.ndarray  # (m, n, LANES): J = L Q, the last row of J first
     W: np.ndarray  # (m, m, LANES): rows u_iᵀ; 0 where σ = 0
     square: np.ndarray  # (m, LANES): σ²
     sigma: np.ndarray  # (m, LANES): σ
-    # Lines that are rows of one array would be compared for overlap, in vain, before each loop.
-    fails: np.ndarray  # (LANES,): 1 where the rotations did not end
-    a: np.ndarray  # (LANES,): workspace, as the next
+    # Separate arrays: for rows of one array the compiler adds an overlap check before each loop.
+    fails: np.ndarray  # (LANES,): 1 where the rotations did not converge
+    a: np.ndarray  # (LANES,): workspace, like the rest
     b: np.ndarray  # (LANES,)
     c: np.ndarray  # (LANES,)
 
@@ -74,10 +74,10 @@ def add_squares(row, total):
 
 @inner
 def orthonormalize(J, one):
-    """J = L Q, L's columns in the rows of W. The last rows of J turn first.
+    """Factorize J = L Q, with L's columns in the rows of W, starting from the last row of J.
 
-    Of a wrench these are the moments, usually the longest: the closer L is to graded, the fewer
-    sweeps follow.
+    For a wrench the last rows are the moments, usually the longest: the closer L is to graded, the
+    fewer sweeps follow.
     """
     m, n = J.shape[0], J.shape[1]
     Q, W, size, along = one.Q, one.W, one.a, one.b
@@ -90,7 +90,7 @@ def orthonormalize(J, one):
             for b in range(LANES):
                 W[j, i, b] = 0.0
         add_squares(row, size)
-        for j in range(2 * p):  # twice
+        for j in range(2 * p):  # orthogonalize twice, for accuracy
             take_out(Q[j % p], row, along)
             for b in range(LANES):
                 W[j % p, i, b] += along[b]
@@ -107,7 +107,7 @@ def orthonormalize(J, one):
 
 @inner
 def take_out(unit, row, along):
-    """Take the part along a unit vector out of a row; shapes (n, LANES), its length (LANES,)."""
+    """Remove the component along a unit vector from a row, (n, LANES); its length is (LANES,)."""
     for b in range(LANES):
         along[b] = unit[0, b] * row[0, b]
     for k in range(1, row.shape[0]):
@@ -122,7 +122,7 @@ def take_out(unit, row, along):
 def rotate(one):
     """Make the rows of W orthogonal, the longest first.
 
-    A lane whose rows were orthogonal enough stays as it is, so that no lane depends on others.
+    Lanes that have converged are left unchanged, so that no lane depends on the others.
     """
     W, square, fails, active = one.W, one.square, one.fails, one.a
     m = W.shape[0]
@@ -147,7 +147,7 @@ def rotate(one):
 
 @inner
 def turn_angle(x, y, longer, shorter, one):
-    """Cosine and sine that make two rows orthogonal, and the first the longer one."""
+    """Compute the rotation that makes two rows orthogonal, and the first one the longer."""
     fails, active, cosine, sine = one.fails, one.a, one.b, one.c
     for b in range(LANES):
         cosine[b] = x[0, b] * y[0, b]
@@ -159,13 +159,13 @@ def turn_angle(x, y, longer, shorter, one):
         gap = first - second
         h = math.sqrt(gap * gap + 4.0 * c * c)
         # tan θ = 2c/(|gap| + h), and tan θ/2 = tan θ/(1 + √(1 + tan² θ)), here as p/q with the root
-        # right at 0 and 45°; the rotation is one whatever p and q are.
+        # exact at 0 and 45°; any p and q give a proper rotation.
         up, down = 2.0 * c, abs(gap) + h
         p, q = up * down, 2.0 * down * down + _HALF * up * up
         length = q * q + p * p
         over = 1.0 / (length * down + _LEAST)
         twice = 2.0 * p * down * over
-        large, small = 1.0 - p * twice, q * twice  # 1 and 0 where nothing is left to turn
+        large, small = 1.0 - p * twice, q * twice  # 1 and 0 if no rotation is needed
         change = c * up * length * over  # of the squares, c tan θ
         swaps = gap * active[b] < 0.0
         fails[b] = 1.0 if c * c > _CLOSE * (first * second) else fails[b]
@@ -177,7 +177,7 @@ def turn_angle(x, y, longer, shorter, one):
 
 @inner
 def turn_rows(x, y, cosine, sine):
-    """Turn two rows in their plane."""
+    """Rotate two rows in their plane."""
     for k in range(x.shape[0]):
         for b in range(LANES):
             u, v = x[k, b], y[k, b]

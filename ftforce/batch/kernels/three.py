@@ -1,7 +1,7 @@
-"""σ_min and ρ of fault sets of a task of three rows, from closed forms, LANES postures at a time.
+"""σ_min and ρ for tasks of three rows, from closed forms, LANES postures at a time.
 
-Of ``K Kᵀ = J Jᵀ - Σ J_k J_kᵀ`` the smallest eigenvalue and the determinant are taken. What a loop
-over lanes computes stays in registers.
+They follow from the smallest eigenvalue and the determinant of ``K Kᵀ = J Jᵀ - Σ J_k J_kᵀ``.
+Intermediate values of the loops over lanes stay in registers.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from ftforce.batch.kernels.layout import Vector
 
 LEAST_MARGIN = 2e-4
-"""Below, the root of an eigenvalue of K Kᵀ has lost too many digits: against an SVD the worst
-relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, and 5e-9 from 4e-4 on."""
+"""Below, the square root of an eigenvalue of K Kᵀ has lost too many digits. Against an SVD, the
+worst relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4, 5e-9 from 4e-4 on."""
 
 
 @inner
 def evaluate_healthy(rtol, J, lane):
-    """Take σ_max(J), σ_min(J) and w(J) of J Jᵀ, and what divides by them."""
+    """Compute the extreme eigenvalues of J Jᵀ, and the factors 1/σ_max(J) and 1/w(J)."""
     least = max(rtol * GUARD_BAND, LEAST_MARGIN) ** 2
     smallest, largest, over = lane.smallest, lane.largest, lane.over
     lanes.gram(J, lane.A)
@@ -41,7 +41,7 @@ def evaluate_healthy(rtol, J, lane):
 
 @inner
 def answer(rtol, wary, joints, J, force, first, count, lane, sigma_min, margin, rho, verdict):
-    """Answer for a set that locks joints; at least three are left. Without a force it is empty."""
+    """Evaluate a set that leaves at least three healthy joints; ``force`` is empty without one."""
     B, x = lane.B, lane.x
     lanes.downdate(lane.A, J, joints, B)
     safe = max(wary * GUARD_BAND, LEAST_MARGIN) ** 2
@@ -54,9 +54,9 @@ def answer(rtol, wary, joints, J, force, first, count, lane, sigma_min, margin, 
 
 @inner
 def measure(B, largest, over, safe, first, count, x, sigma_min, margin, rho):
-    """Write the measures, leave the smallest eigenvalue, and count those that are not safe.
+    """Write the measures and the smallest eigenvalue, and count the lanes that are not safe.
 
-    Where the measures are not good enough they will be written over.
+    Measures that are not accurate enough are overwritten later.
     """
     unclear = 0
     for b in range(count):
@@ -74,10 +74,10 @@ def measure(B, largest, over, safe, first, count, x, sigma_min, margin, rho):
 
 @inner
 def decide(rtol, wary, b, B, x, largest, force):
-    """Judge a lane where one direction, and no more, would be lost by a larger tolerance.
+    """Decide a lane where a larger tolerance would lose exactly one direction.
 
-    That tolerance is the margin. The force is kept with smaller ones, and with larger ones if its
-    share along the direction, which then jumps, is below.
+    That tolerance is the margin. Below it the force is kept; above it only if the component of the
+    force along that direction, which then jumps, is within tolerance.
     """
     least = max(rtol * GUARD_BAND, LEAST_MARGIN) ** 2
     if not x > least * largest:
@@ -85,7 +85,7 @@ def decide(rtol, wary, b, B, x, largest, force):
     trace = B[0, 0, b] + B[1, 1, b] + B[2, 2, b] - x
     minors = B[0, 0, b] * B[1, 1, b] + B[0, 0, b] * B[2, 2, b] + B[1, 1, b] * B[2, 2, b]
     minors -= B[1, 0, b] ** 2 + B[2, 0, b] ** 2 + B[2, 1, b] ** 2
-    product = minors - x * trace  # of the two larger eigenvalues, as trace is their sum
+    product = minors - x * trace  # of the two larger eigenvalues; trace is their sum
     second = 2.0 * product / (trace + math.sqrt(max(trace * trace - 4.0 * product, 0.0)))
     if not second > (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest:
         return UNDECIDED
@@ -96,7 +96,7 @@ def decide(rtol, wary, b, B, x, largest, force):
 
 @inner
 def judge(wary, margin2, asks, share):
-    """Return the verdict where one direction alone is lost by tolerances beyond the margin."""
+    """Return the verdict where tolerances beyond the margin lose exactly one direction."""
     if not margin2 * GUARD_BAND < (wary / GUARD_BAND) ** 2:
         return UNDECIDED
     if not asks:
@@ -106,8 +106,8 @@ def judge(wary, margin2, asks, share):
     return TOLERATED if share < margin2 else BORDERLINE
 
 
-DEGREE = 18  # 2e-15; the next even ones are no better, 16 has 1e-14
-_LEAST = 1e-300  # of three equal eigenvalues nothing is left to divide by
+DEGREE = 18  # accurate to 2e-15; 16 gives 1e-14, and the next even degrees are no better
+_LEAST = 1e-300  # avoids division by zero for three equal eigenvalues
 
 
 def _of_half(u: Vector) -> Vector:
@@ -119,9 +119,9 @@ def _of_half(u: Vector) -> Vector:
 def _trisected() -> tuple[float, ...]:
     """Return cos(acos(r)/3) for r in [-1, 1] as a polynomial in ``2 √((1 + r)/2) - 1``.
 
-    In √((1 + r)/2) = cos(acos(r)/2) it has no singularity near, so the series ends quickly.
+    In √((1 + r)/2) = cos(acos(r)/2) it has no nearby singularity, so the series converges quickly.
     """
-    interpolate: Any = chebyshev.chebinterpolate  # annotated for functions of one number
+    interpolate: Any = chebyshev.chebinterpolate  # its type annotations allow scalars only
     half = interpolate(_of_half, DEGREE)
     return tuple(chebyshev.cheb2poly(half).tolist())
 
@@ -133,8 +133,8 @@ _C = _trisected()
 def trisect(r):
     """Return cos(acos(r)/3), r from -1 to 1.
 
-    The polynomial is summed as a tree (Estrin 1960): Horner's chain of 18 products that wait for
-    one another took four times as long as all the rest.
+    The polynomial is evaluated by Estrin's scheme (1960): the 18 dependent products of Horner's
+    method took four times as long as everything else.
     """
     u = 2.0 * math.sqrt(0.5 + 0.5 * r) - 1.0
     u2 = u * u
@@ -150,9 +150,9 @@ def trisect(r):
 
 @inner
 def outermost(a00, a10, a11, a20, a21, a22, side):
-    """Return the smallest (side -1) or largest (side 1) eigenvalue of a matrix.
+    """Return the smallest (side -1) or largest (side 1) eigenvalue of a symmetric 3 x 3 matrix.
 
-    With the mean ``t`` of the eigenvalues, ``6 p² = ‖A - t I‖²`` and ``r = det((A - t I)/p)/2``
+    With the mean ``t`` of the eigenvalues, ``6 p² = ‖A - t I‖²`` and ``r = det((A - t I)/p)/2``,
     it is ``t ± 2 p cos(acos(±r)/3)`` (Smith 1961).
     """
     t = (a00 + a11 + a22) * (1.0 / 3.0)
@@ -169,9 +169,10 @@ def outermost(a00, a10, a11, a20, a21, a22, side):
 
 @inner
 def smallest_of_three(a00, a10, a11, a20, a21, a22):
-    """Return the smallest eigenvalue of a matrix, and the determinant.
+    """Return the smallest eigenvalue of a symmetric 3 x 3 matrix, and its determinant.
 
-    The sum has lost the digits of a small eigenvalue, the determinant has not: λ₁ = det / λ₂λ₃.
+    The closed form loses the digits of a small eigenvalue by cancellation; the determinant does
+    not: λ₁ = det / λ₂λ₃.
     """
     first = a11 * a22 - a21 * a21
     aside = a10 * (a10 * a22 - a21 * a20)
@@ -184,7 +185,7 @@ def smallest_of_three(a00, a10, a11, a20, a21, a22):
 
 @inner
 def outermost_of_three(A, side, x, determinant):
-    """Smallest (side -1) or largest (side 1) eigenvalue, and with the smallest the determinant."""
+    """Compute the smallest (side -1, with determinant) or largest (side 1) eigenvalue."""
     if side > 0.0:
         for b in range(LANES):
             x[b] = outermost(

@@ -1,4 +1,4 @@
-"""Where the postures of a sweep come from: any block of them, in any order, on any machine."""
+"""Sources of postures for sweeps, with random access to blocks, reproducible on any machine."""
 
 from ftforce.batch.postures.postures import Grid, Postures
 

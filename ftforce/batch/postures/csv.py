@@ -1,7 +1,7 @@
-"""A CSV file of any size as rows of numbers, any of which can be read without those before it.
+"""Random access to the rows of a CSV file of any size.
 
-It is read in pieces of some 256 kB that end where a line does. Where each begins, and with which
-row, is kept: that is all that is needed to find a row again.
+The file is read in pieces of about 256 kB that end at a line break. The byte offset and the first
+row of each piece form an index that locates any row.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 PIECE = 1 << 18  # bytes
-_MARK = b"\xef\xbb\xbf"  # of a file in UTF-8 that says so
+_MARK = b"\xef\xbb\xbf"  # UTF-8 byte order mark
 
 
 @dataclass(frozen=True, eq=False)
 class CsvReader:
-    """Rows of a CSV file that was checked.
+    """Reader of a checked CSV file.
 
     Attributes
     ----------
     table :
-        Its header.
+        Header of the file.
     columns :
-        Those that are read, in this order.
+        Columns to read, in this order.
     starts :
         First row of each piece, and the number of rows.
     offsets :
-        Where each piece begins, bytes, and where the last one ends.
+        Offset of each piece, bytes, and the end of the last one.
     """
 
     table: Table
@@ -70,19 +70,19 @@ class CsvReader:
 
 
 def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) -> CsvReader:
-    """Read a file once as a whole, check it, and note where its rows stand.
+    """Read a file once completely, check it, and index its rows.
 
     Parameters
     ----------
     path :
         The file.
     choose :
-        Returns which columns are wanted, of the names of all.
+        Function that maps the names of all columns to the indices of those to read.
 
     Raises
     ------
     InputError
-        It is no CSV file of numbers; the message says where.
+        It is not a CSV file of numbers; the message says where.
     OSError
         It cannot be read.
     """
@@ -103,7 +103,7 @@ def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) ->
 
 
 def _header(data: bytes) -> tuple[Table, int]:
-    """Return the table without its lines, and where they begin."""
+    """Return the table header, and the offset of the first data line."""
     offset = len(_MARK) if data.startswith(_MARK) else 0
     complete = data if len(data) < PIECE else data[: _end_of_lines(data)]
     table = Table.of(_decoded(complete[offset:]), one_line=True)
@@ -127,7 +127,7 @@ def _pieces(stream: BinaryIO) -> Iterator[bytes]:
 
 
 def _end_of_lines(data: bytes) -> int:
-    """Return the length of the complete lines; a return at the end may be half of CR LF."""
+    """Return the length of the complete lines; a CR at the end may be the first half of CR LF."""
     return data.rfind(b"\n") + 1 or data.rfind(b"\r", 0, len(data) - 1) + 1
 
 

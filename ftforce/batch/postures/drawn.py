@@ -1,4 +1,4 @@
-"""Postures drawn within the limits of the joints, any block of them at the cost of its length."""
+"""Random postures within the joint limits; the cost of a block depends on its length only."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
 Integers: TypeAlias = NDArray[np.uint32]
 
 BITS = 30  # SciPy's default
-LARGEST: int = 1 << BITS  # postures; beyond it SciPy's sequence ends
-_TABLE = 12  # bits of the index that are looked up: the table stays in the cache
-_TILE = 64  # rows that are taken as one: NumPy's loop over a row of n numbers alone is slow
+LARGEST: int = 1 << BITS  # postures, the length of SciPy's sequence
+_TABLE = 12  # bits of the index that are looked up, few enough for the table to stay in cache
+_TILE = 64  # rows processed as one: NumPy's inner loop over only n numbers is slow
 
 
 class Columns(NamedTuple):
-    """What the points of a scrambled Sobol sequence are made of.
+    """Generating columns of a scrambled Sobol sequence.
 
     Attributes
     ----------
     points :
-        Point 0 and then the columns of the bits 0, 1, … of the Gray code, shape (1 + bits, n).
+        Point 0, then the columns for bits 0, 1, … of the Gray code, shape (1 + bits, n).
     """
 
     points: Integers
 
     @property
     def size(self) -> int:
-        """What the integers are divided by."""
+        """Scale of the integers, 2**30."""
         return LARGEST
 
     def point(self, i: int) -> Integers:
@@ -49,9 +49,9 @@ class Columns(NamedTuple):
 
 
 def sobol_columns(n: int, count: int, seed: int) -> Columns:
-    """Find the columns that the first points of SciPy's sequence need.
+    """Return the columns that generate the first points of SciPy's sequence.
 
-    SciPy steps through half the points for that, 1 to 10 ns each: seconds for 2**30.
+    SciPy has to step through half of the points for that, at 1 to 10 ns each: seconds for 2**30.
 
     Parameters
     ----------
@@ -87,19 +87,19 @@ def _engine(n: int, seed: int) -> Any:
 
 
 def _integers(points: NDArray[np.float64]) -> Integers:
-    integers: Integers = (points * LARGEST).astype(np.uint32)  # exact: they were integers
+    integers: Integers = (points * LARGEST).astype(np.uint32)  # exact: multiples of 1 / LARGEST
     return integers
 
 
 def sobol_integers(columns: Columns, start: int, stop: int) -> Integers:
-    """Return points of the sequence, times 2**30.
+    """Return points of the sequence as integers, scaled by 2**30.
 
     Parameters
     ----------
     columns :
-        Of the sequence.
+        Columns of the sequence.
     start, stop :
-        The first point, and the one after the last.
+        Half-open range of points.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def sobol_integers(columns: Columns, start: int, stop: int) -> Integers:
     size = 1 << bits
     table = _first_points(columns, bits)
     for first in range(start - start % size, stop, size):
-        # An aligned block is the first one, XOR a constant, whatever the parity of its number.
+        # An aligned block is the first block XOR a constant, whatever the parity of its index.
         shift = columns.point(first) ^ columns.points[0]
         low, high = max(start, first), min(stop, first + size)
         rowwise(np.bitwise_xor, table[low - first : high - first], shift, out[low - start :])
@@ -121,7 +121,7 @@ def sobol_integers(columns: Columns, start: int, stop: int) -> Integers:
 
 
 def _first_points(columns: Columns, bits: int) -> Integers:
-    """Return points 0 to 2**bits - 1: Gray's code runs backwards where its next bit is set."""
+    """Return points 0 to 2**bits - 1; the Gray code runs backwards where its next bit is set."""
     table = columns.points[:1]
     for b in range(bits):
         table = np.concatenate([table, table[::-1] ^ columns.points[b + 1]])
@@ -129,7 +129,7 @@ def _first_points(columns: Columns, bits: int) -> Integers:
 
 
 def rowwise(function: np.ufunc, rows: NDArray[Any], row: NDArray[Any], out: NDArray[Any]) -> None:
-    """Apply a function to every one of ``rows`` and to ``row``, into the first rows of ``out``."""
+    """Apply a binary ufunc to each of ``rows`` and ``row``, into the first rows of ``out``."""
     k, width = len(rows), _TILE * len(row)
     whole = k - k % _TILE
     tiles = out[:whole].reshape(-1, width)
@@ -143,20 +143,20 @@ _WORDS = {"sobol": "scrambled Sobol postures", "uniform": "uniform random postur
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Postures drawn within the limits of the joints. `of` checks what it is given.
+    """Random postures within the joint limits, made by `of`, which checks its arguments.
 
     Attributes
     ----------
     lower, upper :
-        Where the positions lie, rad or m, finite, shape (n,).
+        Bounds of the joint positions, rad or m, finite, shape (n,).
     count :
         Number of postures.
     method :
-        ``sobol``, SciPy's scrambled sequence, or ``uniform``, independent of each other.
+        ``sobol``, SciPy's scrambled sequence, or ``uniform``, independent samples.
     seed :
         Seed of the random numbers.
     columns :
-        What the points of the Sobol sequence are made of; ``None`` if uniform.
+        Generating columns of the Sobol sequence; ``None`` if uniform.
     """
 
     lower: Vector
@@ -167,30 +167,30 @@ class Drawn:
     columns: Columns | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
-        """Find the columns of the Sobol sequence."""
+        """Compute the columns of the Sobol sequence."""
         if self.method == "sobol":
             columns = sobol_columns(len(self.lower), self.count, self.seed)
             object.__setattr__(self, "columns", columns)
 
     @classmethod
     def of(cls, robot: Robot, count: float, method: str = "sobol", seed: int = 0) -> Drawn:
-        """Draw postures within a robot's limits; continuous joints take -pi to pi.
+        """Draw postures within a robot's joint limits; continuous joints range from -pi to pi.
 
         Parameters
         ----------
         robot :
             The arm.
         count :
-            Number of postures, a whole number from 1; 1e6 is one too.
+            Number of postures, a positive integer, which may be written as 1e6.
         method :
             ``sobol`` (up to 2**30 postures) or ``uniform``.
         seed :
-            A whole number from 0.
+            A non-negative integer.
 
         Raises
         ------
         InputError
-            No such count, method or seed, or a prismatic joint without limits.
+            An invalid count, method or seed, or a prismatic joint without limits.
 
         Examples
         --------
@@ -224,7 +224,7 @@ class Drawn:
             integers = sobol_integers(self.columns, start, stop)
             return self._within(integers, 1.0 / self.columns.size)
         stream = np.random.PCG64DXSM(self.seed)
-        stream.advance(start * self.n)  # a double takes one number of the stream
+        stream.advance(start * self.n)  # a double consumes one number of the stream
         q = np.random.Generator(stream).random((stop - start, self.n))
         return self._within(q, 1.0)
 
@@ -232,12 +232,12 @@ class Drawn:
         """Return lower + (upper - lower) · points · unit; ``unit`` is a power of two."""
         q = points if points.dtype == np.float64 else np.empty(points.shape)
         rowwise(np.multiply, points, (self.upper - self.lower) * unit, q)
-        # Never beyond: points < 1 makes the product at least a float's step less than the width.
+        # Never above ``upper``: points < 1, so the product is at least one ulp below the width.
         rowwise(np.add, q, self.lower, q)
         return q
 
     def identity(self) -> dict[str, Any]:
-        """Return method, count, seed and limits, with a check of the random numbers' maker."""
+        """Return the method, count, seed and limits, and a check of the random generator."""
         start = self.block(0, 1) if self.columns is None else self.columns.points
         return {
             "source": self.method,
@@ -249,7 +249,7 @@ class Drawn:
         }
 
     def __str__(self) -> str:
-        """Return number, method and seed."""
+        """Return the number of postures, the method and the seed."""
         return f"{self.count:,} {_WORDS[self.method]} within the limits, seed {self.seed}"
 
 

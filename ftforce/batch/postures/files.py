@@ -1,7 +1,7 @@
-"""Postures from files of any size: NPY, CSV and Parquet, a block at a time.
+"""Postures from NPY, CSV and Parquet files of any size, read block by block.
 
-A file is read once as a whole when it is opened: every number is checked and its SHA-256 is taken.
-After that a block reads its own part only, and nothing of the file stays in memory.
+Opening a file reads it once completely, to check every number and compute its SHA-256. After that,
+a block reads only its own part, and nothing of the file stays in memory.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _KIND = "a file of postures (.npy, .csv or .parquet)"
 
 
 class Reader(Protocol):
-    """Reads rows of a file, as they stand there."""
+    """Reads rows of a file, without unit conversion."""
 
     @property
     def count(self) -> int:
@@ -39,34 +39,34 @@ class Reader(Protocol):
 
 
 class Stamp(NamedTuple):
-    """What tells that a file has changed: its size in bytes, and when it was written, ns."""
+    """Size of a file, bytes, and its modification time, ns, to detect changes."""
 
     size: int
     written: int
 
     @classmethod
     def of(cls, path: str) -> Stamp:
-        """Return a file's."""
+        """Return the stamp of a file."""
         about = Path(path).stat()
         return cls(about.st_size, about.st_mtime_ns)
 
 
 @dataclass(frozen=True, eq=False)
 class FilePostures:
-    """Postures in a file. Made by `postures_from_file`.
+    """Postures in a file, made by `postures_from_file`.
 
     Attributes
     ----------
     path :
-        The file, from the root.
+        Absolute path of the file.
     reader :
-        Of its format.
+        Reader of its format.
     scales :
-        What its columns are multiplied by, to rad or m, shape (n,).
+        Factors that convert its columns to rad or m, shape (n,).
     stamp :
-        Its size and when it was written.
+        Its size and modification time.
     sha256 :
-        Of its content.
+        SHA-256 of its content.
     """
 
     path: str
@@ -91,16 +91,16 @@ class FilePostures:
         Raises
         ------
         InputError
-            There are no such postures.
+            The range is invalid.
         TrajectoryError
-            The file cannot be read any more, or it has changed since it was opened.
+            The file can no longer be read, or has changed since it was opened.
         """
         start, stop = checked_block(start, stop, self.count)
         try:
             self._check_unchanged()
             q = self.reader.read(self.path, start, stop)
             self._check_unchanged()
-        except Exception as problem:  # whatever a file that changes makes of its reader
+        except Exception as problem:  # a file changed meanwhile can raise anything in its reader
             raise _as_error(self.path, problem) from None
         if len(q) != stop - start:
             raise TrajectoryError(self.path, f"lacks rows {start + 1} to {stop}: is it damaged?")
@@ -114,7 +114,7 @@ class FilePostures:
             raise InputError(f"has changed since it was opened{what}; open it again")
 
     def identity(self) -> dict[str, Any]:
-        """Return name, size, SHA-256 and scales."""
+        """Return the name, size, SHA-256 and scales."""
         return {
             "source": "file",
             "name": Path(self.path).name,
@@ -124,7 +124,7 @@ class FilePostures:
         }
 
     def __str__(self) -> str:
-        """Return number and file name."""
+        """Return the number of postures and the file name."""
         name = printable(Path(self.path).name)
         return f"{self.count:,} posture{'s' if self.count > 1 else ''} from {name}"
 
@@ -132,29 +132,29 @@ class FilePostures:
 def postures_from_file(
     robot: Robot, path: str | PathLike[str], *, degrees: bool = False
 ) -> FilePostures:
-    """Open a file of postures, which may be larger than the memory.
+    """Open a file of postures, which may be larger than memory.
 
-    A CSV file has a header, a Parquet file names, with a column per joint in any order; other
-    columns are ignored. A name may carry a unit in brackets, ``elbow [deg]``. An NPY file holds an
-    array of shape (k, n). Postures beyond the limits of the joints are kept.
+    CSV files (with a header) and Parquet files have one named column per joint, in any order;
+    other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
+    NPY file holds an array of shape (k, n). Postures outside the joint limits are kept.
 
     Parameters
     ----------
     robot :
         The arm.
     path :
-        The file; its name ends in ``.npy``, ``.csv`` or ``.parquet``.
+        The file, with extension ``.npy``, ``.csv`` or ``.parquet``.
     degrees :
-        Whether angles are in degrees where no unit says otherwise.
+        Whether angles without a unit are in degrees.
 
     Raises
     ------
     InputError
-        The name ends otherwise.
+        The extension is not supported.
     TrajectoryError
-        The file cannot be read, lacks a joint, or holds something that is no finite number.
+        The file cannot be read, lacks a joint, or contains a value that is not a finite number.
     FtforceError
-        Parquet without pyarrow.
+        The file is Parquet, and pyarrow is not installed.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def postures_from_file(
             raise InputError(f"is empty; {_KIND} was expected")
         postures = FilePostures(file, *_OPEN[form](robot, file, degrees), stamp, _sha256(file))
         postures._check_unchanged()
-    except Exception as problem:  # whatever a damaged file makes of its reader
+    except Exception as problem:  # a damaged file can raise anything in its reader
         raise _as_error(path, problem) from None
     return postures
 
@@ -193,7 +193,7 @@ def _checked_file(path: str | PathLike[str]) -> str:
     file = Path(path)
     if not file.exists():
         raise InputError(f"no such file; {_KIND} was expected")
-    if not file.is_file():  # blocks are read in any order, which a pipe cannot
+    if not file.is_file():  # blocks are read in any order, which a pipe does not support
         what = "a folder" if file.is_dir() else "not a regular file"
         raise InputError(f"is {what}; {_KIND} was expected")
     return str(file.absolute())

@@ -1,4 +1,4 @@
-"""Postures in an array that NumPy wrote to a file."""
+"""Postures in NPY and Parquet files."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-ROWS = 1 << 16  # that are checked at a time
+ROWS = 1 << 16  # rows checked at a time
 
 
 def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple[int, ...], Vector]:
-    """Find the columns of a robot's joints among others.
+    """Return the columns of a robot's joints in a table.
 
     Parameters
     ----------
     robot :
         The arm.
     header :
-        Names of all columns; a joint's may carry a unit in brackets, ``elbow [deg]``.
+        Names of all columns; that of a joint may end with a unit in brackets, ``elbow [deg]``.
     degrees :
-        Whether angles are in degrees where no unit says otherwise.
+        Whether angles without a unit are in degrees.
 
     Returns
     -------
     :
-        The column of each joint, from 0, and what turns it into rad or m, shape (n,).
+        The column of each joint, from 0, and the factor that converts it to rad or m, shape (n,).
 
     Raises
     ------
     InputError
-        A joint is missing or there twice, or has a unit that it cannot have.
+        A joint is missing, appears twice, or has an invalid unit.
     """
     units = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     if degrees:
@@ -59,7 +59,7 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
 
 
 def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
-    """Check that all numbers are finite and no nonsense.
+    """Check that all numbers are finite and of plausible size.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
     """
     first = 0
     for block in blocks:
-        wrong = ~(np.abs(block) <= LARGEST_NUMBER)  # NaN is not less
+        wrong = ~(np.abs(block) <= LARGEST_NUMBER)  # negated, so that NaN counts as wrong
         if wrong.any():
             i, j = np.argwhere(wrong)[0].tolist()
             raise InputError(
@@ -80,20 +80,20 @@ def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class NpyReader:
-    """Rows of an array in a file of NumPy's.
+    """Reader of an NPY file.
 
-    It is read, not mapped into memory: a mapped file that is cut short ends the program.
+    The file is read, not memory-mapped: truncating a mapped file crashes the process.
 
     Attributes
     ----------
     count, n :
         Shape of the array.
     dtype :
-        Type of its numbers.
+        Data type of the array.
     offset :
-        Where they begin, bytes.
+        Offset of the data, bytes.
     by_columns :
-        Whether it stands there column by column.
+        Whether the array is stored in column-major order.
     """
 
     count: int
@@ -116,7 +116,7 @@ class NpyReader:
     def _numbers(self, stream: Any, first: int, count: int) -> Vector:
         stream.seek(self.offset + first * self.dtype.itemsize)
         numbers = np.fromfile(stream, self.dtype, count)
-        with np.errstate(over="ignore"):  # what is too large is refused as infinite
+        with np.errstate(over="ignore"):  # overflow to infinity is rejected by the check
             return numbers.astype(np.float64, copy=False)
 
     def blocks(self, path: str) -> Iterator[Matrix]:
@@ -126,14 +126,14 @@ class NpyReader:
 
 
 def open_npy(robot: Robot, path: str, degrees: bool) -> tuple[NpyReader, Vector]:
-    """Check a file and return what reads it, and what turns its columns into rad or m.
+    """Check a file and return its reader, and the factors that convert its columns to rad or m.
 
     Raises
     ------
     InputError
-        It holds another array than postures of the robot.
+        It does not hold an array of the robot's postures.
     OSError, ValueError
-        It cannot be read, or is no NPY file.
+        It cannot be read, or is not an NPY file.
     """
     array = np.lib.format.open_memmap(path, mode="r")
     if array.ndim != 2 or array.shape[1] != robot.n or not len(array):
@@ -153,12 +153,12 @@ def open_npy(robot: Robot, path: str, degrees: bool) -> tuple[NpyReader, Vector]
 
 @dataclass(frozen=True, eq=False)
 class ParquetReader:
-    """Rows of a Parquet file.
+    """Reader of a Parquet file.
 
     Attributes
     ----------
     names :
-        Columns of the joints, n.
+        Names of the n columns of joints.
     starts :
         First row of each row group, and the number of rows.
     """
@@ -172,7 +172,7 @@ class ParquetReader:
         return self.starts[-1]
 
     def read(self, path: str, start: int, stop: int) -> Matrix:
-        """Return rows, see `Reader.read`; in a row group, those before them are read too."""
+        """Return rows, see `Reader.read`; preceding rows of the row group are read as well."""
         groups = range(len(self.starts) - 1)
         wanted = [g for g in groups if self.starts[g] < stop and self.starts[g + 1] > start]
         q = np.empty((stop - start, len(self.names)))
@@ -192,7 +192,7 @@ class ParquetReader:
 
     def _batches(self, path: str, groups: list[int]) -> Iterator[Any]:
         with _parquet_file(path) as file:
-            # Without threads: at exit they may end the interpreter with an error.
+            # Without threads: at exit they may crash the interpreter.
             batches = file.iter_batches(
                 ROWS, row_groups=groups, columns=list(self.names), use_threads=False
             )
@@ -206,16 +206,16 @@ class ParquetReader:
 
 
 def open_parquet(robot: Robot, path: str, degrees: bool) -> tuple[ParquetReader, Vector]:
-    """Check a file and return what reads it, and what turns its columns into rad or m.
+    """Check a file and return its reader, and the factors that convert its columns to rad or m.
 
     Raises
     ------
     InputError
-        A joint is missing, or something is no finite number.
+        A joint is missing, or a value is not a finite number.
     FtforceError
-        Without pyarrow.
+        pyarrow is not installed.
     OSError, ValueError
-        It cannot be read, or is no Parquet file.
+        It cannot be read, or is not a Parquet file.
     """
     with _parquet_file(path) as file:
         schema, about = file.schema_arrow, file.metadata
@@ -245,5 +245,5 @@ def _parquet_file(path: str) -> Any:
         raise FtforceError(
             "Parquet files need pyarrow: pip install 'ftforce[parquet]'; .npy and .csv need nothing"
         ) from None
-    # Through a buffer: otherwise the row group's columns are in memory as a whole.
+    # Buffered: otherwise the columns of a row group are loaded into memory completely.
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)

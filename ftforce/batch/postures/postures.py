@@ -1,8 +1,7 @@
-"""Where the postures of a sweep come from: what they share; postures on a grid, and given ones.
+"""The protocol of posture sources, and postures on a grid or listed explicitly.
 
-Any block can be asked for, in any order and on any machine, and the numbers are the same: a sweep
-is cut into chunks, stopped and taken up again. Random postures are drawn in `drawn`, files read in
-`files`, beside this module.
+Blocks can be requested in any order and on any machine with identical results, since a sweep is
+split into chunks, interrupted and resumed. Random postures are in `drawn`, files in `files`.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ MOST = 2**63 - 1  # postures; their indices are 64-bit integers
 
 
 class Postures(Protocol):
-    """A sequence of postures that is never in memory as a whole; it can be pickled."""
+    """A sequence of postures, never completely in memory; picklable."""
 
     @property
     def count(self) -> int:
@@ -40,7 +39,12 @@ class Postures(Protocol):
         """Number of joints."""
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return the postures ``start`` to ``stop`` - 1, the caller's own.
+        """Return the postures ``start`` to ``stop`` - 1, in a new array.
+
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices, from 0.
 
         Returns
         -------
@@ -50,20 +54,20 @@ class Postures(Protocol):
         Raises
         ------
         InputError
-            There are no such postures.
+            The range is invalid.
         """
 
     def identity(self) -> dict[str, Any]:
-        """Return what can be written as JSON and is the same for the same postures only."""
+        """Return a JSON-compatible dictionary that identifies the postures uniquely."""
 
 
 def checked_block(start: int, stop: int, count: int) -> tuple[int, int]:
-    """Return a block that lies within the postures, as integers that cannot overflow.
+    """Check a range of postures, and return it as Python integers, which cannot overflow.
 
     Raises
     ------
     InputError
-        It does not.
+        The range is not within the postures.
     """
     if not 0 <= start <= stop <= count:
         raise InputError(f"the block {start} to {stop} does not lie within 0 to {count}")
@@ -71,12 +75,12 @@ def checked_block(start: int, stop: int, count: int) -> tuple[int, int]:
 
 
 def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
-    """Return where positions are drawn, rad or m, two arrays of shape (n,).
+    """Return the bounds within which positions are drawn, rad or m, two arrays of shape (n,).
 
     Raises
     ------
     InputError
-        A prismatic joint without limits.
+        A prismatic joint has no limits.
     """
     limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     for joint, has_limits in zip(robot.joints, limited.tolist(), strict=True):
@@ -90,12 +94,12 @@ def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
 
 
 def whole_number(value: float, name: str, least: int) -> int:
-    """Return a whole number from ``least``, which may be written as 1e6.
+    """Return an integer of at least ``least``, which may be given as a float such as 1e6.
 
     Raises
     ------
     InputError
-        It is none, or beyond 2**63 - 1.
+        It is not an integer, too small, or above 2**63 - 1.
     """
     if not is_number(value) or value != int(value) or not least <= value <= MOST:
         raise InputError(f"{name} is a whole number from {least} to 2**63 - 1, got {value!r}")
@@ -112,14 +116,14 @@ def digest_of(array: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Postures on a grid, the last joint varying fastest. `of` checks what it is given.
+    """Postures on a grid, with the last joint varying fastest; made by `of`.
 
     Attributes
     ----------
     lower, upper :
         First and last position of each joint, rad or m, finite, shape (n,).
     counts :
-        How many positions each joint takes; the middle one if 1.
+        Number of positions of each joint; a single one lies at the middle of the range.
     """
 
     lower: Vector
@@ -128,19 +132,19 @@ class Grid:
 
     @classmethod
     def of(cls, robot: Robot, counts: int | Sequence[int]) -> Grid:
-        """Lay a grid from limit to limit; over the circle, once, for continuous joints.
+        """Return a grid between the joint limits; a full turn for continuous joints.
 
         Parameters
         ----------
         robot :
             The arm.
         counts :
-            How many positions each joint takes, one number for all or one per joint.
+            Number of positions, one for all joints or one per joint.
 
         Raises
         ------
         InputError
-            No such counts, too many postures, or a prismatic joint without limits.
+            Invalid counts, too many postures, or a prismatic joint without limits.
 
         Examples
         --------
@@ -159,7 +163,7 @@ class Grid:
             raise InputError(f"a grid of {math.prod(numbers):.3g} postures is beyond 2**63 - 1")
         lower, upper = ranges_of(robot)
         endless = (lower != robot.lower) | (upper != robot.upper)
-        circle = endless & (np.array(numbers) > 1)  # both ends are the same
+        circle = endless & (np.array(numbers) > 1)  # both ends are the same position
         gap = np.where(circle, (upper - lower) / np.array(numbers), 0.0)
         return cls(lower, read_only(upper - gap), numbers)
 
@@ -177,7 +181,7 @@ class Grid:
         """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`."""
         start, stop = checked_block(start, stop, self.count)
         q = np.empty((stop - start, self.n))
-        stride = 1  # for how many postures on end the joint rests
+        stride = 1  # number of consecutive postures with the same position of the joint
         for joint in reversed(range(self.n) if stop > start else ()):
             first, last = start // stride, (stop - 1) // stride
             points = self._positions(joint, np.arange(first, last + 1) % self.counts[joint])
@@ -196,7 +200,7 @@ class Grid:
         return q
 
     def identity(self) -> dict[str, Any]:
-        """Return the grid's numbers."""
+        """Return the bounds and counts of the grid."""
         return {
             "source": "grid",
             "counts": list(self.counts),
@@ -205,7 +209,7 @@ class Grid:
         }
 
     def __str__(self) -> str:
-        """Return number of postures and positions."""
+        """Return the number of postures, and of positions per joint."""
         return f"{self.count:,} postures on a grid of {' x '.join(map(str, self.counts))}"
 
 
@@ -214,7 +218,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Listed:
-    """Postures that were given. `of` checks them.
+    """Explicitly listed postures, made by `of`.
 
     Attributes
     ----------
@@ -226,7 +230,7 @@ class Listed:
 
     @classmethod
     def of(cls, robot: Robot, q: ArrayLike) -> Listed:
-        """Check postures and wrap a copy.
+        """Check postures and store a copy.
 
         Parameters
         ----------
@@ -238,7 +242,7 @@ class Listed:
         Raises
         ------
         InputError
-            Another shape, or not finite.
+            The shape is wrong, or a value is not finite.
         """
         values = as_floats(q, "q")
         if values.ndim != 2 or values.shape[1] != robot.n or not len(values):
@@ -265,9 +269,9 @@ class Listed:
         return self.q[start:stop].copy()
 
     def identity(self) -> dict[str, Any]:
-        """Return shape and SHA-256 of the numbers."""
+        """Return the shape of the array and its SHA-256."""
         return {"source": "given", "shape": list(self.q.shape), "sha256": digest_of(self.q)}
 
     def __str__(self) -> str:
-        """Return their number."""
+        """Return the number of postures."""
         return f"{self.count:,} given posture{'s' if self.count > 1 else ''}"

@@ -1,1 +1,1 @@
-"""The folder of a sweep: one writer, what its arrays mean, restart."""
+"""Sweeps on disk: exclusive writing, description of the arrays, resuming."""

@@ -1,4 +1,4 @@
-"""The folder of a sweep: one writer at a time, files that survive a power cut."""
+"""The folder of a sweep: locking, and writes that survive a power failure."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from filelock import FileLock
 
 LOCK = ".ftforce.lock"
-"""File that says that the folder is ftforce's, who writes it, and that it is not complete."""
+"""Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
 PARTIAL = ".partial"
-"""How names end of files that are being written; Zarr's too."""
+"""Suffix of files being written, also used by Zarr."""
 _NOT_ALLOWED = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
 
 @contextmanager
 def disk_errors(path: Path | None) -> Iterator[None]:
-    """Turn what a disk refuses into one clear line.
+    """Convert file system errors to `OutputError`.
 
     Raises
     ------
     OutputError
-        Something could not be written.
+        A file could not be written.
     """
     try:
         yield
@@ -47,16 +47,16 @@ def disk_errors(path: Path | None) -> Iterator[None]:
 
 
 def lock(path: Path) -> FileLock:
-    """Make a folder if there is none, and lock it.
+    """Lock a folder, creating it if needed.
 
-    The kernel lets go of the lock when the process ends, however it ends. Its file stays until the
-    sweep is complete; what is in it, see `lock_of`, is read by workers of this sweep and by
-    processes that come too late.
+    The operating system releases the lock when the process ends, however it ends. The lock file
+    remains until the sweep is complete; its content, see `lock_of`, is read by workers of the
+    sweep and by processes that find the folder locked.
 
     Raises
     ------
     OutputError
-        Another process writes it, or it cannot be made.
+        Another process is writing to the folder, or it cannot be created.
     """
     from filelock import FileLock, Timeout
 
@@ -74,7 +74,7 @@ def lock(path: Path) -> FileLock:
             ) from None
         except OSError as problem:
             if problem.errno not in _NO_LOCKS:
-                raise  # else the file system has no locks: the user has to take care
+                raise  # otherwise the file system has no locks, and the user is responsible
         who = {"process": os.getpid(), "host": socket.gethostname(), "token": uuid.uuid4().hex}
         try:
             (path / LOCK).write_text(json.dumps(who), "utf-8")
@@ -85,7 +85,7 @@ def lock(path: Path) -> FileLock:
 
 
 def lock_of(path: Path) -> dict[str, object]:
-    """Return what the lock's file says: process, host and token; nothing if there is none."""
+    """Return the content of the lock file: process, host and token; empty if there is none."""
     try:
         found = json.loads((path / LOCK).read_text("utf-8"))
         return {name: found[name] for name in ("process", "host", "token")}
@@ -94,7 +94,7 @@ def lock_of(path: Path) -> dict[str, object]:
 
 
 def write_durably(file: Path, data: bytes) -> None:
-    """Write a file whole or not at all, and wait until it is on the disk."""
+    """Write a file atomically, and wait until it is on disk."""
     partial = file.with_name(file.name + PARTIAL)
     with partial.open("wb") as stream:
         stream.write(data)
@@ -105,7 +105,7 @@ def write_durably(file: Path, data: bytes) -> None:
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or which files a folder has, is on the disk."""
+    """Flush a file, or the entries of a folder, to disk."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         with suppress_unsupported():
@@ -116,7 +116,7 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def suppress_unsupported() -> Iterator[None]:
-    """Go on where a file system cannot do such a thing: some cannot sync folders."""
+    """Ignore operations that the file system does not support: some cannot sync folders."""
     try:
         yield
     except OSError as problem:
@@ -125,20 +125,20 @@ def suppress_unsupported() -> Iterator[None]:
 
 
 def remove_partial(path: Path) -> None:
-    """Remove what a killed process had half written."""
+    """Remove files that a killed process left partially written."""
     for left in path.rglob(f"*{PARTIAL}"):
         left.unlink(missing_ok=True)
 
 
 def is_half_made(path: Path, known: Collection[str]) -> bool:
-    """Tell whether a folder is what is left of a sweep that was killed while it was made.
+    """Return whether a folder is left over from a sweep killed during its creation.
 
     Parameters
     ----------
     path :
-        The folder; no sweep can be read from it.
+        The folder, from which no sweep can be read.
     known :
-        Names of what ftforce puts there.
+        Names of all files that ftforce creates there.
     """
     if not (path / LOCK).exists():
         return False
@@ -147,7 +147,7 @@ def is_half_made(path: Path, known: Collection[str]) -> bool:
 
 
 def clear(path: Path, known: Collection[str]) -> None:
-    """Remove what ftforce put into a half-made folder; its lock stays."""
+    """Remove what ftforce created in an incomplete folder, except its lock."""
     for entry in path.iterdir():
         if entry.name.removesuffix(PARTIAL) in known:
             if entry.is_dir() and not entry.is_symlink():

@@ -1,17 +1,18 @@
-"""Sweeps on disk: a Zarr group that plain xarray opens, written chunk by chunk.
+"""Sweeps on disk: a Zarr group that plain xarray can open, written chunk by chunk.
 
-What makes it safe to kill at any moment:
+A sweep can be killed at any time:
 
-- A chunk counts as done once it is in the progress file, which is replaced whole, after the chunk's
-  arrays are on the disk.
-- The group's attributes are written last when the folder is made, and last when it is completed.
-- A lock keeps other processes out, and its file marks the folder as ftforce's until it is complete.
+- A chunk counts as done once it is listed in the progress file, which is replaced atomically after
+  the arrays of the chunk are on disk.
+- The attributes of the group are written last, both on creation and on completion.
+- A lock excludes other processes, and its file marks the folder as ftforce's until completion.
 
-So the same command goes on with what is there and ends with the same bytes.
+Running the same command again therefore resumes the sweep and ends with the same bytes.
 
-Zarr's format 2 is written, with consolidated metadata. Every Zarr, from 2 on, and every xarray
-opens that without a warning; format 3 has no stable type of text yet, and none of consolidated
-metadata, so today's Zarr warns of both, and 3.0.8 cannot read the text that 3.1 writes.
+The store uses Zarr format 2 with consolidated metadata, which all versions of Zarr from 2 on, and
+of xarray, open without a warning. Format 3 has no stable specification yet of strings or of
+consolidated metadata: current versions of Zarr warn about both, and 3.0.8 cannot read strings
+written by 3.1.
 """
 
 from __future__ import annotations
@@ -43,26 +44,26 @@ if TYPE_CHECKING:
     from ftforce.batch.job import Job
     from ftforce.core.faults import FaultSet
 
-    Tree = dict[str, Any]  # of a Zarr group: keys and contents
+    Tree = dict[str, Any]  # keys and contents of a Zarr group
 
 FORMAT = 1
 _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _KIND = "a sweep that ftforce wrote"
-_ARRAYS = "arrays"  # of the identity: a digest of all that the kernels are given
-_UNTOLD = {_ARRAYS, "postures", "check"}  # they say it in numbers nobody knows
+_ARRAYS = "arrays"  # key in the identity: digest of all kernel inputs
+_UNTOLD = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error message
 _SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
 class Asked(NamedTuple):
-    """A sweep.
+    """A requested sweep.
 
     Attributes
     ----------
     job, setting, sets :
-        What is done.
+        Job, setting and fault sets.
     identity :
-        What makes it this sweep and no other, as JSON has it.
+        Everything the output depends on, in JSON form.
     """
 
     job: Job
@@ -77,21 +78,21 @@ class Opened(NamedTuple):
     Attributes
     ----------
     asked :
-        The sweep.
+        The requested sweep.
     path :
         The folder; ``None`` in memory.
     store :
-        What Zarr writes to: a path, or memory.
+        Zarr store: a path, or memory.
     tree :
-        What is in memory, if it is.
+        Contents of the group, if in memory.
     arrays :
-        Of the samples, by name.
+        Sample arrays, by name.
     summary :
-        Of the chunks that are done.
+        Summary of the finished chunks.
     done :
-        Which are, shape (chunks,).
+        Whether each chunk is finished, shape (chunks,).
     lock :
-        Of the folder; ``None`` where nothing is left to write.
+        Lock of the folder; ``None`` if nothing is left to write.
     """
 
     asked: Asked
@@ -109,25 +110,25 @@ class Opened(NamedTuple):
         return self.path is not None and self.lock is None
 
     def close(self) -> None:
-        """Let other processes write."""
+        """Release the lock."""
         if self.lock is not None:
             self.lock.release()
 
 
 def create(path: Path | None, asked: Asked) -> Opened:
-    """Make an empty sweep, or go on with the one that is there. `Opened.close` ends it.
+    """Create an empty sweep, or resume an existing one; close it with `Opened.close`.
 
     Parameters
     ----------
     path :
-        Of the Zarr group; ``None`` for memory.
+        Path of the Zarr group; ``None`` for memory.
     asked :
-        The sweep.
+        The requested sweep.
 
     Raises
     ------
     OutputError
-        There is something else, another process writes it, or it cannot be written.
+        The folder holds something else, is being written by another process, or is not writable.
     """
     job, identity = asked.job, asked.identity
     none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
@@ -137,7 +138,7 @@ def create(path: Path | None, asked: Asked) -> Opened:
         return _complete(asked, path)
     lock = folder.lock(path)
     try:
-        if _is_new(path):  # looked at again: now nobody else writes
+        if _is_new(path):  # checked again, now that the folder is locked
             with disk_errors(path):
                 folder.clear(path, _known())
                 _put(path, _tree(asked))
@@ -167,9 +168,9 @@ def _opened(
 
 
 def _complete(asked: Asked, path: Path) -> Opened:
-    """Return the sweep that has nothing left to do, and remove what a killed process left."""
+    """Open a complete sweep, and remove what a killed process left behind."""
     job = asked.job
-    with suppress(OSError):  # who may not write can still read
+    with suppress(OSError):  # a complete sweep can be read without write permission
         _remove_traces(path)
     try:
         summary = _stored_summary(path, job.bins, job.workspace)
@@ -185,7 +186,7 @@ def _remove_traces(path: Path) -> None:
 
 
 def _is_new(path: Path) -> bool:
-    """Tell whether a folder is still to be made: missing, empty, or half made and then killed."""
+    """Return whether a folder must be created: it is missing, empty, or left incomplete."""
     with disk_errors(path):
         if not path.exists():
             return True
@@ -198,18 +199,18 @@ def _is_new(path: Path) -> bool:
 
 
 def _known() -> set[str]:
-    """Return the names of all that ftforce may put into the folder of a sweep, but its lock."""
+    """Return the names of all files that ftforce may create for a sweep, except its lock."""
     dimensions = variables.all_coordinates()
     return {".zgroup", _ATTRIBUTES, _CONSOLIDATED, _PROGRESS, *_SAMPLES, *dimensions}
 
 
 def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
-    """Return what a folder says of its sweep if that is the one that is asked.
+    """Return the stored description of a sweep, if it is the requested one.
 
     Raises
     ------
     OutputError
-        It is another one, or none.
+        The folder holds another sweep, or none.
     """
     about = _about(path, OutputError)
     found = about["identity"]
@@ -222,10 +223,10 @@ def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
 
 
 def _differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
-    """Say what differs, of the postures what differs about them."""
+    """Describe how two identities differ, with details for the postures."""
     there, here = ({**one, **_postures(one)} for one in (found, asked))
     keys = sorted(key for key in {*there, *here} if there.get(key) != here.get(key))
-    if "source of postures" in keys:  # then nothing else about them tells more
+    if "source of postures" in keys:  # then their other differences add nothing
         keys = [key for key in keys if key not in {*_postures(found), *_postures(asked)}]
         keys.append("source of postures")
     told = [key for key in keys if key not in _UNTOLD]
@@ -244,7 +245,7 @@ def _difference(key: str, found: object, asked: object) -> str:
     return f"{key} {there} there, {here} here"
 
 
-# ---- what is written -------------------------------------------------------------------------
+# ---- writing ---------------------------------------------------------------------------------
 
 
 def sample_names(job: Job) -> list[str]:
@@ -253,20 +254,20 @@ def sample_names(job: Job) -> list[str]:
 
 
 def _one(job: Job) -> dict[str, NDArray[Any]]:
-    """Return the samples of one posture: their names, types and shapes are all samples'."""
+    """Return the samples of one posture, as a template of names, types and shapes."""
     q = job.postures.block(0, 1)
     return samples_of(q, job.plan.evaluator()(q), job.keep)
 
 
 def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
-    """Return keys and contents of the Zarr group: all but the samples.
+    """Return keys and contents of the Zarr group, without the samples.
 
     Parameters
     ----------
     asked :
-        Job, setting, sets and identity.
+        The requested sweep.
     summary :
-        Of the whole sweep; ``None`` if it is not complete.
+        Summary of the complete sweep; ``None`` if it is not complete.
     """
     import zarr
     from zarr.storage import MemoryStore
@@ -278,8 +279,8 @@ def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
     if job.keep != "summary":
         for name, one in _one(job).items():
             shape = (job.postures.count, *one.shape[1:])
-            # What is not done yet reads as NaN. A complete sweep lacks nothing, and integers
-            # with a fill value would come out of xarray as floats.
+            # Unfinished chunks read as NaN. A complete sweep needs no fill value, and xarray
+            # would convert integers that have one to floats.
             fill = -1 if summary is None else None
             _create(group, name, (shape, one.dtype, fill), variables.sample(name, setting), job)
     given = (setting, sets, job.bins, job.workspace)
@@ -296,7 +297,7 @@ def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
 
 
 def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
-    """Make an array of given values, or, with a job, one that its samples will fill."""
+    """Create an array of given values or, with a job, one to be filled with samples."""
     from numcodecs import Blosc  # type: ignore[import-untyped]
 
     values = None if isinstance(content, tuple) else content
@@ -310,11 +311,11 @@ def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None 
         shape=shape,
         dtype=dtype,
         chunks=chunks,
-        # Doubles of measures hardly compress; this takes 0.2 µs per kB and saves a quarter.
+        # Measures in double precision hardly compress: this costs 0.2 µs per kB, saves a quarter.
         compressors=Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE),
         fill_value=_fill(np.dtype(dtype), fill),
         attributes={"_ARRAY_DIMENSIONS": list(variable.dimensions), **variable.attributes},
-        config={"write_empty_chunks": True},  # a chunk that is not there is one to be done
+        config={"write_empty_chunks": True},  # a missing chunk means one not done
     )
     if values is not None:
         array[...] = values
@@ -327,7 +328,7 @@ def _fill(dtype: np.dtype[Any], fill: int | None) -> Any:
 
 
 def _put(path: Path, tree: Tree) -> None:
-    """Write a group's keys into files; the attributes, which tell what it is, last of all."""
+    """Write the keys of a group to files, the attributes last: they mark it as created."""
     last = [_CONSOLIDATED, _ATTRIBUTES]
     for key in [*(key for key in tree if key not in last), *last]:
         file, data = path / key, tree[key].to_bytes()
@@ -337,12 +338,12 @@ def _put(path: Path, tree: Tree) -> None:
 
 
 def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) -> None:
-    """Write what is kept of a chunk; when this returns it is on the disk.
+    """Write the samples of a chunk, and wait until they are on disk.
 
     Raises
     ------
     OutputError
-        It cannot be written.
+        They cannot be written.
     """
     with disk_errors(opened.path):
         _write(opened.arrays, opened.asked.job, opened.path, index, samples)
@@ -351,21 +352,21 @@ def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) 
 def write_chunk(
     path: Path, token: str, job: Job, index: int, samples: dict[str, NDArray[Any]]
 ) -> None:
-    """Write what is kept of a chunk from another process, perhaps on another machine.
+    """Write the samples of a chunk from a worker process, possibly on another machine.
 
     Parameters
     ----------
     path :
         The folder.
     token :
-        Of its lock.
+        Token of its lock, which shows that the worker sees the same folder.
     job, index, samples :
-        The sweep, the chunk's number, and its samples.
+        The job, the chunk number, and the samples of the chunk.
 
     Raises
     ------
     OutputError
-        It cannot be written, or this machine does not see that folder.
+        They cannot be written, or this machine does not see the folder.
     """
     import zarr
 
@@ -389,12 +390,12 @@ def _write(arrays: dict[str, Any], job: Job, path: Path | None, index: int, samp
 
 
 def save_progress(opened: Opened) -> None:
-    """Write down which chunks are done, and their summary, whole or not at all.
+    """Save the finished chunks and their summary, atomically.
 
     Raises
     ------
     OutputError
-        It cannot be written.
+        The progress file cannot be written.
     """
     if opened.path is None:
         return
@@ -403,19 +404,19 @@ def save_progress(opened: Opened) -> None:
     np.savez(stream, **arrays)
     with disk_errors(opened.path):
         for name in opened.arrays:
-            folder.sync(opened.path / name)  # that the chunks are there, not only their content
+            folder.sync(opened.path / name)  # syncs the directory entries, not only the content
         folder.write_durably(opened.path / _PROGRESS, stream.getvalue())
 
 
 def finish(opened: Opened) -> None:
-    """Write the summary, mark the sweep as complete and remove what only unfinished ones have.
+    """Write the summary, mark the sweep as complete, and remove progress and lock files.
 
     Raises
     ------
     OutputError
-        It cannot be written.
+        A file cannot be written.
     """
-    save_progress(opened)  # killed from here on, nothing is done again
+    save_progress(opened)  # if killed after this, no chunk is repeated
     tree = _tree(opened.asked, opened.summary)
     if opened.path is None:
         opened.tree.update(tree)
@@ -425,28 +426,28 @@ def finish(opened: Opened) -> None:
         _remove_traces(opened.path)
 
 
-# ---- what is read ----------------------------------------------------------------------------
+# ---- reading ---------------------------------------------------------------------------------
 
 
 def open_sweep(path: str | PathLike[str]) -> Sweep:
-    """Open a sweep that was written by `ftforce.sweep` or ``ftforce sweep``.
+    """Open a sweep written by `ftforce.sweep` or ``ftforce sweep``.
 
-    One that is not complete yet shows what is done so far.
+    An unfinished sweep contains the chunks done so far.
 
     Parameters
     ----------
     path :
-        The Zarr group.
+        Path of the Zarr group.
 
     Raises
     ------
     SweepError
-        There is none, or it is damaged.
+        There is no sweep, or it is damaged.
     """
     where = Path(path)
     about = _about(where, SweepError)
     if not about["complete"] and not (where / _PROGRESS).exists():
-        about = _about(where, SweepError)  # it may have been completed just now
+        about = _about(where, SweepError)  # it may have completed in the meantime
     _needs_zarr()
     try:
         setting = SweepSetting.from_dict(about["setting"])
@@ -461,7 +462,7 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
             chunks = -(-setting.count // setting.chunk)
             summary, _ = _progress(where, bins, workspace, len(sets), chunks)
         opening = partial(dataset_of, str(where))
-        opening()  # what is damaged says so now
+        opening()  # detect damage now, not on first access
         return Sweep(setting, sets, summary, str(where), opening)
     except FtforceError:
         raise
@@ -481,14 +482,14 @@ def _needs_zarr() -> None:
 
 
 def dataset_of(store: Any) -> Any:
-    """Return all arrays of a store as an xarray Dataset, read when they are looked at."""
+    """Return all arrays of a store as an xarray Dataset, loaded lazily."""
     import xarray as xr
 
     return xr.open_dataset(store, engine="zarr", consolidated=True, chunks=None)
 
 
 def _about(path: Path, error: Any) -> dict[str, Any]:
-    """Return what a folder says of the sweep in it."""
+    """Return the stored description of the sweep in a folder."""
     if not path.exists():
         raise error(path, f"no such folder; {_KIND} was expected")
     try:
@@ -505,7 +506,7 @@ def _about(path: Path, error: Any) -> dict[str, Any]:
 def _progress(
     path: Path, bins: Bins, workspace: Workspace, n_sets: int, chunks: int
 ) -> tuple[Summary, NDArray[np.bool_]]:
-    """Return what is done so far."""
+    """Return the summary of the finished chunks, and which chunks are finished."""
     file = path / _PROGRESS
     if not file.exists():
         return Summary.empty(n_sets, bins, workspace), np.zeros(chunks, np.bool_)

@@ -1,4 +1,4 @@
-"""What the arrays of a stored sweep are: their dimensions, coordinates, units and words.
+"""Dimensions, coordinates, units and descriptions of the arrays of a stored sweep.
 
 Names of units and attributes follow the CF conventions, which xarray and netCDF know.
 """
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from ftforce.core.faults import FaultSet
 
 ABOUT = "ftforce"
-"""Attribute of the group in which ftforce finds again what it needs, as JSON."""
+"""Attribute of the group that holds ftforce's own metadata, as JSON."""
 SUMMARY = "summary_"
 _CELLS = ("cell_x", "cell_y", "cell_z")
 _SET = ("fault_set",)
 
 _VERDICT = {"flag_values": [0, 1, 2], "flag_meanings": "tolerated borderline not_tolerated"}
 
-# Unit and words; "force" and "turn" stand for units that hang on the task and the joints.
+# Unit and description; "force" and "turn" stand for units that depend on the task and the joints.
 _WORDS: dict[str, tuple[str, str]] = {
     "q": ("turn", "joint position"),
     "tip": ("m", "position of the tip in the root's axes"),
@@ -54,7 +54,7 @@ _WORDS: dict[str, tuple[str, str]] = {
     ),
 }
 
-# Dimensions and words of the summary's arrays.
+# Dimensions and descriptions of the arrays of the summary.
 _COUNTS: dict[str, tuple[tuple[str, ...], str]] = {
     "postures": ((), "postures"),
     "outside": ((), "postures whose tip lies outside the cells"),
@@ -90,9 +90,9 @@ class Variable(NamedTuple):
     Attributes
     ----------
     dimensions :
-        Names.
+        Names of the dimensions.
     attributes :
-        Of the array, as JSON has them.
+        Attributes of the array, in JSON form.
     """
 
     dimensions: tuple[str, ...]
@@ -100,7 +100,7 @@ class Variable(NamedTuple):
 
 
 def sample(name: str, setting: SweepSetting) -> Variable:
-    """Return what an array of samples is."""
+    """Return the description of a sample array."""
     own = {"q": ("joint",), "tip": ("axis",)}.get(name, ())
     per_set = _SET if setting.keep == "all" and name in PER_SET else ()
     bare = name if name == "worst_set" else name.removeprefix("worst_")
@@ -116,7 +116,7 @@ def sample(name: str, setting: SweepSetting) -> Variable:
 
 
 def counted(name: str, setting: SweepSetting) -> Variable:
-    """Return what an array of the summary is; ``name`` is the summary's own."""
+    """Return the description of an array of the summary, by its name in `Summary`."""
     if name in _COUNTS:
         dimensions, words = _COUNTS[name]
         return Variable(dimensions, {"units": "1", "long_name": words})
@@ -132,7 +132,7 @@ def counted(name: str, setting: SweepSetting) -> Variable:
 
 
 def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
-    """Return the attribute that names the unit; none where joints that turn and slide are mixed."""
+    """Return the unit attribute; empty where revolute and prismatic joints are mixed."""
     if unit in {"force", "capability"}:
         named = setting.size_unit if unit == "force" else setting.capability_unit
         return {"units": named.replace("·", " ")}
@@ -194,7 +194,7 @@ def _codes(
 
 
 def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Variable]]:
-    """Return the lower edge of every bin, and both edges as the CF conventions have them."""
+    """Return the lower edge of every bin, and CF bounds with both edges."""
     infinite = [np.inf]
     cell_edges = np.arange(CELL_BINS + 1) / CELL_BINS
     edges = {
@@ -229,9 +229,9 @@ def attributes(
     identity: dict[str, Any],
     complete: bool,
 ) -> dict[str, Any]:
-    """Return the attributes of the group: for readers, and for ftforce itself.
+    """Return the attributes of the group, for readers and for ftforce itself.
 
-    Nothing in them hangs on when, where or by whom the sweep was done.
+    They do not depend on when, where or by whom the sweep was run.
     """
     tools = f"{setting.axes} axes"
     own = {
@@ -262,7 +262,7 @@ def attributes(
 
 
 def shaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[Any]:
-    """Return an array of the summary with three dimensions for the cells instead of one."""
+    """Reshape the cell dimension of a summary array to three dimensions, if it has one."""
     if not name.startswith("cell_"):
         return values
     return values.reshape(*workspace.shape, *values.shape[1:])
@@ -276,7 +276,7 @@ def unshaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[A
 
 
 def all_coordinates() -> list[str]:
-    """Return the names of all coordinates that a sweep may have, and of the edges of bins."""
+    """Return the names of all coordinates and bin edges that a sweep may have."""
     plain = "joint joint_unit axis fault_set joint_fails verdict_code rank tolerated_set_count"
     bins = (f"{name}{end}" for name in _BINS for end in ("", "_bounds"))
     return [*plain.split(), *_CELLS, *bins]

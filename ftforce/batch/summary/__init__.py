@@ -1,1 +1,1 @@
-"""What a sweep counts, in integers, and what the counts say: shares, quantiles, rankings."""
+"""Integer counts of a sweep, and statistics from them: shares, quantiles, rankings."""

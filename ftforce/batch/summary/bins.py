@@ -1,4 +1,4 @@
-"""The bins of a sweep's histograms, and the cells of its workspace."""
+"""Histogram bins and workspace cells of a sweep."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Bins:
     Attributes
     ----------
     force :
-        Norm of the force that is asked, N (N·m), the largest jump in the bins; ``None`` without.
+        Norm of the requested force, N (N·m), the largest jump in the bins; ``None`` without one.
     direction :
         Whether capabilities are counted.
     """
@@ -52,31 +52,31 @@ class Bins:
 
     @cached_property
     def share(self) -> Vector:
-        """Edges for margin and ρ, 0 to 1, shape (1001,); what is above lies in the last bin."""
+        """Edges for margin and ρ, 0 to 1, shape (1001,); larger values go to the last bin."""
         return read_only(np.arange(LINEAR_BINS + 1) / LINEAR_BINS)
 
     @cached_property
     def jump(self) -> Vector | None:
-        """Edges for the jump, 0 to the force, N (N·m), shape (1001,); then one bin for more."""
+        """Edges for the jump, 0 to the force, N (N·m), shape (1001,), plus one overflow bin."""
         return None if self.force is None else read_only(self.share * self.force)
 
     @cached_property
     def capability(self) -> Vector | None:
         """Edges for the capability, 1e-3 to 1e6 N (N·m), a hundred per decade, shape (901,).
 
-        One more bin lies below (it holds 0 too), one above.
+        There is one more bin below, which includes 0, and one above.
         """
         lowest, highest = _DECADES
         if not self.direction:
             return None
         steps = range(lowest * _PER_DECADE, highest * _PER_DECADE + 1)
         edges = (10.0 ** (step / _PER_DECADE) for step in steps)
-        # Rounded: the last bits of a power differ between machines.
+        # Rounded, because the last bits of a power differ between machines.
         return read_only(np.array([float(f"{edge:.13e}") for edge in edges]))
 
     @cached_property
     def capability_guide(self) -> Counts | None:
-        """Guide to the edges for the capability, see `ftforce.batch.kernels.counting.guide_to`."""
+        """Lookup table of the capability edges, see `ftforce.batch.kernels.counting.guide_to`."""
         from ftforce.batch.kernels.counting import guide_to
 
         return None if self.capability is None else guide_to(self.capability)
@@ -89,9 +89,9 @@ class Workspace:
     Attributes
     ----------
     origin :
-        Its lowest corner in the root's axes, m.
+        Lowest corner in root axes, m.
     edge :
-        Edge of a cell, m.
+        Edge length of a cell, m.
     shape :
         Number of cells along x, y and z.
     """
@@ -102,14 +102,14 @@ class Workspace:
 
     @classmethod
     def around(cls, centre: ArrayLike, radius: float, edge: float) -> Workspace:
-        """Return the cells that cover centre ± radius, as many on either side.
+        """Return a grid of cells that covers centre ± radius symmetrically.
 
         Parameters
         ----------
         centre :
-            m, shape (3,).
+            Centre in root axes, m, shape (3,).
         radius, edge :
-            m.
+            Half the extent to cover, and the edge length of a cell, m.
 
         Raises
         ------
@@ -120,7 +120,8 @@ class Workspace:
             raise InputError(f"the edge of a cell must be positive, in m, got {edge!r}")
         if not (is_number(radius) and radius >= 0.0):
             raise InputError(f"the radius must be 0 or more, in m, got {radius!r}")
-        count = max(1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12)))  # 0.3 / 0.1 makes three
+        # The factor absorbs rounding: 0.3 / 0.1 makes three cells.
+        count = max(1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12)))
         x, y, z = (as_vector(centre, 3, "centre") - 0.5 * count * edge).tolist()
         return cls((x, y, z), float(edge), (count, count, count))
 
@@ -130,13 +131,15 @@ class Workspace:
         return math.prod(self.shape)
 
     def index(self, tip: Matrix) -> tuple[Counts, int]:
-        """Return the cells of positions, shape (k,), and how many lie outside the grid.
+        """Return the cell index of each position, shape (k,), and how many lie outside the grid.
+
+        Cells are numbered with z varying fastest. Positions on or beyond the border, or NaN, are
+        assigned to an outermost cell.
 
         Parameters
         ----------
         tip :
-            m, shape (k, 3). What lies on or beyond the border (or is NaN) counts in an outermost
-            cell. Cells are counted with z running fastest.
+            Positions in root axes, m, shape (k, 3).
         """
         from ftforce.batch.kernels.counting import locate
 

@@ -1,4 +1,4 @@
-"""Cells of a workspace: postures in them, how many tolerate a fault; pooled into larger ones."""
+"""Workspace cells with their numbers of postures, total and tolerating a fault, and pooling."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 PLANES = ("xy", "xz", "yz")
-ROBUST = 60  # postures of a block, so that a share means something
+ROBUST = 60  # postures per block for a meaningful share
 _FEWEST_BLOCKS = 8  # along the longest side of the workspace
 
 
@@ -32,7 +32,8 @@ class Cells(NamedTuple):
     postures, tolerated :
         Postures whose tip lies in the cell, and how many of them tolerate the faults.
     share, low, high :
-        Tolerated over postures and the ends of its 95 % interval (Wilson); NaN without postures.
+        Ratio of tolerated to postures, and the ends of its 95 % Wilson interval; NaN without
+        postures.
     """
 
     postures: Counts
@@ -43,29 +44,35 @@ class Cells(NamedTuple):
 
     @classmethod
     def of(cls, postures: Counts, tolerated: Counts) -> Cells:
-        """Return cells of these counts."""
+        """Return cells with these counts, and their shares.
+
+        Parameters
+        ----------
+        postures, tolerated :
+            Postures per cell, and how many of them tolerate the faults, of the same shape.
+        """
         low, high = wilson(tolerated, postures)
         with np.errstate(invalid="ignore"):
             share = tolerated / postures
         return cls(postures, tolerated, share, low, high)
 
     def only(self, chosen: Mask) -> Cells:
-        """Return the chosen cells, in a row."""
+        """Return the cells selected by a mask, as a one-dimensional array."""
         rest: list[Any] = [values[chosen] for values in self]
         return Cells(*rest)
 
 
 class Flat(NamedTuple):
-    """Cells of a plane of the root's axes.
+    """Cells of a plane spanned by two root axes.
 
     Attributes
     ----------
     plane :
-        Names of its axes, to the right and up.
+        Names of the horizontal and the vertical axis.
     edges :
-        Borders of the cells along the two, m, shapes (u + 1,) and (v + 1,).
+        Cell boundaries along the two axes, m, shapes (u + 1,) and (v + 1,).
     depth :
-        What the cells hold along the third axis, m: from, to.
+        Range of the cells along the third axis, m.
     cells :
         Shape (u, v).
     """
@@ -77,16 +84,16 @@ class Flat(NamedTuple):
 
 
 class Located(NamedTuple):
-    """Cells that hold postures.
+    """Cells that contain postures.
 
     Attributes
     ----------
     place :
-        Their middles in the root's axes, m, shape (k, 3).
+        Their centres in root axes, m, shape (k, 3).
     edge :
-        m.
+        Edge length, m.
     cells :
-        Shape (k,).
+        Their counts, shape (k,).
     """
 
     place: Matrix
@@ -95,16 +102,16 @@ class Located(NamedTuple):
 
 
 def pooled(counts: Counts, factor: int, starts: Sequence[int] | None = None) -> Counts:
-    """Return the sums of blocks of so many cells along every axis.
+    """Return the sums of counts over cubic blocks of cells.
 
     Parameters
     ----------
     counts :
-        Of any number of axes.
+        Counts per cell, with any number of axes.
     factor :
-        Cells of a block along each.
+        Cells per block along each axis.
     starts :
-        First cell along each; what lies before is left out.
+        First cell along each axis; those before it are left out.
     """
     for axis in range(counts.ndim):
         first = 0 if starts is None else starts[axis]
@@ -115,7 +122,7 @@ def pooled(counts: Counts, factor: int, starts: Sequence[int] | None = None) -> 
 
 
 def window_of(postures: Counts) -> Counts:
-    """Return the first and behind the last layer that holds postures along each axis, (3, 2)."""
+    """Return the half-open range of layers that contain postures along each axis, (3, 2)."""
     found = []
     for axis in range(3):
         layers = np.flatnonzero(postures.sum(tuple({0, 1, 2} - {axis})))
@@ -124,7 +131,7 @@ def window_of(postures: Counts) -> Counts:
 
 
 def factor_of(postures: Counts, window: Counts) -> int:
-    """Return how many cells along each side a block has."""
+    """Return the number of cells along each side of a block."""
     longest, factor = int((window[:, 1] - window[:, 0]).max()), 1
     while longest // (factor + 1) >= _FEWEST_BLOCKS:
         counts = pooled(postures, factor, window[:, 0].tolist())
@@ -135,5 +142,5 @@ def factor_of(postures: Counts, window: Counts) -> int:
 
 
 def depth_axis(plane: str) -> int:
-    """Return the axis that a plane lacks."""
+    """Return the index of the axis normal to a plane."""
     return next(i for i, name in enumerate(AXES) if name not in plane)

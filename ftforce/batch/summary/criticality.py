@@ -1,4 +1,4 @@
-"""Which joint is the critical one, and where in the workspace a fault set is survived."""
+"""Criticality of joints and fault sets, and the workspace where a fault set is survived."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     value :
-        Share or quantile, in the unit of what was counted.
+        Share or quantile, in the unit of the counted quantity.
     low, high :
         Ends of the interval.
     """
@@ -52,7 +52,7 @@ class Survival(NamedTuple):
     share :
         Shape (nx, ny, nz).
     low, high :
-        Ends of Wilson's interval, shape (nx, ny, nz).
+        Ends of the Wilson interval, shape (nx, ny, nz).
     """
 
     share: Values
@@ -62,7 +62,7 @@ class Survival(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class JointCriticality:
-    """What the failure of a joint costs, over all postures.
+    """Effect of the failure of a joint, over all postures.
 
     Attributes
     ----------
@@ -71,14 +71,14 @@ class JointCriticality:
     sets :
         Number of fault sets that contain it.
     not_tolerated :
-        Share of postures x these sets that are not tolerated; the interval counts a posture once,
-        since what it says of one set tells of the others.
+        Share of postures x these sets that are not tolerated. The interval counts each posture
+        once, since its verdicts for different sets are correlated.
     borderline :
         Share of postures x these sets that are borderline.
     alone :
-        Share of postures not tolerated when it fails alone (in any of the modes asked).
+        Share of postures not tolerated when it fails alone (in any of the analysed modes).
     margin, rho :
-        Quantiles 5 % and 50 % when it fails alone.
+        5 % and 50 % quantiles when it fails alone.
     capability :
         Median when it fails alone, N (N·m): 0 where the arm cannot stand still, infinite where no
         limit is known; ``None`` without a direction.
@@ -97,26 +97,26 @@ class JointCriticality:
 def criticality(
     summary: Summary, sets: Sequence[FaultSet], n: int, confidence: float = 0.95
 ) -> tuple[JointCriticality, ...]:
-    """Return the joints, the most critical first.
+    """Return the joints, most critical first.
 
-    In the order of the share not tolerated, the share borderline, the 5 % quantile of ρ alone,
-    that of the margin, and the joint's number; what is unknown comes last.
+    Sorted by the share not tolerated, the share borderline, the 5 % quantiles of ρ and of the
+    margin when the joint fails alone, and its number; undefined values come last.
 
     Parameters
     ----------
     summary :
         Counts over the sets.
     sets :
-        The fault sets, as they were counted.
+        The fault sets, in the order of the summary.
     n :
         Number of joints along the chain.
     confidence :
-        Of the intervals.
+        Confidence level of the intervals.
 
     Raises
     ------
     InputError
-        The number of sets is not the summary's, or the confidence is not between 0 and 1.
+        The number of sets does not match the summary, or the confidence is not between 0 and 1.
     """
     if len(sets) != summary.n_sets:
         raise InputError(f"the summary counts {summary.n_sets} fault sets, got {len(sets)}")
@@ -132,9 +132,9 @@ def survival(summary: Summary, set_index: int | None = None, confidence: float =
     summary :
         Counts per cell.
     set_index :
-        Of the set, from 0; ``None`` asks for postures that tolerate every set.
+        Index of the set, from 0; ``None`` for postures that tolerate every set.
     confidence :
-        Of the intervals.
+        Confidence level of the intervals.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def _of_joint(
 
 
 def share_of(count: float, postures: int, confidence: float) -> Estimate:
-    """Return a share of the postures with Wilson's interval."""
+    """Return a share of the postures with its Wilson interval."""
     if not postures:
         return UNKNOWN
     low, high = wilson(count, postures, confidence)
@@ -190,7 +190,7 @@ def share_of(count: float, postures: int, confidence: float) -> Estimate:
 
 
 def _share(summary: Summary, sets: list[int], verdict: int, confidence: float) -> Estimate:
-    """Return the share of postures x sets; as many trials as postures: correlated sets add none."""
+    """Return the share of postures x sets; each posture is one trial, as sets are correlated."""
     if not sets:
         return UNKNOWN
     mean = int(summary.verdicts[sets, verdict].sum()) / len(sets)
@@ -211,7 +211,7 @@ def _capability(
 
 
 def capability_counts(summary: Summary) -> Counts | None:
-    """Return the histogram of capabilities: no limit counts above all edges, no rest below them."""
+    """Return capabilities with unlimited ones in the last bin and unknown ones in the first."""
     counts, unlimited = summary.capability, summary.capability_unlimited
     if counts is None or unlimited is None or summary.capability_unknown is None:
         return None
@@ -222,14 +222,14 @@ def capability_counts(summary: Summary) -> Counts | None:
 
 
 def _joint_key(joint: JointCriticality) -> tuple[float, ...]:
-    """Return what joints are sorted by; NaN would sort anyhow."""
+    """Return the sort key of a joint, without NaN, which has no order."""
     rho, margin = joint.rho[0].value, joint.margin[0].value
     keys = (-joint.not_tolerated.value, -joint.borderline, rho, margin, float(joint.joint))
     return tuple(math.inf if math.isnan(key) else key for key in keys)
 
 
 LOW, HIGH = 0.05, 0.95
-"""Quantiles of what is bad if small, and of what is bad if large."""
+"""Quantiles reported for measures that are bad when small, and when large."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,17 +243,18 @@ class SetSummary:
     tolerated, borderline, not_tolerated :
         Shares of the postures.
     loses_rank :
-        Share of the postures in which the force of a direction is lost, whatever force is asked.
+        Share of the postures in which force along some direction is lost, whatever the requested
+        force.
     margin, rho :
-        Quantiles 5 % and 50 % of σ_min(K)/σ_max(J) and of w(K)/w(J); NaN where they are unknown.
+        5 % and 50 % quantiles of σ_min(K)/σ_max(J) and of w(K)/w(J); NaN where undefined.
     jump :
-        Quantiles 50 % and 95 % and the largest ‖ΔF‖, N (N·m); a quantile above the force itself,
-        which a joint that swings free can cause, is infinite; ``None`` without a force.
+        50 % and 95 % quantiles and maximum of ‖ΔF‖, N (N·m). A quantile above the force itself,
+        possible with free-swinging joints, is infinite. ``None`` without a force.
     falls :
-        Share of the postures in which nothing holds the arm; NaN without force and direction.
+        Share of the postures in which the arm cannot stand still; NaN without force and direction.
     capability :
-        Quantiles 5 % and 50 % of the force that can be commanded in the direction, N (N·m): 0 where
-        nothing holds the arm, infinite where no limit is known; ``None`` without a direction.
+        5 % and 50 % quantiles of the force that can be commanded in the direction, N (N·m): 0 where
+        the arm cannot stand still, infinite where no limit is known; ``None`` without a direction.
     """
 
     faults: FaultSet
@@ -273,17 +274,17 @@ def set_summaries(
 ) -> tuple[SetSummary, ...]:
     """Return the fault sets, worst first.
 
-    In the order of the share not tolerated, the share borderline, the 5 % quantiles of ρ and of the
-    margin; what is unknown comes last.
+    Sorted by the share not tolerated, the share borderline, and the 5 % quantiles of ρ and of the
+    margin; undefined values come last.
 
     Parameters
     ----------
     summary :
         Counts over the sets.
     sets :
-        The fault sets, as they were counted.
+        The fault sets, in the order of the summary.
     confidence :
-        Of the intervals.
+        Confidence level of the intervals.
     """
     found = [_of_set(summary, s, faults, confidence) for s, faults in enumerate(sets)]
     return tuple(sorted(found, key=_set_key))
@@ -324,7 +325,7 @@ def _jump(summary: Summary, s: int) -> tuple[float, float, float] | None:
         return None
     most = float(largest[s])
     most = most if math.isfinite(most) else math.nan
-    # A quantile is known to one bin, a thousandth of the force: the largest jump is known better.
+    # Quantiles are accurate to one bin, a thousandth of the force; the maximum is exact.
     middle, high = (float(quantile(counts[s], edges, p)) for p in (0.5, HIGH))
     return _at_most(middle, most), _at_most(high, most), most
 
@@ -344,6 +345,6 @@ def _capability_of_set(summary: Summary, s: int) -> tuple[float, float] | None:
 
 
 def _set_key(one: SetSummary) -> tuple[float, ...]:
-    """Return what sets are sorted by; NaN would sort anyhow."""
+    """Return the sort key of a set, without NaN, which has no order."""
     keys = (-one.not_tolerated.value, -one.borderline.value, one.rho[0], one.margin[0])
     return tuple(math.inf if math.isnan(key) else key for key in keys)

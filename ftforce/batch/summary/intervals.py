@@ -1,7 +1,7 @@
-"""What counts say of the postures they were drawn from: shares and quantiles, with intervals.
+"""Shares and quantiles estimated from counts, with confidence intervals.
 
-Intervals hold for postures that were drawn independently; for a Sobol sequence they are wider than
-needed, and for a grid or a recorded motion they only show how much the number of postures matters.
+The intervals are valid for independently drawn postures. For a Sobol sequence they are
+conservative; for a grid or a recorded motion they only indicate the effect of the sample size.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 def wilson(
     successes: ArrayLike, trials: ArrayLike, confidence: float = 0.95
 ) -> tuple[Values, Values]:
-    """Return the ends of Wilson's score interval of a share; NaN without trials.
+    """Return the ends of the Wilson score interval of a share; NaN without trials.
 
     E. B. Wilson, J. Amer. Statist. Assoc. 22 (1927) 209-212.
 
     Parameters
     ----------
     successes, trials :
-        Counts of any shapes that go together.
+        Counts, of shapes that broadcast.
     confidence :
-        Between 0 and 1.
+        Confidence level, between 0 and 1.
 
     Raises
     ------
     InputError
-        The confidence does not lie between 0 and 1.
+        The confidence is not between 0 and 1.
     """
     from scipy.special import ndtri
 
@@ -51,7 +51,7 @@ def wilson(
     with np.errstate(invalid="ignore", divide="ignore"):
         centre = (x + 0.5 * z * z) / (n + z * z)
         half = z / (n + z * z) * np.sqrt(x * ((n - x) / n) + 0.25 * z * z)
-    none, every = x == 0.0, x == n  # there the formula gives 0 and 1 up to rounding
+    none, every = x == 0.0, x == n  # where the formula gives 0 and 1 only up to rounding
     low = np.where(none, 0.0, np.maximum(centre - half, 0.0))
     high = np.where(every, 1.0, np.minimum(centre + half, 1.0))
     unknown = n == 0.0
@@ -59,25 +59,25 @@ def wilson(
 
 
 def quantile(histogram: Counts, edges: Vector, p: float) -> Values:
-    """Return quantiles of counted numbers, to one bin: NaN of an empty histogram.
+    """Return quantiles of binned samples, accurate to one bin; NaN for an empty histogram.
 
-    The numbers of a bin are taken to lie evenly in it; between two of them it is interpolated as
-    `numpy.quantile` does: R. J. Hyndman and Y. Fan, Amer. Statist. 50 (1996) 361-365, number 7.
+    The samples of a bin are assumed to be evenly spaced, and interpolated as `numpy.quantile`
+    does: R. J. Hyndman and Y. Fan, Amer. Statist. 50 (1996) 361-365, definition 7.
 
     Parameters
     ----------
     histogram :
-        Counts, shape (..., b); with one bin more than there are bins between edges, the last
-        counts what lies above (infinity); with two more, the first counts what lies below (0).
+        Counts, shape (..., b). With one bin more than between the edges, the last is an overflow
+        bin (infinity); with two more, the first is an underflow bin as well (0).
     edges :
-        Rising, shape (b + 1,), (b,) or (b - 1,).
+        Bin edges, increasing, shape (b + 1,), (b,) or (b - 1,).
     p :
-        From 0 to 1.
+        Probability, from 0 to 1.
 
     Raises
     ------
     InputError
-        ``p`` does not lie from 0 to 1, or edges and bins do not fit.
+        ``p`` is not within 0 to 1, or the number of edges does not match the bins.
     """
     _check_share(p)
     lower, upper = _borders(histogram.shape[-1], edges)
@@ -96,25 +96,25 @@ def quantile(histogram: Counts, edges: Vector, p: float) -> Values:
 def quantile_interval(
     histogram: Counts, edges: Vector, p: float, confidence: float = 0.95, repeats: int = 1
 ) -> tuple[float, float]:
-    """Return an interval that holds a quantile, whatever the distribution; NaN of an empty one.
+    """Return a distribution-free confidence interval of a quantile; NaN for an empty histogram.
 
     The number of samples below the quantile is binomial, so two order statistics enclose it:
-    H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed. (2003), section 7.1. Their bins' outer
-    edges are returned; where too few samples lie beyond, the end of the scale.
+    H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed. (2003), section 7.1. The outer edges
+    of their bins are returned, or the end of the scale where there are too few samples beyond.
 
     Parameters
     ----------
     histogram, edges, p :
-        See `quantile`; shape (b,).
+        See `quantile`; the histogram has shape (b,).
     confidence :
-        Between 0 and 1.
+        Confidence level, between 0 and 1.
     repeats :
-        How many numbers of one posture were counted: they are not independent.
+        Number of samples counted per posture, which are not independent.
 
     Raises
     ------
     InputError
-        ``p``, the confidence, or edges and bins do not fit.
+        ``p`` or the confidence is out of range, or the number of edges does not match the bins.
     """
     _check_share(p)
     _check_confidence(confidence)
@@ -133,17 +133,17 @@ def quantile_interval(
 
 
 def _ranks(n: int, p: float, confidence: float) -> tuple[int, int]:
-    """Return two ranks that enclose the quantile, from 1; 0 or n + 1 if there is none."""
+    """Return the ranks, from 1, that enclose the quantile; 0 or n + 1 where there is none."""
     from scipy.special import bdtrik
 
-    if p in {0.0, 1.0}:  # the ends of the distribution: all samples lie within
+    if p in {0.0, 1.0}:  # the ends of the distribution, which enclose all samples
         return (0, 1) if p == 0.0 else (n, n + 1)
     tail = 0.5 * (1.0 - confidence)
     return math.ceil(bdtrik(tail, n, p)), math.ceil(bdtrik(1.0 - tail, n, p)) + 1
 
 
 def _borders(bins: int, edges: Vector) -> tuple[Vector, Vector]:
-    """Return the lower and the upper edge of every bin; 0 to 0 below, infinite above."""
+    """Return the edges of every bin: 0 to 0 for underflow, up to infinity for overflow."""
     extra = bins - (len(edges) - 1)
     if extra not in {0, 1, 2}:
         raise InputError(
@@ -156,13 +156,13 @@ def _borders(bins: int, edges: Vector) -> tuple[Vector, Vector]:
 
 
 def _ordered(histogram: Counts, sums: Counts, rank: Counts, lower: Vector, upper: Vector) -> Values:
-    """Return the numbers of these ranks, from 0, as if those of a bin lay evenly in it."""
+    """Return the samples of these ranks, from 0, assuming even spacing within a bin."""
     bin_of = np.argmax(sums > rank[..., None], axis=-1)
     count = np.take_along_axis(histogram, bin_of[..., None], -1)[..., 0]
     before = np.take_along_axis(sums, bin_of[..., None], -1)[..., 0] - count
     part = (rank - before + 0.5) / np.maximum(count, 1)
     low, high = lower[bin_of], upper[bin_of]
-    with np.errstate(invalid="ignore"):  # the bin above all edges ends at infinity
+    with np.errstate(invalid="ignore"):  # the overflow bin ends at infinity
         return np.where(np.isinf(high), math.inf, low + part * (high - low))
 
 

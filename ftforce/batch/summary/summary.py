@@ -1,4 +1,4 @@
-"""What a sweep says of all its postures, in integers, so that no order of adding changes a bit."""
+"""Summary of a sweep in integer counts, bitwise independent of the order of accumulation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MEASURES = ("rank_lost", "margin", "rho", "jump", "capability")
 
 
 def add_block(summary: Summary, block: Block, start: int) -> None:
-    """Count a block of postures, in place, see `Summary.add`."""
+    """Add a block of postures, in place, see `Summary.add`."""
     _check(summary, block)
     k = len(block.tip)
     summary.postures[...] += k
@@ -120,7 +120,7 @@ def _add_capability(summary: Summary, values: Matrix) -> None:
 
 
 def _note(summary: Summary, name: str, values: Matrix, start: int) -> None:
-    """Note the rows' extremes and where they occur first; NaN is none."""
+    """Record the extreme of each row and its first occurrence, ignoring NaN."""
     largest = name.startswith("max")
     found = (np.fmax if largest else np.fmin).reduce(values, axis=1) + 0.0  # no negative zero
     held, held_at = getattr(summary, name), getattr(summary, f"{name}_at")
@@ -139,45 +139,45 @@ VERDICTS, RANKS = 3, 7
 class Summary:
     """Counts over postures, S fault sets and the cells of the workspace.
 
-    All arrays are counts, int64, except those that begin with ``min``, ``max`` or ``cell_min``.
-    Takes about 8·(S·(2017 + 1004 with a force + 906 with a direction) + cells·(66 + 2 S)) bytes.
-    Arrays of a force or direction that is not asked are ``None``.
+    All arrays are int64 counts, except those named ``min…``, ``max…`` or ``cell_min…``. The size is
+    about 8·(S·(2017 + 1004 with a force + 906 with a direction) + cells·(66 + 2 S)) bytes. Arrays
+    that need a force or direction are ``None`` without it.
 
     Attributes
     ----------
     bins, workspace :
-        Edges of the histograms, and cells.
+        Histogram bins, and workspace cells.
     postures, outside :
-        Postures, and those whose tip lies outside the workspace's cells, shape ().
+        Number of postures, and of those whose tip lies outside the cells, shape ().
     healthy_rank, healthy_margin, healthy_unknown :
-        Of the healthy arm: ranks 0 to 6, shape (7,); margins, shape (1000,); margins that are
-        NaN, shape ().
+        Of the healthy arm: histogram of ranks 0 to 6, shape (7,); of margins, shape (1000,); and
+        number of NaN margins, shape ().
     tolerated_sets :
         Postures that tolerate exactly j of the sets, shape (S + 1,).
     verdicts :
-        Tolerated, borderline, not tolerated, shape (S, 3).
+        Postures tolerated, borderline and not tolerated, shape (S, 3).
     rank_lost :
-        Ranks lost, 0 to 6, shape (S, 7).
+        Histogram of the rank lost, 0 to 6, shape (S, 7).
     margin, rho :
         Histograms, shape (S, 1000).
     jump :
-        Histogram, last those above the force, shape (S, 1001).
+        Histogram, the last bin for jumps larger than the force, shape (S, 1001).
     capability :
-        Histogram, first those below the edges and last those above, shape (S, 902).
+        Histogram, the first bin below the edges and the last above, shape (S, 902).
     margin_unknown, rho_unknown, jump_unknown, capability_unknown :
-        NaN: J vanishes, w(J) = 0, and the arm cannot stand still, shape (S,).
+        Numbers of NaN, where J vanishes, w(J) = 0, or the arm cannot stand still, shape (S,).
     capability_unlimited :
-        Ended by no limit that is known, shape (S,).
+        Postures where no known limit bounds the capability, shape (S,).
     min_margin, min_rho, max_jump, min_capability :
-        Extremes of numbers that are finite, shape (S,); ±infinity if there are none.
+        Extremes of the finite values, shape (S,); ±infinity if there are none.
     min_margin_at, min_rho_at, max_jump_at, min_capability_at :
-        First posture where they occur, shape (S,); -1 if there is none.
+        First posture at which each occurs, shape (S,); -1 if there is none.
     cell_postures, cell_tolerates_all :
-        Postures, and those that tolerate every set, shape (cells,).
+        Postures per cell, and those that tolerate every set, shape (cells,).
     cell_tolerated :
-        Postures that tolerate the set, shape (cells, S).
+        Postures per cell that tolerate the set, shape (cells, S).
     cell_worst_margin, cell_worst_rho :
-        Histograms over [0, 1] of a posture's smallest margin and ρ, shape (cells, 32).
+        Histograms over [0, 1] of the smallest margin and ρ of a posture, shape (cells, 32).
     cell_min_margin :
         Smallest margin, shape (cells, S); infinite in empty cells.
     """
@@ -218,12 +218,19 @@ class Summary:
 
     @classmethod
     def empty(cls, n_sets: int, bins: Bins, workspace: Workspace) -> Summary:
-        """Return the summary of no posture.
+        """Return an empty summary.
+
+        Parameters
+        ----------
+        n_sets :
+            Number of fault sets.
+        bins, workspace :
+            Histogram bins, and workspace cells.
 
         Raises
         ------
         InputError
-            It would take more than 1 GB; the message says what to reduce.
+            It would exceed 1 GB; the message says what to reduce.
         """
         shapes = _shapes(n_sets, bins, workspace.cells)
         _check_size(n_sets, workspace, shapes)
@@ -236,29 +243,29 @@ class Summary:
         return len(self.verdicts)
 
     def add(self, block: Block, start: int) -> None:
-        """Count a block of postures, in place.
+        """Add a block of postures, in place.
 
         Parameters
         ----------
         block :
-            Of k postures and S sets, with jumps and capabilities if the bins have them.
+            Results for k postures and S sets, with jumps and capabilities if the bins have them.
         start :
-            Index of its first posture, from 0, over the whole sweep.
+            Index of its first posture in the whole sweep, from 0.
 
         Raises
         ------
         InputError
-            The block has other sets, lacks jumps or capabilities, or holds codes that are none.
+            The number of sets differs, jumps or capabilities are missing, or a code is invalid.
         """
         add_block(self, block, start)
 
     def merge(self, other: Summary) -> None:
-        """Add another summary's postures, in place; no order of merging changes the result.
+        """Add the postures of another summary, in place; the order of merging does not matter.
 
         Raises
         ------
         InputError
-            It has other bins, another workspace or another number of sets.
+            Its bins, workspace or number of sets differ.
         """
         mine = (self.bins, self.workspace, self.n_sets)
         if mine != (other.bins, other.workspace, other.n_sets):
@@ -273,14 +280,14 @@ class Summary:
                 self.take(name, theirs[name], theirs[f"{name}_at"])
 
     def take(self, name: str, value: Vector, at: Counts) -> None:
-        """Take the extremes that are more extreme, or as extreme and earlier, in place.
+        """Update an array of extremes, in place; ties go to the earlier posture.
 
         Parameters
         ----------
         name :
-            Of the array, e.g. ``"min_margin"``.
+            Name of the array, e.g. ``"min_margin"``.
         value, at :
-            Extremes and their first postures (-1: none), shape (S,).
+            Candidate extremes and their first postures (-1 for none), shape (S,).
         """
         held, held_at = getattr(self, name), getattr(self, f"{name}_at")
         beyond = value > held if name.startswith("max") else value < held
@@ -288,19 +295,26 @@ class Summary:
         held[better], held_at[better] = value[better], at[better]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays, not copied, by name."""
+        """Return the arrays by name, without copying."""
         return dict(self._arrays())
 
     @classmethod
     def from_arrays(
         cls, arrays: Mapping[str, ArrayLike], bins: Bins, workspace: Workspace
     ) -> Summary:
-        """Return the summary of copied arrays, as `arrays` names them.
+        """Return a summary from copies of its arrays.
+
+        Parameters
+        ----------
+        arrays :
+            Arrays by name, as returned by `arrays`.
+        bins, workspace :
+            Histogram bins, and workspace cells.
 
         Raises
         ------
         InputError
-            An array is missing, too many, or has another shape or type.
+            An array is missing, unknown, or of the wrong shape or type.
         """
         sets = np.shape(arrays["verdicts"])[:1] if "verdicts" in arrays else ()
         if not sets:
