@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.postures.drawn import Drawn
-    from ftforce.batch.result import SweepSetting
     from ftforce.batch.summary.criticality import Estimate
     from ftforce.core.faults import FaultMode
     from ftforce.core.task import Axes

@@ -10,7 +10,6 @@ from ftforce.core.arrays import Vector, norm
 from ftforce.core.reduced_jacobian import reduce_decomposed
 
 if TYPE_CHECKING:
-    from ftforce.core.arrays import Vector
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.feasible_forces import FeasibleForces
     from ftforce.core.reduced_jacobian import ReducedJacobian

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.analyze import Analysis
 from ftforce.analysis.capability import capability_of
 from ftforce.core import measures
 from ftforce.core.arrays import over

@@ -26,8 +26,6 @@ from ftforce.report.parts import (
 from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
-    from ftforce.analysis.analyze import Analysis
-    from ftforce.analysis.capability import Capability, CapabilityRange
 
 
 def capability_sentence(capability: Capability) -> str:

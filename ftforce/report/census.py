@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ftforce.analysis.census import Census
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report.parts import (

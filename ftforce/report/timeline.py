@@ -20,8 +20,6 @@ from ftforce.report.parts import (
     task_columns,
 )
 from ftforce.report.text import joined, percent, ratio, size
-from ftforce.robot.robot import Robot
-from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from functools import singledispatch
 from html import escape
-from typing import TYPE_CHECKING
 
 from rich.console import Console, RenderableType
 from rich.text import Text
@@ -31,9 +30,6 @@ from ftforce.show.tables.sweep import sweep_view
 from ftforce.show.tables.timeline import timeline_view
 from ftforce.trajectory.history import History
 from ftforce.trajectory.timeline import Timeline
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 @singledispatch
