@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ftforce.analysis.analyze import Analysis
-from ftforce.analysis.capability import Capability, CapabilityRange
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import LimitingFactor, LockModel
 from ftforce.report import text
@@ -26,6 +24,8 @@ from ftforce.report.parts import (
 from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
+    from ftforce.analysis.analyze import Analysis
+    from ftforce.analysis.capability import Capability, CapabilityRange
 
 
 def capability_sentence(capability: Capability) -> str:
