@@ -185,7 +185,7 @@ class Remapper:
 
     @property
     def sets(self) -> tuple[FaultSet, ...]:
-        """The fault sets, in the order of the answers."""
+        """The fault sets, in the order of the results."""
         return self._sets
 
     @property

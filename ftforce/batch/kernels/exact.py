@@ -337,7 +337,7 @@ def reach(one, rank, unbalanced, rtol):
 
 @inner
 def on_plane(one, rank, rtol):
-    """Return the interval of s for which s·d lies in the affine set of forces for the motors."""
+    """Return the interval of s for which s·d lies in the affine hull of the feasible forces."""
     m, F0, beyond = one.d.size, one.F0, one.kept
     offset = norm(F0)
     if rank == m and offset == 0.0:

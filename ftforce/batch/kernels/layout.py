@@ -36,7 +36,7 @@ _LINE = 64  # bytes per cache line
 def aligned(
     shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
-    """Return an uninitialized array whose address is ``offset`` bytes above a ``multiple``."""
+    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes."""
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple

@@ -69,7 +69,7 @@ def settle_free(mechanism, faults, question, q, answers, arm, spec, one):
 
 @kernel
 def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
-    """Evaluate the undecided sets of locked joints, and the undecided healthy ranks."""
+    """Evaluate the undecided sets of locked joints, and undecided ranks of the healthy arm."""
     start, count = 0, 1
     while count > 0:
         start, count = collect(start, faults.swings, False, answers, arm.chosen)

@@ -132,7 +132,7 @@ def counted(name: str, setting: SweepSetting) -> Variable:
 
 
 def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
-    """Return the unit attribute; empty where revolute and prismatic joints are mixed."""
+    """Return the unit attribute, or a comment where revolute and prismatic joints are mixed."""
     if unit in {"force", "capability"}:
         named = setting.size_unit if unit == "force" else setting.capability_unit
         return {"units": named.replace("·", " ")}
