@@ -228,7 +228,7 @@ def set_capability(
 def commanded_force(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> float:
-    """Return only `SetCapability.commanded` of a fault set."""
+    """Return the commanded capability of a fault set alone."""
     ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
     return math.nan if ray.is_empty else ray.maximum * size
 
