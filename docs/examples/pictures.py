@@ -130,10 +130,10 @@ DOCUMENTS = {
 # Limits of which the brakes are unknown.
 MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
 
-# What fault_modes.py, section_v.py, plots.py, closed_loop.py, sweep_map.py, view_pictures.py draw.
+# What architecture.py, fault_modes.py, section_v.py, plots.py, closed_loop.py, sweep_map.py, view_pictures.py draw.
 DRAWN = {
-    "architecture.svg", "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plot-simulation.svg",
-    "plot-census.svg", "plot-capability.svg", "plot-compare.svg", "map-panda.svg",
+    "architecture.svg", "fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg",
+    "plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg", "map-panda.svg",
     "view-locked.png", "view-lost.png", "view-moments.png", "view-census.png",
     "view-history.png", "view-sweep.png",
     "map-tiago.svg", "map-solid.svg",
