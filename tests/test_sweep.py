@@ -63,7 +63,7 @@ def test_progress_rises_to_the_number_of_postures(arm):
 def test_turns_deal_out_every_chunk_once():
     turns = BatchSizer(iter(range(1000)), 1000)
     dealt, sizes = [], []
-    while chunks := turns.take(4, 1.0):
+    while chunks := turns.next(4, 1.0):
         dealt += chunks
         sizes.append(len(chunks))
         turns.took(len(chunks), 0.01 * len(chunks))
@@ -76,7 +76,7 @@ def test_turns_deal_out_every_chunk_once():
 def test_turns_of_no_time_are_single_chunks():
     turns = BatchSizer(iter(range(9)), 9)
     turns.took(1, 1e-4)
-    assert turns.take(1, 0.0) == [0]
+    assert turns.next(1, 0.0) == [0]
 
 
 @pytest.mark.parametrize(

@@ -215,7 +215,7 @@ def _submit(
         if time.monotonic() - looked > LOOK:
             looked, threads = time.monotonic(), _threads(client)
         while running.count() < AHEAD * threads and (
-            chunks := turns.take(AHEAD * threads, max(TURN, threads / RATE))
+            chunks := turns.next(AHEAD * threads, max(TURN, threads / RATE))
         ):
             task = (_posture_slice(job, chunks), path, token, __version__, chunks)
             # pure=False: Dask need not hash tasks. The job is sent with every batch, because data

@@ -70,18 +70,18 @@ class BatchSizer:
         self._chunks, self.left = chunks, count
         self._cost: float | None = None  # s per chunk
 
-    def take(self, hands: int, seconds: float) -> list[int]:
+    def next(self, workers: int, seconds: float) -> list[int]:
         """Return the chunks of the next batch, an empty list once all are handed out.
 
         Parameters
         ----------
-        hands :
+        workers :
             Number of concurrent workers.
         seconds :
             Target duration of the batch, s.
         """
         size = 1 if self._cost is None else int(seconds / max(self._cost, 1e-6))
-        taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * hands)))))
+        taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * workers)))))
         self.left -= len(taken)
         return taken
 
@@ -173,7 +173,7 @@ def in_threads(threads: int) -> Runner:
             running: set[Future[Turn]] = set()
             try:
                 while True:
-                    while len(running) < 2 * threads and (chunks := turns.take(threads, seconds)):
+                    while len(running) < 2 * threads and (chunks := turns.next(threads, seconds)):
                         running.add(pool.submit(do_chunks, job, chunks, write))
                     if not running:
                         return
