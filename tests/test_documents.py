@@ -467,6 +467,9 @@ def test_sets_of_a_census_are_analyses(mode, force):
         assert entry["binding"] == whole["limits"]["binding"]
         assert entry["share"] == pytest.approx(whole["limits"]["share"])
         assert entry["verdict"] == whole["verdict"]
+        after = np.linalg.svd(np.where(analysis.reduced.locked, 0.0, analysis.J), compute_uv=False)
+        if mode == "locked":
+            assert whole["jacobian"]["sigma_min_after"] == pytest.approx(after[-1])
         capability = json_of(ftforce.analysis.capability.capability_of(analysis, direction))
         found = capability["capability"]
         after = found["weakest" if force is None else "directions"]
