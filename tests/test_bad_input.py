@@ -11,18 +11,7 @@ from pathlib import Path
 import pytest
 
 from test_cli import run
-from urdfs import (
-    arm,
-    end_effector,
-    full_device,
-    hand,
-    joint,
-    link,
-    mimic,
-    robot,
-    state,
-    write,
-)
+from urdfs import arm, end_effector, full_device, hand, joint, link, mimic, robot, state, write
 
 COMMANDS = ("analyze", "census", "capability", "inspect")
 

@@ -17,14 +17,7 @@ from ftforce.core.verdict import VERDICTS
 from ftforce.view.model.state import initial_state
 from ftforce.view.scene.stage import linear
 from ftforce.view.session import Session
-from ftforce.view.survey import (
-    RAMP,
-    VERDICT_POINTS,
-    choices,
-    read_points,
-    share_colours,
-    survey,
-)
+from ftforce.view.survey import RAMP, VERDICT_POINTS, choices, read_points, share_colours, survey
 from helpers import assert_close
 
 pytestmark = pytest.mark.thorough

@@ -21,12 +21,7 @@ from ftforce.report.parts import (
     rows_of,
     task_columns,
 )
-from ftforce.report.text import (
-    ratio,
-    size,
-    unit_of_size,
-    vector_in_words,
-)
+from ftforce.report.text import ratio, size, unit_of_size, vector_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from os import PathLike
     from typing import TypeAlias
 
+    from ftforce.report.parts import Document, Row
+
     Result: TypeAlias = (
         Analysis
         | Capability
@@ -47,10 +49,6 @@ if TYPE_CHECKING:
         | Sweep
         | Timeline
         | WorkspaceMap
-    )
-    from ftforce.report.parts import (
-        Document,
-        Row,
     )
 
 

@@ -5,14 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ftforce.analysis.paper import ERRATA, Replication
-from ftforce.report.parts import (
-    Document,
-    Row,
-    arm_part,
-    check_part,
-    finite,
-    rows_of,
-)
+from ftforce.report.parts import Document, Row, arm_part, check_part, finite, rows_of
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
