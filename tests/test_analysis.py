@@ -254,7 +254,7 @@ def test_total_torques_are_weight_motion_and_force_part(panda, mode, surrounding
     result = analyze(panda, POSTURE, force=FORCE, **mode, **surroundings)
     force, torque, rnea, J = result.force, result.torque, result.rnea, result.J
     locked = result.faults.mask(7)
-    free = np.isin(np.arange(7), result.faults.swinging)
+    free = np.isin(np.arange(7), result.faults.free)
     part = J.T @ force.after
     assert_close(torque.after, np.where(locked, 0.0, part), scale=100)
     total = rnea.gravity + rnea.motion_after + part

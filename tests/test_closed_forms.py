@@ -212,7 +212,7 @@ def test_velocities_are_not_sent_into_directions_at_the_tolerance():
 def freeing(J, *joints, locked=()):
     """Return the reduced Jacobian with free joints, numbered from 1."""
     n = J.shape[1]
-    return reduce(J, only(*locked, n=n), swinging=only(*joints, n=n))
+    return reduce(J, only(*locked, n=n), free=only(*joints, n=n))
 
 
 def test_a_joint_that_swings_makes_up_for_nothing():
@@ -233,7 +233,7 @@ def test_velocities_with_swinging_and_locked_joints_by_pseudo_inverses():
         A, v = rng.normal(size=(m, n)), rng.normal(size=n)
         state = rng.choice(3, size=n)
         locked, free = state == 1, state == 2
-        change = velocity_remap(reduce(A, locked, swinging=free), v)
+        change = velocity_remap(reduce(A, locked, free=free), v)
         K = np.where(
             locked | free, 0.0, A
         )  # the columns themselves: a motor moves, it need not hold

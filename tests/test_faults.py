@@ -55,24 +55,24 @@ def test_each_mode_has_its_joints():
     assert mixed.in_mode(FaultMode.LOCKED) == (1,)
     assert mixed.in_mode(FREE) == (3,)
     assert mixed.in_mode(WEAK) == (0, 4)
-    assert mixed.swinging == (3, 4)  # weak with nothing left is free
+    assert mixed.free == (3, 4)  # weak with nothing left is free
     assert mixed.mask(6).tolist() == [False, True, False, False, False, False]
-    assert mixed.swinging_mask(6).tolist() == [False, False, False, True, True, False]
+    assert mixed.free_mask(6).tolist() == [False, False, False, True, True, False]
     assert mixed.factors(6).tolist() == [0.5, 1, 1, 0, 0, 1]
     assert not mixed.factors(6).flags.writeable
-    assert not mixed.swinging_mask(6).flags.writeable
+    assert not mixed.free_mask(6).flags.writeable
 
 
 def test_without_a_swinging_joint_there_is_no_mask():
-    assert FaultSet((Fault(1), Fault(2, WEAK, 1e-300))).swinging_mask(3) is None
-    assert FaultSet().swinging_mask(3) is None
+    assert FaultSet((Fault(1), Fault(2, WEAK, 1e-300))).free_mask(3) is None
+    assert FaultSet().free_mask(3) is None
 
 
 @pytest.mark.parametrize("factor", [0, 0.0, 0.5, 1, 1.0, np.float64(0.25), np.float32(0.5)])
 def test_factors_in_range(factor):
     fault = Fault(0, WEAK, factor)
     assert fault.factor == factor
-    assert fault.has_no_torque is (factor == 0)
+    assert fault.is_free is (factor == 0)
 
 
 @pytest.mark.parametrize("factor", [-1e-9, 1.0000001, np.nan, np.inf, -np.inf, 2, "0.5", None, 1j])
@@ -99,7 +99,7 @@ def test_a_joint_fails_in_one_mode():
         FaultSet.locked([1, 0, 1])
 
 
-@pytest.mark.parametrize("ask", [FaultSet.mask, FaultSet.swinging_mask, FaultSet.factors])
+@pytest.mark.parametrize("ask", [FaultSet.mask, FaultSet.free_mask, FaultSet.factors])
 @pytest.mark.parametrize("mode", list(FaultMode))
 def test_joints_beyond_the_chain(ask, mode):
     with pytest.raises(InputError, match="joint 4 is out of range; the chain has 3 joints"):

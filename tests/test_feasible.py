@@ -45,7 +45,7 @@ def forces_of(problem, reading=LockModel.COMMANDED):
     """Return the forces of a random problem."""
     S = problem.free if problem.free.any() else None
     largest = np.where(problem.free, 0.0, problem.limits)
-    reduced = reduce(problem.J, problem.locked, swinging=S)
+    reduced = reduce(problem.J, problem.locked, free=S)
     return feasible_forces(reduced, problem.rnea, largest, reading)
 
 

@@ -40,7 +40,7 @@ def problem_of(analysis, after):
     n, rnea = analysis.robot.n, analysis.rnea
     limits = np.where(faults.mask(n), analysis.limits.brake, analysis.limits.effort)
     limits = np.where(faults.mask(n), limits, faults.factors(n) * limits)
-    free = np.isin(np.arange(n), faults.swinging)
+    free = np.isin(np.arange(n), faults.free)
     weight = rnea.after if after else rnea.before
     return Problem(analysis.J, np.zeros(n), faults.mask(n), free, limits, weight)
 
@@ -219,10 +219,10 @@ def worst_share(arm, result, mass, *, after):
     """Return the largest share of a limit that any joint bears."""
     faults = result.analysis.faults if after else ftforce.FaultSet()
     largest = result.analysis.limits.largest_torques(faults)
-    swinging = [fault.joint for fault in faults.faults if fault.has_no_torque]
+    free = [fault.joint for fault in faults.faults if fault.is_free]
     torque = torques_with(arm, result, mass, after=after)
-    assert_close(torque[swinging], 0.0, scale=10.0, tol=1e-6)
-    shares = np.abs(np.delete(torque, swinging)) / np.delete(largest, swinging)
+    assert_close(torque[free], 0.0, scale=10.0, tol=1e-6)
+    shares = np.abs(np.delete(torque, free)) / np.delete(largest, free)
     return np.nanmax(shares)
 
 

@@ -244,7 +244,7 @@ def test_turning_the_axes_turns_a_limited_jump(case, seed):
 def test_what_is_held_is_never_less_than_what_is_commanded(case):
     problem, F = case
     S = problem.free if problem.free.any() else None
-    reduced = reduce(problem.J, problem.locked, swinging=S)
+    reduced = reduce(problem.J, problem.locked, free=S)
     largest = np.where(problem.free, 0.0, problem.limits)
     commanded, held = (
         reach(feasible_forces(reduced, problem.rnea, largest, reading), F) for reading in LockModel

@@ -59,7 +59,7 @@ def test_a_joint_without_torque_needs_no_limit():
 def test_next_to_no_torque_is_still_a_limit(factor):
     # Rounded to 0 it would be counted as a free joint here, and as a sound one elsewhere.
     faults = FaultSet((Fault(0, WEAK, factor),))
-    assert not faults.swinging
+    assert not faults.free
     assert 0.0 < Limits.of([0.1]).largest_torques(faults)[0] < 1e-299
 
 

@@ -392,9 +392,9 @@ def farthest(result, rows, way, *, after, held):
     weights = np.ones(task.m) if task.weights is None else task.weights
     K = J[:, ~out] * weights[:, None]
     equal = [] if held else [np.hstack([E / weights[:, None], -K])]
-    swings = list(failed.swinging)
-    equal.append(np.hstack([J[:, swings].T @ E, np.zeros((len(swings), K.shape[1]))]))
-    right = np.concatenate([np.zeros(0 if held else task.m), -rnea[swings]])
+    free = list(failed.free)
+    equal.append(np.hstack([J[:, free].T @ E, np.zeros((len(free), K.shape[1]))]))
+    right = np.concatenate([np.zeros(0 if held else task.m), -rnea[free]])
     known = np.flatnonzero(bound > 0.0)
     push = np.hstack([J[:, known].T @ E, np.zeros((len(known), K.shape[1]))])
     # The rank of K decides what can be commanded: any torques, of which only forces matter.

@@ -36,7 +36,7 @@ def feasible_of(J, limits, rnea=None, *, locked=(), free=(), reading=LockModel.C
     S, L = (np.isin(np.arange(J.shape[1]), list(joints)) for joints in (free, locked))
     limits[S] = 0.0
     rnea = np.zeros(J.shape[1]) if rnea is None else np.asarray(rnea)
-    return feasible_forces(reduce(J, L, swinging=S if S.any() else None), rnea, limits, reading)
+    return feasible_forces(reduce(J, L, free=S if S.any() else None), rnea, limits, reading)
 
 
 def polytope_of(*args, **options):

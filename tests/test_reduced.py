@@ -37,10 +37,10 @@ def test_columns_of_locked_joints_are_zero(mask, rank_after):
 def test_a_decomposition_serves_many_fault_sets():
     healthy = Svd(J)
     for mask in np.eye(6, dtype=bool):
-        for swinging in (None, mask):
-            locked = mask if swinging is None else MASK & ~mask
-            one = reduce_decomposed(healthy, locked, RTOL, swinging)
-            other = reduce(J, locked, swinging=swinging)
+        for free in (None, mask):
+            locked = mask if free is None else MASK & ~mask
+            one = reduce_decomposed(healthy, locked, RTOL, free)
+            other = reduce(J, locked, free=free)
             assert one.healthy is healthy
             assert one.damaged.s == other.damaged.s
             assert (one.rank, one.rank_after) == (other.rank, other.rank_after)
@@ -72,21 +72,21 @@ def test_the_healthy_arm_is_the_scale_of_both_ranks():
 
 # ---- joints without torque -------------------------------------------------------------------
 
-SWINGING = np.array([False, False, True, False, False, False])
+FREE_JOINT = np.array([False, False, True, False, False, False])
 
 
 def test_columns_of_swinging_joints_are_projected_out():
-    reduced = reduce(J, MASK, swinging=SWINGING)
+    reduced = reduce(J, MASK, free=FREE_JOINT)
     column = J[:, [2]]
     beside = np.eye(3) - column @ np.linalg.pinv(column)
-    wanted = np.where(MASK | SWINGING, 0.0, beside @ J)
+    wanted = np.where(MASK | FREE_JOINT, 0.0, beside @ J)
     assert_close(reduced.K, wanted)
     assert_close(column.T @ reduced.K, np.zeros((1, 6)), scale=1.0, tol=1e-14)
-    np.testing.assert_array_equal(reduced.K[:, MASK | SWINGING], 0.0)
+    np.testing.assert_array_equal(reduced.K[:, MASK | FREE_JOINT], 0.0)
     np.testing.assert_array_equal(reduced.J, J)
     assert (reduced.rank, reduced.rank_after) == (3, 2)
-    assert reduced.swinging.joints == [2]
-    np.testing.assert_array_equal(reduced.commanding, ~(MASK | SWINGING))
+    assert reduced.free.joints == [2]
+    np.testing.assert_array_equal(reduced.commanding, ~(MASK | FREE_JOINT))
     assert_close(reduced.damaged.s, np.linalg.svd(wanted, compute_uv=False), tol=1e-12)
     assert reduced.locked is MASK
 
@@ -95,9 +95,9 @@ def test_the_smallest_force_that_balances_swinging_joints():
     rng = np.random.default_rng(7)
     for joints in ([1], [0, 3], [0, 3, 5], [0, 1, 2, 3, 4]):
         mask = np.isin(np.arange(6), joints)
-        swinging = reduce(J, np.zeros(6, dtype=bool), swinging=mask).swinging
+        free = reduce(J, np.zeros(6, dtype=bool), free=mask).free
         rnea = rng.normal(size=6)
-        force, left = swinging.support(rnea), swinging.unbalanced(rnea)
+        force, left = free.support(rnea), free.unbalanced(rnea)
         assert_close(force, -np.linalg.pinv(J[:, mask].T) @ rnea[mask], scale=1.0, tol=1e-12)
         assert_close(J[:, mask].T @ force + rnea[mask], left, scale=1.0, tol=1e-12)
         if len(joints) <= 3:
@@ -112,24 +112,24 @@ def test_the_smallest_force_that_balances_swinging_joints():
 )
 def test_a_swinging_column_at_the_tolerance_counts_as_zero(strength, rank):
     lean = np.array([[1.0, 0.0], [0.0, strength]])
-    reduced = reduce(lean, np.array([False, False]), swinging=np.array([False, True]))
-    assert reduced.swinging.rank == rank
+    reduced = reduce(lean, np.array([False, False]), free=np.array([False, True]))
+    assert reduced.free.rank == rank
     rnea = np.array([0.0, 3.0])
     if rank:
-        assert_close(reduced.swinging.support(rnea), [0, -3 / strength])
-        assert_close(reduced.swinging.unbalanced(rnea), [0], scale=1.0)
+        assert_close(reduced.free.support(rnea), [0, -3 / strength])
+        assert_close(reduced.free.unbalanced(rnea), [0], scale=1.0)
     else:
-        assert_close(reduced.swinging.support(rnea), [0, 0])
-        assert_close(reduced.swinging.unbalanced(rnea), [3])
+        assert_close(reduced.free.support(rnea), [0, 0])
+        assert_close(reduced.free.unbalanced(rnea), [3])
 
 
 def test_parallel_swinging_columns_share_what_they_carry():
     twins = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     mask = np.array([True, True, False])
-    swinging = reduce(twins, np.zeros(3, dtype=bool), swinging=mask).swinging
-    assert swinging.rank == 1
-    assert_close(swinging.support(np.array([2.0, 4.0, 9.0])), [-3, 0])
-    assert_close(swinging.unbalanced(np.array([2.0, 4.0, 9.0])), [-1, 1])
+    free = reduce(twins, np.zeros(3, dtype=bool), free=mask).free
+    assert free.rank == 1
+    assert_close(free.support(np.array([2.0, 4.0, 9.0])), [-3, 0])
+    assert_close(free.unbalanced(np.array([2.0, 4.0, 9.0])), [-1, 1])
 
 
 # ---- what comes from outside -----------------------------------------------------------------

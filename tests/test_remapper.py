@@ -467,8 +467,8 @@ def test_fault_sets_of_every_form(robots):
     for faults in ([3], ["panda_joint3"], [[3]], third, {third}, [mask], iter([(3,)])):
         assert Remapper(robot, faults).sets == (third,)
     assert Remapper(robot, ["2,4", []]).sets == (FaultSet.locked([1, 3]), FaultSet())
-    swinging = FaultSet.all_of(FREE, [1])
-    assert Remapper(robot, [[2], third], mode="free").sets == (swinging, third)
+    free = FaultSet.all_of(FREE, [1])
+    assert Remapper(robot, [[2], third], mode="free").sets == (free, third)
 
 
 @pytest.mark.parametrize(

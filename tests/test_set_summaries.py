@@ -31,7 +31,7 @@ def swept():
 
 
 @pytest.fixture(scope="module")
-def swinging():
+def free():
     """Return a sweep of joints that swing free, whose jumps exceed the force."""
     arm = ftforce.load_robot("panda")
     return ftforce.sweep(arm, n=N, mode="free", force=[0, 0, 50], axes="world", keep="all")
@@ -57,7 +57,7 @@ def check_share(estimate, count, trials):
     np.testing.assert_allclose(estimate[1:], (exact.low, exact.high), rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("which", ["swept", "swinging"])
+@pytest.mark.parametrize("which", ["swept", "free"])
 def test_a_set_is_what_its_samples_say(which, request):
     sweep = request.getfixturevalue(which)
     for one in sweep.ranked:
@@ -80,7 +80,7 @@ def check_quantiles(got, values, shares, bin_width):
     np.testing.assert_allclose(got, wanted, atol=1.01 * bin_width)
 
 
-@pytest.mark.parametrize("which", ["swept", "swinging"])
+@pytest.mark.parametrize("which", ["swept", "free"])
 def test_jumps_and_capabilities_of_a_set(which, request):
     sweep = request.getfixturevalue(which)
     force = float(np.hypot.reduce(sweep.setting.force))
@@ -130,7 +130,7 @@ def test_without_a_force_nothing_jumps_and_without_a_direction_nothing_is_pushed
 # ---- JSON, CSV, tables -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("which", ["swept", "swinging", "bare"])
+@pytest.mark.parametrize("which", ["swept", "free", "bare"])
 def test_json_and_csv_say_the_same(which, request):
     sweep = request.getfixturevalue(which)
     document, rows = json.loads(to_text(sweep, "json")), csv_of(sweep)
@@ -161,9 +161,9 @@ def test_the_table_shows_every_joint_with_its_interval(swept):
     assert f"{N:,} scrambled Sobol postures" in text
 
 
-def test_the_table_of_jumps_above_the_force_does_not_call_them_the_largest(swinging):
-    text = to_table(swinging)
-    worst = next(one for one in swinging.ranked if one.jump[0] == math.inf)
+def test_the_table_of_jumps_above_the_force_does_not_call_them_the_largest(free):
+    text = to_table(free)
+    worst = next(one for one in free.ranked if one.jump[0] == math.inf)
     number = worst.faults.joints[0] + 1
     line = next(x for x in text.splitlines() if x.startswith(f"{{{number}}}"))
     assert ">50" in line
@@ -193,11 +193,11 @@ def test_an_interval_is_written_behind_its_share():
     assert interval(Estimate(math.nan, math.nan, math.nan)) == "–"
 
 
-def test_the_sentence_names_the_critical_joint(swept, swinging):
+def test_the_sentence_names_the_critical_joint(swept, free):
     # only joints 1 and 2 push along the other joints' axes: without both that is lost
     assert "The critical joints are joint1 and joint2" in sweep_sentence(swept)
     assert "whichever 2 joints lock." in sweep_sentence(swept)
-    assert "whichever joint swings free." in sweep_sentence(swinging)
+    assert "whichever joint swings free." in sweep_sentence(free)
     assert force_in_words(swept.setting) == "fx 80.00 N, fy 50.00 N, fz 10.00 N"
 
 

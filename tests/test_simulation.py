@@ -61,8 +61,8 @@ def assert_as_analyzed(robot, run, i, faults, **options):
     assert_close(run.jump[i], told.force.jump, scale=scale, tol=1e-8)
     torque = told.torque
     scale = max(np.abs(torque.before).max(), np.abs(run.rnea[i]).max(), 1e-3)
-    swinging = faults.swinging_mask(robot.n)
-    commanding = ~faults.mask(robot.n) & (True if swinging is None else ~swinging)
+    free = faults.free_mask(robot.n)
+    commanding = ~faults.mask(robot.n) & (True if free is None else ~free)
     assert_close(run.force_part[i], torque.before, scale=scale, tol=1e-8)
     pushing = np.where(commanding, torque.after, 0.0)  # exact up to directions within rtol
     assert_close(run.U[i], pushing, scale=scale, tol=1e-6)

@@ -44,7 +44,7 @@ def singles():
 
 
 @pytest.fixture(scope="module")
-def swinging():
+def free():
     """Return a sweep with jumps, capabilities, and postures in which nothing holds the arm."""
     arm = ftforce.load_robot("panda")
     return sweep(arm, n=N, mode="free", force=[0, 0, 60], keep="all", cell=0.2)
@@ -246,11 +246,11 @@ def test_histograms_are_those_of_the_samples(pairs, quantity):
     assert labels == [f"{one.joint + 1} joint{one.joint + 1}" for one in pairs.joints]
 
 
-def test_jumps_that_are_none_are_said_and_not_drawn(swinging):
-    ax = plots.histogram(swinging, "jump")
+def test_jumps_that_are_none_are_said_and_not_drawn(free):
+    ax = plots.histogram(free, "jump")
     notes = {text.xy[1]: text.get_text() for text in ax.texts}
     for row, (heights, edges) in enumerate(steps_of(ax)):
-        values = alone(swinging, "jump", swinging.joints[row].joint)
+        values = alone(free, "jump", free.joints[row].joint)
         none = float((values < 0.06).sum()) / N
         falls = float(np.isnan(values).sum()) / N
         said = notes.get(row, "")
@@ -267,12 +267,12 @@ def test_jumps_that_are_none_are_said_and_not_drawn(swinging):
     assert ax.get_xlabel() == "‖ΔF‖ [N]"
 
 
-def test_capabilities_lie_on_a_logarithmic_axis(swinging):
-    ax = plots.histogram(swinging, "capability")
+def test_capabilities_lie_on_a_logarithmic_axis(free):
+    ax = plots.histogram(free, "capability")
     assert ax.get_xscale() == "log"
     assert ax.get_xlabel() == "force [N]"
     for row, (heights, edges) in enumerate(steps_of(ax)):
-        values = alone(swinging, "capability", swinging.joints[row].joint)
+        values = alone(free, "capability", free.joints[row].joint)
         counts, _ = np.histogram(values[np.isfinite(values)], edges)
         assert_close(heights, counts / max(counts.max(), 1), tol=1e-6)
         assert_close(np.diff(np.log10(edges)), 0.1, tol=1e-6)
@@ -336,13 +336,13 @@ def test_the_map_in_a_terminal_is_the_map(pairs):
 
 
 @pytest.mark.parametrize("quantity", ["rho", "margin", "jump", "capability"])
-def test_quantiles_are_those_of_the_samples(swinging, quantity):
-    shown = to_text(map_view(workspace_map(swinging, quantities=[quantity])))
+def test_quantiles_are_those_of_the_samples(free, quantity):
+    shown = to_text(map_view(workspace_map(free, quantities=[quantity])))
     lines = shown.rpartition("quantiles over the postures\n")[2].splitlines()[1:]
-    for line, one in zip(lines, swinging.joints, strict=False):
+    for line, one in zip(lines, free.joints, strict=False):
         number, name, *cells = line.split()
         assert (number, name) == (str(one.joint + 1), f"panda_joint{one.joint + 1}")
-        values = alone(swinging, quantity, one.joint)
+        values = alone(free, quantity, one.joint)
         if quantity == "capability":  # an arm that falls commands nothing
             values = np.nan_to_num(values)
         order = [0.05, 0.25, 0.5, 0.75, 0.95]
@@ -350,7 +350,7 @@ def test_quantiles_are_those_of_the_samples(swinging, quantity):
         for cell, p in zip(cells, order, strict=True):
             wanted = float(np.nanquantile(values, p))
             if quantity == "capability" and p == 0.0:  # of those that do not fall
-                stands = alone(swinging, quantity, one.joint)
+                stands = alone(free, quantity, one.joint)
                 stands = stands[np.isfinite(stands)]
                 assert (cell == "–") is not bool(len(stands))
                 wanted = float(stands.min(initial=np.inf))
@@ -467,17 +467,17 @@ def with_joints(result, count):
     return dataclasses.replace(result, setting=setting, sets=sets, summary=summary)
 
 
-def pages(pairs, swinging, sliding):
-    yield with_joints(swinging, 12)
-    yield workspace_map(swinging, [4], plane="xy", at=0.3, quantities=("jump", "capability"))
-    yield workspace_map(swinging, solid=True, quantities=("rho", "margin", "jump", "capability"))
+def pages(pairs, free, sliding):
+    yield with_joints(free, 12)
+    yield workspace_map(free, [4], plane="xy", at=0.3, quantities=("jump", "capability"))
+    yield workspace_map(free, solid=True, quantities=("rho", "margin", "jump", "capability"))
     if CAMPAIGN:
         yield pairs
         yield sliding
 
 
-def test_a_page_fits_is_legible_and_nothing_overlaps(pairs, swinging, sliding):
-    for result in pages(pairs, swinging, sliding):
+def test_a_page_fits_is_legible_and_nothing_overlaps(pairs, free, sliding):
+    for result in pages(pairs, free, sliding):
         drawn = figures.figure(result)
         assert_close(drawn.get_figwidth() * 25.4, 180.0)
         assert drawn.get_figheight() <= 9.7

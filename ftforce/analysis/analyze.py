@@ -328,14 +328,14 @@ def analyze(
     )
     counted = choose_limits(robot, limits_for(faults, limits))
     J = task_jacobian(robot, place.q, wanted)
-    mask, swinging = faults.mask(robot.n), faults.swinging_mask(robot.n)
-    reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, swinging)
+    mask, free_mask = faults.mask(robot.n), faults.free_mask(robot.n)
+    reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, free_mask)
     rnea = rnea_change(robot, place.q, conditions, mask)
     M = mass_matrix_for(robot, place.q, conditions, inverse)
     load = tip_load(robot, reduced, wanted, force, torque, M=M)
     F = None if load is None else load.F
     bounded, verdict = None, None
-    if counted is not None or swinging is not None:
+    if counted is not None or free_mask is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
         largest = None if counted is None else counted.largest_torques(faults)

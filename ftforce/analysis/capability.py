@@ -203,7 +203,7 @@ class Capability(Displayed):
         faults = analysis.faults if after else FaultSet()
         n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
         levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
-        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.swinging_mask(n))
+        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.free_mask(n))
         feasible = feasible_forces(line, rnea, self._largest(faults), LockModel.HELD)
         ray, failed = reach(feasible, np.ones(1)), self._failed(after, LockModel.HELD)
         return _amount(feasible, np.zeros(0), ray, 1.0, failed)
@@ -213,7 +213,7 @@ class Capability(Displayed):
         if not after:
             return ()
         faults = self.analysis.faults
-        return faults.joints if reading is LockModel.COMMANDED else faults.swinging
+        return faults.joints if reading is LockModel.COMMANDED else faults.free
 
     def _largest(self, faults: FaultSet) -> Vector:
         limits = self.analysis.limits

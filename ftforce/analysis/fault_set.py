@@ -142,11 +142,11 @@ class SharedCase(NamedTuple):
 def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
     """Return the report of one fault set."""
     n, task, F = case.robot.n, case.task, case.F
-    swinging = faults.swinging_mask(n)
-    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, swinging)
+    free = faults.free_mask(n)
+    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, free)
     largest = None if case.limits is None else case.limits.largest_torques(faults)
     bounded, rnea = None, case.rnea.after
-    if largest is not None or swinging is not None:
+    if largest is not None or free is not None:
         rnea = case.rnea_after(faults)
         asked = np.zeros(task.m) if F is None else F
         bounded = remap_inside(reduced, asked, rnea, largest)

@@ -67,7 +67,7 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
 def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
     """Warn about weak joints whose limit is unknown or not in force."""
     for fault in faults.faults:
-        if fault.mode is not FaultMode.WEAK or fault.has_no_torque:
+        if fault.mode is not FaultMode.WEAK or fault.is_free:
             continue
         name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
         if limits is None:

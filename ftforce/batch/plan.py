@@ -246,11 +246,11 @@ def faults_of(sets: Sequence[FaultSet], n: int) -> Faults:
     locked = np.array([one.mask(n) for one in sets]).reshape(-1, n)
     free = np.zeros_like(locked)
     for row, one in zip(free, sets, strict=True):
-        row[list(one.swinging)] = True
+        row[list(one.free)] = True
     start = np.concatenate([[0], np.cumsum(locked.sum(axis=1))]).astype(np.int64)
     joints = np.nonzero(locked)[1].astype(np.int64)
-    swings = np.asarray(free.any(axis=1))
-    arrays: list[NDArray[Any]] = [locked, free, swings, start, joints]
+    has_free = np.asarray(free.any(axis=1))
+    arrays: list[NDArray[Any]] = [locked, free, has_free, start, joints]
     return Faults(*map(read_only, arrays))
 
 

@@ -163,7 +163,7 @@ class Remapper:
         self._options = {**loads, "task": self._task, **tolerances}
         answer = _kernel()
         failed = faults_of(self._sets, robot.n)
-        weighs = bool(failed.swings.any())
+        weighs = bool(failed.has_free.any())
         own = None if conditions.is_model_gravity else conditions.gravity
         mechanism = mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs)
         asked: dict[str, Any] = dict.fromkeys(("force", "direction", "limits"))
@@ -191,8 +191,8 @@ class Remapper:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the results at every posture."""
-        swings = any(one.swinging for one in self._sets)
-        if swings and self._robot.mass == 0.0:
+        has_free = any(one.free for one in self._sets)
+        if has_free and self._robot.mass == 0.0:
             return ("the URDF has no masses: the weight of the arm is missing",)
         return ()
 

@@ -324,12 +324,12 @@ def bounded_remap(
     (array([6., 0., 5.]), (0,), 0.6)
     """
     J, mask = check_core_input(J, locked)
-    swinging = None
+    free_mask = None
     if free is not None:
-        swinging = check_mask(free, J.shape[1], "free")
-        if (mask & swinging).any():
+        free_mask = check_mask(free, J.shape[1], "free")
+        if (mask & free_mask).any():
             raise InputError(
-                f"a joint cannot be both locked and free: column {(mask & swinging).argmax() + 1} "
+                f"a joint cannot be both locked and free: column {(mask & free_mask).argmax() + 1} "
                 "of J; a joint fails in one mode"
             )
     check_tolerances(rtol, max(rtol, 1e-2))
@@ -340,9 +340,10 @@ def bounded_remap(
     if len(largest) != n:
         hint = "one per column of J, NaN where unknown"
         raise DimensionError("limits", (n,), largest.shape, hint)
-    if swinging is not None:
-        largest[swinging] = 0.0
-    reduced = reduce(J, mask, rtol, swinging if swinging is not None and swinging.any() else None)
+    if free_mask is not None:
+        largest[free_mask] = 0.0
+        free_mask = free_mask if free_mask.any() else None
+    reduced = reduce(J, mask, rtol, free_mask)
     return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
 
 

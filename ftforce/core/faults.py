@@ -85,7 +85,7 @@ class Fault:
             raise InputError(f"only a weak joint has a factor, joint {self.joint + 1} is {self}")
 
     @property
-    def has_no_torque(self) -> bool:
+    def is_free(self) -> bool:
         """Whether the joint is free-swinging: free, or weak with factor 0."""
         return self.mode is FaultMode.FREE or self.factor == 0.0
 
@@ -172,9 +172,9 @@ class FaultSet:
         return tuple([fault.joint for fault in self.faults if fault.mode is mode])
 
     @property
-    def swinging(self) -> tuple[int, ...]:
+    def free(self) -> tuple[int, ...]:
         """Indices of the free-swinging joints (free, or weak with factor 0), from 0."""
-        return tuple([fault.joint for fault in self.faults if fault.has_no_torque])
+        return tuple([fault.joint for fault in self.faults if fault.is_free])
 
     def mask(self, n: int) -> Mask:
         """Return a mask that is True at locked joints, shape (n,).
@@ -192,7 +192,7 @@ class FaultSet:
         self._check_range(n)
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
-    def swinging_mask(self, n: int) -> Mask | None:
+    def free_mask(self, n: int) -> Mask | None:
         """Return a mask that is True at free-swinging joints, shape (n,); ``None`` if none is.
 
         Parameters
@@ -206,7 +206,7 @@ class FaultSet:
             A joint index is n or more.
         """
         self._check_range(n)
-        joints = self.swinging
+        joints = self.free
         return _mask(n, joints) if joints else None
 
     def factors(self, n: int) -> Vector:
@@ -225,7 +225,7 @@ class FaultSet:
         self._check_range(n)
         factors = np.ones(n)
         for fault in self.faults:
-            factors[fault.joint] = 0.0 if fault.has_no_torque else fault.factor
+            factors[fault.joint] = 0.0 if fault.is_free else fault.factor
         return read_only(factors)
 
     def _check_range(self, n: int) -> None:

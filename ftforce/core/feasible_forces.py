@@ -170,17 +170,17 @@ def feasible_forces(
     reading :
         Lock model.
     """
-    swinging = reduced.swinging
+    free = reduced.free
     F0, unbalanced = np.zeros(reduced.m), 0.0
-    if swinging is not None:
+    if free is not None:
         weight = norm(rnea)
-        if norm(rnea[swinging.joints]) > _ROUNDING * weight:
-            F0 = swinging.support(rnea)
-            unbalanced = norm(swinging.unbalanced(rnea)) / weight
+        if norm(rnea[free.joints]) > _ROUNDING * weight:
+            F0 = free.support(rnea)
+            unbalanced = norm(free.unbalanced(rnea)) / weight
     if reading is LockModel.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
-        Z = np.eye(reduced.m) if swinging is None else swinging.U[:, swinging.rank :]
+        Z = np.eye(reduced.m) if free is None else free.U[:, free.rank :]
     scale = reduced.sigma_max
     if largest is None:
         none = np.zeros(0)

@@ -29,7 +29,7 @@ BORDERLINE_RTOL = 1e-2
 """Default upper end of the range of tolerances over which a verdict must not change."""
 
 
-class Swinging(NamedTuple):
+class FreeColumns(NamedTuple):
     """Singular value decomposition of the Jacobian columns of the free-swinging joints.
 
     Attributes
@@ -89,7 +89,7 @@ class ReducedJacobian(NamedTuple):
         Number of singular values of J and of K above ``rtol · σ_max(J)``.
     rtol :
         Rank tolerance.
-    swinging :
+    free :
         The free-swinging joints; ``None`` if there are none.
     """
 
@@ -99,7 +99,7 @@ class ReducedJacobian(NamedTuple):
     rank: int
     rank_after: int
     rtol: float
-    swinging: Swinging | None = None
+    free: FreeColumns | None = None
 
     @property
     def J(self) -> Matrix:
@@ -115,8 +115,8 @@ class ReducedJacobian(NamedTuple):
     def commanding(self) -> Mask:
         """True at joints whose motors still produce torque, shape (n,)."""
         mask = ~self.locked
-        if self.swinging is not None:
-            mask[self.swinging.joints] = False
+        if self.free is not None:
+            mask[self.free.joints] = False
         return mask
 
     @property
@@ -136,14 +136,14 @@ class ReducedJacobian(NamedTuple):
 
 
 def reduce(
-    J: Matrix, locked: Mask, rtol: float = RTOL, swinging: Mask | None = None
+    J: Matrix, locked: Mask, rtol: float = RTOL, free: Mask | None = None
 ) -> ReducedJacobian:
     """Decompose J and K; arguments are not validated (see `check_core_input`)."""
-    return reduce_decomposed(Svd(J), locked, rtol, swinging)
+    return reduce_decomposed(Svd(J), locked, rtol, free)
 
 
 def reduce_decomposed(
-    healthy: Svd, locked: Mask, rtol: float, swinging: Mask | None = None
+    healthy: Svd, locked: Mask, rtol: float, free: Mask | None = None
 ) -> ReducedJacobian:
     """Decompose K for a fault set, given the decomposition of J."""
     lost = rtol * healthy.s[0]  # ranks are relative to the healthy arm
@@ -152,21 +152,21 @@ def reduce_decomposed(
         K = healthy.A.copy()
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
         damaged = Svd(read_only(K), left_only=True)
-    if swinging is not None:
-        columns = _swinging(healthy.A, swinging, lost)
+    if free is not None:
+        columns = _free_columns(healthy.A, free, lost)
         U = columns.U[:, columns.rank :]
         K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K
-        np.copyto(K, 0.0, where=swinging)
+        np.copyto(K, 0.0, where=free)
         damaged = Svd(read_only(K), left_only=True)
     return ReducedJacobian(
         healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol, columns
     )
 
 
-def _swinging(J: Matrix, mask: Mask, lost: float) -> Swinging:
+def _free_columns(J: Matrix, mask: Mask, lost: float) -> FreeColumns:
     joints = np.flatnonzero(mask).tolist()
     U, s, Vt = np.linalg.svd(J[:, joints])
-    return Swinging(joints, U, s, Vt, int(np.count_nonzero(s > lost)))
+    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > lost)))
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:

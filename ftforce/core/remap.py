@@ -260,7 +260,7 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
     H are the joints whose motors produce torque; free-swinging joints keep their velocities.
     """
     damaged, r = reduced.damaged, reduced.rank_after
-    if reduced.swinging is not None:
+    if reduced.free is not None:
         damaged = Svd(np.where(reduced.commanding, reduced.J, 0.0), left_only=True)
         r = damaged.rank(reduced.rtol * reduced.sigma_max)
     v_healthy = np.where(reduced.locked, 0.0, v)

@@ -135,7 +135,7 @@ def _answers_with_limits(
     from ftforce.core.feasible_forces import feasible_forces
 
     mask = None
-    if reduced.swinging is not None:
+    if reduced.free is not None:
         mask = ~(reduced.commanding | reduced.locked)
     answers: set[bool] = set()
     here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
@@ -163,8 +163,8 @@ def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
     """
     scale = reduced.sigma_max
     values = list(reduced.damaged.s)
-    if reduced.swinging is not None:
-        values += reduced.swinging.s.tolist()
+    if reduced.free is not None:
+        values += reduced.free.s.tolist()
     lowest, highest = reduced.rtol * scale, wary * scale
     above = [s for s in values if lowest < s <= highest]
     return tolerance_that_loses(min(above), scale) if above else None

@@ -109,25 +109,25 @@ def _about_falling(analysis: Analysis) -> str:
 
 def overload_in_words(analysis: Analysis) -> str:
     """Describe the joints that weight and motion overload; empty if there are none."""
-    robot, swinging = analysis.robot, analysis.reduced.swinging
+    robot, free = analysis.robot, analysis.reduced.free
     loads = [
         f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
     load = "weight and motion"
-    if swinging is not None:  # the tip force that balances these loads the other joints
-        names = joined(robot.names[j] for j in swinging.joints)
+    if free is not None:  # the tip force that balances these loads the other joints
+        names = joined(robot.names[j] for j in free.joints)
         load = f"weight, motion and the force that balances {names}"
     return f"{load} take {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
     """Return the torques at free-swinging joints that no tip force balances, by joint index."""
-    swinging = analysis.reduced.swinging
-    if swinging is None or analysis.bounded is None or analysis.bounded.feasible.stands_still:
+    free = analysis.reduced.free
+    if free is None or analysis.bounded is None or analysis.bounded.feasible.stands_still:
         return {}
-    torque = swinging.unbalanced(analysis.rnea.after)
-    return dict(zip(swinging.joints, torque.tolist(), strict=True))
+    torque = free.unbalanced(analysis.rnea.after)
+    return dict(zip(free.joints, torque.tolist(), strict=True))
 
 
 def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
@@ -176,8 +176,8 @@ def _reasons(analysis: Analysis) -> list[str]:
     bounded, names = analysis.bounded, analysis.robot.names
     assert bounded is not None
     reasons = []
-    if analysis.reduced.swinging is not None:
-        joints = [names[j] for j in analysis.reduced.swinging.joints]
+    if analysis.reduced.free is not None:
+        joints = [names[j] for j in analysis.reduced.free.joints]
         verb = "swings and gives" if len(joints) == 1 else "swing and give"
         reasons.append(f"{joined(joints)} {verb} no torque")
     if len(analysis.lost_directions):

@@ -70,7 +70,7 @@ class Faults(NamedTuple):
     ----------
     locked :
         True at locked joints, shape (n,).
-    swinging :
+    free :
         True at free-swinging joints; ``None`` if there are none.
     counted :
         Torque limits in force, NaN where unknown; ``None`` if none.
@@ -79,7 +79,7 @@ class Faults(NamedTuple):
     """
 
     locked: Mask
-    swinging: Mask | None
+    free: Mask | None
     counted: Vector | None
     known_largest: Vector
 
@@ -90,7 +90,7 @@ class Faults(NamedTuple):
         counted = None if case.limits is None else case.limits.largest_torques(faults)
         shares = case.robot.effort * faults.factors(n)
         largest = np.where(faults.mask(n), np.nan, shares) if counted is None else counted
-        return cls(faults.mask(n), faults.swinging_mask(n), counted, largest)
+        return cls(faults.mask(n), faults.free_mask(n), counted, largest)
 
 
 class TipPath(NamedTuple):
@@ -232,13 +232,13 @@ def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) 
 
 def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
-    locked, swinging, counted, _ = faults
-    reduced = reduce(read_only(J), locked, case.rtol, swinging)
+    locked, free, counted, _ = faults
+    reduced = reduce(read_only(J), locked, case.rtol, free)
     F = supported_force(reduced, case.F)
     if reduced.rank < reduced.m:
         F = without_rounding(F, F, case.F)
     bounded = None
-    if counted is None and swinging is None:
+    if counted is None and free is None:
         F_after: Vector | None = force_jump(reduced, F).F_after
     else:
         bounded = remap_inside(reduced, F, rnea, counted)
@@ -263,7 +263,7 @@ def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> B
     actual, taken_for = faults
     if taken_for is None:
         return _with_remap(case, J, rnea, actual)
-    if case.limits is None and actual.swinging is None and taken_for.swinging is None:
+    if case.limits is None and actual.free is None and taken_for.free is None:
         # Locks alone do not change the torques of the healthy joints.
         return _with_remap(case, J, rnea, actual)
     return _without_remap(case, q, J, rnea, faults)
@@ -274,7 +274,7 @@ def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known
     actual, known = faults
     assert known is not None
     meant = _with_remap(case, J, rnea, known)
-    reduced = reduce(read_only(J), actual.locked, case.rtol, actual.swinging)
+    reduced = reduce(read_only(J), actual.locked, case.rtol, actual.free)
     if np.isnan(meant.motor).any():  # the arm cannot be held even with the assumed faults
         return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
     motor = np.where(reduced.commanding, meant.motor, 0.0)

@@ -141,8 +141,8 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
     rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)
-    swinging = known.swinging_mask(robot.n)
-    passive = locked if swinging is None else locked | swinging
+    free = known.free_mask(robot.n)
+    passive = locked if free is None else locked | free
     nobody = np.zeros(robot.n, dtype=np.bool_)
     any_locked = bool(locked.any())
 

@@ -296,7 +296,7 @@ def _velocity_jumps(
     if not locked.any():
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
-    reduced = reduce(J, locked, case.rtol, faults.swinging_mask(robot.n))
+    reduced = reduce(J, locked, case.rtol, faults.free_mask(robot.n))
     remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
     try:
         M = mass_matrix(robot, state.q, case.conditions.payload) if robot.mass else None

@@ -364,7 +364,7 @@ def _cells(
     masks = [
         (
             faults.mask(robot.n),
-            faults.swinging_mask(robot.n),
+            faults.free_mask(robot.n),
             None if case.bearing is None else case.bearing.largest_torques(faults),
         )
         for faults in sets
@@ -372,13 +372,13 @@ def _cells(
     for i in range(count):
         here = case.at(motion.q[i], motion.v[i], motion.a[i])
         exerted[i] = 0.0 if here.F is None else here.F
-        for j, (faults, (locked, swinging, largest)) in enumerate(zip(sets, masks, strict=True)):
+        for j, (faults, (locked, free, largest)) in enumerate(zip(sets, masks, strict=True)):
             report = report_set(here, faults)
             size = report.jump_norm if case.task.force_rows else report.moment_jump_norm
             jump[i, j] = math.nan if size is None else size
             margin[i, j] = report.margin
             verdict[i, j] = CODES[report.verdict]
-            reduced = reduce_decomposed(here.healthy, locked, case.rtol, swinging)
+            reduced = reduce_decomposed(here.healthy, locked, case.rtol, free)
             rnea = here.rnea_after(faults)
             capability[i, j] = commanded_force(here, reduced, rnea, largest)
         tick(1)

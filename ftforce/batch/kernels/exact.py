@@ -153,7 +153,7 @@ def reduce_columns(J, locked, K):
 
 
 @inner
-def swing_out(one, free, lost):
+def project_out_free(one, free, lost):
     """Project K onto the orthogonal complement of the columns of free-swinging joints.
 
     Stores in F0 the smallest force that balances these joints. Returns the torque at them that no
@@ -270,7 +270,7 @@ def judge_free(one, locked, free, rtol, wary, asks):
     yes, no, start = False, False, rtol
     while True:
         reduce_columns(one.J, locked, one.K)
-        unbalanced, nearest = swing_out(one, free, start * scale)
+        unbalanced, nearest = project_out_free(one, free, start * scale)
         decompose(one.K, one.V, one.t)
         after = rank_of(one.t, start * scale)
         project(one.V, 0, after, one.F, one.kept)

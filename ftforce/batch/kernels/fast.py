@@ -68,7 +68,7 @@ def evaluate(mechanism, faults, question, q, answers, work):
         evaluate_three(*given)
     else:
         evaluate_others(*given, work.spectrum, work.secular, work.lost)
-    if faults.swings.any():
+    if faults.has_free.any():
         evaluate_free(*given, work.spectrum, work.lost)
 
 
@@ -85,7 +85,7 @@ def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
             reaches(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
-            if faults.swings[s] or arm.J.shape[1] - joints.size < 3:
+            if faults.has_free[s] or arm.J.shape[1] - joints.size < 3:
                 leave(first, count, answers.verdict[s])
                 continue
             three.answer(
@@ -106,7 +106,7 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
     """Evaluate sets of locked joints for a task of any other number of rows."""
     m, n = arm.J.shape[0], arm.J.shape[1]
     asks, moves = question.force.size > 0, question.direction.size > 0
-    shares, loses = common_work(faults.start, faults.swings, m, n)
+    shares, loses = common_work(faults.start, faults.has_free, m, n)
     forget(answers.verdict, answers.rank_lost)
     forget_jump(answers.jump, answers.moment_jump, answers.relative_jump)
     for first in range(0, q.shape[0], LANES):
@@ -126,7 +126,7 @@ def evaluate_others(mechanism, faults, question, q, answers, arm, lane, spec, on
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
             size = 0  # number of directions lost in every posture
             keeps = joints.size == 0 or (joints.size == 1 and n > m)
-            if faults.swings[s]:
+            if faults.has_free[s]:
                 keeps = False
             elif keeps:
                 answer_single(
@@ -202,12 +202,12 @@ def place(mechanism, question, q, first, arm):
 
 
 @inner
-def common_work(start, swings, m, n):
+def common_work(start, has_free, m, n):
     """Return whether any fault set needs the secular equation, and any the lost directions."""
     shares, loses = False, False
-    for s in range(swings.size):
+    for s in range(has_free.size):
         f = start[s + 1] - start[s]
-        if not swings[s]:
+        if not has_free[s]:
             shares |= f == 1 or (f == 2 and n == m + 1)
             loses |= f > n - m
     return shares and n > m, loses and n >= m
@@ -267,13 +267,13 @@ def start_whole(least, most):
 
 
 @inner
-def write_lost(question, s, size, swings, first, count, force, largest, gone, answers):
+def write_lost(question, s, size, has_free, first, count, force, largest, gone, answers):
     """Write the results of a set that loses ``size`` directions."""
     m = gone.part.shape[0]
     for b in range(LANES):
         gone.relative[b] = math.inf
     if question.force.size:
-        lost.project(force[:m], size, swings, gone)
+        lost.project(force[:m], size, has_free, gone)
         lost.write_jump(question.rows, question.weights, force[:m], gone)
         jump = gone.forces if question.rows[0] < 3 else gone.moments
         for b in range(count):

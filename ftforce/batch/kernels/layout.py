@@ -112,7 +112,7 @@ class Faults(NamedTuple):
     ----------
     locked, free :
         True at the locked joints, and at the free-swinging ones, shape (S, n).
-    swings :
+    has_free :
         Whether any joint of the set is free-swinging, shape (S,).
     start, joints :
         Set s locks ``joints[start[s]:start[s + 1]]``.
@@ -120,7 +120,7 @@ class Faults(NamedTuple):
 
     locked: Mask
     free: Mask
-    swings: Mask
+    has_free: Mask
     start: Whole
     joints: Whole
 

@@ -170,7 +170,7 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
 
 
 @inner
-def project(force, size, swings, one):
+def project(force, size, has_free, one):
     """Store in ``part`` the lost part of the force, its projection onto the lost directions.
 
     It includes the force that carries the weight of a free-swinging joint.
@@ -181,7 +181,7 @@ def project(force, size, swings, one):
             part[i, b] = 0.0
     for j in range(size):
         dot(one.basis[j], force, along)
-        if swings:
+        if has_free:
             for b in range(LANES):
                 along[b] += one.offset[b]
         for i in range(part.shape[0]):
@@ -239,7 +239,7 @@ def write_jump(rows, weights, force, one):
 
 
 @inner
-def limit_capability(direction, rtol, size, swings, d, one, least, most):
+def limit_capability(direction, rtol, size, has_free, d, one, least, most):
     """Compute the interval of s·d that can be commanded (`exact.on_plane`), without limits."""
     along, whole, retained = one.a, one.relative, one.retained
     for b in range(LANES):
@@ -253,12 +253,12 @@ def limit_capability(direction, rtol, size, swings, d, one, least, most):
         square += direction[i] ** 2
     nothing = rtol**2 * square
     for b in range(LANES):
-        offset = one.offset[b] if swings else 0.0
+        offset = one.offset[b] if has_free else 0.0
         is_aside = whole[b] <= nothing
         close = abs(whole[b] - nothing) <= (GUARD_BAND - 1.0) * nothing
         retained[b] = math.nan if close else retained[b]
         reach = -offset / along[b]
-        if swings and one.idle[b] >= 0.0:
+        if has_free and one.idle[b] >= 0.0:
             falls = one.idle[b] > rtol
             least[b], most[b] = 0.0, (-1.0 if falls else math.inf)
         elif offset == 0.0:

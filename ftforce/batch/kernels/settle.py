@@ -42,10 +42,10 @@ def settle(mechanism, faults, question, q, answers, work, group):
     Only the kernels that are needed are called, and hence compiled.
     """
     given = (mechanism, faults, question, q, answers, work.arm, work.spectrum)
-    swings = faults.swings
-    if swings.any() and (answers.verdict[swings] == UNDECIDED).any():
+    has_free = faults.has_free
+    if has_free.any() and (answers.verdict[has_free] == UNDECIDED).any():
         settle_free(*given, group.one)
-    if (answers.rank == UNDECIDED).any() or (answers.verdict[~swings] == UNDECIDED).any():
+    if (answers.rank == UNDECIDED).any() or (answers.verdict[~has_free] == UNDECIDED).any():
         settle_locked(*given, group)
 
 
@@ -54,17 +54,17 @@ def settle_free(mechanism, faults, question, q, answers, arm, spec, one):
     """Evaluate the undecided sets with free-swinging joints."""
     start, count = 0, 1
     while count > 0:
-        start, count = collect(start, faults.swings, True, answers, arm.chosen)
+        start, count = collect(start, faults.has_free, True, answers, arm.chosen)
         if count > 0:
             decompose_healthy(mechanism, question, q, count, answers, arm, spec, one)
         for s in range(faults.locked.shape[0]):
-            if not faults.swings[s]:
+            if not faults.has_free[s]:
                 continue
             for b in range(count):
                 at = arm.chosen[b]
                 if answers.verdict[s, at] == UNDECIDED:
                     take(question, b, arm, spec.sigma, one)
-                    swing(faults.locked[s], faults.free[s], question, s, at, one, answers)
+                    evaluate_free(faults.locked[s], faults.free[s], question, s, at, one, answers)
 
 
 @kernel
@@ -72,7 +72,7 @@ def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
     """Evaluate the undecided sets of locked joints, and undecided ranks of the healthy arm."""
     start, count = 0, 1
     while count > 0:
-        start, count = collect(start, faults.swings, False, answers, arm.chosen)
+        start, count = collect(start, faults.has_free, False, answers, arm.chosen)
         if count > 0:
             decompose_healthy(mechanism, question, q, count, answers, arm, spec, group.one)
         s, b, waiting = 0, 0, 0
@@ -96,13 +96,13 @@ def settle_locked(mechanism, faults, question, q, answers, arm, spec, group):
 
 
 @inner
-def collect(start, swings, is_free, answers, chosen):
+def collect(start, has_free, is_free, answers, chosen):
     """Choose up to LANES undecided postures; return where to continue, and their number."""
     at, count = start, 0
     while at < answers.rank.size and count < LANES:
         left = answers.rank[at] == UNDECIDED and not is_free
-        for s in range(swings.size):
-            left |= swings[s] == is_free and answers.verdict[s, at] == UNDECIDED
+        for s in range(has_free.size):
+            left |= has_free[s] == is_free and answers.verdict[s, at] == UNDECIDED
         if left:
             chosen[count] = at
             count += 1
@@ -228,12 +228,12 @@ def lock(locked, free, question, s, at, slot, sigma, W, one, answers):
 
 
 @inner
-def swing(locked, free, question, s, at, one, answers):
+def evaluate_free(locked, free, question, s, at, one, answers):
     """Evaluate a set with free-swinging joints."""
     asks, lost = question.force.size > 0, question.rtol * one.s[0]
     answers.verdict[s, at] = exact.judge_free(one, locked, free, question.rtol, question.wary, asks)
     exact.reduce_columns(one.J, locked, one.K)
-    unbalanced, _ = exact.swing_out(one, free, lost)
+    unbalanced, _ = exact.project_out_free(one, free, lost)
     exact.decompose(one.K, one.V, one.t)
     write(locked, free, question, s, at, exact.rank_of(one.t, lost), unbalanced, one, answers)
 

@@ -442,17 +442,17 @@ def smallest(A, line, x):
 @inner
 def settle(one, locked, free, at, number, code, U, after, jump):
     """Evaluate a set by the singular values of K, like the module `settle`."""
-    scratch, swings = one.scratch, any_of(free)
+    scratch, has_free = one.scratch, any_of(free)
     rtol, wary, s, t = one.task[2, 0], one.task[2, 1], scratch.s, scratch.t
     verdict = TOLERATED
-    if swings:
+    if has_free:
         verdict = exact.judge_free(scratch, locked, free, rtol, wary, True)
     exact.reduce_columns(scratch.J, locked, scratch.K)  # eq. (25), (26)
     unbalanced = 0.0
-    if swings:
-        unbalanced, _ = exact.swing_out(scratch, free, rtol * s[0])
+    if has_free:
+        unbalanced, _ = exact.project_out_free(scratch, free, rtol * s[0])
     exact.decompose(scratch.K, scratch.V, t)
-    if not swings:
+    if not has_free:
         verdict = exact.judge_locked(scratch, True, rtol, wary)
     rank = exact.rank_of(t, rtol * s[0])
     m = t.size
@@ -469,12 +469,12 @@ def settle(one, locked, free, at, number, code, U, after, jump):
     elif rank == m:
         keep_all(one, locked, U, after, jump)
     else:
-        lose(one, locked, swings, rank, U, after, jump)
+        lose(one, locked, has_free, rank, U, after, jump)
     number[2, at], number[3, at] = norms(one.task, jump)
 
 
 @inner
-def lose(one, locked, swings, rank, U, after, jump):
+def lose(one, locked, has_free, rank, U, after, jump):
     """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), minus F0 with free-swinging joints.
 
     Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
@@ -483,7 +483,7 @@ def lose(one, locked, swings, rank, U, after, jump):
     J, lost = scratch.J, scratch.kept
     m = lost.size
     exact.project(scratch.V, rank, m, scratch.F, lost)
-    if swings:
+    if has_free:
         for i in range(m):
             lost[i] -= scratch.F0[i]
     into_task(one, lost, jump)
@@ -491,7 +491,7 @@ def lose(one, locked, swings, rank, U, after, jump):
         after[i] = one.before[i] - jump[i]
     for k in range(U.size):
         U[k] = one.carried[k]
-        if swings:
+        if has_free:
             for i in range(m):
                 U[k] -= J[i, k] * lost[i]
         if locked[k]:

@@ -158,7 +158,7 @@ def velocity_tables(analysis: Analysis) -> RenderableType | None:
     title = "Joint velocities: Appendix A's remap"
     title += "" if impact is None else ", and right after the lock"
     joints = listing(title, rows, left=3, folded=(1,))
-    if analysis.reduced.swinging is not None:
+    if analysis.reduced.free is not None:
         joints.caption = "a joint without torque is taken to keep its velocity"
     task = analysis.task
     norms = [("|v|", "m/s", task.force_rows), ("|w|", "rad/s", task.moment_rows)]
