@@ -103,7 +103,7 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--deg"), 2, "--deg is about --postures"),
         (("--grid", "2.5"), 2, "--grid needs whole numbers"),
         (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
-        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "no value of keep 'some'"),
+        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "unknown value of keep 'some'"),
         (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number"),
         (("--samples", "10", "--chunk", "10"), 1, "chunk is a whole number from 4096"),
         (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),

@@ -349,8 +349,8 @@ def test_progress_is_told_after_every_set(dh5):
     ("options", "message"),
     [
         ({"mode": "weak"}, "many sets at once take locked or free joints; ask analyze about weak"),
-        ({"mode": None}, "no fault mode None; there is: locked, free"),
-        ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),
+        ({"mode": None}, "unknown fault mode None; available: locked, free"),
+        ({"rank_by": "force"}, "unknown ranking 'force'; available: jump, capability"),
         ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
         *(
             ({"faults": size}, f"faults must be a number from 1 to 7, got {size!r}")

@@ -56,7 +56,7 @@ def forces_of(problem, reading=LockModel.COMMANDED):
 def test_readings_by_name(name):
     for reading in LockModel:
         assert LockModel.parse(reading.value) is LockModel.parse(reading) is reading
-    with pytest.raises(UnknownNameError, match=r"no reading of a lock .*: commanded, held"):
+    with pytest.raises(UnknownNameError, match=r"unknown lock model .*: commanded, held"):
         LockModel.parse(name)
 
 

@@ -149,7 +149,7 @@ def test_joints_outside_are_held_at_the_posture(tmp_path):
     assert held(posture="open") == {**open_, "f3_joint": 2.0}
     assert held(posture="wide") == {"f1_joint": 1.5, "f2_joint": 0.0, "f3_joint": 4.0}
     with pytest.raises(
-        UnknownNameError, match=r"no posture 'opn'; there is: home, open, mid-range"
+        UnknownNameError, match=r"unknown posture 'opn'; available: home, open, mid-range"
     ):
         held(posture="opn")
 
@@ -318,7 +318,7 @@ def test_corrections_are_told_for_the_joints_of_the_chain():
 
 def test_a_path_that_does_not_exist_is_no_name(tmp_path):
     for source in ("panda.urdf", "./panda", tmp_path / "panda"):
-        with pytest.raises(URDFError, match="no such file; a URDF was expected"):
+        with pytest.raises(URDFError, match="no such file; expected a URDF"):
             load_robot(source)
 
 

@@ -168,27 +168,31 @@ def test_a_gap_that_is_allowed(dh5, file, recording):
 def test_waypoints_need_a_speed(dh5, file):
     place = file(WAYPOINTS)
     for speed in (0, "fast"):
-        with pytest.raises(InputError, match="the speed must be positive, m/s, got"):
+        with pytest.raises(InputError, match="the speed in m/s must be positive, got"):
             start_of(dh5, place, speed=speed)
     with pytest.raises(InputError) as caught:
         start_of(dh5, place)
-    assert str(caught.value) == f"{place} holds waypoints; give a speed too, m/s (--speed)"
+    assert str(caught.value) == f"{place} contains waypoints; give a speed in m/s (--speed)"
 
 
 @pytest.mark.parametrize("rate", [0, NAN, "5", True, 10**400])
 def test_rates_that_are_none(dh5, path, recording, rate):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match="the rate must be positive, samples per second, got"):
+        with pytest.raises(
+            InputError, match="the rate in samples per second must be positive, got"
+        ):
             start_of(dh5, trajectory, rate=rate)
 
 
 def test_rates_that_are_too_high_or_too_low(dh5, path, recording):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match=f"samples are more than {MOST_SAMPLES:,}; ask for a"):
+        with pytest.raises(
+            InputError, match=f"samples exceed the maximum of {MOST_SAMPLES:,}; choose a"
+        ):
             start_of(dh5, trajectory, rate=1e9)
-        with pytest.raises(InputError, match="samples are more than"):
+        with pytest.raises(InputError, match="samples exceed the maximum of"):
             start_of(dh5, trajectory, rate=1e308)
-        with pytest.raises(InputError, match="farther apart than the trajectory is long; ask for"):
+        with pytest.raises(InputError, match="shorter than one sampling interval; choose"):
             start_of(dh5, trajectory, rate=1e-9)
 
 
@@ -197,7 +201,7 @@ def test_what_no_trajectories_are(dh5, trajectory):
     with pytest.raises(InputError) as caught:
         start_of(dh5, trajectory)
     assert str(caught.value) == (
-        f"a trajectory is a Path, a Recording or a CSV file, got {trajectory!r}"
+        f"a trajectory must be a Path, a Recording or a CSV file, got {trajectory!r}"
     )
 
 
@@ -217,14 +221,14 @@ def test_what_cannot_be_followed(dh5, trajectory, options):
 
 
 def test_a_recording_begins_where_it_begins(dh5, recording):
-    wanted = "a recorded motion begins where it begins; leave out q and posture"
+    wanted = "a recorded motion defines its own initial posture; omit q and posture"
     for given in ({"q": np.zeros(5)}, {"posture": "paper"}):
         with pytest.raises(InputError, match=wanted):
             start_of(dh5, recording, **given)
 
 
 def test_a_recording_of_another_robot(dh5, recording):
-    with pytest.raises(InputError, match="the recording has 5 joints, and the chain: 1 panda_join"):
+    with pytest.raises(InputError, match="the recording has 5 joints; the chain has: 1 panda_join"):
         start_of(ftforce.load_robot("panda"), recording)
 
 
@@ -233,8 +237,8 @@ def test_a_recording_of_another_robot(dh5, recording):
 )
 def test_options_of_files_are_refused_elsewhere(dh5, file, path, recording, options):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match="a Path or a Recording says its own when it is made"):
+        with pytest.raises(InputError, match="a Path or a Recording defines its own"):
             start_of(dh5, trajectory, **options)
     if "max_gap" in options:
-        with pytest.raises(InputError, match="max_gap to one of a recorded motion"):
+        with pytest.raises(InputError, match="max_gap to a file of a recorded motion"):
             start_of(dh5, file(WAYPOINTS), speed=0.05, **options)

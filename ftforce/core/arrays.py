@@ -84,10 +84,10 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
         return
     bad = np.argwhere(~np.isfinite(array))
     if not len(bad):  # finite elements whose squares overflow
-        raise InputError(f"{name} holds numbers too large to compute with")
+        raise InputError(f"{name} contains numbers too large to compute with")
     place = ", ".join(str(i + 1) for i in bad[0])
     raise InputError(
-        f"{name} holds {array[tuple(bad[0])]} at position {place}; numbers must be finite"
+        f"{name} contains {array[tuple(bad[0])]} at position {place}; numbers must be finite"
     )
 
 

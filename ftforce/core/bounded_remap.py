@@ -181,7 +181,7 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
     if z is None:
         if max(low) <= 0.0 <= min(high):  # z = 0 is within all limits
-            raise SolverError("the quadratic program was called infeasible, which it is not")
+            raise SolverError("daqp reported a feasible quadratic program as infeasible")
         return None
     np.multiply(y, unit / lengths, out=multipliers)
     solution: Vector = z * unit
@@ -204,8 +204,8 @@ def _quadratic_program(
     beyond = max((torque - upper).tolist() + (lower - torque).tolist())
     if flag <= 0 or not beyond <= _CLAIM:  # some daqp versions report success wrongly
         raise SolverError(
-            f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
-            "the limits)"
+            f"daqp did not solve the quadratic program (exit flag {flag}, limits exceeded by "
+            f"{beyond:.1g})"
         )
     return z, info["lam"]
 
@@ -329,8 +329,8 @@ def bounded_remap(
         free_mask = check_mask(free, J.shape[1], "free")
         if (mask & free_mask).any():
             raise InputError(
-                f"a joint cannot be both locked and free: column {(mask & free_mask).argmax() + 1} "
-                "of J; a joint fails in one mode"
+                f"the joint of column {(mask & free_mask).argmax() + 1} of J cannot be both locked "
+                "and free; a joint fails in only one mode"
             )
     check_tolerances(rtol, max(rtol, 1e-2))
     n = J.shape[1]

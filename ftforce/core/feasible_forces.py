@@ -38,12 +38,12 @@ class LockModel(StrEnum):
     """Also existing loads that the locked joints carry, up to their brake limits."""
 
     @classmethod
-    def parse(cls, reading: str) -> LockModel:
+    def parse(cls, lock_model: str) -> LockModel:
         """Return the lock model with the given name.
 
         Parameters
         ----------
-        reading :
+        lock_model :
             ``commanded`` or ``held``.
 
         Raises
@@ -52,9 +52,9 @@ class LockModel(StrEnum):
             There is no such lock model.
         """
         try:
-            return cls(reading)
+            return cls(lock_model)
         except ValueError:
-            raise UnknownNameError("reading of a lock", reading, list(cls)) from None
+            raise UnknownNameError("lock model", lock_model, list(cls)) from None
 
 
 class LimitingFactor(StrEnum):

@@ -132,8 +132,8 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
         return np.zeros((1, 0)), np.zeros((1, 2 * k), dtype=np.bool_)
     if comb(k, d) * 2**d > MOST_CORNERS:
         raise InputError(
-            f"{k} joints with limits make {comb(k, d) * 2**d:,} intersections in {d} dimensions; "
-            f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
+            f"the polytope has {comb(k, d) * 2**d:,} candidate vertices ({k} joints with limits, "
+            f"{d} dimensions); at most {MOST_CORNERS:,} are supported: choose a smaller task"
         )
     sides = np.array(list(product((False, True), repeat=d)))
     evened = np.linalg.svd(A, full_matrices=False)[0]

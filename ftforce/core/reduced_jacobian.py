@@ -188,7 +188,7 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
     """
     J = as_floats(J, "J")  # a copy, because results keep it
     if J.ndim != 2 or not J.size:
-        raise InputError(f"J needs the shape (m, n), got {J.shape}")
+        raise InputError(f"J must have the shape (m, n), got {J.shape}")
     check_finite(J, "J")
     return read_only(J), check_mask(locked, J.shape[1], "locked")
 
@@ -204,8 +204,8 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     mask = np.array(joints)
     if mask.dtype != np.bool_:
         raise InputError(
-            f"{name} needs a boolean mask of shape ({n},), one entry per column of J, "
-            f"got {joints!r}; joint numbers and names are for analyze()"
+            f"{name} must be a boolean mask of shape ({n},), one entry per column of J, "
+            f"got {joints!r}; analyze() accepts joint numbers and names"
         )
     if mask.shape != (n,):
         raise DimensionError(name, (n,), mask.shape, "one entry per column of J")

@@ -62,7 +62,8 @@ class Task:
             if name not in COMPONENTS:
                 raise UnknownNameError("task component", name, (*_SHORTHANDS, *COMPONENTS))
         if not self.components or len(set(self.components)) < len(self.components):
-            raise InputError(f"the task {','.join(self.components)!r} needs each component once")
+            given = ",".join(self.components)
+            raise InputError(f"the task {given!r} must have one or more components, each only once")
         if self.axes not in AXES:
             raise UnknownNameError("axes", str(self.axes), AXES)
         if not SHORTEST <= self.length <= LONGEST:  # also rejects NaN

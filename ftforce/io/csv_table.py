@@ -64,12 +64,12 @@ def find_columns(
         if name not in units:
             if expected is None:
                 continue
-            raise UnknownNameError("column", name, expected, "is expected")
+            raise UnknownNameError("column", name, expected)
         if name in found:
-            raise InputError(f"column {name!r} is there twice")
+            raise InputError(f"column {name!r} appears twice")
         if unit not in units[name]:
             known = " or ".join(filter(None, units[name]))
-            raise InputError(f"column {cell!r}: its unit can be {known}")
+            raise InputError(f"column {cell!r}: unknown unit; use {known}")
         found[name] = i, units[name][unit]
     return found
 
@@ -118,7 +118,9 @@ class Table(NamedTuple):
         """
         for line, cells in _rows(io.StringIO(self.text, newline=""), self.line, self.one_line):
             if len(cells) != len(self.header):
-                raise InputError(f"line {line}: needs {len(self.header)} cells, got {len(cells)}")
+                raise InputError(
+                    f"line {line}: expected {len(self.header)} cells, got {len(cells)}"
+                )
             yield line, cells
 
     def numbers(
@@ -144,7 +146,7 @@ class Table(NamedTuple):
         if not self.text or self.text.isspace():
             return np.empty((0, len(columns)))
         if '"' in self.text:
-            raise ValueError("a cell could go on in the next line")
+            raise ValueError("a quoted cell may continue on the next line")
         # The other columns are read as one character each, so that row lengths are checked.
         kinds = [(str(i), "f8" if i in columns else "U1") for i in range(len(self.header))]
         # NumPy would accept non-ASCII whitespace around a number.
@@ -158,7 +160,7 @@ class Table(NamedTuple):
     def _number(self, line: int, column: int, cell: str, largest: float) -> float:
         where = f"line {line}, {shortened(self.header[column])}"
         if not cell.strip():
-            raise InputError(f"{where}: the cell is empty; every row needs every joint")
+            raise InputError(f"{where}: empty cell; every row needs a value for every joint")
         try:
             return read_numbers(cell, 1, largest)[0]
         except ValueError as problem:
@@ -172,9 +174,9 @@ def _rows(stream: TextIO, line: int, one_line: bool) -> Iterator[tuple[int, list
         for cells in reader:
             end = line + reader.line_num - 1
             if one_line and end > begin:
-                raise InputError(f"line {begin}: a cell goes on in the next line")
+                raise InputError(f"line {begin}: a cell continues on the next line")
             if any(map(str.strip, cells)):
                 yield end, cells
             begin = end + 1
     except csv.Error as problem:
-        raise InputError(f"line {begin}: is not CSV: {printable(problem)}") from None
+        raise InputError(f"line {begin}: not valid CSV: {printable(problem)}") from None

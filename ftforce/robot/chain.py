@@ -72,7 +72,7 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
         if base not in above:
             raise InputError(
                 f"base link {base!r} does not lie between the root and the tip {tip!r}; "
-                f"there is: {listed(above)}"
+                f"available: {listed(above)}"
             )
         return base, GIVEN
     bases = [start for start, end in srdf.chains if end == tip and start in above]
@@ -126,7 +126,7 @@ def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
         link = children[0].child
     if not moved:
         if not children:
-            raise InputError(f"{printable(tree.path)}: no joint moves below the link {start!r}")
+            raise InputError(f"{printable(tree.path)}: no movable joint below the link {start!r}")
         raise InputError(
             f"{printable(tree.path)}: the tree branches into several moving parts at the link "
             f"{link!r}; choose a tip (--tip): {_counted(tip_candidates(tree))}"
@@ -236,8 +236,8 @@ def choose_chain(
     leaders = leaders_of(tree, moving_path(tree, base_link, tip_link))
     if not leaders:
         raise InputError(
-            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} against the base "
-            f"{base_link!r}; tips to choose from: {listed(tip_candidates(tree))}"
+            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} relative to the base "
+            f"{base_link!r}; available tips: {listed(tip_candidates(tree))}"
         )
     followers = _followers(tree, leaders)
     moving = {*leaders, *(one.name for all_of in followers.values() for one in all_of)}

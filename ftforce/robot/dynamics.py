@@ -60,7 +60,7 @@ class Payload:
             raise InputError(f"the payload needs a mass in kg, got {mass!r}")
         if not (math.isfinite(mass) and mass >= 0.0):
             raise InputError(f"the payload's mass must be 0 kg or more, got {mass:g}")
-        return cls(float(mass), as_vector(offset, 3, "the payload's place", "x, y, z in m"))
+        return cls(float(mass), as_vector(offset, 3, "the payload's position", "x, y, z in m"))
 
     def __str__(self) -> str:
         """Return the mass, and the position if it is not the tip."""
@@ -172,8 +172,8 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
         M = M + payload.mass * J.T @ J
     if not _is_positive_definite(M):
         raise InputError(
-            f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias of "
-            "its URDF are missing or impossible"
+            f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias in "
+            "its URDF are missing or unphysical"
         )
     return read_only(M)
 

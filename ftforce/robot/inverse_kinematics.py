@@ -55,9 +55,9 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
             closest, place = error, there
     here = tip_pose(robot, near)[1]
     raise InputError(
-        f"the tip cannot reach {_in_words(point)} m in the root's axes within the joint limits: "
-        f"{_in_words(place)} m is the nearest found, {closest:.3g} m away; in the posture that "
-        f"was tried first it is at {_in_words(here)} m"
+        f"the tip cannot reach {_in_words(point)} m in root axes within the joint limits: the "
+        f"closest position found is {_in_words(place)} m, {closest:.3g} m away; the search started "
+        f"from {_in_words(here)} m"
     )
 
 
@@ -84,8 +84,9 @@ def check_reach(robot: Robot, points: Matrix) -> None:
     far = int(distances.argmax())
     if distances[far] > FAR * length:
         raise InputError(
-            f"the tip cannot reach {_in_words(points[far])} m in the root's axes: that is "
-            f"{distances[far]:.4g} m from the first joint, and the stretched arm has {length:.4g} m"
+            f"the tip cannot reach {_in_words(points[far])} m in root axes: the point is "
+            f"{distances[far]:.4g} m from the first joint, and the stretched arm is {length:.4g} m "
+            "long"
         )
 
 

@@ -186,7 +186,7 @@ def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str
         if not missing:
             postures[name] = read_only(np.array([state[joint] for joint in chain.names]))
         elif len(missing) < len(chain.names):
-            notes.append(f"posture {name!r} is left out: it does not place {listed(missing)}")
+            notes.append(f"posture {name!r} is ignored: it has no position for {listed(missing)}")
     return postures, notes
 
 
@@ -245,7 +245,7 @@ def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str
             (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
         )
         if lost := [link for link in named if link not in chain.tree.links]:
-            notes.append(f"the SRDF names links that the URDF lacks: {listed(lost)}")
+            notes.append(f"the SRDF names links that are not in the URDF: {listed(lost)}")
     held = [joint.name for joint in chain.tree.path_to(chain.tip) if joint.type in HELD]
     notes += [f"joint {name!r} (floating or planar) is held fixed" for name in held]
     return notes

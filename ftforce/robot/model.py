@@ -57,7 +57,7 @@ def full_model(tree: UrdfTree) -> pin.Model:
             return pin.buildModelFromXML(tree.to_xml())
     except (ValueError, RuntimeError) as problem:
         reason = " ".join(f"{printed} {problem}".split())
-        raise URDFError(tree.path, f"Pinocchio cannot read it: {reason}") from None
+        raise URDFError(tree.path, f"Pinocchio rejects the URDF: {reason}") from None
 
 
 def restore_names(model: pin.Model, tree: UrdfTree) -> None:

@@ -80,7 +80,7 @@ def choose_posture(
         raise InputError(f"give either q or a posture, not both (q and {name!r})")
     if isinstance(q, Posture):
         if len(q.q) != robot.n:
-            raise DimensionError("posture", (robot.n,), q.q.shape, "it is another arm's")
+            raise DimensionError("posture", (robot.n,), q.q.shape, "it belongs to another arm")
         return q
     if q is not None:
         values = as_vector(q, robot.n, "q", f"one per joint, {robot.numbered()}")

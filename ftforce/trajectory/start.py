@@ -96,13 +96,13 @@ def start_of(
         The file cannot be read or does not fit the robot.
     """
     if rate is not None and not (is_number(rate) and rate > 0.0):
-        raise InputError(f"the rate must be positive, samples per second, got {rate!r}")
+        raise InputError(f"the rate in samples per second must be positive, got {rate!r}")
     given = trajectory
     if isinstance(given, (str, PathLike)):
         sheet = Sheet.read(given)
         if sheet.holds_points:
             if speed is None:
-                raise InputError(f"{sheet.path} holds waypoints; give a speed too, m/s (--speed)")
+                raise InputError(f"{sheet.path} contains waypoints; give a speed in m/s (--speed)")
             given = Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
             speed, keep_orientation = None, False
         else:
@@ -110,22 +110,24 @@ def start_of(
             max_gap = None
     if speed is not None or keep_orientation or max_gap is not None:
         raise InputError(
-            "speed and keep_orientation belong to a file of waypoints, max_gap to one of a "
-            "recorded motion; a Path or a Recording says its own when it is made"
+            "speed and keep_orientation apply to a file of waypoints, max_gap to a file of a "
+            "recorded motion; a Path or a Recording defines its own"
         )
     if isinstance(given, Recording):
         if q is not None or posture is not None:
-            raise InputError("a recorded motion begins where it begins; leave out q and posture")
+            raise InputError(
+                "a recorded motion defines its own initial posture; omit q and posture"
+            )
         return _recorded(robot, given, rate)
     if not isinstance(given, Path):
-        raise InputError(f"a trajectory is a Path, a Recording or a CSV file, got {given!r}")
+        raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
     return _along(robot, given, choose_posture(robot, q, posture), rate or RATE)
 
 
 def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     if recording.q.shape[1] != robot.n:
         raise InputError(
-            f"the recording has {recording.q.shape[1]} joints, and the chain: {robot.numbered()}"
+            f"the recording has {recording.q.shape[1]} joints; the chain has: {robot.numbered()}"
         )
     times = recording.t - recording.t[0]
     if rate is not None:
@@ -167,11 +169,11 @@ def _count(samples: float) -> float:
     """
     if samples < 1.0:
         raise InputError(
-            "the samples lie farther apart than the trajectory is long; ask for a higher rate"
+            "the trajectory is shorter than one sampling interval; choose a higher rate"
         )
     if samples > MOST_SAMPLES:
         raise InputError(
-            f"{samples:.3g} samples are more than {MOST_SAMPLES:,}; ask for a lower rate"
+            f"{samples:.3g} samples exceed the maximum of {MOST_SAMPLES:,}; choose a lower rate"
         )
     return samples
 

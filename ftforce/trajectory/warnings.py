@@ -42,7 +42,7 @@ def history_doubts(
         The simulated history.
     """
     if robot.mass == 0.0:
-        yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
+        yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_doubts(t, history.setting.task, unsupported(history))
@@ -54,8 +54,8 @@ def history_doubts(
         acts = event.time + history.setting.delay
         if math.isfinite(acts) and acts > history.t[-1]:
             yield (
-                f"the remap of the fault at {event.time:g} s would act at {acts:g} s, after the "
-                f"end at {history.t[-1]:g} s"
+                f"the remap of the fault at {event.time:g} s would take effect at {acts:g} s, "
+                f"after the end of the trajectory at {history.t[-1]:g} s"
             )
     yield from unjudged(robot, faults, limits)
     if limits is None:
@@ -72,15 +72,18 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
     error, turn :
         Position error, m, and orientation error, rad, shape (N,).
     """
-    where = "it is close to a singularity or to its limits there"
+    where = "it is close to a singularity or to its joint limits there"
     worst = int(error.argmax())
     if error[worst] > ON_PATH:
         off = length_in_words(float(error[worst]))
-        yield f"even the healthy arm leaves its path, by {off} at {t[worst]:g} s: {where}"
+        yield f"even the healthy arm deviates from its path, by {off} at {t[worst]:g} s: {where}"
     worst = int(turn.argmax())
     if turn[worst] > ORIENTED:
         degrees = math.degrees(float(turn[worst]))
-        yield f"even the healthy arm turns its tip, by {degrees:.3g}° at {t[worst]:g} s: {where}"
+        yield (
+            f"even the healthy arm does not keep its tip orientation, by {degrees:.3g}° at "
+            f"{t[worst]:g} s: {where}"
+        )
 
 
 def unsupported(history: History) -> Matrix:
@@ -113,7 +116,7 @@ def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
             worst = int(size.argmax())
             yield (
                 f"even the healthy arm cannot exert {size[worst]:.3g} {unit} of the force at "
-                f"{t[worst]:g} s: it has no such direction there"
+                f"{t[worst]:g} s: its Jacobian is rank deficient there"
             )
 
 
@@ -142,8 +145,8 @@ def _steps(history: History) -> Iterator[str]:
     sizes = off.max(axis=1, initial=0.0)
     if len(sizes) and sizes.max() > _STEP * np.abs(v).max() > 0.0:
         yield (
-            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (at a limit or a "
-            "singularity, or the rate is low): accelerations and torques there mean little"
+            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (a limit, a "
+            "singularity or a low sampling rate): accelerations and torques there are unreliable"
         )
 
 
@@ -152,7 +155,7 @@ def _outside(robot: Robot, q: Matrix) -> Iterator[str]:
     for i in np.flatnonzero(low | high):
         joint = robot.joints[i]
         yield (
-            f"joint {joint.number} {joint.name} goes from {q[:, i].min():.4g} to "
+            f"joint {joint.number} {joint.name} moves from {q[:, i].min():.4g} to "
             f"{q[:, i].max():.4g} {joint.unit}, outside its limits {joint.lower:g} to "
             f"{joint.upper:g}"
         )
@@ -163,8 +166,8 @@ def _too_fast(robot: Robot, v: Matrix) -> Iterator[str]:
     for joint, speed in zip(robot.joints, fastest, strict=True):
         if joint.velocity is not None and speed > joint.velocity * (1.0 + _SLACK):
             yield (
-                f"joint {joint.number} {joint.name} moves with up to {speed:.3g} {joint.unit}/s; "
-                f"its limit is {joint.velocity:g}"
+                f"joint {joint.number} {joint.name} reaches {speed:.3g} {joint.unit}/s; "
+                f"its velocity limit is {joint.velocity:g} {joint.unit}/s"
             )
 
 
@@ -180,7 +183,7 @@ def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
                 f"joint {joint.number} {joint.name} would need "
                 f"{100.0 * motor[worst, i] / joint.effort:.4g}% of its effort limit of "
                 f"{joint.effort:g} {joint.torque_unit} at {history.t[worst]:g} s "
-                "(limits are not counted)"
+                "(limits are not enforced)"
             )
 
 

@@ -155,7 +155,7 @@ class DHTable:
             raise InputError("rows is empty; a table needs one row per joint")
         for i, row in enumerate(self.rows, start=1):
             if row.mass is None and self.mass.density is None:
-                raise InputError(f"row {i}: missing key 'mass' (or one 'density' in mass)")
+                raise InputError(f"row {i}: missing key 'mass' (or 'density' in the table mass)")
         _check_distinct(*self.joint_names, TIP_JOINT, *self.link_names)
         postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
         object.__setattr__(self, "postures", MappingProxyType(postures))
@@ -262,7 +262,7 @@ def check_number(value: object, key: str) -> float:
 
 def _check_positive(value: float | None, key: str) -> None:
     if value is not None and check_number(value, key) <= 0:
-        raise InputError(f"{key} needs to be positive, got {value:g}")
+        raise InputError(f"{key} must be positive, got {value:g}")
 
 
 def check_choice(value: object, kind: str, choices: Any) -> None:
@@ -281,14 +281,16 @@ def check_choice(value: object, kind: str, choices: Any) -> None:
 def _check_name(name: object, key: str) -> None:
     # XML forbids unprintable characters; leading or trailing blanks would be invisible.
     if not isinstance(name, str) or not name or not name.isprintable() or name != name.strip():
-        raise InputError(f"{key} needs printable text without blanks around it, got {brief(name)}")
+        raise InputError(
+            f"{key} must be nonempty text, printable and without outer blanks, got {brief(name)}"
+        )
 
 
 def _check_distinct(*names: str) -> None:
     # Links and joints share a namespace because Pinocchio looks up both as frames.
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise InputError(f"joints and links need names of their own; {twice[0]!r} is taken twice")
+        raise InputError(f"joint and link names must be unique; {twice[0]!r} appears twice")
 
 
 def read_dh_table(path: str | PathLike[str]) -> DHTable:
@@ -310,7 +312,7 @@ def _arguments_of_table(text: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is not TOML: {error}") from None
+        raise InputError(f"is not valid TOML: {error}") from None
     required = ("name", "convention", "units", "rows", "mass")
     entries = _checked_keys(content, required, ("postures",))
     with _within("units"):
@@ -331,7 +333,7 @@ def _angle_unit(entry: object) -> Callable[[float], float]:
 
 def _rows(entries: object, angle: Callable[[float], float]) -> tuple[DHRow, ...]:
     if not isinstance(entries, list):
-        raise InputError(f"rows needs a list with one table per joint, got {brief(entries)}")
+        raise InputError(f"rows must be a list with one table per joint, got {brief(entries)}")
     rows = []
     for i, entry in enumerate(entries, start=1):
         with _within(f"row {i}"):
@@ -346,13 +348,13 @@ def _postures(
     entries: object, rows: tuple[DHRow, ...], angle: Callable[[float], float]
 ) -> dict[str, list[float]]:
     if not isinstance(entries, dict):
-        raise InputError(f"postures needs a table of named lists, got {brief(entries)}")
+        raise InputError(f"postures must be a table of named lists, got {brief(entries)}")
     postures = {}
     units = [angle if row.type == "revolute" else float for row in rows]
     for name, values in entries.items():
         where = f"posture {name!r}"
         if not isinstance(values, list):
-            raise InputError(f"{where} needs a list of numbers, got {brief(values)}")
+            raise InputError(f"{where} must be a list of numbers, got {brief(values)}")
         # DHTable rejects lists of the wrong length.
         with_units = zip(chain(units, repeat(float)), values, strict=False)
         postures[name] = [unit(check_number(value, where)) for unit, value in with_units]
@@ -374,7 +376,7 @@ def _checked_keys(
     entry: object, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, Any]:
     if not isinstance(entry, dict):
-        raise InputError(f"needs a table with {listed(required)}; got {brief(entry)}")
+        raise InputError(f"expected a table with {listed(required)}; got {brief(entry)}")
     known = (*required, *optional)
     for key in entry:
         if key not in known:

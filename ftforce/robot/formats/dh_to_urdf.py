@@ -114,8 +114,10 @@ def check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
     moments = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.zeros(3)
     if not (moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)):
         size = f"d = {body.d:g} m, a = {body.a:g} m, radius {table.mass.radius:g} m"
-        reason = f"link {body.name!r}: no body has the inertia of a {table.mass.model} of this size"
-        hint = "a rod needs to be longer than it is thick, and of a usual size"
+        reason = (
+            f"link {body.name!r}: the inertia of a {table.mass.model} of this size is unphysical"
+        )
+        hint = "a link must be longer than it is thick, and of ordinary size"
         raise DHTableError(table.source or table.name, f"{reason} ({size}); {hint}")
 
 
@@ -186,7 +188,7 @@ def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
     """
     urdf = Path(path)
     if urdf.suffix.lower() != ".urdf":
-        raise OutputError(urdf, "cannot be written: its name needs to end in .urdf")
+        raise OutputError(urdf, "cannot be written: its name must end in .urdf")
     srdf = urdf.with_suffix(".srdf")
     texts = {urdf: to_urdf(table), srdf: to_srdf(table)}
     try:
@@ -276,14 +278,14 @@ def _check_urdf(text: str, table: DHTable) -> None:
 
     robot = yourdfpy.URDF.load(BytesIO(text.encode()), load_meshes=False)
     if not robot.validate():
-        raise URDFError(f"{table.name}.urdf", f"yourdfpy refuses it: {robot.errors[0]}")
+        raise URDFError(f"{table.name}.urdf", f"yourdfpy rejects it: {robot.errors[0]}")
     q = np.linspace(0.3, 0.8, len(table.rows))
     robot.update_cfg(q)
     poses = table.transforms(q)
     error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
     # Not tighter: trimesh, used by yourdfpy, snaps poses within 1e-8 of the identity to it.
     if not error <= 1e-6 * np.abs(poses).max():
-        raise URDFError(f"{table.name}.urdf", "its tip is not where the DH table has it")
+        raise URDFError(f"{table.name}.urdf", "its tip position differs from that of the DH table")
 
 
 def _check_target(target: Path, source: Path | None) -> None:
