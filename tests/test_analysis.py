@@ -143,7 +143,7 @@ def test_a_request_that_no_joint_can_serve(rpy, locked):
     assert result.verdict is Verdict.TOLERATED  # what is left of the request is rounding
     assert math.isnan(result.relative_manipulability)
     assert result.warnings == (
-        "even the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
+        "the Jacobian of the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
     )
 
 
@@ -322,7 +322,9 @@ def test_weight_alone_overloads_and_the_tip_keeps_the_arm_still(panda):
     assert np.linalg.norm(result.force.after) > 1.0
     assert_close(abs(result.torque.total_after[3]), 1.0)
     (warning,) = result.warnings
-    assert warning.startswith("weight and motion alone overload panda_joint4: only the force")
+    assert warning.startswith(
+        "gravity and motion torques alone overload panda_joint4: only the tip force"
+    )
     nowhere = analyze(panda, POSTURE, limits=Limits.of(np.full(7, 0.1)), force=FORCE)
     assert not nowhere.can_stand_still
     assert nowhere.force.after is None

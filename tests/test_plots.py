@@ -631,7 +631,7 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
         UnknownNameError, match="unknown run 'remapped'; available: healthy, unremapped;"
     ):
         plots.torques(wrench_history)
-    with pytest.raises(UnknownNameError, match="no torque 'speed'"):
+    with pytest.raises(UnknownNameError, match="unknown torque 'speed'"):
         plots.torques(history, quantity="speed")
     with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; available: force"):
         plots.force(history, kind="moment")
@@ -639,7 +639,7 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
         plots.heat_map(timeline, quantity="heat")
     with pytest.raises(InputError, match="without a force there is no jump"):
         plots.heat_map(replaced(timeline, force=None))
-    with pytest.raises(UnknownNameError, match="no component 'mx' in the task 'force'"):
+    with pytest.raises(UnknownNameError, match="unknown component 'mx' in the task 'force'"):
         plots.capability(capability, ["fx", "mx"])
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):
         with pytest.raises(InputError, match="two different components of the task"):
