@@ -9,7 +9,7 @@ import ftforce
 from ftforce.errors import FtforceError, InputError, TrajectoryError
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.reference import PathReference, RecordedReference
-from ftforce.trajectory.start import MOST_SAMPLES, Path, Recording, start_of, tip_at
+from ftforce.trajectory.start import MAX_SAMPLES, Path, Recording, start_of, tip_at
 from helpers import assert_close
 
 NAN, INF = math.nan, math.inf
@@ -187,7 +187,7 @@ def test_rates_that_are_none(dh5, path, recording, rate):
 def test_rates_that_are_too_high_or_too_low(dh5, path, recording):
     for trajectory in (path, recording):
         with pytest.raises(
-            InputError, match=f"samples exceed the maximum of {MOST_SAMPLES:,}; choose a"
+            InputError, match=f"samples exceed the maximum of {MAX_SAMPLES:,}; choose a"
         ):
             start_of(dh5, trajectory, rate=1e9)
         with pytest.raises(InputError, match="samples exceed the maximum of"):

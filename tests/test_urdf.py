@@ -14,7 +14,7 @@ import pytest
 from ftforce import analyze, census, to_dict
 from ftforce.errors import URDFError
 from ftforce.robot.formats.tree import MAX_DEPTH, MOMENTS, UrdfTree
-from ftforce.robot.formats.urdf import MOST_LINKS, read_urdf
+from ftforce.robot.formats.urdf import MAX_LINKS, read_urdf
 from ftforce.robot.load import load_robot
 from ftforce.robot.model import full_model, restore_names
 from helpers import campaign, load_text, serial_urdf
@@ -359,7 +359,7 @@ def test_followers_of_followers_follow_the_first_leader(read):
 
 
 def test_a_long_chain_of_followers_takes_no_time(read):
-    count = campaign(MOST_LINKS - 2, 1500)  # more than Python's recursion limit
+    count = campaign(MAX_LINKS - 2, 1500)  # more than Python's recursion limit
     rays = [joint(f"r{i}", "l1", f"x{i}", more=mimic(f"r{i + 1}")) for i in range(count - 1)]
     tree = read(
         robot(
@@ -471,7 +471,7 @@ def test_the_longest_row_fits_into_a_small_stack(tmp_path):
 
 
 def test_many_links_side_by_side(tmp_path):
-    count = campaign(MOST_LINKS - 2)  # Pinocchio takes seconds for all of them
+    count = campaign(MAX_LINKS - 2)  # Pinocchio takes seconds for all of them
     rays = [joint(f"r{i}", "l1", f"x{i}") for i in range(count)]
     links = [link(f"x{i}") for i in range(count)]
     robot_ = load_robot(

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
 _INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
-_CLAIM = 1e-6  # of the unit: a solution farther beyond a limit is rejected
+_MAX_VIOLATION = 1e-6  # of the unit: a solution farther beyond a limit is rejected
 _FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
 _THIN = 4e-11  # of the unit; daqp treats bounds closer than a quarter of it as equal
 _ROUNDING = 1e-15  # relative to the terms of a sum
@@ -202,7 +202,7 @@ def _quadratic_program(
         return None, np.zeros(len(A))
     torque = A.dot(z)
     beyond = max((torque - upper).tolist() + (lower - torque).tolist())
-    if flag <= 0 or not beyond <= _CLAIM:  # some daqp versions report success wrongly
+    if flag <= 0 or not beyond <= _MAX_VIOLATION:  # some daqp versions report success wrongly
         raise SolverError(
             f"daqp did not solve the quadratic program (exit flag {flag}, limits exceeded by "
             f"{beyond:.1g})"

@@ -154,7 +154,7 @@ def feasible_forces(
     reduced: ReducedJacobian,
     rnea: Vector,
     largest: Vector | None,
-    reading: LockModel = LockModel.COMMANDED,
+    lock_model: LockModel = LockModel.COMMANDED,
 ) -> FeasibleForces:
     """Return the set of forces that the arm can hold.
 
@@ -167,8 +167,8 @@ def feasible_forces(
     largest :
         Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
         (n,). ``None`` applies no limits.
-    reading :
-        Lock model.
+    lock_model :
+        How locked joints are modelled.
     """
     free = reduced.free
     F0, unbalanced = np.zeros(reduced.m), 0.0
@@ -177,7 +177,7 @@ def feasible_forces(
         if norm(rnea[free.joints]) > _ROUNDING * weight:
             F0 = free.support(rnea)
             unbalanced = norm(free.unbalanced(rnea)) / weight
-    if reading is LockModel.COMMANDED:
+    if lock_model is LockModel.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
         Z = np.eye(reduced.m) if free is None else free.U[:, free.rank :]
@@ -206,12 +206,12 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     """
     if not feasible.stands_still:
         return NOTHING
-    least, most = _on_plane(feasible, d)
-    if most < least or not feasible.joints:
-        return Reach(least, most)
+    minimum, maximum = _on_plane(feasible, d)
+    if maximum < minimum or not feasible.joints:
+        return Reach(minimum, maximum)
     lever = feasible.rows.dot(d)
     size = feasible.rtol * feasible.scale * norm(d)
-    stops: tuple[int, ...] = ()
+    limiting_joints: tuple[int, ...] = ()
     ends = []
     bounds = (feasible.lower.tolist(), feasible.upper.tolist())
     rows = zip(feasible.joints, lever.tolist(), *bounds, strict=True)
@@ -221,14 +221,15 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
                 return NOTHING
             continue
         first, last = (lower / x, upper / x) if x > 0.0 else (upper / x, lower / x)
-        least = max(least, first)
+        minimum = max(minimum, first)
         ends.append((last, joint))
     if ends:
         nearest = min(end for end, _ in ends)
-        if nearest < most:
-            most = nearest
-            stops = tuple(j for end, j in ends if end <= nearest + 1e-9 * abs(nearest))
-    return Reach(least, most, stops)
+        if nearest < maximum:
+            maximum = nearest
+            limit = nearest + 1e-9 * abs(nearest)  # joints that reach their limits together
+            limiting_joints = tuple(joint for end, joint in ends if end <= limit)
+    return Reach(minimum, maximum, limiting_joints)
 
 
 def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Indices: TypeAlias = "NDArray[np.intp]"
 Sides: TypeAlias = "NDArray[np.bool_]"
 
-MOST_CORNERS = 2_000_000  # plane intersections; a few seconds and 500 MB
+_MAX_INTERSECTIONS = 2_000_000  # plane intersections; a few seconds and 500 MB
 _CHUNK = 20_000
 _NEAR = 1e-9  # of a limit: smaller violations are tolerated
 _AT_BOUND = 1e-7  # of a limit: a torque closer than this is at its limit
@@ -130,10 +130,10 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
     k, d = A.shape
     if d == 0:
         return np.zeros((1, 0)), np.zeros((1, 2 * k), dtype=np.bool_)
-    if comb(k, d) * 2**d > MOST_CORNERS:
+    if comb(k, d) * 2**d > _MAX_INTERSECTIONS:
         raise InputError(
             f"the polytope has {comb(k, d) * 2**d:,} candidate vertices ({k} joints with limits, "
-            f"{d} dimensions); at most {MOST_CORNERS:,} are supported: choose a smaller task"
+            f"{d} dimensions); at most {_MAX_INTERSECTIONS:,} are supported: choose a smaller task"
         )
     sides = np.array(list(product((False, True), repeat=d)))
     evened = np.linalg.svd(A, full_matrices=False)[0]

@@ -159,7 +159,7 @@ def _follow_fixed(tree: UrdfTree, link: str) -> str:
     return link
 
 
-MOST_JOINTS = 100  # Pinocchio's data grows with the cube: 70 MB for 100, 8 GB for 500
+MAX_JOINTS = 100  # Pinocchio's data grows with the cube: 70 MB for 100, 8 GB for 500
 
 
 class Follower(NamedTuple):
@@ -240,12 +240,12 @@ def choose_chain(
             f"{base_link!r}; available tips: {listed(tip_candidates(tree))}"
         )
     followers = _followers(tree, leaders)
-    moving = {*leaders, *(one.name for all_of in followers.values() for one in all_of)}
+    moving = {*leaders, *(joint.name for group in followers.values() for joint in group)}
     moving -= {joint.name for joint in tree.path_to(base_link)}
-    if len(moving) > MOST_JOINTS:
+    if len(moving) > MAX_JOINTS:
         raise InputError(
             f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and "
-            f"{tip_link!r}; at most {MOST_JOINTS} can be analysed"
+            f"{tip_link!r}; at most {MAX_JOINTS} can be analysed"
         )
     ends = (tip_link, tip_source, base_link, base_source)
     return Chain(tree, *ends, tuple(leaders.values()), followers, frozenset(moving))
@@ -265,4 +265,4 @@ def _followers(
         if (mimic := joint.mimic) is not None and mimic.leader in found:
             follower = Follower(joint.name, mimic.multiplier, mimic.offset)
             found[mimic.leader].append(follower)
-    return MappingProxyType({name: tuple(all_of) for name, all_of in found.items()})
+    return MappingProxyType({name: tuple(group) for name, group in found.items()})

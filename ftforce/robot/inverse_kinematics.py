@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 REACHED = 1e-9  # m
 FAR = 2.0  # times the reach bound
 _INSIDE = 1e-6  # rad or m: the solver starts this far inside the limits
-_MOST_STEPS = 60  # per search; successful ones need about ten
+_MAX_EVALUATIONS = 60  # of the residual per search; successful ones need about ten
 _DAMPED_BELOW = 1e-6  # of σ_max
 
 
@@ -101,7 +101,7 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
         start,
         jac=lambda q: frame_jacobian(robot, q, "world")[:3],
         bounds=(robot.lower - fixed, robot.upper + fixed),
-        max_nfev=_MOST_STEPS,
+        max_nfev=_MAX_EVALUATIONS,
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,

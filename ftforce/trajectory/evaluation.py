@@ -63,7 +63,7 @@ class Case(NamedTuple):
     wary: float
 
 
-class Faults(NamedTuple):
+class FaultConstraints(NamedTuple):
     """Masks and torque limits of a fault set.
 
     Attributes
@@ -72,25 +72,25 @@ class Faults(NamedTuple):
         True at locked joints, shape (n,).
     free :
         True at free-swinging joints; ``None`` if there are none.
-    counted :
-        Torque limits in force, NaN where unknown; ``None`` if none.
-    known_largest :
+    limits :
+        Torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
+    known_limits :
         The same; if no limits are in force, those of the URDF.
     """
 
     locked: Mask
     free: Mask | None
-    counted: Vector | None
-    known_largest: Vector
+    limits: Vector | None
+    known_limits: Vector
 
     @classmethod
-    def of(cls, case: Case, faults: FaultSet) -> Faults:
+    def of(cls, case: Case, faults: FaultSet) -> FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
-        counted = None if case.limits is None else case.limits.largest_torques(faults)
-        shares = case.robot.effort * faults.factors(n)
-        largest = np.where(faults.mask(n), np.nan, shares) if counted is None else counted
-        return cls(faults.mask(n), faults.free_mask(n), counted, largest)
+        limits = None if case.limits is None else case.limits.largest_torques(faults)
+        motors = case.robot.effort * faults.factors(n)
+        known = np.where(faults.mask(n), np.nan, motors) if limits is None else limits
+        return cls(faults.mask(n), faults.free_mask(n), limits, known)
 
 
 class TipPath(NamedTuple):
@@ -101,11 +101,11 @@ class TipPath(NamedTuple):
     orientation: Matrix | None
 
 
-class Known(NamedTuple):
+class FaultKnowledge(NamedTuple):
     """Actual faults, and those the controller assumes; ``None`` if it knows the actual ones."""
 
-    actual: Faults
-    taken_for: Faults | None
+    actual: FaultConstraints
+    assumed: FaultConstraints | None
 
 
 class Balance(NamedTuple):
@@ -174,10 +174,12 @@ def run_of(
                 getattr(run, name)[first:last] = getattr(same, name)[first:last]
             tick(last - first)
             continue
-        actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
-        faults = Known(actual, None if phase.actual == phase.known else known)
+        actual, assumed = (
+            FaultConstraints.of(case, faults) for faults in (phase.actual, phase.known)
+        )
+        knowledge = FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
         for i in range(first, last):
-            _fill(run, i, case, course, faults)
+            _fill(run, i, case, course, knowledge)
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
@@ -194,7 +196,7 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
+def _fill(run: Run, i: int, case: Case, course: TipPath, knowledge: FaultKnowledge) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
@@ -210,7 +212,7 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
-    found = _balance(case, q, J, rnea, faults)
+    found = _balance(case, q, J, rnea, knowledge)
     run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
     run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
     run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
@@ -218,32 +220,32 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     run.verdict[i] = CODES[found.verdict]
 
 
-def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) -> None:
+def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: FaultConstraints) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
     run.path_error[here] = course.x[here] - run.position[here]
     run.velocity_jump[here] -= course.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
-    limited = actual.known_largest > 0.0  # excludes unknown limits (NaN) and free joints (0)
-    run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
+    limited = actual.known_limits > 0.0  # excludes unknown limits (NaN) and free joints (0)
+    run.used[here, limited] = load[:, limited] / actual.known_limits[limited]
     run.force[here] = case.task.unweigh_force(run.force[here])
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
-def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
+def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: FaultConstraints) -> Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
-    locked, free, counted, _ = faults
+    locked, free, limits, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, free)
     F = supported_force(reduced, case.F)
     if reduced.rank < reduced.m:
         F = without_rounding(F, F, case.F)
     bounded = None
-    if counted is None and free is None:
+    if limits is None and free is None:
         F_after: Vector | None = force_jump(reduced, F).F_after
     else:
-        bounded = remap_inside(reduced, F, rnea, counted)
+        bounded = remap_inside(reduced, F, rnea, limits)
         F_after = bounded.F_after
-    verdict = judge(reduced, F, case.wary, bounded, counted)
+    verdict = judge(reduced, F, case.wary, bounded, limits)
     if F_after is None:
         nothing = np.full(len(rnea), np.nan)
         lost = np.full(len(F), np.nan)
@@ -259,39 +261,41 @@ def _without_sign_changes(quaternions: Matrix) -> None:
     quaternions[1:] *= np.cumprod(turned)[:, None]
 
 
-def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
-    actual, taken_for = faults
-    if taken_for is None:
+def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: FaultKnowledge) -> Balance:
+    actual, assumed = knowledge
+    if assumed is None:
         return _with_remap(case, J, rnea, actual)
-    if case.limits is None and actual.free is None and taken_for.free is None:
+    if case.limits is None and actual.free is None and assumed.free is None:
         # Locks alone do not change the torques of the healthy joints.
         return _with_remap(case, J, rnea, actual)
-    return _without_remap(case, q, J, rnea, faults)
+    return _without_remap(case, q, J, rnea, knowledge)
 
 
-def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+def _without_remap(
+    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: FaultKnowledge
+) -> Balance:
     """Return the force that results from torques commanded for the assumed faults."""
-    actual, known = faults
-    assert known is not None
-    meant = _with_remap(case, J, rnea, known)
+    actual, assumed = knowledge
+    assert assumed is not None
+    planned = _with_remap(case, J, rnea, assumed)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.free)
-    if np.isnan(meant.motor).any():  # the arm cannot be held even with the assumed faults
-        return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
-    motor = np.where(reduced.commanding, meant.motor, 0.0)
+    if np.isnan(planned.motor).any():  # the arm cannot be held even with the assumed faults
+        return planned._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
+    motor = np.where(reduced.commanding, planned.motor, 0.0)
     if case.limits is not None:  # motor torques saturate at their limits
-        most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
-        motor = np.clip(motor, -most, most)
+        limits = np.where(np.isnan(actual.known_limits), np.inf, actual.known_limits)
+        motor = np.clip(motor, -limits, limits)
     moving = ~actual.locked
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
     F_after = _exerted(case, q, reduced, rest)
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
-    scale = math.hypot(*rnea, *meant.F.dot(J))
+    scale = math.hypot(*rnea, *planned.F.dot(J))
     moved = over(math.hypot(*unbalanced), scale, 0.0)
     if moved <= case.rtol:  # below the tolerance the arm does not move
         unbalanced = np.zeros_like(unbalanced)
-    verdict = _verdict(case, reduced, meant.F, F_after, moved)
-    return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
+    verdict = _verdict(case, reduced, planned.F, F_after, moved)
+    return Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
 def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:

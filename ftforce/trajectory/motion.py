@@ -107,22 +107,22 @@ def advance(
         locked = phase.known.mask(robot.n)
         if phase.known != known and locked.any():
             start = here
-        known, stuck = phase.known, phase.actual.mask(robot.n) & ~locked
+        known, undetected = phase.known, phase.actual.mask(robot.n) & ~locked
         last = i == len(phases) - 1
         rows = slice(*np.searchsorted(times, (phase.start, np.inf if last else end)))
         if planned is not None and not locked.any():
-            stretch = Motion(*(x[rows] for x in planned.motion))
-            tick(len(stretch.q))
+            segment = Motion(*(x[rows] for x in planned.motion))
+            tick(len(segment.q))
             state = None if last else planned.arrivals[end]
         else:
             span = (phase.start, end)
-            stretch, state = _stretch(
+            segment, state = _segment(
                 robot, course, start, times[rows], span=span, known=known, tick=tick
             )
-        for x, samples, held in zip(whole, stretch, (here, nothing, nothing), strict=True):
-            x[rows] = np.where(stuck, held, samples)
+        for x, samples, held in zip(whole, segment, (here, nothing, nothing), strict=True):
+            x[rows] = np.where(undetected, held, samples)
         if state is not None and not last:
-            arrivals[end] = State(*map(np.where, [stuck] * 3, (here, nothing, nothing), state))
+            arrivals[end] = State(*map(np.where, [undetected] * 3, (here, nothing, nothing), state))
             start, here = state.q, arrivals[end].q
     return Progression(whole, arrivals)
 
@@ -142,8 +142,8 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
     rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)
     free = known.free_mask(robot.n)
-    passive = locked if free is None else locked | free
-    nobody = np.zeros(robot.n, dtype=np.bool_)
+    uncommanded = locked if free is None else locked | free
+    none = np.zeros(robot.n, dtype=np.bool_)
     any_locked = bool(locked.any())
 
     def velocities(t: float, q: Vector) -> Vector:
@@ -158,15 +158,15 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
             turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
         healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
         damped_below = BORDERLINE_RTOL * healthy.s[0]
-        v = rates.moved(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
+        v = rates.track_position(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
         if turn is not None:
-            v = rates.turned(J, turn, nobody, q, v)
+            v = rates.track_orientation(J, turn, none, q, v)
         if any_locked:  # Appendix A; a free-swinging joint keeps its planned velocity
             v = np.where(locked, 0.0, v)
-            K = without(healthy.A, passive)
-            v = rates.moved(K, x_dot - healthy.A.dot(v), q, v, damped_below)
+            K = without(healthy.A, uncommanded)
+            v = rates.track_position(K, x_dot - healthy.A.dot(v), q, v, damped_below)
             if turn is not None:
-                v = rates.turned(J, turn, passive, q, v)
+                v = rates.track_orientation(J, turn, uncommanded, q, v)
         return v
 
     return velocities
@@ -185,7 +185,9 @@ class _Rates(NamedTuple):
         upper = np.minimum(self.speeds, LIMIT_GAIN * (self.high - q))
         return Bounds(np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds))
 
-    def moved(self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
+    def track_position(
+        self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float
+    ) -> Vector:
         """Return joint velocities that add the missing tip velocity to v0: `resolved_rates`."""
         v: Vector = v0 + damped_inverse(K, missing, damped_below)
         ahead = q + v / LIMIT_GAIN
@@ -193,7 +195,9 @@ class _Rates(NamedTuple):
             return v  # the usual case: no bound is active
         return resolved_rates(K, missing, v0, self.bounds(q), damped_below)
 
-    def turned(self, J: Matrix, turn: Vector, passive: Mask, q: Vector, v: Vector) -> Vector:
+    def track_orientation(
+        self, J: Matrix, turn: Vector, uncommanded: Mask, q: Vector, v: Vector
+    ) -> Vector:
         """Return velocities that also rotate the tip, as far as its position and the bounds allow.
 
         Position has priority: the rotation uses the null space of the position task (Nakamura
@@ -205,14 +209,14 @@ class _Rates(NamedTuple):
             Linear and angular rows, shape (6, n).
         turn :
             Angular velocity of the tip, rad/s, shape (3,).
-        passive :
+        uncommanded :
             Joints that cannot be commanded, shape (n,).
         q, v :
             Joint positions, and joint velocities that solve the position task, shape (n,).
         """
         lower, upper = self.bounds(q)
         full = (v >= upper - _AT_BOUND) | (v <= lower + _AT_BOUND)
-        fixed = passive | full
+        fixed = uncommanded | full
         K = without(J[:3], fixed)
         V = K.A.T.dot(K.U[:, [s > RTOL * K.s[0] for s in K.s]])
         V = np.linalg.qr(V)[0]
@@ -226,7 +230,7 @@ class _Rates(NamedTuple):
         return v + max(float(share), 0.0) * change
 
 
-def _stretch(
+def _segment(
     robot: Robot,
     course: ReferenceTrajectory,
     q: Vector,

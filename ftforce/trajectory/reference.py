@@ -73,13 +73,13 @@ class PathReference:
     """
 
     def __init__(self, robot: Robot, path: Path, q: Vector) -> None:
-        self._legs, self._preferred = path.legs(), robot.at_rest
+        self._legs, self._nominal_velocity = path.legs(), robot.at_rest
         self.duration, self.top_speed = path.duration, path.speed
         self.orientation = tip_pose(robot, q)[0] if path.keeps_orientation else None
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s; the nominal joint velocity is zero."""
-        return Target(*leg_at(self._legs, t).at(t), self._preferred)
+        return Target(*leg_at(self._legs, t).at(t), self._nominal_velocity)
 
     def motion(self, t: Vector) -> None:
         """Return ``None``: inverse kinematics determines the motion."""

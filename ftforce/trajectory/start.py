@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
 RATE = 100.0  # Hz
-MOST_SAMPLES = 5_000_000
+MAX_SAMPLES = 5_000_000
 _SAME = 1e-6  # rad or m: postures closer than this count as the same
 
 Trajectory: TypeAlias = "Path | Recording | str | PathLike[str]"
@@ -171,9 +171,9 @@ def _count(samples: float) -> float:
         raise InputError(
             "the trajectory is shorter than one sampling interval; choose a higher rate"
         )
-    if samples > MOST_SAMPLES:
+    if samples > MAX_SAMPLES:
         raise InputError(
-            f"{samples:.3g} samples exceed the maximum of {MOST_SAMPLES:,}; choose a lower rate"
+            f"{samples:.3g} samples exceed the maximum of {MAX_SAMPLES:,}; choose a lower rate"
         )
     return samples
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.formats.tree import Numbers, UrdfTree
 
-MOST_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
+MAX_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
 SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
 SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
 SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
@@ -49,8 +49,8 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
     elements = root.findall("link")
     if not elements:
         raise reader.error("contains no <link>")
-    if len(elements) > MOST_LINKS:
-        raise reader.error(f"contains {len(elements)} links; at most {MOST_LINKS} are supported")
+    if len(elements) > MAX_LINKS:
+        raise reader.error(f"contains {len(elements)} links; at most {MAX_LINKS} are supported")
     links = reader.unique([reader.link(e) for e in elements], "link")
     joints = reader.unique([reader.joint(e) for e in root.findall("joint")], "joint")
     name = root.get("name", "").strip() or Path(path).stem
