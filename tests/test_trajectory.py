@@ -54,15 +54,15 @@ def csv_of(robot, recording):
 
 def test_a_path(dh5, path):
     start = start_of(dh5, path)
-    assert isinstance(start.course, PathReference)
+    assert isinstance(start.reference, PathReference)
     assert_close(tip_at(dh5, start.q, None), POINTS[0], tol=1e-9)
     assert start.words == "(0.9, 0.3, 0.2) → (0.8, 0.4, 0.25) m, at most 0.05 m/s, 5.625 s"
     assert "with the tip at the start of the path" in start.source
-    assert start.course.duration == pytest.approx(T)
-    assert_close(start.course.at(1.0).x, path.at(1.0)[0])
-    assert_close(start.course.at(1.0).x_dot, path.at(1.0)[1])
-    assert start.course.orientation is None
-    assert start.course.top_speed == 0.05
+    assert start.reference.duration == pytest.approx(T)
+    assert_close(start.reference.at(1.0).x, path.at(1.0)[0])
+    assert_close(start.reference.at(1.0).x_dot, path.at(1.0)[1])
+    assert start.reference.orientation is None
+    assert start.reference.top_speed == 0.05
     assert not start.q.flags.writeable
     assert not start.times.flags.writeable
 
@@ -80,12 +80,12 @@ def test_an_orientation_that_is_kept(dh5):
     kept = Path.through(POINTS, speed=0.05, keep_orientation=True)
     start = start_of(dh5, kept)
     R = ftforce.robot.kinematics.tip_pose(dh5, start.q)[0]
-    assert_close(start.course.orientation, R)
+    assert_close(start.reference.orientation, R)
     assert start.words.endswith("5.625 s, orientation kept")
     # Later postures leave it alone.
-    before = start.course.orientation.copy()
+    before = start.reference.orientation.copy()
     ftforce.robot.kinematics.tip_pose(dh5, np.zeros(5))
-    assert_close(start.course.orientation, before)
+    assert_close(start.reference.orientation, before)
 
 
 @pytest.mark.parametrize("rate", [1, 3.7, 50, None, np.float32(10), np.int64(20)])
@@ -107,13 +107,13 @@ def test_a_rate_that_divides_the_duration(dh5):
 
 def test_a_recording(dh5, recording):
     start = start_of(dh5, recording)
-    assert isinstance(start.course, RecordedReference)
+    assert isinstance(start.reference, RecordedReference)
     assert_close(start.times, recording.t - 3.0)
     assert_close(start.q, recording.q[0])
     assert start.words == "a recorded motion of 2 s"
     assert start.source == "recorded"
     for i in (0, 7, 20):
-        assert_close(start.course.at(start.times[i]).x, tip_at(dh5, recording.q[i], None))
+        assert_close(start.reference.at(start.times[i]).x, tip_at(dh5, recording.q[i], None))
 
 
 @pytest.mark.parametrize(("rate", "count"), [(10, 21), (3.0, 7), (100, 201), (0.5, 2)])
@@ -125,13 +125,13 @@ def test_samples_of_a_recording_at_another_rate(dh5, recording, rate, count):
 
 
 def test_the_speed_of_a_recorded_tip_by_differences(dh5, recording):
-    course, h = start_of(dh5, recording).course, 1e-6
+    reference, h = start_of(dh5, recording).reference, 1e-6
     fastest = 0.0
     for t in np.linspace(0.1, 1.9, 19):
-        quotient = (course.at(t + h).x - course.at(t - h).x) / (2.0 * h)
-        assert_close(course.at(t).x_dot, quotient, scale=1.0, tol=1e-7)
+        quotient = (reference.at(t + h).x - reference.at(t - h).x) / (2.0 * h)
+        assert_close(reference.at(t).x_dot, quotient, scale=1.0, tol=1e-7)
         fastest = max(fastest, np.linalg.norm(quotient))
-    assert fastest <= course.top_speed * (1.0 + 1e-6)
+    assert fastest <= reference.top_speed * (1.0 + 1e-6)
 
 
 # ---- files -----------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_a_file_of_waypoints(dh5, file, path):
     assert_close(start.q, wanted.q)
     assert start_of(dh5, str(file(WAYPOINTS)), speed=0.05).words == wanted.words
     kept = start_of(dh5, file(WAYPOINTS), speed=0.05, keep_orientation=True)
-    assert kept.course.orientation is not None
+    assert kept.reference.orientation is not None
 
 
 def test_a_file_of_a_recording(dh5, file, recording):
@@ -151,7 +151,7 @@ def test_a_file_of_a_recording(dh5, file, recording):
     start = start_of(dh5, place)
     assert_close(start.times, recording.t - 3.0, tol=1e-12)
     assert start.words == f"the recorded motion of {place}, 2 s"
-    assert_close(start.course.motion(start.times).q, recording.q)
+    assert_close(start.reference.motion(start.times).q, recording.q)
 
 
 def test_a_gap_that_is_allowed(dh5, file, recording):

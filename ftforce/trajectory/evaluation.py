@@ -142,7 +142,7 @@ class Balance(NamedTuple):
 def run_of(
     case: Case,
     motion: Motion,
-    course: TipPath,
+    reference: TipPath,
     times: Vector,
     phases: Sequence[Phase],
     *,
@@ -157,7 +157,7 @@ def run_of(
         Data shared by all instants.
     motion :
         The joint motion.
-    course :
+    reference :
         Reference of the tip.
     times, phases :
         Sample times, s, and the actual and known faults over time.
@@ -179,11 +179,11 @@ def run_of(
         )
         knowledge = FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
         for i in range(first, last):
-            _fill(run, i, case, course, knowledge)
+            _fill(run, i, case, reference, knowledge)
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
-        _finish(run, slice(first, last), case, course, actual)
+        _finish(run, slice(first, last), case, reference, actual)
     _without_sign_changes(run.orientation)
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 
@@ -196,7 +196,7 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, course: TipPath, knowledge: FaultKnowledge) -> None:
+def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: FaultKnowledge) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
@@ -204,8 +204,8 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, knowledge: FaultKnowled
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = quaternion(R)
-    if course.orientation is not None:
-        run.orientation_error[i] = rotation_vector(course.orientation @ R.T)
+    if reference.orientation is not None:
+        run.orientation_error[i] = rotation_vector(reference.orientation @ R.T)
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
@@ -220,10 +220,12 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, knowledge: FaultKnowled
     run.verdict[i] = CODES[found.verdict]
 
 
-def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: FaultConstraints) -> None:
+def _finish(
+    run: Run, here: slice, case: Case, reference: TipPath, actual: FaultConstraints
+) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
-    run.path_error[here] = course.x[here] - run.position[here]
-    run.velocity_jump[here] -= course.x_dot[here]
+    run.path_error[here] = reference.x[here] - run.position[here]
+    run.velocity_jump[here] -= reference.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
     limited = actual.known_limits > 0.0  # excludes unknown limits (NaN) and free joints (0)

@@ -70,7 +70,7 @@ class Progression(NamedTuple):
 
 def advance(
     robot: Robot,
-    course: ReferenceTrajectory,
+    reference: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     phases: Sequence[Phase],
@@ -85,7 +85,7 @@ def advance(
 
     Parameters
     ----------
-    robot, course :
+    robot, reference :
         The arm and its reference trajectory.
     q :
         Joint positions at the start, shape (n,).
@@ -117,7 +117,7 @@ def advance(
         else:
             span = (phase.start, end)
             segment, state = _segment(
-                robot, course, start, times[rows], span=span, known=known, tick=tick
+                robot, reference, start, times[rows], span=span, known=known, tick=tick
             )
         for x, samples, held in zip(whole, segment, (here, nothing, nothing), strict=True):
             x[rows] = np.where(undetected, held, samples)
@@ -127,17 +127,17 @@ def advance(
     return Progression(whole, arrivals)
 
 
-def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law:
+def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> Law:
     """Return the joint velocities that follow a trajectory, as a function of time and posture.
 
     Parameters
     ----------
-    robot, course :
+    robot, reference :
         The arm and its reference trajectory.
     known :
         Faults known to the controller.
     """
-    top, orientation = max(course.top_speed, SLOWEST), course.orientation
+    top, orientation = max(reference.top_speed, SLOWEST), reference.orientation
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
     rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)
@@ -149,7 +149,7 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
     def velocities(t: float, q: Vector) -> Vector:
         J = frame_jacobian(robot, q, "world")  # also updates the tip frame placement
         place = robot.data.oMf[robot.tip_frame]
-        target = course.at(t)
+        target = reference.at(t)
         x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
         turn = None  # angular velocity that corrects the orientation error
         if orientation is not None:
@@ -232,7 +232,7 @@ class _Rates(NamedTuple):
 
 def _segment(
     robot: Robot,
-    course: ReferenceTrajectory,
+    reference: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     *,
@@ -241,12 +241,12 @@ def _segment(
     tick: Tick,
 ) -> tuple[Motion, State]:
     """Return the motion at the sample times within a time span, and the state at its end."""
-    if not known.in_mode(FaultMode.LOCKED) and (given := course.motion(times)) is not None:
-        last = course.motion(np.array([span[1]]))
+    if not known.in_mode(FaultMode.LOCKED) and (given := reference.motion(times)) is not None:
+        last = reference.motion(np.array([span[1]]))
         assert last is not None
         tick(len(times))
         return given, State(*(x[0] for x in last))
-    law = rates_law(robot, course, known)
+    law = rates_law(robot, reference, known)
     samples, q_end = _integrate(law, q, times, span, tick)
     v = np.empty_like(samples)
     for i, t in enumerate(times.tolist()):

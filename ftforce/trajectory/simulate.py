@@ -27,7 +27,7 @@ from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, p
 from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
-from ftforce.trajectory.warnings import history_doubts
+from ftforce.trajectory.warnings import history_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -161,7 +161,7 @@ def simulate(
     if wait == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
-    doubts = history_doubts(robot, case.limits, joined(events), history)
+    doubts = history_warnings(robot, case.limits, joined(events), history)
     found = (*start.warnings, *doubts)
     return replace(history, setting=replace(history.setting, warnings=found))
 
@@ -184,8 +184,8 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
     later = tuple(phase for phase in later if phase.start <= last)
     stops = sorted({phase.start for phase in (*never, *later)})
     whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
-    follow = partial(advance, case.robot, start.course, start.q, start.times, tick=tick)
-    evaluate = partial(run_of, case, course=path, times=start.times, tick=tick)
+    follow = partial(advance, case.robot, start.reference, start.q, start.times, tick=tick)
+    evaluate = partial(run_of, case, reference=path, times=start.times, tick=tick)
     planned = follow(whole)
     healthy = evaluate(planned.motion, phases=whole)
     unaware = follow(never, planned=planned)
@@ -198,9 +198,9 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
 
 
 def _tip_path(start: Start) -> TipPath:
-    targets = [start.course.at(t) for t in start.times.tolist()]
+    targets = [start.reference.at(t) for t in start.times.tolist()]
     x, x_dot = (np.array([target[i] for target in targets]) for i in range(2))
-    return TipPath(read_only(x), read_only(x_dot), start.course.orientation)
+    return TipPath(read_only(x), read_only(x_dot), start.reference.orientation)
 
 
 def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:

@@ -37,7 +37,7 @@ class Start(NamedTuple):
 
     Attributes
     ----------
-    course :
+    reference :
         The reference trajectory.
     q :
         Joint positions at the start, shape (n,).
@@ -51,7 +51,7 @@ class Start(NamedTuple):
         Warnings about the trajectory.
     """
 
-    course: ReferenceTrajectory
+    reference: ReferenceTrajectory
     q: Vector
     times: Vector
     words: str
@@ -135,9 +135,9 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     words = f"the recorded motion of {recording.source}, {recording.duration:.4g} s"
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
-    course = RecordedReference(robot, recording)
-    q, doubts = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
-    return Start(course, q, read_only(times), words, "recorded", doubts)
+    reference = RecordedReference(robot, recording)
+    q, warnings = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
+    return Start(reference, q, read_only(times), words, "recorded", warnings)
 
 
 def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
@@ -151,8 +151,8 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
     words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
     if path.keeps_orientation:
         words += ", orientation kept"
-    course = PathReference(robot, path, q)
-    return Start(course, q, read_only(times), words, source, posture.warnings)
+    reference = PathReference(robot, path, q)
+    return Start(reference, q, read_only(times), words, source, posture.warnings)
 
 
 def _in_words(point: Vector) -> str:

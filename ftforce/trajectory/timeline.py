@@ -26,7 +26,7 @@ from ftforce.robot.posture import Posture
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.start import start_of
-from ftforce.trajectory.warnings import force_doubts, lacking, limit_doubts, off_path
+from ftforce.trajectory.warnings import force_warnings, lacking, limit_warnings, off_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -263,7 +263,7 @@ def timeline(
     case = _Case(robot, wanted, conditions, counted, bearing, F, ray, rtol, wary)
     tick = _counted(progress, 2 * len(start.times))
     phase = Phase(0.0, FaultSet(), FaultSet())
-    motion = advance(robot, start.course, start.q, start.times, (phase,), tick=tick).motion
+    motion = advance(robot, start.reference, start.q, start.times, (phase,), tick=tick).motion
     exerted, jump, margin, capability, verdict = _cells(case, motion, sets, tick)
     return Timeline(
         robot=robot,
@@ -339,18 +339,18 @@ def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Itera
     yield from start.warnings
     if robot.mass == 0.0 and case.conditions.gravity.any():
         yield "the URDF has no masses: weight and motion of the arm are missing"
-    kept = start.course.orientation
+    kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
         R, x = tip_pose(robot, q)
-        error[i] = start.course.at(time).x - x
+        error[i] = start.reference.at(time).x - x
         if kept is not None:
             turn[i] = rotation_vector(kept @ R.T)
     yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
-    yield from limit_doubts(robot, motion.q, motion.v)
+    yield from limit_warnings(robot, motion.q, motion.v)
     if case.F is not None:
         missing = lacking(task.unweigh_force(case.F), task.unweigh_force(exerted))
-        yield from force_doubts(t, task, missing)
+        yield from force_warnings(t, task, missing)
 
 
 def _cells(

@@ -25,7 +25,7 @@ _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
-def history_doubts(
+def history_warnings(
     robot: Robot, limits: Limits | None, faults: FaultSet, history: History
 ) -> Iterator[str]:
     """Yield the warnings of a simulation.
@@ -45,10 +45,10 @@ def history_doubts(
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
-    yield from force_doubts(t, history.setting.task, unsupported(history))
+    yield from force_warnings(t, history.setting.task, unsupported(history))
     q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
     v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
-    yield from limit_doubts(robot, q, v)
+    yield from limit_warnings(robot, q, v)
     yield from _steps(history)
     for event in history.setting.events:
         acts = event.time + history.setting.delay
@@ -98,7 +98,7 @@ def lacking(asked: Vector, exerted: Matrix) -> Matrix:
     return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
 
 
-def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
+def force_warnings(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
     """Warn if even the healthy arm cannot exert part of the requested force.
 
     Parameters
@@ -120,7 +120,7 @@ def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
             )
 
 
-def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
+def limit_warnings(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
     """Warn about joints beyond their position or velocity limits.
 
     Parameters
