@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 URDF, NONE = "urdf", "none"
-COLUMNS = ("joint", "effort", "brake")
-SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
+_COLUMNS = ("joint", "effort", "brake")
+_SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
 _KIND = "a TOML or CSV file of limits (joint, effort, brake)"
 
 LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
@@ -108,15 +108,15 @@ def _fill(robot: Robot, entries: Iterable[_Entry], source: str) -> Limits:
         effort[i] = _limit(entry.get("effort"), f"{where}: effort of {robot.names[i]}")
         brake[i] = _limit(entry.get("brake"), f"{where}: brake of {robot.names[i]}")
     if np.isnan(effort).all() and np.isnan(brake).all():
-        raise InputError(f"contains no limits; expected {', '.join(COLUMNS)} for each joint")
+        raise InputError(f"contains no limits; expected {', '.join(_COLUMNS)} for each joint")
     return Limits(read_only(effort), read_only(brake), source)
 
 
 def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
     for key, value in entry.items():
-        if key not in COLUMNS:
+        if key not in _COLUMNS:
             quotes = "; a name with a dot needs quotes" if isinstance(value, dict) else ""
-            known = ", ".join(COLUMNS)
+            known = ", ".join(_COLUMNS)
             raise InputError(f"{where}: unknown key {key!r}; available: {known}{quotes}")
     if "joint" not in entry:
         raise InputError(f"{where}: no joint given")
@@ -132,8 +132,8 @@ def _limit(value: object, what: str) -> float:
         limit = read_numbers(str(value), 1)[0]
     except ValueError as problem:
         raise InputError(f"{what}: {problem}; omit it if unknown") from None
-    if limit < SMALLEST:
-        hint = f"limits below {SMALLEST:g} are not accepted"
+    if limit < _SMALLEST:
+        hint = f"limits below {_SMALLEST:g} are not accepted"
         if limit <= 0.0:
             hint = "limits apply in both directions" if limit < 0.0 else "omit it if unknown"
         raise InputError(f"{what} must be a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
@@ -170,10 +170,10 @@ def _toml_entries(text: str) -> list[_Entry]:
 def _csv_entries(text: str) -> list[_Entry]:
     table = Table.of(text)
     header = [cell.lower() for cell in table.header] if table else []
-    if not table or "joint" not in header or len(set(header) & set(COLUMNS)) < len(header):
+    if not table or "joint" not in header or len(set(header) & set(_COLUMNS)) < len(header):
         hint = "; cells are separated by commas" if len(header) == 1 else ""
         raise InputError(
-            f"expected the header {','.join(COLUMNS)} (brake is optional), got {','.join(header)}"
+            f"expected the header {','.join(_COLUMNS)} (brake is optional), got {','.join(header)}"
             f"{hint}"
         )
     return [(f"line {line}", dict(zip(header, cells, strict=True))) for line, cells in table.rows()]

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
+_SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
 _INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
 _MAX_VIOLATION = 1e-6  # of the unit: a solution farther beyond a limit is rejected
 _FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
@@ -102,7 +102,7 @@ class Nearest(NamedTuple):
         if self.F_after is None:
             return ()
         torque, width, rounding = self._torques(feasible)
-        near = 2.0 * SLACK * width + rounding
+        near = 2.0 * _SLACK * width + rounding
         at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
         return tuple(
             j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from ftforce.core.feasible_forces import FeasibleForces
 
-Indices: TypeAlias = "NDArray[np.intp]"
-Sides: TypeAlias = "NDArray[np.bool_]"
+_Indices: TypeAlias = "NDArray[np.intp]"
+_Sides: TypeAlias = "NDArray[np.bool_]"
 
 _MAX_INTERSECTIONS = 2_000_000  # plane intersections; a few seconds and 500 MB
 _CHUNK = 20_000
@@ -121,7 +121,7 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
     return Vt[:rank].T, Vt[rank:].T
 
 
-def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
+def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
     """Return the distinct vertices of ``lower ≤ A z ≤ upper`` and the bounds active at each.
 
     The rows of A are unit vectors. Distances to bounds are relative to each limit; whether planes
@@ -168,9 +168,9 @@ def _distances(
     return (torque - lower) / half, (upper - torque) / half, rounding
 
 
-def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
+def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: _Sides) -> Matrix:
     """Return vertex coordinates in their affine hull: the limits may flatten the set."""
-    always: Sides = np.logical_and.reduce(at_bounds, axis=0)
+    always: _Sides = np.logical_and.reduce(at_bounds, axis=0)
     normals = A[always[: len(A)] | always[len(A) :]]
     if not len(normals):
         return corners
@@ -179,7 +179,7 @@ def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
     return coordinates
 
 
-def _chunks(k: int, d: int) -> Iterator[Indices]:
+def _chunks(k: int, d: int) -> Iterator[_Indices]:
     rows: list[tuple[int, ...]] = []
     for chosen in combinations(range(k), d):
         rows.append(chosen)
@@ -190,7 +190,7 @@ def _chunks(k: int, d: int) -> Iterator[Indices]:
         yield np.array(rows)
 
 
-def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
+def _faces(corners: Matrix, at_bounds: _Sides) -> Iterator[tuple[int, ...]]:
     """Yield the faces: the maximal sets of vertices on a common bound."""
     d = corners.shape[1]
     if d <= 2:
@@ -207,7 +207,7 @@ def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
         yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
 
 
-def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
+def _around(corners: Matrix, members: _Indices) -> tuple[int, ...]:
     """Return the vertices of a polygon in order around it."""
     points = corners[members] - corners[members].mean(axis=0)
     plane = np.linalg.svd(points, full_matrices=False)[2][:2]

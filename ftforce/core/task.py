@@ -20,7 +20,7 @@ Axes = Literal["tool", "world"]
 AXES: tuple[str, ...] = get_args(Axes)
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as in Pinocchio
 DEFAULT_LENGTH = 1.0
-SHORTEST, LONGEST = 1e-6, 1e6  # m; outside this range, forces or moments vanish in rounding error
+_SHORTEST, _LONGEST = 1e-6, 1e6  # m; outside this range, forces or moments vanish in rounding error
 _ROUNDING = 1e-12  # smaller forces, relative to the weighted norm, count as zero
 _SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
 
@@ -66,9 +66,9 @@ class Task:
             raise InputError(f"the task {given!r} must have one or more components, each only once")
         if self.axes not in AXES:
             raise UnknownNameError("axes", str(self.axes), AXES)
-        if not SHORTEST <= self.length <= LONGEST:  # also rejects NaN
+        if not _SHORTEST <= self.length <= _LONGEST:  # also rejects NaN
             raise InputError(
-                f"the characteristic length must lie between {SHORTEST:g} and {LONGEST:g} m, "
+                f"the characteristic length must lie between {_SHORTEST:g} and {_LONGEST:g} m, "
                 f"got {self.length}"
             )
 

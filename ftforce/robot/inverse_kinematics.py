@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 REACHED = 1e-9  # m
-FAR = 2.0  # times the reach bound
+_FAR = 2.0  # times the reach bound
 _INSIDE = 1e-6  # rad or m: the solver starts this far inside the limits
 _MAX_EVALUATIONS = 60  # of the residual per search; successful ones need about ten
 _DAMPED_BELOW = 1e-6  # of σ_max
@@ -82,7 +82,7 @@ def check_reach(robot: Robot, points: Matrix) -> None:
     first, length = reach_bound(robot)
     distances = np.linalg.norm(points - first, axis=1)
     far = int(distances.argmax())
-    if distances[far] > FAR * length:
+    if distances[far] > _FAR * length:
         raise InputError(
             f"the tip cannot reach {_in_words(points[far])} m in root axes: the point is "
             f"{distances[far]:.4g} m from the first joint, and the stretched arm is {length:.4g} m "

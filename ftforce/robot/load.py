@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import UrdfJoint
     from ftforce.robot.known_robots import KnownRobot
 
-PLACEHOLDER = 1e4  # theory §5: limits this large or larger are placeholders
+_PLACEHOLDER = 1e4  # limits this large or larger are placeholders (docs/theory/limits)
 
-States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
+_States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
 
 def load_robot(
@@ -156,17 +156,17 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
     """Return the position limits; infinite if there are none or both are placeholders."""
     if joint.lower is None or joint.upper is None:
         return -np.inf, np.inf
-    if joint.lower <= -PLACEHOLDER and joint.upper >= PLACEHOLDER:
+    if joint.lower <= -_PLACEHOLDER and joint.upper >= _PLACEHOLDER:
         return -np.inf, np.inf
-    return max(joint.lower, -PLACEHOLDER), min(joint.upper, PLACEHOLDER)
+    return max(joint.lower, -_PLACEHOLDER), min(joint.upper, _PLACEHOLDER)
 
 
 def _largest(limit: float | None) -> float | None:
     """Return an effort or velocity limit, or ``None`` if it is unknown."""
-    return limit if limit is not None and 0.0 < limit < PLACEHOLDER else None
+    return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
 
 
-def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
+def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> _States:
     """Return the named postures of SRDF and registry, by joint name."""
     states: dict[str, Mapping[str, float]] = dict(srdf.states)
     if known is not None and known.postures:
@@ -177,7 +177,7 @@ def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
     return states
 
 
-def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str]]:
+def _postures(chain: Chain, states: _States) -> tuple[dict[str, Vector], list[str]]:
     """Return the named postures of the chain, and notes on those that are incomplete."""
     postures: dict[str, Vector] = {}
     notes = []

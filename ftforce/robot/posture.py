@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
-SEED = 20_100  # fixed, so that samples are reproducible
+_SEED = 20_100  # fixed, so that samples are reproducible
 _defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
 
 
@@ -177,7 +177,7 @@ def samples(robot: Robot) -> Vector:
     """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
     lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
-    drawn = np.random.default_rng(SEED).random((SAMPLES, robot.n))
+    drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
 
 

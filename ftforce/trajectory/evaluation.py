@@ -63,7 +63,7 @@ class Case(NamedTuple):
     wary: float
 
 
-class FaultConstraints(NamedTuple):
+class _FaultConstraints(NamedTuple):
     """Masks and torque limits of a fault set.
 
     Attributes
@@ -84,7 +84,7 @@ class FaultConstraints(NamedTuple):
     known_limits: Vector
 
     @classmethod
-    def of(cls, case: Case, faults: FaultSet) -> FaultConstraints:
+    def of(cls, case: Case, faults: FaultSet) -> _FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
         limits = None if case.limits is None else case.limits.largest_torques(faults)
@@ -101,14 +101,14 @@ class TipPath(NamedTuple):
     orientation: Matrix | None
 
 
-class FaultKnowledge(NamedTuple):
+class _FaultKnowledge(NamedTuple):
     """Actual faults, and those the controller assumes; ``None`` if it knows the actual ones."""
 
-    actual: FaultConstraints
-    assumed: FaultConstraints | None
+    actual: _FaultConstraints
+    assumed: _FaultConstraints | None
 
 
-class Balance(NamedTuple):
+class _Balance(NamedTuple):
     """Weighted tip force and the matching torques; NaN if the arm cannot be held.
 
     Attributes
@@ -175,9 +175,9 @@ def run_of(
             tick(last - first)
             continue
         actual, assumed = (
-            FaultConstraints.of(case, faults) for faults in (phase.actual, phase.known)
+            _FaultConstraints.of(case, faults) for faults in (phase.actual, phase.known)
         )
-        knowledge = FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
+        knowledge = _FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
         for i in range(first, last):
             _fill(run, i, case, reference, knowledge)
             done = i + 1 - first
@@ -196,7 +196,7 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: FaultKnowledge) -> None:
+def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: _FaultKnowledge) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
@@ -221,7 +221,7 @@ def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: FaultKnow
 
 
 def _finish(
-    run: Run, here: slice, case: Case, reference: TipPath, actual: FaultConstraints
+    run: Run, here: slice, case: Case, reference: TipPath, actual: _FaultConstraints
 ) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
     run.path_error[here] = reference.x[here] - run.position[here]
@@ -234,7 +234,7 @@ def _finish(
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
-def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: FaultConstraints) -> Balance:
+def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: _FaultConstraints) -> _Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
     locked, free, limits, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, free)
@@ -251,10 +251,10 @@ def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: FaultConstraints) -
     if F_after is None:
         nothing = np.full(len(rnea), np.nan)
         lost = np.full(len(F), np.nan)
-        return Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
+        return _Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
     U = np.where(reduced.commanding, F_after.dot(J), 0.0)
     motor = np.where(reduced.commanding, rnea + U, 0.0)
-    return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
+    return _Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
 
 
 def _without_sign_changes(quaternions: Matrix) -> None:
@@ -263,7 +263,9 @@ def _without_sign_changes(quaternions: Matrix) -> None:
     quaternions[1:] *= np.cumprod(turned)[:, None]
 
 
-def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: FaultKnowledge) -> Balance:
+def _balance(
+    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+) -> _Balance:
     actual, assumed = knowledge
     if assumed is None:
         return _with_remap(case, J, rnea, actual)
@@ -274,8 +276,8 @@ def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: FaultKno
 
 
 def _without_remap(
-    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: FaultKnowledge
-) -> Balance:
+    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+) -> _Balance:
     """Return the force that results from torques commanded for the assumed faults."""
     actual, assumed = knowledge
     assert assumed is not None
@@ -297,7 +299,7 @@ def _without_remap(
     if moved <= case.rtol:  # below the tolerance the arm does not move
         unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, planned.F, F_after, moved)
-    return Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
+    return _Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
 def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
+_EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
 
 
 class FaultEvent(NamedTuple):
@@ -75,7 +75,7 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
     """
     given = [events] if isinstance(events, (str, FaultEvent)) else events
     if not isinstance(given, Iterable):
-        raise InputError(f"fault events are strings such as {EXAMPLES}; got {events!r}")
+        raise InputError(f"fault events are strings such as {_EXAMPLES}; got {events!r}")
     found = [one if isinstance(one, FaultEvent) else _read(robot, one) for one in given]
     for event in found:
         _check(robot, event)
@@ -129,10 +129,10 @@ def joined(events: Iterable[FaultEvent]) -> FaultSet:
 
 def _read(robot: Robot, text: object) -> FaultEvent:
     if not isinstance(text, str):
-        raise InputError(f"a fault event is a string such as {EXAMPLES}; got {text!r}")
+        raise InputError(f"a fault event is a string such as {_EXAMPLES}; got {text!r}")
     joints, at, time = text.rpartition("@")
     if not at or not joints.strip() or not time.strip():
-        raise InputError(f"a fault event needs joints and a time, e.g. {EXAMPLES}; got {text!r}")
+        raise InputError(f"a fault event needs joints and a time, e.g. {_EXAMPLES}; got {text!r}")
     try:
         seconds = read_numbers(time, 1)[0]
     except ValueError as problem:
@@ -144,7 +144,7 @@ def _read(robot: Robot, text: object) -> FaultEvent:
     if word not in set(FaultMode):
         raise InputError(
             f"unknown fault mode {mode.strip()!r} in {text!r}; available: locked, free, weak, "
-            f"e.g. {EXAMPLES}"
+            f"e.g. {_EXAMPLES}"
         )
     return FaultEvent(seconds, named_faults(robot, **{word: rest}))
 
@@ -157,7 +157,7 @@ def _check(robot: Robot, event: FaultEvent) -> None:
     if not isinstance(faults, FaultSet):
         raise InputError(f"a fault event needs a FaultSet, got {faults!r}")
     if not faults:
-        raise InputError(f"the fault at {time:g} s has no joints; give one, e.g. {EXAMPLES}")
+        raise InputError(f"the fault at {time:g} s has no joints; give one, e.g. {_EXAMPLES}")
     if any(fault.joint >= robot.n for fault in faults.faults):
         raise InputError(
             f"a joint of the fault at {time:g} s is out of range; the chain has: {robot.numbered()}"

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 FORMATS = ("csv", "npz", "parquet")
-LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
-LARGEST_FILE = 20_000_000_000  # bytes
+_LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
+_LARGEST_FILE = 20_000_000_000  # bytes
 _KIND = "a history written by ftforce (.csv, .npz or .parquet)"
 _VERSION = 1
 _ABOUT, _KEY = "about", b"ftforce"
@@ -150,7 +150,7 @@ def load_history(path: str | PathLike[str]) -> History:
     form = Path(path).suffix.lower().removeprefix(".")
     if form not in FORMATS:
         raise InputError(f"{printable(path)}: the name must end in .csv, .npz or .parquet")
-    data = read_bytes(path, TrajectoryError, _KIND, LARGEST_FILE)
+    data = read_bytes(path, TrajectoryError, _KIND, _LARGEST_FILE)
     read = {"csv": _from_csv, "npz": _from_npz, "parquet": _from_parquet}[form]
     try:
         return read(data)
@@ -320,7 +320,7 @@ def _cell(value: Any) -> Any:
 
 
 def _from_csv(data: bytes) -> History:
-    usual = csv.field_size_limit(LONGEST_CELL)  # process-wide, so it is restored
+    usual = csv.field_size_limit(_LONGEST_CELL)  # process-wide, so it is restored
     try:
         header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     finally:

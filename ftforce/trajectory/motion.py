@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 GAIN = 10.0  # 1/s: feedback gain on the position error of the tip
 LIMIT_GAIN = 5.0  # 1/s: a joint at distance d from its limit approaches it at no more than this · d
-SLOWEST = 1e-3  # m/s: least bound on the feedback velocity, for slow trajectories
+_SLOWEST = 1e-3  # m/s: least bound on the feedback velocity, for slow trajectories
 _AT_BOUND = 1e-9  # rad/s or m/s: a velocity this close to a bound counts as saturated
 _RTOL, _ATOL = 1e-8, 1e-9  # integration tolerances, rad or m
 _FINEST = 1e-4  # s: below this step size the adaptive method is abandoned
@@ -137,7 +137,7 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
     known :
         Faults known to the controller.
     """
-    top, orientation = max(reference.top_speed, SLOWEST), reference.orientation
+    top, orientation = max(reference.top_speed, _SLOWEST), reference.orientation
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
     rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)

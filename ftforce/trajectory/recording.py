@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-LARGEST_FILE = 2_000_000_000  # bytes
-GAP = 10.0  # times the median step: longer gaps are not interpolated
+_LARGEST_FILE = 2_000_000_000  # bytes
+_GAP = 10.0  # times the median step: longer gaps are not interpolated
 _NO_NUMBERS = "expected a header followed by rows of numbers"
 _KIND = "a CSV file of a trajectory (columns t and joint names, or x,y,z)"
 _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding
@@ -172,7 +172,7 @@ class Sheet(NamedTuple):
         TrajectoryError
             The file cannot be read, or a cell is empty or not a number.
         """
-        text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
+        text = read_text(path, TrajectoryError, _KIND, _LARGEST_FILE)
         try:
             table = _table(text)
             values = table.numbers(range(len(table.header)), _LARGEST)
@@ -289,7 +289,7 @@ def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) 
     usual = float(np.median(steps))
     if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
         raise InputError(f"the longest gap in s must be positive and finite, got {max_gap!r}")
-    longest = GAP * usual if max_gap is None else float(max_gap)
+    longest = _GAP * usual if max_gap is None else float(max_gap)
     if steps.max() > longest * (1.0 + 1e-9):
         i = int(steps.argmax())
         raise InputError(

@@ -20,9 +20,9 @@ END = (0.781, 0.509, 0.280)  # R_d, m
 SPEED = 0.015  # m/s
 FORCE = (80.0, 50.0, 10.0)  # N
 FAULT = "3@50"
-POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
+_POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
 
-NOTES = (
+_NOTES = (
     (
         "masses, not given in the paper: those of robots/dh5.toml, solid aluminium cylinders, "
         "10.7 kg in total"
@@ -67,7 +67,7 @@ def section_v(
     history = simulate(
         load_robot("dh5"),
         Path.through([START, END], speed=SPEED),
-        np.deg2rad(POSTURE),
+        np.deg2rad(_POSTURE),
         force=FORCE,
         faults=FAULT,
         rate=rate,
@@ -75,4 +75,4 @@ def section_v(
         remap=remap,
         progress=progress,
     )
-    return replace(history, setting=replace(history.setting, notes=NOTES))
+    return replace(history, setting=replace(history.setting, notes=_NOTES))

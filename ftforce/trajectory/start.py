@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
-RATE = 100.0  # Hz
+_RATE = 100.0  # Hz
 MAX_SAMPLES = 5_000_000
 _SAME = 1e-6  # rad or m: postures closer than this count as the same
 
@@ -121,7 +121,7 @@ def start_of(
         return _recorded(robot, given, rate)
     if not isinstance(given, Path):
         raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
-    return _along(robot, given, choose_posture(robot, q, posture), rate or RATE)
+    return _along(robot, given, choose_posture(robot, q, posture), rate or _RATE)
 
 
 def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:

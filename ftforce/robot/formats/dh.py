@@ -76,9 +76,9 @@ class DHRow:
     link: str | None = None
 
     def __post_init__(self) -> None:
-        check_choice(self.type, "type", JointType)
+        _check_choice(self.type, "type", JointType)
         for key in ("a", "alpha", "d", "theta", "lower", "upper"):
-            check_number(getattr(self, key), key)
+            _check_number(getattr(self, key), key)
         for key in ("effort", "velocity", "mass"):
             _check_positive(getattr(self, key), key)
         if self.lower > self.upper:
@@ -114,8 +114,8 @@ class MassModel:
     density: float | None = None
 
     def __post_init__(self) -> None:
-        check_choice(self.model, "model", Solid)
-        check_number(self.radius, "radius")
+        _check_choice(self.model, "model", Solid)
+        _check_number(self.radius, "radius")
         _check_positive(self.radius, "radius")
         _check_positive(self.density, "density")
 
@@ -150,7 +150,7 @@ class DHTable:
 
     def __post_init__(self) -> None:
         _check_name(self.name, "name")
-        check_choice(self.convention, "convention", Convention)
+        _check_choice(self.convention, "convention", Convention)
         if not self.rows:
             raise InputError("rows is empty; a table needs one row per joint")
         for i, row in enumerate(self.rows, start=1):
@@ -244,7 +244,7 @@ def _along_z(theta: float, d: float) -> Matrix:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
 
 
-def check_number(value: object, key: str) -> float:
+def _check_number(value: object, key: str) -> float:
     """Return a number as a float.
 
     Raises
@@ -261,11 +261,11 @@ def check_number(value: object, key: str) -> float:
 
 
 def _check_positive(value: float | None, key: str) -> None:
-    if value is not None and check_number(value, key) <= 0:
+    if value is not None and _check_number(value, key) <= 0:
         raise InputError(f"{key} must be positive, got {value:g}")
 
 
-def check_choice(value: object, kind: str, choices: Any) -> None:
+def _check_choice(value: object, kind: str, choices: Any) -> None:
     """Check that a value is one of the values of a ``Literal``.
 
     Raises
@@ -326,8 +326,8 @@ def _arguments_of_table(text: str) -> dict[str, Any]:
 
 def _angle_unit(entry: object) -> Callable[[float], float]:
     units = _checked_keys(entry, ("length", "angle"))
-    check_choice(units["length"], "length unit", Literal["m"])
-    check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
+    _check_choice(units["length"], "length unit", Literal["m"])
+    _check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
     return math.radians if units["angle"] == "deg" else float
 
 
@@ -357,7 +357,7 @@ def _postures(
             raise InputError(f"{where} must be a list of numbers, got {brief(values)}")
         # DHTable rejects lists of the wrong length.
         with_units = zip(chain(units, repeat(float)), values, strict=False)
-        postures[name] = [unit(check_number(value, where)) for unit, value in with_units]
+        postures[name] = [unit(_check_number(value, where)) for unit, value in with_units]
     return postures
 
 
@@ -368,7 +368,7 @@ def _arguments(
     optional = [f.name for f in fields(kind) if f.default is not MISSING]
     values = _checked_keys(entry, required, optional)
     return {
-        key: value if key in text else check_number(value, key) for key, value in values.items()
+        key: value if key in text else _check_number(value, key) for key, value in values.items()
     }
 
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import Numbers, UrdfTree
 
 MAX_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
-SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
-SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
-SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
+_SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
+_SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
+_SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3 = (0.0, 0.0, 0.0)
@@ -112,7 +112,7 @@ class _Reader:
     def moments(self, matrix: Element | None, where: str) -> Numbers:
         values = [self.number(matrix, key, f"{where}: inertia {key}") or 0.0 for key in MOMENTS]
         for key, value in zip(MOMENTS, values, strict=True):
-            if key in _DIAGONAL and value < -SMALLEST_MOMENT:
+            if key in _DIAGONAL and value < -_SMALLEST_MOMENT:
                 what = f"{where}: inertia {key} {value:g} kg·m²"
                 raise self.error(f"{what} is negative; it must be 0 or more")
         return tuple(values)
@@ -168,7 +168,7 @@ class _Reader:
             return (1.0, 0.0, 0.0)  # default of the URDF format
         axis = self.numbers(found.get("xyz", "1 0 0"), 3, f"{where}: axis")
         length = math.hypot(*axis)
-        if length < SHORTEST_AXIS:
+        if length < _SHORTEST_AXIS:
             if kind in MOVING or kind == "planar":
                 raise self.error(f"{where}: its axis is zero; give a direction, e.g. 0 0 1")
             return (1.0, 0.0, 0.0)  # the axis of a fixed joint is irrelevant
@@ -225,4 +225,4 @@ class _Reader:
 
 
 def _without_traces(numbers: Numbers) -> Numbers:
-    return tuple(x if abs(x) >= SMALLEST_STEP else 0.0 * x for x in numbers)  # signed zeros
+    return tuple(x if abs(x) >= _SMALLEST_STEP else 0.0 * x for x in numbers)  # signed zeros
