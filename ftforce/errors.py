@@ -146,7 +146,15 @@ def printable(text: object) -> str:
 
 
 def closest(name: object, available: Iterable[str]) -> str | None:
-    """Return the available name most similar to ``name``, or ``None``."""
+    """Return the available name most similar to ``name``, or ``None``.
+
+    Parameters
+    ----------
+    name :
+        The name to look for, in upper or lower case.
+    available :
+        The available names.
+    """
     if not isinstance(name, str):  # a number resembles no name
         return None
     from difflib import get_close_matches
@@ -157,7 +165,15 @@ def closest(name: object, available: Iterable[str]) -> str | None:
 
 
 def listed(names: Iterable[str], most: int = 24) -> str:
-    """Join names for a message, truncated to ``most`` names with a count of the rest."""
+    """Join names for a message, truncated to ``most`` names with a count of the rest.
+
+    Parameters
+    ----------
+    names :
+        The names.
+    most :
+        Number of names to show.
+    """
     names = tuple(names)
     if not names:
         return "(none)"

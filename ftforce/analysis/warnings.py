@@ -23,7 +23,15 @@ _SLACK = 1e-9  # relative: ignores rounding errors
 
 
 def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
-    """Warn if the task Jacobian of the healthy arm is rank deficient."""
+    """Warn if the task Jacobian of the healthy arm is rank deficient.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    task :
+        The task.
+    """
     if reduced.rank < reduced.m:
         yield (
             f"the Jacobian of the healthy arm has only rank {reduced.rank} of {reduced.m} for the "
@@ -50,7 +58,17 @@ def unknown_impact(faults: FaultSet) -> Iterator[str]:
 
 
 def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
-    """Warn about weak joints and overloaded motors when no limits are in force."""
+    """Warn about weak joints and overloaded motors when no limits are in force.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    faults :
+        The fault set.
+    torque :
+        Motor torques before and after the fault; ``None`` without a force.
+    """
     yield from unjudged(robot, faults, None)
     if torque is None or torque.after is None:
         return
@@ -65,7 +83,17 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
 
 
 def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
-    """Warn about weak joints whose limit is unknown or not in force."""
+    """Warn about weak joints whose limit is unknown or not in force.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    faults :
+        The fault set.
+    limits :
+        Torque limits in force; ``None`` if none.
+    """
     for fault in faults.faults:
         if fault.mode is not FaultMode.WEAK or fault.is_free:
             continue
@@ -77,7 +105,15 @@ def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[
 
 
 def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
-    """Warn about the joints (indices) that weight and motion alone overload."""
+    """Warn about the joints (indices) that weight and motion alone overload.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    joints :
+        Indices of the overloaded joints, from 0.
+    """
     if names := [robot.names[j] for j in joints]:
         yield (
             f"gravity and motion torques alone overload {listed(names)}: only the tip force keeps "

@@ -56,6 +56,13 @@ def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> 
 def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
     """Return a float copy of an array of real numbers; complex, text and boolean are rejected.
 
+    Parameters
+    ----------
+    value :
+        Anything NumPy can convert to an array.
+    name :
+        Name of the value, for error messages.
+
     Raises
     ------
     InputError
@@ -74,6 +81,13 @@ def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
 
 def check_finite(array: NDArray[np.float64], name: str) -> None:
     """Check that all elements are finite.
+
+    Parameters
+    ----------
+    array :
+        The array, of any shape.
+    name :
+        Name of the array, for error messages.
 
     Raises
     ------
@@ -97,7 +111,17 @@ def norm(x: Vector) -> float:
 
 
 def over(x: _Size, scale: float, otherwise: _Size) -> _Size:
-    """Return x / scale, or ``otherwise`` if the scale is zero."""
+    """Return x / scale, or ``otherwise`` if the scale is zero.
+
+    Parameters
+    ----------
+    x :
+        A number or a vector.
+    scale :
+        Divisor, 0 or more.
+    otherwise :
+        Result if the divisor is zero.
+    """
     return x / scale if scale > 0.0 else otherwise
 
 

@@ -350,13 +350,33 @@ def bounded_remap(
 def remap_inside(
     reduced: ReducedJacobian, F: Vector, rnea: Vector, largest: Vector | None
 ) -> BoundedRemap:
-    """Remap within limits, given the weighted force F̂; arguments are not validated."""
+    """Remap within limits, given the weighted force F̂; arguments are not validated.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Force F̂ that the healthy arm exerts, shape (m,).
+    rnea :
+        Gravity and motion torques after the fault, shape (n,).
+    largest :
+        Maximum torques as in `feasible_forces`, shape (n,); ``None`` applies no limits.
+    """
     feasible = feasible_forces(reduced, rnea, largest, LockModel.COMMANDED)
     return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
 
 
 def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
-    """Return the largest s ≤ 1 for which s·F is feasible, or ``None`` if there is none."""
+    """Return the largest s ≤ 1 for which s·F is feasible, or ``None`` if there is none.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    F :
+        Desired force, weighted, shape (m,).
+    """
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
     if ray.is_empty or ray.minimum > 1.0:
         return None

@@ -243,14 +243,30 @@ class FaultSet:
 
 
 def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iterator[FaultSet]:
-    """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13)."""
+    """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13).
+
+    Parameters
+    ----------
+    n :
+        Number of joints of the chain.
+    largest :
+        Size of the largest sets.
+    mode :
+        Fault mode of all failed joints.
+    """
     for size in range(1, largest + 1):
         for joints in combinations(range(n), size):
             yield FaultSet.all_of(mode, joints)
 
 
 def count_fault_sets(n: int, largest: int) -> int:
-    """Return the number of sets that `fault_sets` yields."""
+    """Return the number of sets that `fault_sets` yields.
+
+    Parameters
+    ----------
+    n, largest :
+        As in `fault_sets`.
+    """
     return sum(comb(n, size) for size in range(1, largest + 1))
 
 

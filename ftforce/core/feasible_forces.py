@@ -233,7 +233,15 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
 
 
 def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
-    """Return what limits the force along a ray."""
+    """Return what limits the force along a ray.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    ray :
+        Their range along the ray, from `reach`.
+    """
     if ray.is_empty:
         balanced = feasible.stands_still and not feasible.F0.any()
         return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT

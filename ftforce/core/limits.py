@@ -91,6 +91,13 @@ class Limits:
 def checked_limits(limits: ArrayLike, name: str) -> Vector:
     """Return a validated copy of limits, NaN where unknown or infinite.
 
+    Parameters
+    ----------
+    limits :
+        Torque limits, N·m or N, shape (n,).
+    name :
+        Name of the limits, for error messages.
+
     Raises
     ------
     InputError

@@ -43,7 +43,13 @@ def force_error(reduced: ReducedJacobian) -> float:
 
 
 def worst_manipulability_bound(n: int, m: int, f: int) -> float:
-    """Return √(C(n-m, f)/C(n, f)), an upper bound on min ρ over f locked joints in any posture."""
+    """Return √(C(n-m, f)/C(n, f)), an upper bound on min ρ over f locked joints in any posture.
+
+    Parameters
+    ----------
+    n, m, f :
+        Numbers of joints, task rows and locked joints.
+    """
     return math.sqrt(comb(n - m, f) / comb(n, f)) if n >= m else 0.0
 
 
@@ -83,7 +89,17 @@ def _along_axes(projector: Matrix, count: int) -> Matrix:
 
 
 def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:
-    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, the contribution of each joint (Table 2), shape (n,)."""
+    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, the contribution of each joint (Table 2), shape (n,).
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    tau :
+        Motor torques that produce the tip force, shape (n,).
+    F :
+        Force F̂, weighted, shape (m,).
+    """
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
     shares = _norms(np.array(columns), axis=1) * np.abs(tau)
@@ -91,7 +107,15 @@ def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vec
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
-    """Return ‖J_k v_k‖/‖J v‖, the contribution of each joint (Table 2), shape (n,)."""
+    """Return ‖J_k v_k‖/‖J v‖, the contribution of each joint (Table 2), shape (n,).
+
+    Parameters
+    ----------
+    J :
+        Weighted task Jacobian, shape (m, n).
+    v :
+        Joint velocities, rad/s or m/s, shape (n,).
+    """
     shares = _norms(J * v, axis=0)
     return read_only(over(shares, float(_norms(J @ v)), np.zeros_like(shares)))
 

@@ -138,14 +138,34 @@ class ReducedJacobian(NamedTuple):
 def reduce(
     J: Matrix, locked: Mask, rtol: float = RTOL, free: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose J and K; arguments are not validated (see `check_core_input`)."""
+    """Decompose J and K; arguments are not validated (see `check_core_input`).
+
+    Parameters
+    ----------
+    J :
+        Weighted task Jacobian, read-only, shape (m, n).
+    locked :
+        True at locked joints, shape (n,).
+    rtol :
+        Rank tolerance, relative to σ_max(J).
+    free :
+        True at free-swinging joints, shape (n,); ``None`` if there are none.
+    """
     return reduce_decomposed(Svd(J), locked, rtol, free)
 
 
 def reduce_decomposed(
     healthy: Svd, locked: Mask, rtol: float, free: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose K for a fault set, given the decomposition of J."""
+    """Decompose K for a fault set, given the decomposition of J.
+
+    Parameters
+    ----------
+    healthy :
+        Decomposition of J.
+    locked, rtol, free :
+        As in `reduce`.
+    """
     lost = rtol * healthy.s[0]  # ranks are relative to the healthy arm
     damaged, columns = healthy, None
     if True in locked.tolist():
@@ -195,6 +215,15 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
 
 def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     """Validate a user-supplied joint mask, one entry per column of J.
+
+    Parameters
+    ----------
+    joints :
+        Boolean mask, shape (n,).
+    n :
+        Number of joints.
+    name :
+        Name of the mask, for error messages.
 
     Raises
     ------

@@ -57,7 +57,15 @@ class Svd:
         return rank
 
     def solve_transposed(self, tau: Vector, rtol: float) -> Vector:
-        """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
+        """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero.
+
+        Parameters
+        ----------
+        tau :
+            Right-hand side, shape (n,).
+        rtol :
+            Tolerance, relative to the largest singular value.
+        """
         workspace = _workspace(self.A.shape, False)
         if workspace is not self._workspace or workspace.count != self._count:
             workspace.decompose(self.A)  # reused for another matrix since
@@ -67,7 +75,15 @@ class Svd:
         return F if F.ndim == 1 else F.reshape(-1)
 
     def solve(self, x: Vector, rank: int) -> Vector:
-        """Return A† x, using the first ``rank`` singular values, shape (n,)."""
+        """Return A† x, using the first ``rank`` singular values, shape (n,).
+
+        Parameters
+        ----------
+        x :
+            Right-hand side, shape (m,).
+        rank :
+            Number of singular values to use.
+        """
         # V comes from a decomposition of its own: Aᵀ U / s loses accuracy where s is small.
         decomposition = ColPivHhJacobiSVD(self.A.T, _THIN_U_FULL_V)
         U, V = decomposition.matrixV(), decomposition.matrixU()
@@ -76,13 +92,29 @@ class Svd:
         return v
 
     def project(self, x: Vector, rank: int) -> Vector:
-        """Return A A† x, the projection of x onto the first ``rank`` left singular vectors."""
+        """Return A A† x, the projection of x onto the first ``rank`` left singular vectors.
+
+        Parameters
+        ----------
+        x :
+            Vector, shape (m,).
+        rank :
+            Number of singular vectors to project onto.
+        """
         U = self.U[:, :rank]
         kept: Vector = U.dot(x.dot(U))
         return kept
 
     def beyond(self, x: Vector, rank: int) -> Vector:
-        """Return (I - A A†) x, the projection of x onto the other left singular vectors."""
+        """Return (I - A A†) x, the projection of x onto the other left singular vectors.
+
+        Parameters
+        ----------
+        x :
+            Vector, shape (m,).
+        rank :
+            Number of singular vectors to exclude.
+        """
         U = self.U[:, rank:]
         lost: Vector = U.dot(x.dot(U))
         return lost

@@ -83,7 +83,15 @@ def _outcomes(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
 
 
 def tolerance_that_loses(s: float, scale: float) -> float:
-    """Return the smallest tolerance t at which a singular value is lost, s ≤ t · scale."""
+    """Return the smallest tolerance t at which a singular value is lost, s ≤ t · scale.
+
+    Parameters
+    ----------
+    s :
+        Singular value.
+    scale :
+        σ_max(J).
+    """
     t = s / scale
     return t if s <= t * scale else math.nextafter(t, math.inf)  # the quotient may be rounded down
 

@@ -98,6 +98,13 @@ class Table(NamedTuple):
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
         """Return the table whose header is the first nonblank row, or ``None`` if text is blank.
 
+        Parameters
+        ----------
+        text :
+            The whole text.
+        one_line :
+            Whether cells with line breaks are rejected.
+
         Raises
         ------
         InputError
@@ -127,6 +134,13 @@ class Table(NamedTuple):
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER
     ) -> NDArray[np.float64]:
         """Return selected columns as numbers, shape (rows, columns).
+
+        Parameters
+        ----------
+        columns :
+            Column indices, from 0.
+        largest :
+            Largest absolute value accepted.
 
         Raises
         ------

@@ -179,7 +179,15 @@ def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tupl
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """Return a quoted text for a message, truncated to ``most`` characters."""
+    """Return a quoted text for a message, truncated to ``most`` characters.
+
+    Parameters
+    ----------
+    text :
+        The text.
+    most :
+        Number of characters to show.
+    """
     return repr(text) if len(text) <= most else f"{text[:most]!r}…"
 
 

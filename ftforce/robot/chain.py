@@ -62,6 +62,15 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
 def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple[str, str]:
     """Return the base link and how it was chosen: given, from the SRDF chain, or the root.
 
+    Parameters
+    ----------
+    tree, srdf :
+        Contents of URDF and SRDF.
+    tip :
+        Tip link.
+    base :
+        Base link given by the caller, or ``None``.
+
     Raises
     ------
     InputError
@@ -80,12 +89,28 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
 
 
 def links_above(tree: UrdfTree, tip: str) -> list[str]:
-    """Return the links that can be the base for a tip, root first."""
+    """Return the links that can be the base for a tip, root first.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    tip :
+        Tip link.
+    """
     return [joint.parent for joint in tree.path_to(tip)]
 
 
 def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
-    """Return the moving joints from base to tip, including followers."""
+    """Return the moving joints from base to tip, including followers.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    base, tip :
+        Base and tip link.
+    """
     joints = tree.path_to(tip)
     children = [joint.child for joint in joints]
     start = children.index(base) + 1 if base in children else 0
@@ -252,7 +277,15 @@ def choose_chain(
 
 
 def leaders_of(tree: UrdfTree, joints: tuple[UrdfJoint, ...]) -> dict[str, UrdfJoint]:
-    """Return the distinct joints after replacing each follower by its leader."""
+    """Return the distinct joints after replacing each follower by its leader.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    joints :
+        Moving joints, from base to tip.
+    """
     names = (joint.mimic.leader if joint.mimic else joint.name for joint in joints)
     return {name: tree.joints[name] for name in names}
 

@@ -156,6 +156,15 @@ def rnea_torque(
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
     """Return the mass matrix M(q), kg·m² (kg·m and kg for prismatic joints), shape (n, n).
 
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    payload :
+        Payload at the tip.
+
     Raises
     ------
     InputError
@@ -179,7 +188,17 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
 
 
 def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
-    """Return the linear Jacobian of the payload in root axes, shape (3, n)."""
+    """Return the linear Jacobian of the payload in root axes, shape (3, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    payload :
+        Payload at the tip.
+    """
     J = frame_jacobian(robot, q, "world")  # also updates the tip placement
     linear: Matrix = J[:3]
     if payload.offset.any():
@@ -189,7 +208,13 @@ def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
 
 
 def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload) -> Vector:
-    """Return the acceleration of the payload in root axes, m/s², shape (3,)."""
+    """Return the acceleration of the payload in root axes, m/s², shape (3,).
+
+    Parameters
+    ----------
+    robot, q, v, a, payload :
+        As in `motion_torque`.
+    """
     model, data, frame, fold = robot.model, robot.data, robot.tip_frame, robot.coordinates
     axes = pin.LOCAL_WORLD_ALIGNED
     pin.forwardKinematics(model, data, robot.to_model(q), fold.rate(v), fold.rate(a))

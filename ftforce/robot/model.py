@@ -61,7 +61,15 @@ def full_model(tree: UrdfTree) -> pin.Model:
 
 
 def restore_names(model: pin.Model, tree: UrdfTree) -> None:
-    """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place."""
+    """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place.
+
+    Parameters
+    ----------
+    model :
+        Pinocchio model with codes for names.
+    tree :
+        Contents of the URDF.
+    """
     codes = (*tree.link_codes().items(), *tree.joint_codes().items())
     names = {code: name for name, code in codes}
     model.name = tree.name
@@ -72,7 +80,15 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
 
 
 def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
-    """Return the map from the chain's joint positions to a model with codes for names."""
+    """Return the map from the chain's joint positions to a model with codes for names.
+
+    Parameters
+    ----------
+    chain :
+        The chain.
+    model :
+        Its Pinocchio model, from `reduced_model`.
+    """
     codes = chain.tree.joint_codes()
     G = np.zeros((model.nv, len(chain.leaders)))
     offset = np.zeros(model.nv)

@@ -154,7 +154,15 @@ def mid_range(robot: Robot) -> Vector:
 
 
 def is_singular(robot: Robot, q: Vector) -> bool:
-    """Return whether the force or wrench Jacobian is rank-deficient relative to other postures."""
+    """Return whether the force or wrench Jacobian is rank-deficient relative to other postures.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
     J = frame_jacobian(robot, q)
     for rows in (3, 6):
         rank = _rank(J[:rows], BORDERLINE_RTOL)

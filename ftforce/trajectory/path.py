@@ -136,5 +136,13 @@ class Leg(NamedTuple):
 
 
 def leg_at(legs: Sequence[Leg], t: float) -> Leg:
-    """Return the leg at time t, s; the first or last one outside the path."""
+    """Return the leg at time t, s; the first or last one outside the path.
+
+    Parameters
+    ----------
+    legs :
+        Line segments of the path, in order.
+    t :
+        Time, s.
+    """
     return next((leg for leg in legs if t < leg.end), legs[-1])

@@ -222,7 +222,17 @@ def _table(text: str) -> Table:
 
 
 def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
-    """Return the recorded motion in a file, see `Recording.read`."""
+    """Return the recorded motion in a file, see `Recording.read`.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    sheet :
+        The file.
+    max_gap :
+        As in `Recording.of`.
+    """
     try:
         columns = _columns(robot, sheet.table.header)
         t = read_only(sheet.values[:, columns["t"][0]].copy())

@@ -58,7 +58,13 @@ class ReferenceTrajectory(Protocol):
         """Return the target at time ``t``, s."""
 
     def motion(self, t: Vector) -> Motion | None:
-        """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed."""
+        """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed.
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
 
 
 class PathReference:
@@ -119,5 +125,11 @@ class RecordedReference:
         return Target(x, J[:3].dot(v), v)
 
     def motion(self, t: Vector) -> Motion:
-        """Return the recorded joint motion at times ``t``."""
+        """Return the recorded joint motion at times ``t``.
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
         return Motion(self._q(t), self._v(t), self._a(t))

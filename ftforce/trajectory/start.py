@@ -179,5 +179,11 @@ def _count(samples: float) -> float:
 
 
 def tip_at(robot: Robot, q: ArrayLike | Posture | None, posture: str | None) -> Vector:
-    """Return the tip position in a posture, in root axes, m, shape (3,)."""
+    """Return the tip position in a posture, in root axes, m, shape (3,).
+
+    Parameters
+    ----------
+    robot, q, posture :
+        As in `ftforce.analyze`.
+    """
     return tip_pose(robot, choose_posture(robot, q, posture).q)[1]

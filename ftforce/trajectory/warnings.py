@@ -93,7 +93,15 @@ def unsupported(history: History) -> Matrix:
 
 
 def lacking(asked: Vector, exerted: Matrix) -> Matrix:
-    """Return requested minus exerted force, with rounding errors set to zero, shape (N, m)."""
+    """Return requested minus exerted force, with rounding errors set to zero, shape (N, m).
+
+    Parameters
+    ----------
+    asked :
+        Requested force, N and N·m, shape (m,).
+    exerted :
+        Exerted force over time, shape (N, m).
+    """
     missing = np.nan_to_num(asked - exerted)
     return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
 

@@ -170,7 +170,15 @@ def build_tree(
 
 
 def did_you_mean(name: str, available: Iterable[str]) -> str:
-    """Return the end of a message that suggests the closest name, or an empty string."""
+    """Return the end of a message that suggests the closest name, or an empty string.
+
+    Parameters
+    ----------
+    name :
+        The unknown name.
+    available :
+        The available names.
+    """
     return f"; did you mean {close!r}?" if (close := closest(name, available)) else ""
 
 
