@@ -155,7 +155,7 @@ def test_free_and_locked_joints_by_pseudo_inverses(seed):
     balanced = -np.linalg.pinv(J_S.T) @ rnea[free]
     if norm(J_S.T @ balanced + rnea[free]) > 1e-6 * norm(rnea):
         assert result.F_after is None
-        assert not result.feasible.stands_still
+        assert not result.feasible.is_balanced
         assert result.share is None
         return
     left = F - np.linalg.pinv(J_S.T) @ (J_S.T @ F)  # a free joint alone
@@ -210,7 +210,7 @@ def test_by_hand(asked, F_after, U, binding, share):
     assert_close(result.F_after + result.jump, result.nearest.F, scale=10.0)
     assert_close(result.U, U, scale=10.0)
     assert (result.binding, result.overloaded) == (binding, ())
-    assert result.feasible.stands_still
+    assert result.feasible.is_balanced
     assert result.share == (None if share is None else pytest.approx(share))
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
-_SLACK = 1e-9  # relative: ignores rounding errors
+_SLACK = 1e-9  # relative; allows for rounding error
 
 
 def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
@@ -40,7 +40,7 @@ def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
 
 
 def missing_masses(rnea: RneaChange) -> Iterator[str]:
-    """Warn if the torques for weight, or for weight and motion, are unknown."""
+    """Warn if gravity torques, or gravity and motion torques, are unknown."""
     if not rnea.is_known:
         what = "gravity torques"
         if rnea.motion_before is None:
@@ -49,7 +49,7 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:
-    """Warn that velocities right after the lock are unknown without valid masses."""
+    """Warn that velocities immediately after locking are unknown without valid masses."""
     if faults.in_mode(FaultMode.LOCKED):
         yield (
             "masses or inertias in the URDF are missing or unphysical: the velocities immediately "
@@ -105,7 +105,7 @@ def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[
 
 
 def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
-    """Warn about the joints (indices) that weight and motion alone overload.
+    """Warn about joints that gravity and motion torques alone overload.
 
     Parameters
     ----------

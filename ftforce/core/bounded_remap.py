@@ -129,23 +129,23 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
     F :
         Desired force F̂, shape (m,).
     """
-    none = np.zeros(len(feasible.joints))
-    if not feasible.stands_still:
-        return Nearest(F, None, none)
+    multipliers = np.zeros(len(feasible.joints))
+    if not feasible.is_balanced:
+        return Nearest(F, None, multipliers)
     wanted = F.dot(feasible.Z)
-    whole = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
-    closed = F if whole else feasible.F0 + feasible.Z.dot(wanted)
+    unrestricted = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
+    closed = F if unrestricted else feasible.F0 + feasible.Z.dot(wanted)
     if not feasible.joints or _is_within(feasible, closed):
-        return Nearest(F, closed, none)  # no limit is active: the closed form holds
-    z = _solve(feasible, wanted, none)
-    return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), none)
+        return Nearest(F, closed, multipliers)  # no limit is active: the closed form holds
+    z = _solve(feasible, wanted, multipliers)
+    return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), multipliers)
 
 
 def _is_within(feasible: FeasibleForces, F: Vector) -> bool:
     torque = feasible.rows.dot(F)
     # For a handful of joints, lists are faster than NumPy reductions.
-    over = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
-    return True not in over
+    beyond = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
+    return True not in beyond
 
 
 def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vector | None:
@@ -259,7 +259,7 @@ class BoundedRemap:
 
     @property
     def share(self) -> float | None:
-        """Largest s ≤ 1 for which s·F̂ can be held (direction preserved); ``None`` if none."""
+        """Largest s ≤ 1 for which s·F̂ can be held in the same direction; ``None`` if none can."""
         return share_of(self.feasible, self.nearest.F)
 
     @property
@@ -317,7 +317,7 @@ def bounded_remap(
     --------
     >>> import numpy as np
     >>> J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
-    >>> unknown = float("nan")  # here of the brake
+    >>> unknown = float("nan")  # limit of the brake
     >>> tau, locked = J.T @ [10.0, 5.0], [False, True, False]
     >>> result = bounded_remap(J, tau, locked, limits=[6.0, unknown, 9.0])
     >>> result.U, result.binding, round(result.share, 12)
@@ -385,7 +385,7 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
 
 def _at_rest(feasible: FeasibleForces) -> Reach:
     """Return an unbounded range if zero force is feasible: any multiple of zero is zero."""
-    bare = not feasible.F0.any() and feasible.stands_still
+    bare = not feasible.F0.any() and feasible.is_balanced
     inside = bool((feasible.lower <= 0.0).all() and (feasible.upper >= 0.0).all())
     return Reach(0.0, math.inf) if bare and inside else NOTHING
 
@@ -394,4 +394,6 @@ def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
     """Return the joints that gravity and motion overload, with only F₀ at the tip."""
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
-    return tuple(j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over)
+    return tuple(
+        j for j, exceeded in zip(feasible.joints, beyond.tolist(), strict=True) if exceeded
+    )

@@ -81,7 +81,8 @@ class ForceChange:
     before :
         Force that the healthy arm exerts, F̂.
     after :
-        Force that can still be held; ``None`` if the arm cannot hold still under any tip force.
+        Force that can still be held; ``None`` if no tip force keeps the arm in
+        equilibrium.
     jump :
         ΔF = before - after; ``None`` if ``after`` is.
     jump_norm :
@@ -103,8 +104,8 @@ class ForceChange:
 class TorqueChange:
     """Motor torques, N·m (N for prismatic joints), shape (n,).
 
-    Torques after the fault are ``None`` if the arm cannot hold still; totals are also ``None`` if
-    the URDF has no masses.
+    Torques after the fault are ``None`` if the arm cannot be held in static equilibrium; totals are
+    also ``None`` if the URDF has no masses.
 
     Attributes
     ----------

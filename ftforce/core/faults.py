@@ -193,7 +193,7 @@ class FaultSet:
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
     def free_mask(self, n: int) -> Mask | None:
-        """Return a mask that is True at free-swinging joints, shape (n,); ``None`` if none is.
+        """Return a mask that is True at free-swinging joints, shape (n,); ``None`` without any.
 
         Parameters
         ----------

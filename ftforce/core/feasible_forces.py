@@ -65,7 +65,7 @@ class LimitingFactor(StrEnum):
     FAULT = "fault"
     """The fault itself: no motor acts in this direction, or a free-swinging joint yields."""
     WEIGHT = "weight"
-    """Gravity and motion torques alone exceed the limits: the arm cannot carry itself."""
+    """Gravity and motion torques alone exceed the limits: the arm cannot support itself."""
     UNLIMITED = "unlimited"
     """No known limit applies."""
 
@@ -105,8 +105,8 @@ class FeasibleForces(NamedTuple):
     scale: float
 
     @property
-    def stands_still(self) -> bool:
-        """Whether some tip force balances the free-swinging joints."""
+    def is_balanced(self) -> bool:
+        """Whether some tip force balances the free-swinging joints, so that the arm can be held."""
         return self.unbalanced <= self.rtol
 
 
@@ -190,8 +190,8 @@ def feasible_forces(
     # NaN is unknown; 0 is a free-swinging joint, already accounted for in F0 and Z.
     joints = (largest > 0.0).nonzero()[0]
     weights, limit = rnea[joints], largest[joints]
-    rows, bounds, names = reduced.J.T[joints], (-limit - weights, limit - weights), joints.tolist()
-    return FeasibleForces(F0, Z, rows, *bounds, names, unbalanced, reduced.rtol, scale)
+    rows, bounds = reduced.J.T[joints], (-limit - weights, limit - weights)
+    return FeasibleForces(F0, Z, rows, *bounds, joints.tolist(), unbalanced, reduced.rtol, scale)
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
@@ -204,7 +204,7 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     d :
         Direction in weighted task coordinates, shape (m,).
     """
-    if not feasible.stands_still:
+    if not feasible.is_balanced:
         return NOTHING
     minimum, maximum = _on_plane(feasible, d)
     if maximum < minimum or not feasible.joints:
@@ -243,7 +243,7 @@ def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
         Their range along the ray, from `reach`.
     """
     if ray.is_empty:
-        balanced = feasible.stands_still and not feasible.F0.any()
+        balanced = feasible.is_balanced and not feasible.F0.any()
         return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
     if ray.limiting_joints:
         return LimitingFactor.LIMIT
@@ -262,11 +262,11 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     """
     if not space.size:
         space = np.eye(len(space), 1)
-    if not feasible.stands_still or feasible.F0.any():  # zero force is not feasible
+    if not feasible.is_balanced or feasible.F0.any():  # zero force is not feasible
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
     _, s, Vt = np.linalg.svd(missing)
-    if s[0] > feasible.rtol:  # a direction that is lost, in both senses
+    if s[0] > feasible.rtol:  # a lost direction; its sign is arbitrary
         direction = space.dot(Vt[0])
         largest = direction[int(np.argmax(np.abs(direction)))]
         direction = math.copysign(1.0, largest) * direction

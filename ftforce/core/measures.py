@@ -54,7 +54,7 @@ def worst_manipulability_bound(n: int, m: int, f: int) -> float:
 
 
 def lost_directions(reduced: ReducedJacobian) -> Matrix:
-    """Return the force directions that the arm loses through the fault.
+    """Return the force directions that are lost through the fault.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def lost_directions(reduced: ReducedJacobian) -> Matrix:
         return read_only(np.zeros((0, reduced.m)))
     lost = reduced.damaged.U[:, reduced.rank_after :]
     if reduced.rank < reduced.m:
-        # The complement of range(K) includes directions that the healthy arm lacks, too.
+        # The complement of range(K) also includes directions that the healthy arm lacks.
         lacking = lost.T @ reduced.healthy.U[:, reduced.rank :]
         lost = lost @ np.linalg.svd(lacking)[0][:, lacking.shape[1] :]
     return read_only(_along_axes(lost @ lost.T, count))

@@ -84,7 +84,7 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     """
     m = len(feasible.F0)
     nothing = Polytope(read_only(np.zeros((0, m))), (), 0, read_only(np.zeros((0, m))))
-    if not feasible.stands_still:
+    if not feasible.is_balanced:
         return nothing
     A = feasible.rows.dot(feasible.Z)
     offset = feasible.rows.dot(feasible.F0)
@@ -199,11 +199,11 @@ def _faces(corners: Matrix, at_bounds: _Sides) -> Iterator[tuple[int, ...]]:
         return
     members = np.unique(at_bounds.T, axis=0)
     members = members[(members.sum(axis=1) >= d) & ~members.all(axis=1)]
-    for one in members:
-        within = (members >= one).all(axis=1).sum() - 1  # not counting itself
-        if within:
+    for member in members:
+        others = (members >= member).all(axis=1).sum() - 1  # that contain all its vertices
+        if others:
             continue  # this bound touches the set in an edge or a vertex only
-        indices = np.flatnonzero(one)
+        indices = np.flatnonzero(member)
         yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
 
 

@@ -166,27 +166,27 @@ def reduce_decomposed(
     locked, rtol, free :
         As in `reduce`.
     """
-    lost = rtol * healthy.s[0]  # ranks are relative to the healthy arm
+    threshold = rtol * healthy.s[0]  # ranks are relative to the healthy arm
     damaged, columns = healthy, None
     if True in locked.tolist():
         K = healthy.A.copy()
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
         damaged = Svd(read_only(K), left_only=True)
     if free is not None:
-        columns = _free_columns(healthy.A, free, lost)
+        columns = _free_columns(healthy.A, free, threshold)
         U = columns.U[:, columns.rank :]
         K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K
         np.copyto(K, 0.0, where=free)
         damaged = Svd(read_only(K), left_only=True)
     return ReducedJacobian(
-        healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol, columns
+        healthy, damaged, locked, healthy.rank(threshold), damaged.rank(threshold), rtol, columns
     )
 
 
-def _free_columns(J: Matrix, mask: Mask, lost: float) -> FreeColumns:
+def _free_columns(J: Matrix, mask: Mask, threshold: float) -> FreeColumns:
     joints = np.flatnonzero(mask).tolist()
     U, s, Vt = np.linalg.svd(J[:, joints])
-    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > lost)))
+    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > threshold)))
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:

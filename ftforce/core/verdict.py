@@ -21,7 +21,7 @@ class Verdict(StrEnum):
     TOLERATED = "tolerated"
     """The healthy joints can still exert the full force."""
     BORDERLINE = "borderline"
-    """The answer depends on the tolerance: the arm is close to losing, or to keeping, the force."""
+    """The verdict depends on the tolerance: the arm is close to losing or keeping the force."""
     NOT_TOLERATED = "not tolerated"
     """Part of the force can no longer be produced by the motors."""
 
@@ -115,7 +115,7 @@ def judge(
         The decomposed Jacobians.
     F :
         Force F̂ that the healthy arm exerts, shape (m,); ``None`` for all forces, in which case
-        limits only decide whether the arm can carry itself.
+        limits only decide whether the arm can support itself.
     wary :
         Largest tolerance considered.
     bounded :

@@ -48,7 +48,8 @@ def find_columns(
     header :
         Names of all columns, optionally with a unit in brackets, e.g. ``elbow [deg]``.
     units :
-        For each name, the accepted units and their conversion factors; ``""`` is no unit.
+        For each name, the accepted units and their conversion factors; ``""`` stands for a
+        missing unit.
     expected :
         Names to list in the error for an unknown column; if not given, unknown columns are
         ignored.
@@ -161,7 +162,7 @@ class Table(NamedTuple):
             return np.empty((0, len(columns)))
         if '"' in self.text:
             raise ValueError("a quoted cell may continue on the next line")
-        # The other columns are read as one character each, so that row lengths are checked.
+        # The other columns are read as one character each; thus row lengths are still checked.
         kinds = [(str(i), "f8" if i in columns else "U1") for i in range(len(self.header))]
         # NumPy would accept non-ASCII whitespace around a number.
         stream = io.StringIO(self.text.encode("ascii", "replace").decode(), newline="")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ftforce.errors import FileError
 
-LARGEST_FILE = 100_000_000  # bytes; a URDF with all its mesh names has some 100 kB
+LARGEST_FILE = 100_000_000  # bytes; a URDF typically has about 100 kB
 LARGEST_NUMBER = 1e9  # of a length, angle, mass …; results computed from them stay finite
 
 
@@ -114,7 +114,7 @@ def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> E
         As ``error``: the XML is malformed or contains a DTD.
     """
     try:
-        _refuse_dtd(text, path, error)
+        _reject_dtd(text, path, error)
         root = ElementTree.fromstring(text)
     except (expat.ExpatError, ElementTree.ParseError) as problem:
         raise error(path, f"is not well-formed XML ({problem})") from None
@@ -130,7 +130,7 @@ class _RootReachedError(Exception):
     """Stop parsing: a DTD can only precede the root element."""
 
 
-def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
+def _reject_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
     def on_doctype(*_: object) -> None:
         raise error(path, "contains a DTD (<!DOCTYPE …>), which is not allowed; remove it")
 
@@ -192,7 +192,7 @@ def shortened(text: str, most: int = 60) -> str:
 
 
 def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
-    """Write a file atomically: to a temporary file beside it, which then replaces it.
+    """Write a file atomically: to a temporary file next to it, which then replaces it.
 
     Devices and pipes are written to directly.
 

@@ -137,7 +137,7 @@ def tip_candidates(tree: UrdfTree) -> dict[str, int]:
 
 def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
     if tip not in tree.links:
-        return 0  # some SRDFs name links that their URDF lacks
+        return 0  # some SRDFs name links that are not in their URDF
     return len(moving_path(tree, base, tip)) if base in links_above(tree, tip) else 0
 
 

@@ -90,7 +90,7 @@ def weight_torque(
         torque = robot.coordinates.fold_torque(
             pin.computeGeneralizedGravity(model, data, configuration)
         )
-    elif robot.mass == 0.0:  # without mass there is no centre of mass
+    elif robot.mass == 0.0:  # the centre of mass is undefined
         torque = np.zeros(robot.n)
     else:
         J_com = pin.jacobianCenterOfMass(model, data, configuration)

@@ -46,7 +46,7 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
     if np.linalg.norm(tip_pose(robot, near)[1] - point) <= REACHED:
         return read_only(near)  # unchanged, even if outside the limits
     for seed in (near, *samples(robot)):
-        q = _polished(robot, point, _solve(robot, point, seed))
+        q = _refined(robot, point, _solve(robot, point, seed))
         there = tip_pose(robot, q)[1]
         error = float(np.linalg.norm(there - point))
         if error <= REACHED and _is_within(robot, q):
@@ -64,8 +64,8 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
 def check_reach(robot: Robot, points: Matrix) -> None:
     """Check that points are not far out of reach, usually millimetres given as metres.
 
-    A path may leave the reach slightly: the arm follows as closely as it can, and the tracking
-    error is reported.
+    A path may exceed the reach slightly: the arm then follows it as closely as possible, and the
+    tracking error is reported.
 
     Parameters
     ----------
@@ -93,8 +93,8 @@ def check_reach(robot: Robot, points: Matrix) -> None:
 def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
     from scipy.optimize import least_squares
 
-    room = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
-    start = np.clip(seed, robot.lower + room, robot.upper - room)
+    margin = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
+    start = np.clip(seed, robot.lower + margin, robot.upper - margin)
     fixed = np.where(robot.lower == robot.upper, _INSIDE, 0.0)  # the solver rejects equal bounds
     found = least_squares(
         lambda q: tip_pose(robot, q)[1] - point,
@@ -110,12 +110,12 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
     return q
 
 
-def _polished(robot: Robot, point: Vector, q: Vector) -> Vector:
-    """Return q refined by a few minimum-norm Newton steps, which avoid self-motion."""
+def _refined(robot: Robot, point: Vector, q: Vector) -> Vector:
+    """Return q refined by a few minimum-norm Newton steps, which cause no self-motion."""
     for _ in range(5):
         K = Svd(frame_jacobian(robot, q, "world")[:3], left_only=True)
         error = point - tip_pose(robot, q)[1]
-        if np.linalg.norm(error) > 1e-3:  # m; not converged, so there is nothing to polish
+        if np.linalg.norm(error) > 1e-3:  # m; not converged
             break
         q = q + damped_inverse(K, error, _DAMPED_BELOW * K.s[0])
     return q

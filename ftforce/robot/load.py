@@ -45,7 +45,7 @@ def load_robot(
     ----------
     source :
         Path of a URDF, or name of a known robot (``ftforce robots`` lists them). An SRDF of the
-        same name beside the URDF is read, too.
+        same name in the same folder is also read.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the last link before the tree branches into several moving parts.
@@ -222,7 +222,7 @@ def _held_by_default(
         Posture to use for them if no preferred posture is a usable default.
     """
     if all(held == robot.held for held in places.values()):
-        return robot  # the usual case: nothing to decide
+        return robot  # the usual case: the choice makes no difference
     name, _ = usable_posture(robot)
     held = places[fallback if name is None else name]
     if held == robot.held:

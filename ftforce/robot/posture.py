@@ -115,7 +115,7 @@ def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
     Returns
     -------
     :
-        Its name, or ``None`` if there is none; and a remark on each posture skipped before it.
+        Its name, or ``None`` if there is none; and a remark on each posture that was skipped.
     """
     skipped: list[str] = []
     for name in robot.preferred:
@@ -218,7 +218,7 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
 
 
 def _outside(robot: Robot, q: Vector) -> list[int]:
-    slack = 1e-6  # printed limits are rounded
+    slack = 1e-6  # rad or m: limits are often rounded
     low, high = q < robot.lower - slack, q > robot.upper + slack
     return np.flatnonzero(low | high).tolist()
 

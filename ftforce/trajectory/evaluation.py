@@ -1,8 +1,8 @@
 """Forces and torques of a moving arm at each instant, with and without the remap.
 
-With the remap, every instant is analysed as `ftforce.analyze` would. Without it, the controller
-measures positions and velocities and commands all motors for weight, motion and force as if they
-were healthy; the resulting force follows from mechanics.
+With the remap, every instant is analysed as by `ftforce.analyze`. Without it, the controller
+measures positions and velocities and commands all motors, for gravity, motion and force, as if they
+were healthy; the resulting tip force follows from the mechanics.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ def _without_remap(
 
 
 def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
-    """Return the tip force that torques exert while the environment holds the tip in place.
+    """Return the tip force that torques exert while the environment keeps the tip in place.
 
     If masses are known, the remaining torques accelerate the arm and the dynamically consistent
     inverse applies; otherwise the Euclidean one.

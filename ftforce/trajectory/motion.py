@@ -38,7 +38,7 @@ _SMALL_STEP = 1e-3  # s: fixed step size used instead
 _PATIENCE = 0.02  # s: initial duration of a run of fixed steps
 _DENSE = 0.02  # s: largest sample spacing at which velocities are splined
 _KINK = 0.01  # relative to the largest slope: a larger change of slope is a kink
-_REACH = 6  # samples beside a kink or an end where the spline is not used
+_MARGIN = 6  # samples next to a kink or an end, where the spline is not used
 _QUOTIENT = 1e-6  # s: step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
@@ -314,13 +314,13 @@ def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
     and near kinks of the law (a limit becomes active) a forward difference quotient is used.
     """
     a, rough = np.empty_like(v), np.ones(len(t), dtype=np.bool_)
-    if len(t) > 4 * _REACH and (steps := np.diff(t)).max() <= _DENSE:
+    if len(t) > 4 * _MARGIN and (steps := np.diff(t)).max() <= _DENSE:
         from scipy.interpolate import CubicSpline
 
         slopes = np.diff(v, axis=0) / steps[:, None]
         kinks = np.abs(np.diff(slopes, axis=0)).max(axis=1) > _KINK * np.abs(slopes).max()
-        rough[1:-1] = np.convolve(kinks, np.ones(2 * _REACH + 1), "same") > 0.0
-        rough[: _REACH + 1] = rough[-_REACH - 1 :] = True
+        rough[1:-1] = np.convolve(kinks, np.ones(2 * _MARGIN + 1), "same") > 0.0
+        rough[: _MARGIN + 1] = rough[-_MARGIN - 1 :] = True
         a = CubicSpline(t, v)(t, 1)
     for i in np.flatnonzero(rough).tolist():
         a[i] = (law(t[i] + _QUOTIENT, q[i] + _QUOTIENT * v[i]) - v[i]) / _QUOTIENT

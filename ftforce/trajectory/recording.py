@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 _LARGEST_FILE = 2_000_000_000  # bytes
-_GAP = 10.0  # times the median step: longer gaps are not interpolated
+_GAP = 10.0  # times the median step; longer gaps are not interpolated
 _NO_NUMBERS = "expected a header followed by rows of numbers"
 _KIND = "a CSV file of a trajectory (columns t and joint names, or x,y,z)"
 _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
-_MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity,
-_STILL = 1e-3  # rad or m: plus this, for encoder noise of joints at rest
+_MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
+_NOISE = 1e-3  # rad or m: added to it, for encoder noise of joints at rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +134,7 @@ class Recording:
         steps = 0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t)[:, None]
         off = np.abs(moved[1:] - np.cumsum(steps, axis=0)).max(axis=0)
         size = np.maximum(np.abs(moved).max(axis=0), np.abs(steps).sum(axis=0))
-        for i in np.flatnonzero(off > _MISFIT * size + _STILL).tolist():
+        for i in np.flatnonzero(off > _MISFIT * size + _NOISE).tolist():
             yield (
                 f"the recorded velocities of {names[i]} do not match its positions: their integral "
                 f"is off by {off[i]:.3g}; check the units"

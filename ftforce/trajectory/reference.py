@@ -72,10 +72,12 @@ class PathReference:
 
     Parameters
     ----------
+    robot :
+        The arm.
     path :
         The path.
     q :
-        Joint positions at its start, shape (n,).
+        Joint positions at its start, rad or m, shape (n,).
     """
 
     def __init__(self, robot: Robot, path: Path, q: Vector) -> None:
@@ -95,6 +97,13 @@ class RecordedReference:
     """Reference trajectory that interpolates a recorded motion; time starts at 0.
 
     Positions of continuous joints are unwrapped, because drivers may report them modulo 2π.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    recording :
+        The recorded motion.
     """
 
     orientation = None

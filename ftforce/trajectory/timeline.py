@@ -26,7 +26,7 @@ from ftforce.robot.posture import Posture
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.start import start_of
-from ftforce.trajectory.warnings import force_warnings, lacking, limit_warnings, off_path
+from ftforce.trajectory.warnings import force_warnings, limit_warnings, missing_force, off_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -349,7 +349,7 @@ def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Itera
     yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
     yield from limit_warnings(robot, motion.q, motion.v)
     if case.F is not None:
-        missing = lacking(task.unweigh_force(case.F), task.unweigh_force(exerted))
+        missing = missing_force(task.unweigh_force(case.F), task.unweigh_force(exerted))
         yield from force_warnings(t, task, missing)
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History
 
-ON_PATH = 1e-5  # m: tracking error reached away from singularities and limits
-ORIENTED = 1e-5  # rad: likewise, for the orientation
+ON_PATH = 1e-5  # m: larger tracking errors occur only near singularities and limits
+ORIENTED = 1e-5  # rad: the same for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
@@ -63,7 +63,7 @@ def history_warnings(
 
 
 def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
-    """Warn if even the healthy arm leaves its path or the prescribed orientation.
+    """Warn if even the healthy arm deviates from its path or the prescribed orientation.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
 def unsupported(history: History) -> Matrix:
     """Return the part of the force the healthy arm cannot exert, N and N·m, shape (N, m)."""
     run, asked = history.healthy, np.array(history.setting.force)
-    return lacking(asked, run.force + run.jump)
+    return missing_force(asked, run.force + run.jump)
 
 
-def lacking(asked: Vector, exerted: Matrix) -> Matrix:
+def missing_force(asked: Vector, exerted: Matrix) -> Matrix:
     """Return requested minus exerted force, with rounding errors set to zero, shape (N, m).
 
     Parameters
@@ -143,7 +143,7 @@ def limit_warnings(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
 
 
 def _steps(history: History) -> Iterator[str]:
-    """Warn about velocity steps where no joint fails: they need infinite acceleration."""
+    """Warn about velocity steps without a fault: they would need infinite acceleration."""
     run, t, setting = history.answer, history.t, history.setting
     v, a = run.v[run.until_fall], run.a[run.until_fall]
     off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))

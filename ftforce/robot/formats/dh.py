@@ -266,7 +266,7 @@ def _check_positive(value: float | None, key: str) -> None:
 
 
 def _check_choice(value: object, kind: str, choices: Any) -> None:
-    """Check that a value is one of the values of a ``Literal``.
+    """Check that a value is one of the choices of a ``Literal``.
 
     Raises
     ------

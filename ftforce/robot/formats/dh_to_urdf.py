@@ -165,7 +165,7 @@ def to_srdf(table: DHTable) -> str:
 
 
 def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
-    """Write a URDF and an SRDF beside it, atomically: both files or neither.
+    """Write a URDF and an SRDF of the same name, atomically: both files or neither.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def _check_target(target: Path, source: Path | None) -> None:
 
 
 def _replace_together(texts: Mapping[Path, str], folder: Path) -> None:
-    # A directory beside the targets is on the same file system, where replacing is atomic.
+    # A directory next to the targets is on the same file system, where replacing is atomic.
     with TemporaryDirectory(prefix=".ftforce-", dir=folder) as scratch:
         new = {path: Path(scratch, "new-" + path.name) for path in texts}
         old = {path: Path(scratch, "old-" + path.name) for path in texts}
