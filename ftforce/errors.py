@@ -151,7 +151,7 @@ def closest(name: object, available: Iterable[str]) -> str | None:
     Parameters
     ----------
     name :
-        The name to look for, in upper or lower case.
+        The name to look for; case is ignored.
     available :
         The available names.
     """

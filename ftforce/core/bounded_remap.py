@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 _SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
 _INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
-_MAX_VIOLATION = 1e-6  # of the unit: a solution farther beyond a limit is rejected
+_MAX_VIOLATION = 1e-6  # of the unit: solutions that violate a limit by more are rejected
 _FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
 _THIN = 4e-11  # of the unit; daqp treats bounds closer than a quarter of it as equal
 _ROUNDING = 1e-15  # relative to the terms of a sum
@@ -259,7 +259,7 @@ class BoundedRemap:
 
     @property
     def share(self) -> float | None:
-        """Largest s ≤ 1 for which s·F̂ can be held in the same direction; ``None`` if none can."""
+        """Largest s ≤ 1 for which s·F̂ can be held; ``None`` if there is none."""
         return share_of(self.feasible, self.nearest.F)
 
     @property
@@ -269,7 +269,7 @@ class BoundedRemap:
 
     @property
     def overloaded(self) -> tuple[int, ...]:
-        """Indices of the joints that gravity and motion alone overload (with F₀ at the tip)."""
+        """Indices of the joints that gravity and motion torques alone overload (F₀ at the tip)."""
         return overloaded(self.feasible)
 
     def residuals(self) -> Mapping[str, float]:
@@ -391,7 +391,7 @@ def _at_rest(feasible: FeasibleForces) -> Reach:
 
 
 def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
-    """Return the joints that gravity and motion overload, with only F₀ at the tip."""
+    """Return the joints that gravity and motion torques overload, with only F₀ at the tip."""
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
     return tuple(

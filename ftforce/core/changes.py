@@ -81,8 +81,7 @@ class ForceChange:
     before :
         Force that the healthy arm exerts, F̂.
     after :
-        Force that can still be held; ``None`` if no tip force keeps the arm in
-        equilibrium.
+        Force that can still be held; ``None`` if no tip force keeps the arm in equilibrium.
     jump :
         ΔF = before - after; ``None`` if ``after`` is.
     jump_norm :

@@ -277,7 +277,7 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     if not loaded.any():
         return Weakest(space[:, 0], reach(feasible, space[:, 0]))
     # The nearest of the planes ``J_iᵀ F = bound``, over both bounds of every joint.
-    with np.errstate(over="ignore"):  # so far away that it overflows
+    with np.errstate(over="ignore"):  # distant planes may overflow
         distance = np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0)
     i = int(np.argmin(np.where(loaded, distance, math.inf)))
     sign = 1.0 if feasible.upper[i] <= -feasible.lower[i] else -1.0

@@ -78,7 +78,7 @@ class Limits:
         Raises
         ------
         InputError
-            A joint index lies beyond the chain.
+            A joint index is out of range.
         """
         n = len(self.effort)
         factors = faults.factors(n)

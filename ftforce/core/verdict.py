@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """Whether the force at the tip survives the fault."""
+    """Whether the tip force can be maintained after the fault."""
 
     TOLERATED = "tolerated"
     """The healthy joints can still exert the full force."""
@@ -194,5 +194,5 @@ def _relative_jump(
     return jump * feasible.scale / weight if weight > 0.0 else math.inf
 
 
-VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
+VERDICTS = tuple(Verdict)  # codes are indices into this tuple; larger is worse
 CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}

@@ -184,7 +184,7 @@ def _follow_fixed(tree: UrdfTree, link: str) -> str:
     return link
 
 
-MAX_JOINTS = 100  # Pinocchio's data grows with the cube: 70 MB for 100, 8 GB for 500
+MAX_JOINTS = 100  # Pinocchio's data grow with the cube of it: 70 MB for 100, 8 GB for 500
 
 
 class Follower(NamedTuple):

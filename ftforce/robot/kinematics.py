@@ -35,7 +35,7 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
 def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
     """Return rotation matrix (3, 3) and position (3,), in m, of every joint of the model.
 
-    In root axes, root first; all joints of the model are included, also followers.
+    In root axes, root first; all joints of the model are included, followers too.
 
     Parameters
     ----------

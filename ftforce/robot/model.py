@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
-    """Return the model with every joint outside the chain fixed, and with codes for names.
+    """Return the model with all joints outside the chain fixed, named by codes (`UrdfTree.to_xml`).
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
 
 
 def full_model(tree: UrdfTree) -> pin.Model:
-    """Return the Pinocchio model of the whole tree, with codes for names (`UrdfTree.to_xml`).
+    """Return the Pinocchio model of the whole tree, named by codes (`UrdfTree.to_xml`).
 
     Raises
     ------
     URDFError
-        Pinocchio rejects the URDF, although it passed our checks.
+        Pinocchio rejects the URDF although it passed the checks.
     """
     try:
         with captured_stderr() as printed:
@@ -66,7 +66,7 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
     Parameters
     ----------
     model :
-        Pinocchio model with codes for names.
+        Pinocchio model named by codes.
     tree :
         Contents of the URDF.
     """
@@ -80,7 +80,7 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
 
 
 def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
-    """Return the map from the chain's joint positions to a model with codes for names.
+    """Return the map from the chain's joint positions to a model named by codes.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ def best_sample(robot: Robot) -> Vector:
     def conditioning(q: Vector) -> tuple[float, ...]:
         s = np.linalg.svd(frame_jacobian(robot, q)[:3], compute_uv=False)
         # Rank first, then the smallest nonzero singular value, so that an arm without full rank
-        # (a planar one) is judged in the directions in which it can move.
+        # (e.g. a planar one) is rated in the directions in which it can move.
         ratios = [float(x / s[0]) if x > RTOL * s[0] else 0.0 for x in s]
         return (sum(x > 0.0 for x in ratios), min((x for x in ratios if x > 0.0), default=0.0))
 

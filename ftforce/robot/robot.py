@@ -106,8 +106,8 @@ class Robot(Displayed):
     held :
         Movable joints outside the chain, with the position at which they are fixed (rad, m).
     fixed :
-        Names of the joints without a single motor: fixed joints, and floating and planar joints,
-        which are held fixed.
+        Names of the joints that no single motor drives: fixed joints, and floating and planar
+        joints, which are held fixed.
     tips :
         Candidate tip links, with the number of moving joints above each.
     mass :

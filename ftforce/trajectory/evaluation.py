@@ -308,7 +308,7 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> V
     If masses are known, the remaining torques accelerate the arm and the dynamically consistent
     inverse applies; otherwise the Euclidean one.
     """
-    # Ranks are decided relative to the healthy arm, as everywhere.
+    # As in all other modules, ranks are decided relative to the healthy arm.
     K = np.where(reduced.locked, 0.0, reduced.J)
     size = float(np.linalg.norm(K, 2))
     rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol

@@ -64,7 +64,7 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
     robot :
         The arm.
     events :
-        Texts ``JOINTS@SECONDS`` with joints by number (from 1) or name, prefixed by ``free:`` or
+        Strings ``JOINTS@SECONDS`` with joints by number (from 1) or name, prefixed by ``free:`` or
         ``weak:`` if not locked: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
 
     Raises

@@ -103,7 +103,7 @@ def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
 
 
 def _check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
-    """Check that an inertia is physical, e.g. not of a rod wider than long.
+    """Check that an inertia is physical, e.g. not that of a rod thicker than it is long.
 
     Raises
     ------
@@ -283,7 +283,7 @@ def _check_urdf(text: str, table: DHTable) -> None:
     robot.update_cfg(q)
     poses = table.transforms(q)
     error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
-    # Not tighter: trimesh, used by yourdfpy, snaps poses within 1e-8 of the identity to it.
+    # Not tighter: trimesh, used by yourdfpy, rounds poses within 1e-8 of the identity to it.
     if not error <= 1e-6 * np.abs(poses).max():
         raise URDFError(f"{table.name}.urdf", "its tip position differs from that of the DH table")
 

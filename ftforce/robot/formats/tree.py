@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 MOVING = frozenset({"revolute", "continuous", "prismatic"})
-HELD = frozenset({"floating", "planar"})  # held fixed: they have no single motor that could fail
+HELD = frozenset({"floating", "planar"})  # held fixed: no single motor drives them
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 

@@ -141,7 +141,7 @@ class _Reader:
         name = element.get("name", "")
         if not name.strip():
             raise self.error(f"a <{kind}> has no name")
-        if not name.isprintable():  # a line break or a terminal's control sequence
+        if not name.isprintable():  # e.g. a line break or a terminal control sequence
             raise self.error(f"the {kind} name {name!r} contains unprintable characters")
         return name
 
