@@ -110,7 +110,7 @@ def norm(x: Vector) -> float:
     return math.hypot(*x.tolist())
 
 
-def over(x: _Size, scale: float, otherwise: _Size) -> _Size:
+def safe_divide(x: _Size, scale: float, otherwise: _Size) -> _Size:
     """Return x / scale, or ``otherwise`` if the scale is zero.
 
     Parameters

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, as_vector, norm, over, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, norm, read_only, safe_divide
 from ftforce.core.feasible_forces import (
     NOTHING,
     FeasibleForces,
@@ -92,9 +92,9 @@ class Nearest(NamedTuple):
         idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
         steepest = max(norm(gradient), float(idle.max(initial=0.0)))
         return {
-            "equality": over(norm(off), size, norm(off)),
+            "equality": safe_divide(norm(off), size, norm(off)),
             "limit": max(0.0, float(beyond.max(initial=0.0))),
-            "optimality": over(steepest, size, steepest),
+            "optimality": safe_divide(steepest, size, steepest),
         }
 
     def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, over, read_only
+from ftforce.core.arrays import Matrix, Vector, read_only, safe_divide
 
 if TYPE_CHECKING:
     from ftforce.core.reduced_jacobian import ReducedJacobian
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def margin(reduced: ReducedJacobian) -> float:
     """Return σ_min(K) / σ_max(J); 0 if a direction is lost or J = 0."""
-    return over(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
+    return safe_divide(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
 
 
 def relative_manipulability(reduced: ReducedJacobian) -> float:
@@ -103,7 +103,7 @@ def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vec
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
     shares = _norms(np.array(columns), axis=1) * np.abs(tau)
-    return read_only(over(shares, float(_norms(F)), np.zeros_like(shares)))
+    return read_only(safe_divide(shares, float(_norms(F)), np.zeros_like(shares)))
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
@@ -117,7 +117,7 @@ def velocity_contributions(J: Matrix, v: Vector) -> Vector:
         Joint velocities, rad/s or m/s, shape (n,).
     """
     shares = _norms(J * v, axis=0)
-    return read_only(over(shares, float(_norms(J @ v)), np.zeros_like(shares)))
+    return read_only(safe_divide(shares, float(_norms(J @ v)), np.zeros_like(shares)))
 
 
 def _norms(A: Matrix, axis: int | None = None) -> Vector:

@@ -276,7 +276,7 @@ def force_jump(reduced: ReducedJacobian, F: Vector) -> Jump:
     """
     if reduced.rank_after == reduced.m:  # K K† = I: exactly no jump
         return Jump(read_only(F), F, read_only(np.zeros(reduced.m)))
-    jump = reduced.damaged.beyond(F, reduced.rank_after)
+    jump = reduced.damaged.project_out(F, reduced.rank_after)
     return Jump(read_only(F), read_only(F - jump), read_only(jump))
 
 
@@ -314,7 +314,7 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
     v_healthy = np.where(reduced.locked, 0.0, v)
     x_S = reduced.J.dot(v - v_healthy)
     after = v_healthy + np.where(reduced.commanding, damaged.solve(x_S, r), 0.0)
-    jump = np.zeros(reduced.m) if r == reduced.m else -damaged.beyond(x_S, r)
+    jump = np.zeros(reduced.m) if r == reduced.m else -damaged.project_out(x_S, r)
     tip = reduced.J.dot(v)
     return VelocityRemap(
         v, read_only(after), read_only(tip), read_only(tip + jump), read_only(jump)

@@ -56,7 +56,9 @@ def resolved_rates(
     while (worst := _worst(v, lower, upper, moving)) is not None:
         kept[worst] = upper[worst] if v[worst] > upper[worst] else lower[worst]
         moving[worst] = False
-        v = kept + damped_inverse(without(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below)
+        v = kept + damped_inverse(
+            without_columns(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below
+        )
     return v
 
 
@@ -86,7 +88,7 @@ def damped_inverse(K: Svd, x: Vector, damped_below: float) -> Vector:
     return v
 
 
-def without(J: Matrix, joints: Mask) -> Svd:
+def without_columns(J: Matrix, joints: Mask) -> Svd:
     """Return the decomposition of J with the columns of the given joints zeroed.
 
     Parameters

@@ -105,7 +105,7 @@ class Svd:
         kept: Vector = U.dot(x.dot(U))
         return kept
 
-    def beyond(self, x: Vector, rank: int) -> Vector:
+    def project_out(self, x: Vector, rank: int) -> Vector:
         """Return (I - A A†) x, the projection of x onto the other left singular vectors.
 
         Parameters

@@ -8,7 +8,7 @@ import numpy as np
 
 from ftforce.analysis.capability import capability_of
 from ftforce.core import measures
-from ftforce.core.arrays import over
+from ftforce.core.arrays import safe_divide
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report.parts import (
@@ -332,7 +332,7 @@ def analysis_rows(analysis: Analysis) -> list[Row]:
 
 def _convention_rows(analysis: Analysis) -> list[Row]:
     task, reduced, conditions = analysis.task, analysis.reduced, analysis.conditions
-    healthy = over(reduced.healthy.s[-1], reduced.sigma_max, 0.0)
+    healthy = safe_divide(reduced.healthy.s[-1], reduced.sigma_max, 0.0)
     gravity = zip("xyz", conditions.gravity.tolist(), strict=True)
     said = [
         ("robot", "", analysis.robot.name),

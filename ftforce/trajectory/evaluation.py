@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.analysis.conditions import without_rounding
 from ftforce.core import measures
-from ftforce.core.arrays import Vector, over, read_only
+from ftforce.core.arrays import Vector, read_only, safe_divide
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
@@ -295,7 +295,7 @@ def _without_remap(
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *planned.F.dot(J))
-    moved = over(math.hypot(*unbalanced), scale, 0.0)
+    moved = safe_divide(math.hypot(*unbalanced), scale, 0.0)
     if moved <= case.rtol:  # below the tolerance the arm does not move
         unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, planned.F, F_after, moved)
@@ -331,7 +331,7 @@ def _verdict(
 ) -> Verdict:
     """Return the verdict without remap, from the force jump and the unbalanced torques."""
     jump = math.hypot(*(F - F_after))
-    off = max(over(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
+    off = max(safe_divide(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
     if off > case.wary:
         return Verdict.NOT_TOLERATED
     if off > reduced.rtol:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
-from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
+from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without_columns
 from ftforce.core.svd import Svd
 from ftforce.robot.kinematics import frame_jacobian, rotation_vector
 from ftforce.trajectory.reference import Motion
@@ -163,7 +163,7 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
             v = rates.track_orientation(J, turn, none, q, v)
         if any_locked:  # Appendix A; a free-swinging joint keeps its planned velocity
             v = np.where(locked, 0.0, v)
-            K = without(healthy.A, uncommanded)
+            K = without_columns(healthy.A, uncommanded)
             v = rates.track_position(K, x_dot - healthy.A.dot(v), q, v, damped_below)
             if turn is not None:
                 v = rates.track_orientation(J, turn, uncommanded, q, v)
@@ -217,7 +217,7 @@ class _Rates(NamedTuple):
         lower, upper = self.bounds(q)
         full = (v >= upper - _AT_BOUND) | (v <= lower + _AT_BOUND)
         fixed = uncommanded | full
-        K = without(J[:3], fixed)
+        K = without_columns(J[:3], fixed)
         V = K.A.T.dot(K.U[:, [s > RTOL * K.s[0] for s in K.s]])
         V = np.linalg.qr(V)[0]
         angular = np.where(fixed, 0.0, J[3:])
