@@ -361,7 +361,8 @@ def remap_inside(
     rnea :
         Gravity and motion torques after the fault, shape (n,).
     largest :
-        Maximum torques as in `feasible_forces`, shape (n,); ``None`` applies no limits.
+        Maximum torques of motors and brakes, NaN where unknown, shape (n,); ``None`` applies no
+        limits.
     """
     feasible = feasible_forces(reduced, rnea, largest, LockModel.COMMANDED)
     return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
