@@ -89,7 +89,7 @@ MALFORMED = {
     "robot name empty": (
         '"arm"',
         '""',
-        "name must be nonempty text, printable and without outer blanks",
+        "name must be nonempty printable text without leading or trailing blanks",
     ),
     "convention unknown": (
         '"standard"',
@@ -152,8 +152,12 @@ MALFORMED = {
         "",
         "row 2: missing key 'mass' .or 'density' in the table mass",
     ),
-    "joint name empty": ('"shoulder"', '""', "row 1: joint must be nonempty text"),
-    "link name no XML character": ('"slide"', r'"\uffff"', "row 2: link must be nonempty text"),
+    "joint name empty": ('"shoulder"', '""', "row 1: joint must be nonempty printable text"),
+    "link name no XML character": (
+        '"slide"',
+        r'"\uffff"',
+        "row 2: link must be nonempty printable",
+    ),
     "joint name twice": ('"shoulder"', '"joint2"', "names must be unique; 'joint2' appears twice"),
     "joint named as the last one": ('"shoulder"', '"tool_joint"', "'tool_joint' appears twice"),
     "link name twice": ('"slide"', '"base"', "names must be unique; 'base' appears twice"),
@@ -182,7 +186,7 @@ MALFORMED = {
         "[20, -0.2]",
         "posture 'home': joint2 = -0.2 m is outside its limits -0.1 m to 0.7 m",
     ),
-    "posture name empty": ("home =", '"" =', "posture name must be nonempty text"),
+    "posture name empty": ("home =", '"" =', "posture name must be nonempty printable text"),
     "broken TOML": ("units = {", "units = {{", "is not valid TOML: .*line 3"),
     "endless nesting": ('"arm"', 9999 * "[", "is not valid TOML"),
     "endless integer": ("a = 0.2", "a = 1" + 9999 * "0", "is not valid TOML"),

@@ -79,8 +79,8 @@ ERRATA = (
 )
 """Location, printed form, correct form."""
 
-_SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
-_UNIT_ERRATUM = "section IV: printed are m/s, not cm/s"
+_SHARE_ERRATUM = "Table 2: the printed numbers are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
+_UNIT_ERRATUM = "section IV: the printed numbers are in m/s, not cm/s"
 
 
 class Outcome(StrEnum):

@@ -223,13 +223,13 @@ def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) ->
             wanted = (count,) if size is None else (count, size)
             kind = "int8" if quantity == "verdict" else "float64"
             if arrays[quantity].shape != wanted or arrays[quantity].dtype != kind:
-                raise InputError(f"has the wrong shape or type of {quantity}")
+                raise InputError(f"{quantity} has the wrong shape or type")
         codes = arrays["verdict"]
         if codes.size and not 0 <= codes.min() <= codes.max() < len(VERDICTS):
             raise InputError("contains an invalid verdict")
         found[name] = Run(**{quantity: read_only(arrays[quantity]) for quantity in QUANTITIES})
     if t.shape != (count,) or path.shape != (count, 3) or not count:
-        raise InputError("has the wrong shape of times or path")
+        raise InputError("times or path have the wrong shape")
     healthy, unremapped = found["healthy"], found["unremapped"]
     assert healthy is not None
     assert unremapped is not None

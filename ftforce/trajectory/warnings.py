@@ -81,7 +81,7 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
     if turn[worst] > ORIENTED:
         degrees = math.degrees(float(turn[worst]))
         yield (
-            f"even the healthy arm does not keep its tip orientation, by {degrees:.3g}° at "
+            f"even the healthy arm deviates from its tip orientation, by {degrees:.3g}° at "
             f"{t[worst]:g} s: {where}"
         )
 

@@ -282,7 +282,8 @@ def _check_name(name: object, key: str) -> None:
     # XML forbids unprintable characters; leading or trailing blanks would be invisible.
     if not isinstance(name, str) or not name or not name.isprintable() or name != name.strip():
         raise InputError(
-            f"{key} must be nonempty text, printable and without outer blanks, got {brief(name)}"
+            f"{key} must be nonempty printable text without leading or trailing blanks, "
+            f"got {brief(name)}"
         )
 
 

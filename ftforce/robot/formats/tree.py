@@ -218,7 +218,11 @@ def _follow(path: str, joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJ
     multiplier = own.multiplier * above.multiplier
     offset = own.multiplier * above.offset + own.offset
     if max(abs(multiplier), abs(offset)) > LARGEST_NUMBER:
-        raise URDFError(path, f"joint {joint.name!r}: its chained mimic relation is too large")
+        raise URDFError(
+            path,
+            f"joint {joint.name!r}: its multiplier or offset, multiplied along the chain of mimic "
+            f"joints, exceeds {LARGEST_NUMBER:g}",
+        )
     return joint._replace(mimic=Mimic(above.leader, multiplier, offset))
 
 
