@@ -153,7 +153,7 @@ VALUES = {
     "inverse": ("analyze", ["--inverse", "Dynamic"], "no inverse 'Dynamic'; there is: euclidean, "),
     "direction": ("capability", ["--direction", "0,0,0"], "the direction needs a component that "),
     "no direction": ("capability", ["--direction", "up"], f"--direction {NUMBERS}; 'up' is not a"),
-    "mode": ("census", ["--mode", "weak"], "many sets at once take locked or free joints; ask an"),
+    "mode": ("census", ["--mode", "weak"], "many fault sets are either locked or free; weak joint"),
     "ranking": ("census", ["--rank-by", "x"], "no ranking 'x'; there is: jump, capability"),
     "faults": ("census", ["--faults", "5"], "faults must be a number from 1 to 4, got 5"),
 }
