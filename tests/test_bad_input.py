@@ -214,7 +214,7 @@ def test_doubtful_positions_are_a_warning(good):
         (["analyze", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["census", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["capability", "dh5", "--force", "1,2,3"], "No such option: --force"),
-        (["census", "dh5", "--direction", "1,0,0"], "--direction counts only with --rank-by capa"),
+        (["census", "dh5", "--direction", "1,0,0"], "--direction requires --rank-by capability"),
     ],
 )
 def test_wrong_command_lines(arguments, message):

@@ -109,6 +109,11 @@ class Capability(Displayed):
     analysis: Analysis
     direction: Vector | None = None
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the result."""
+        return self.analysis.warnings
+
     @cached_property
     def directions(self) -> tuple[DirectionReport, ...]:
         """Capability along each task axis in both senses, and in the requested direction."""
