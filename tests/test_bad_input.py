@@ -181,7 +181,7 @@ VALUES = {
     ),
     "direction": ("capability", ["--direction", "0,0,0"], "the direction needs a component that "),
     "no direction": ("capability", ["--direction", "up"], f"--direction {NUMBERS}; 'up' is not a"),
-    "mode": ("census", ["--mode", "weak"], "many sets at once take locked or free joints; ask an"),
+    "mode": ("census", ["--mode", "weak"], "many fault sets are either locked or free; weak joint"),
     "ranking": ("census", ["--rank-by", "x"], "unknown ranking 'x'; available: jump, capability"),
     "faults": ("census", ["--faults", "5"], "faults must be a number from 1 to 4, got 5"),
 }
@@ -244,7 +244,7 @@ def test_doubtful_positions_are_a_warning(good):
         (["analyze", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["census", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["capability", "dh5", "--force", "1,2,3"], "No such option: --force"),
-        (["census", "dh5", "--direction", "1,0,0"], "--direction counts only with --rank-by capa"),
+        (["census", "dh5", "--direction", "1,0,0"], "--direction requires --rank-by capability"),
     ],
 )
 def test_wrong_command_lines(arguments, message):

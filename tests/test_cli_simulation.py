@@ -127,10 +127,10 @@ def test_without_from_the_tip_starts_where_the_posture_has_it():
 
 
 MALFORMED = {
-    "no robot": ([], "which robot?"),
-    "no force": (["dh5", *LINE], "Give --force"),
-    "no goal": (["dh5", *PUSH], "Give --to"),
-    "no speed": (["dh5", *PUSH, "--to", "0.9,0.3,0.2"], "Give --speed"),
+    "no robot": ([], "ROBOT is missing"),
+    "no force": (["dh5", *LINE], "--force is missing"),
+    "no goal": (["dh5", *PUSH], "give --to X,Y,Z"),
+    "no speed": (["dh5", *PUSH, "--to", "0.9,0.3,0.2"], "--speed is missing"),
     "two trajectories": (["dh5", "x.csv", *LINE, *PUSH], "not both"),
     "no file": (["dh5", "x.csv", *PUSH], "no such file"),
     "point": (["dh5", *PUSH, "--to", "0.9,0.3", "--speed", "1"], "--to needs x,y,z in m"),

@@ -80,7 +80,7 @@ FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
         ("2@1,2", FORM + "'1 2': expected 3 numbers, got 2"),
         ("2@a,b,c", FORM + "'a b c' is not a number"),
         ("2@1@2", FORM + "'1@2' is not a number"),
-        ((2.0,), r"a payload is a mass and a place, \(mass, \(x, y, z\)\); got \(2\.0,\)"),
+        ((2.0,), r"a payload is a mass and a position, \(mass, \(x, y, z\)\), got \(2\.0,\)"),
         ((2.0, (1, 2)), "the payload's position needs 3 numbers, got 2 numbers: x, y, z in m"),
         (-1, "the payload's mass must be 0 kg or more, got -1"),
         (True, "the payload needs a mass in kg, got True"),
@@ -95,7 +95,7 @@ def test_what_is_no_payload(given, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gravity": 9.81}, "gravity needs 3 numbers, got .*: x, y, z in m/s², in the root's axes"),
+        ({"gravity": 9.81}, "gravity needs 3 numbers, got .*: x, y, z in m/s², in root axes"),
         ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_j"),
         ({"acceleration": [0] * 6 + [math.inf]}, "acceleration contains inf at position 7"),
         ({"payload": -1}, "the payload's mass"),
@@ -256,7 +256,7 @@ def test_the_dynamic_inverse_needs_masses(weightless, no_hand):
         with pytest.raises(InputError) as caught:
             ask(weightless, Q, torque=[1, 2, 3], inverse="dynamic")
         assert str(caught.value) == (
-            "the dynamic inverse needs masses, and the URDF of 'arm' has none; "
+            "the dynamic inverse needs masses, but the URDF of 'arm' has none; "
             "use the euclidean one"
         )
         with pytest.raises(InputError, match="mass matrix of 'arm' is not positive definite"):
@@ -267,7 +267,7 @@ def loaded(panda, task, **options):
     q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])
     wanted = Task.parse(task)
     J = task_jacobian(panda, q, wanted)
-    load = tip_load(panda, reduce(J, np.zeros(7, bool)), wanted, **options)
+    load = tip_load(reduce(J, np.zeros(7, bool)), wanted, **options)
     return load, J, mass_matrix(panda, q)
 
 

@@ -638,7 +638,7 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
     with pytest.raises(UnknownNameError, match="unknown quantity 'heat'; available: jump, margin"):
         plots.heat_map(timeline, quantity="heat")
     with pytest.raises(InputError, match="without a force there is no jump"):
-        plots.heat_map(replaced(timeline, force=None))
+        plots.heat_map(replaced(timeline, question=replaced(timeline.question, force=None)))
     with pytest.raises(UnknownNameError, match="unknown component 'mx' in the task 'force'"):
         plots.capability(capability, ["fx", "mx"])
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):

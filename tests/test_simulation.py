@@ -534,7 +534,7 @@ BAD = [  # the words of errors that others make are theirs
     ({"faults": ["3@0.1", "3@0.2"]}, ""),
     ({"rate": 1e12}, "5.63e+12 samples exceed the maximum of 5,000,000"),
     ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
-    ({"force": None}, "force needs numbers, got None"),
+    ({"force": None}, "the force is missing; e.g. force=[80, 50, 10]"),
     ({"axes": "tip"}, ""),
     ({"gravity": (0, 0)}, ""),
     ({"limits": "what"}, ""),

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike
 
 Axes = Literal["tool", "world"]
 
@@ -157,6 +159,23 @@ class Task:
     def velocity_components(self) -> tuple[str, ...]:
         """Names of the power-conjugate velocity components: vx for fx, wx for mx."""
         return tuple(name.replace("f", "v").replace("m", "w") for name in self.components)
+
+    def vector(self, x: ArrayLike, name: str) -> Vector:
+        """Return a force or direction in task axes as a checked vector, shape (m,).
+
+        Parameters
+        ----------
+        x :
+            The components.
+        name :
+            What it is called in errors.
+
+        Raises
+        ------
+        InputError
+            It does not consist of m finite numbers.
+        """
+        return as_vector(x, self.m, name, f"{', '.join(self.components)} of the task '{self}'")
 
     def weigh_jacobian(self, J: Matrix) -> Matrix:
         """Return the weighted Jacobian J̃ of J, shape (m, n)."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.core.arrays import Vector, read_only
+from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     import pinocchio as pin
+    from numpy.typing import ArrayLike
 
     from ftforce.robot.coordinates import Coordinates
 
@@ -189,6 +190,23 @@ class Robot(Displayed):
             Joint positions along the chain, rad or m, shape (n,).
         """
         return self.coordinates.to_model(q)
+
+    def vector(self, x: ArrayLike, name: str) -> Vector:
+        """Return one value per joint of the chain as a checked vector, shape (n,).
+
+        Parameters
+        ----------
+        x :
+            The values.
+        name :
+            What they are called in errors.
+
+        Raises
+        ------
+        InputError
+            They are not n finite numbers.
+        """
+        return as_vector(x, self.n, name, f"one per joint, {self.numbered()}")
 
     def index(self, joint: int | str) -> int:
         """Return the index (from 0) of a joint given by number or name.

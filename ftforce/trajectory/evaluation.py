@@ -27,40 +27,13 @@ from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ftforce.analysis.conditions import Conditions
+    from ftforce.analysis.question import Question
     from ftforce.core.arrays import Mask, Matrix
     from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
-    from ftforce.core.task import Task
-    from ftforce.robot.robot import Robot
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import Motion
 
 _CHUNK = 500  # instants per progress tick
-
-
-class Case(NamedTuple):
-    """Data shared by all instants of all runs.
-
-    Attributes
-    ----------
-    robot, task, conditions :
-        The arm, the task, gravity and payload.
-    F :
-        Requested force, weighted, shape (m,).
-    limits :
-        Torque limits in force; ``None`` if none.
-    rtol, wary :
-        Tolerances.
-    """
-
-    robot: Robot
-    task: Task
-    conditions: Conditions
-    F: Vector
-    limits: Limits | None
-    rtol: float
-    wary: float
 
 
 class _FaultConstraints(NamedTuple):
@@ -84,7 +57,7 @@ class _FaultConstraints(NamedTuple):
     known_limits: Vector
 
     @classmethod
-    def of(cls, case: Case, faults: FaultSet) -> _FaultConstraints:
+    def of(cls, case: Question, faults: FaultSet) -> _FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
         limits = None if case.limits is None else case.limits.largest_torques(faults)
@@ -140,7 +113,7 @@ class _Balance(NamedTuple):
 
 
 def run_of(
-    case: Case,
+    case: Question,
     motion: Motion,
     reference: TipPath,
     times: Vector,
@@ -154,7 +127,7 @@ def run_of(
     Parameters
     ----------
     case :
-        Data shared by all instants.
+        What is asked at every instant, with a force.
     motion :
         The joint motion.
     reference :
@@ -188,7 +161,7 @@ def run_of(
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 
 
-def _empty_run(case: Case, motion: Motion) -> Run:
+def _empty_run(case: Question, motion: Motion) -> Run:
     count, n, m = len(motion.q), case.robot.n, case.task.m
     rest = [name for name in QUANTITIES if name not in {*MOTIONS, *SCALARS}]
     arrays = {name: np.zeros((count, width(name, n, m) or 1)) for name in rest}
@@ -196,7 +169,7 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: _FaultKnowledge) -> None:
+def _fill(run: Run, i: int, case: Question, reference: TipPath, knowledge: _FaultKnowledge) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
@@ -221,7 +194,7 @@ def _fill(run: Run, i: int, case: Case, reference: TipPath, knowledge: _FaultKno
 
 
 def _finish(
-    run: Run, here: slice, case: Case, reference: TipPath, actual: _FaultConstraints
+    run: Run, here: slice, case: Question, reference: TipPath, actual: _FaultConstraints
 ) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
     run.path_error[here] = reference.x[here] - run.position[here]
@@ -234,10 +207,11 @@ def _finish(
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
-def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: _FaultConstraints) -> _Balance:
+def _with_remap(case: Question, J: Matrix, rnea: Vector, faults: _FaultConstraints) -> _Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
     locked, free, limits, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, free)
+    assert case.F is not None  # a simulation requires a force
     F = supported_force(reduced, case.F)
     if reduced.rank < reduced.m:
         F = without_rounding(F, F, case.F)
@@ -264,7 +238,7 @@ def _without_sign_changes(quaternions: Matrix) -> None:
 
 
 def _balance(
-    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+    case: Question, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
 ) -> _Balance:
     actual, assumed = knowledge
     if assumed is None:
@@ -276,7 +250,7 @@ def _balance(
 
 
 def _without_remap(
-    case: Case, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+    case: Question, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
 ) -> _Balance:
     """Return the force that results from torques commanded for the assumed faults."""
     actual, assumed = knowledge
@@ -302,7 +276,7 @@ def _without_remap(
     return _Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
-def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
+def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
     """Return the tip force that torques exert while the environment keeps the tip in place.
 
     If masses are known, the remaining torques accelerate the arm and the dynamically consistent
@@ -327,7 +301,7 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> V
 
 
 def _verdict(
-    case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
+    case: Question, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
 ) -> Verdict:
     """Return the verdict without remap, from the force jump and the unbalanced torques."""
     jump = math.hypot(*(F - F_after))
