@@ -161,19 +161,19 @@ class Task:
         return tuple(name.replace("f", "v").replace("m", "w") for name in self.components)
 
     def vector(self, x: ArrayLike, name: str) -> Vector:
-        """Return a force or direction in task axes as a checked vector, shape (m,).
+        """Return a force or direction in task axes as a validated vector, shape (m,).
 
         Parameters
         ----------
         x :
             The components.
         name :
-            What it is called in errors.
+            Name of the value, for error messages.
 
         Raises
         ------
         InputError
-            It does not consist of m finite numbers.
+            The value does not consist of m finite numbers.
         """
         return as_vector(x, self.m, name, f"{', '.join(self.components)} of the task '{self}'")
 

@@ -192,19 +192,19 @@ class Robot(Displayed):
         return self.coordinates.to_model(q)
 
     def vector(self, x: ArrayLike, name: str) -> Vector:
-        """Return one value per joint of the chain as a checked vector, shape (n,).
+        """Return one value per joint of the chain as a validated vector, shape (n,).
 
         Parameters
         ----------
         x :
             The values.
         name :
-            What they are called in errors.
+            Name of the values, for error messages.
 
         Raises
         ------
         InputError
-            They are not n finite numbers.
+            The values are not n finite numbers.
         """
         return as_vector(x, self.n, name, f"one per joint, {self.numbered()}")
 
