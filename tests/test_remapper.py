@@ -426,7 +426,7 @@ def test_numbers_that_are_none(robots, bad, place):
     kept = remapper(q, tau).copy()
     spoiled = np.zeros(7)
     spoiled[place] = bad
-    words = "numbers too large" if bad == 1e200 else f"holds {bad} at position {place + 1}"
+    words = "numbers too large" if bad == 1e200 else f"contains {bad} at position {place + 1}"
     with pytest.raises(InputError, match=f"^q {words}|{words}"):
         remapper(spoiled, tau)
     with pytest.raises(InputError, match=words):
