@@ -102,7 +102,7 @@ class Task:
         length = DEFAULT_LENGTH if length is None else float(length)
         if isinstance(task, str) and isinstance(axes, str):
             return _parsed(task, axes, length)
-        return cls._of_words(task, axes, length)
+        return cls._of_words(task.split(",") if isinstance(task, str) else task, axes, length)
 
     @classmethod
     def _of_words(cls, words: Iterable[str], axes: Axes, length: float) -> Task:
