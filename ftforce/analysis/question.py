@@ -56,7 +56,7 @@ class Question:
         Motor torques for the tip force, N·m (N), shape (n,), given in place of a force.
     direction :
         Direction of the force capability, in task axes, scaled as by
-        `ftforce.core.task.Task.direction_of`, shape (m,); ``None`` if none was given.
+        `ftforce.Task.direction_of`, shape (m,); ``None`` if none was given.
     limits :
         Torque limits in force; ``None`` if none are.
     inverse :
@@ -314,7 +314,7 @@ def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
 
 
 def unit_direction(task: Task, direction: ArrayLike) -> Vector:
-    """Return a direction scaled as by `ftforce.core.task.Task.direction_of`, shape (m,).
+    """Return a direction scaled as by `ftforce.Task.direction_of`, shape (m,).
 
     Parameters
     ----------

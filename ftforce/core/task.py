@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -100,13 +100,19 @@ class Task:
         """
         if isinstance(task, Task):
             return task
-        words = task.split(",") if isinstance(task, str) else list(task)
+        length = DEFAULT_LENGTH if length is None else float(length)
+        if isinstance(task, str) and isinstance(axes, str):
+            return _parsed(task, axes, length)
+        return cls._of_words(task.split(",") if isinstance(task, str) else task, axes, length)
+
+    @classmethod
+    def _of_words(cls, words: Iterable[str], axes: Axes, length: float) -> Task:
         names: list[str] = []
         for word in words:
             if not isinstance(word, str):
                 raise UnknownNameError("task component", word, (*_SHORTHANDS, *COMPONENTS))
             names += _SHORTHANDS.get(word.strip().lower(), (word.strip().lower(),))
-        return cls(tuple(names), axes, DEFAULT_LENGTH if length is None else float(length))
+        return cls(tuple(names), axes, length)
 
     @property
     def m(self) -> int:
@@ -222,3 +228,8 @@ class Task:
             if components == self.components:
                 return word
         return ",".join(self.components)
+
+
+@lru_cache(maxsize=64)  # a task and its weights are the same for millions of postures
+def _parsed(task: str, axes: Axes, length: float) -> Task:
+    return Task._of_words(task.split(","), axes, length)

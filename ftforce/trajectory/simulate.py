@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Trajectory
 
-_LINEAR = Task.parse("force", "world")  # linear tip velocity, in root axes
+_LINEAR = Task(axes="world")  # linear tip velocity, in root axes
 NEVER = math.inf
 
 
