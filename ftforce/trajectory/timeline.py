@@ -319,7 +319,7 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     robot, task, t = question.robot, question.task, start.times
     yield from start.warnings
     if robot.mass == 0.0 and question.conditions.gravity.any():
-        yield "the URDF has no masses: gravity and inertial torques of the arm are missing"
+        yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
