@@ -22,8 +22,8 @@ from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
     Reach,
-    end_of,
     feasible_forces,
+    limiting_factor,
     reach,
     weakest_direction,
 )
@@ -256,7 +256,7 @@ class Capability(Displayed):
 def _amount(
     feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
 ) -> CapabilityRange:
-    end, stops = end_of(feasible, ray), ray.limiting_joints
+    end, stops = limiting_factor(feasible, ray), ray.limiting_joints
     if end is LimitingFactor.WEIGHT:
         stops = overloaded(feasible)
     elif end is LimitingFactor.FAULT:

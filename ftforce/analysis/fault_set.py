@@ -17,8 +17,8 @@ from ftforce.core.changes import RneaChange, split_norms
 from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
-    end_of,
     feasible_forces,
+    limiting_factor,
     reach,
     weakest_direction,
 )
@@ -249,7 +249,7 @@ def set_capability(
     for reading in LockModel:
         feasible = feasible_forces(reduced, rnea, largest, reading)
         ray, size = _ray(case, feasible)
-        end = end_of(feasible, ray)
+        end = limiting_factor(feasible, ray)
         rays.append(ray)
         ends.append(end)
         stops.append(

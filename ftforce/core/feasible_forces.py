@@ -232,7 +232,7 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     return Reach(minimum, maximum, limiting_joints)
 
 
-def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
+def limiting_factor(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
     """Return what limits the force along a ray.
 
     Parameters

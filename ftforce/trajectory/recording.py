@@ -120,7 +120,7 @@ class Recording:
         """
         return recording_of(robot, Sheet.read(path), max_gap)
 
-    def doubts(self, names: Sequence[str]) -> Iterator[str]:
+    def warnings(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a warning for each joint whose recorded velocities do not match its positions.
 
         Parameters

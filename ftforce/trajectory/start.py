@@ -136,7 +136,7 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
     reference = RecordedReference(robot, recording)
-    q, warnings = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
+    q, warnings = read_only(recording.q[0].copy()), tuple(recording.warnings(robot.names))
     return Start(reference, q, read_only(times), words, "recorded", warnings)
 
 
