@@ -19,10 +19,10 @@ CELL_BINS = 32
 """Number of bins of margin and ρ, 0 to 1, per workspace cell, and of a posture's smallest ρ."""
 
 UNDECIDED = -1
-"""Placeholder for a verdict or rank left to the accurate part."""
+"""Placeholder for a verdict or rank that is left to `settle`."""
 
 GUARD_BAND = 1.0 + 1e-6
-"""Relative distance from a tolerance within which the fast parts decide nothing."""
+"""Factor around a tolerance within which the fast kernels leave a case undecided."""
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -210,13 +210,13 @@ class Block(NamedTuple):
         σ_min(K), σ_min(K)/σ_max(J) and ρ = w(K)/w(J) (NaN where w(J) = 0), shape (S, k).
     jump, moment_jump, relative_jump :
         ‖ΔF‖ of the forces, N (of the moments, N·m, if the task has no forces); of the moments,
-        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot stand still, except
-        ``relative_jump``, which is then 1. ``None`` without a force; ``moment_jump`` also unless
-        the task has both forces and moments.
+        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot be held in static
+        equilibrium, except ``relative_jump``, which is then 1. ``None`` without a force;
+        ``moment_jump`` also unless the task has both forces and moments.
     capability :
         Largest force that can be commanded in the direction, N (N·m), infinite if no known limit
-        bounds it, NaN if the arm cannot stand still with any force, shape (S, k); ``None`` without
-        a direction.
+        bounds it, NaN if no force holds the arm in static equilibrium, shape (S, k); ``None``
+        without a direction.
     """
 
     tip: Matrix

@@ -75,11 +75,11 @@ class Bins:
         return read_only(np.array([float(f"{edge:.13e}") for edge in edges]))
 
     @cached_property
-    def capability_guide(self) -> Counts | None:
-        """Lookup table of the capability edges, see `ftforce.batch.kernels.counting.guide_to`."""
-        from ftforce.batch.kernels.counting import guide_to
+    def capability_lookup(self) -> Counts | None:
+        """Lookup table of the capability edges, see `ftforce.batch.kernels.counting.lookup_of`."""
+        from ftforce.batch.kernels.counting import lookup_of
 
-        return None if self.capability is None else guide_to(self.capability)
+        return None if self.capability is None else lookup_of(self.capability)
 
 
 @dataclass(frozen=True)

@@ -107,12 +107,12 @@ def _add_measures(summary: Summary, block: Block, start: int) -> None:
 def _add_capability(summary: Summary, values: Matrix) -> None:
     from ftforce.batch.kernels.counting import count_logarithmic, leading_bits
 
-    edges, guide = summary.bins.capability, summary.bins.capability_guide
+    edges, lookup = summary.bins.capability, summary.bins.capability_lookup
     count_logarithmic(
         values,
         leading_bits(values),
         edges,
-        guide,
+        lookup,
         summary.capability,
         summary.capability_unlimited,
         summary.capability_unknown,
