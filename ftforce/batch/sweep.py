@@ -365,7 +365,7 @@ def _run(
     from ftforce.batch.runner import run
     from ftforce.batch.store import store
 
-    asked = store.Asked(job, setting, sets, _identity(job, setting))
+    asked = store.SweepRequest(job, setting, sets, _identity(job, setting))
     with closing(store.create(path, asked)) as opened:
         if not opened.is_complete:
             run(job, opened, runner, progress)

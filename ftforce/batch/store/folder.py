@@ -23,13 +23,18 @@ LOCK = ".ftforce.lock"
 """Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
 PARTIAL = ".partial"
 """Suffix of files being written, also used by Zarr."""
-_NOT_ALLOWED = {errno.EACCES, errno.EPERM, errno.EROFS}
+_PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
 
 @contextmanager
 def disk_errors(path: Path | None) -> Iterator[None]:
     """Convert file system errors to `OutputError`.
+
+    Parameters
+    ----------
+    path :
+        The folder, for the message; ``None`` for memory.
 
     Raises
     ------
@@ -40,10 +45,10 @@ def disk_errors(path: Path | None) -> Iterator[None]:
         yield
     except OSError as problem:
         reason = problem.strerror or str(problem)
-        kept = "; what is finished is kept: the same command goes on from there"
-        if problem.errno in _NOT_ALLOWED:
-            kept = ""
-        raise OutputError(path or "memory", f"cannot be written ({reason}){kept}") from None
+        advice = "; finished chunks are kept, and the same command resumes the sweep"
+        if problem.errno in _PERMISSION:
+            advice = ""
+        raise OutputError(path or "memory", f"cannot be written ({reason}){advice}") from None
 
 
 def lock(path: Path) -> FileLock:
@@ -70,7 +75,7 @@ def lock(path: Path) -> FileLock:
             by = f" (process {who['process']} on {who['host']})" if who else ""
             raise OutputError(
                 path,
-                f"is being written by another sweep{by}; wait for it, or give another --output",
+                f"is being written by another sweep{by}; wait for it, or choose another --output",
             ) from None
         except OSError as problem:
             if problem.errno not in _NO_LOCKS:
@@ -85,7 +90,7 @@ def lock(path: Path) -> FileLock:
 
 
 def lock_of(path: Path) -> dict[str, object]:
-    """Return the content of the lock file: process, host and token; empty if there is none."""
+    """Return the content of the lock file: process, host and token; empty without a lock file."""
     try:
         found = json.loads((path / LOCK).read_text("utf-8"))
         return {name: found[name] for name in ("process", "host", "token")}
@@ -94,7 +99,15 @@ def lock_of(path: Path) -> dict[str, object]:
 
 
 def write_durably(file: Path, data: bytes) -> None:
-    """Write a file atomically, and wait until it is on disk."""
+    """Write a file atomically, and wait until it is on disk.
+
+    Parameters
+    ----------
+    file :
+        Path of the file.
+    data :
+        Its content.
+    """
     partial = file.with_name(file.name + PARTIAL)
     with partial.open("wb") as stream:
         stream.write(data)
@@ -130,7 +143,7 @@ def remove_partial(path: Path) -> None:
         left.unlink(missing_ok=True)
 
 
-def is_half_made(path: Path, known: Collection[str]) -> bool:
+def is_partly_created(path: Path, known: Collection[str]) -> bool:
     """Return whether a folder is left over from a sweep killed during its creation.
 
     Parameters
@@ -147,7 +160,15 @@ def is_half_made(path: Path, known: Collection[str]) -> bool:
 
 
 def clear(path: Path, known: Collection[str]) -> None:
-    """Remove what ftforce created in an incomplete folder, except its lock."""
+    """Remove what ftforce created in an incomplete folder, except its lock.
+
+    Parameters
+    ----------
+    path :
+        The folder.
+    known :
+        Names of all files that ftforce creates there.
+    """
     for entry in path.iterdir():
         if entry.name.removesuffix(PARTIAL) in known:
             if entry.is_dir() and not entry.is_symlink():
