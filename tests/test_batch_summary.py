@@ -297,7 +297,7 @@ def test_blocks_that_do_not_fit_are_refused(block):
             block._replace(rank=block.rank - np.int8(1)),
             "rank of the block: expected values from 0 to 6",
         ),
-        (block._replace(tip=block.tip[:, :2]), "needs tips of shape"),
+        (block._replace(tip=block.tip[:, :2]), "tip of the block: expected shape"),
         (
             block._replace(healthy_margin=block.rank[1:]),
             "healthy_margin of the block: expected shape",
