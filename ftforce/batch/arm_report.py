@@ -241,13 +241,13 @@ def _of_size(sweep: Sweep, size: int) -> SizeReport:
         borderline=_share(summary, among, BORDERLINE),
         margin=_low_and_middle(summary.margin[among], edges),
         rho=_low_and_middle(summary.rho[among], edges),
-        rho_bound=rho_bound(setting, size),
+        rho_bound=_rho_bound(setting, size),
         jump=_jump(summary, among, tolerated),
         capability=_capability(summary, among),
     )
 
 
-def rho_bound(setting: SweepSetting, size: int) -> float:
+def _rho_bound(setting: SweepSetting, size: int) -> float:
     """Return the upper bound on the smallest ρ of a posture, see `SizeReport`.
 
     Parameters

@@ -313,11 +313,11 @@ def _posture_slice(job: Job, chunks: list[int]) -> Job:
     if not isinstance(job.postures, Listed):
         return job
     rows = {index: job.postures.block(*job.range(index)) for index in chunks}
-    return replace(job, postures=PostureSlice(rows, job.chunk, job.postures.count, job.postures.n))
+    return replace(job, postures=_PostureSlice(rows, job.chunk, job.postures.count, job.postures.n))
 
 
 @dataclass(frozen=True, eq=False)
-class PostureSlice:
+class _PostureSlice:
     """Some chunks of a listed set of postures.
 
     Attributes

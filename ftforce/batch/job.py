@@ -197,13 +197,13 @@ def samples_of(q: Matrix, block: Block, keep: str) -> Samples:
     measures = {name: values for name, values in measures.items() if values is not None}
     if keep == "all":
         return found | {name: values.T for name, values in measures.items()}
-    worst = worst_sets(block)
+    worst = _worst_sets(block)
     found["worst_set"] = worst.astype(np.int32)
     at = np.arange(len(q))
     return found | {f"worst_{name}": values[worst, at] for name, values in measures.items()}
 
 
-def worst_sets(block: Block) -> NDArray[np.intp]:
+def _worst_sets(block: Block) -> NDArray[np.intp]:
     """Return the worst fault set of each posture, shape (k,).
 
     Ordered by worst verdict, then largest relative jump, then smallest margin, then index.

@@ -200,7 +200,15 @@ class Evaluator:
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:
-    """Return uninitialized result arrays for k postures."""
+    """Return uninitialized result arrays for k postures.
+
+    Parameters
+    ----------
+    plan :
+        What to compute, for S fault sets.
+    k :
+        Number of postures.
+    """
     S, has_force = len(plan.faults.locked), plan.question.force.size > 0
     has_direction = plan.question.direction.size > 0
     sizes: dict[str, tuple[tuple[int, ...], type]] = {

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
 
 QUANTITIES = ("rho", "margin", "jump", "capability")
-DEFAULT_QUANTITIES = ("rho", "margin")
+_DEFAULT_QUANTITIES = ("rho", "margin")
 _ROUNDING = 1e-9  # of an edge: a slice on the border of two cells belongs to the upper one
 
 
@@ -63,12 +63,12 @@ class WorkspaceMap(Displayed):
     plane: str | None = None
     at: float | None = None
     solid: bool = False
-    quantities: tuple[str, ...] = DEFAULT_QUANTITIES
+    quantities: tuple[str, ...] = _DEFAULT_QUANTITIES
 
     @cached_property
     def grid(self) -> Cells:
         """All cells, shape (nx, ny, nz)."""
-        return grid_of(self.sweep, self.joints)
+        return _grid_of(self.sweep, self.joints)
 
     @cached_property
     def flat(self) -> Flat:
@@ -77,7 +77,7 @@ class WorkspaceMap(Displayed):
 
     def projected(self, plane: str) -> Flat:
         """Return the cells of a plane, ``xy``, ``xz`` or ``yz``."""
-        return flatten(self.sweep, self.grid, plane, self.at)
+        return _flatten(self.sweep, self.grid, plane, self.at)
 
     @cached_property
     def located(self) -> Located:
@@ -92,12 +92,12 @@ class WorkspaceMap(Displayed):
         joints :
             Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
         """
-        grid = self.grid if joints == self.joints else grid_of(self.sweep, joints)
+        grid = self.grid if joints == self.joints else _grid_of(self.sweep, joints)
         workspace = self.sweep.summary.workspace
         chosen = grid.postures > 0
         if self.plane is not None and self.at is not None:
             axis = depth_axis(self.plane)
-            layer = np.arange(chosen.shape[axis]) == layer_at(self.sweep, axis, self.at)
+            layer = np.arange(chosen.shape[axis]) == _layer_at(self.sweep, axis, self.at)
             chosen = chosen & np.expand_dims(layer, tuple({0, 1, 2} - {axis}))
         index = np.argwhere(chosen)
         place = np.array(workspace.origin) + (index + 0.5) * workspace.edge
@@ -156,7 +156,7 @@ def workspace_map(
     plane: str | None = None,
     at: float | None = None,
     solid: bool = False,
-    quantities: Sequence[str] = DEFAULT_QUANTITIES,
+    quantities: Sequence[str] = _DEFAULT_QUANTITIES,
 ) -> WorkspaceMap:
     """Return a map of the workspace that shows where a fault is tolerated.
 
@@ -194,13 +194,13 @@ def workspace_map(
     if chosen is not None:
         sweep.index_of(chosen)
     if plane is not None and at is not None:
-        check_slice(sweep, plane, at)
+        _check_slice(sweep, plane, at)
     for quantity in quantities:
         check_quantity(sweep, quantity)
     return WorkspaceMap(sweep, chosen, plane, at, solid, tuple(quantities))
 
 
-def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
+def _grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
     """Return all cells of the workspace, shape (nx, ny, nz).
 
     Parameters
@@ -223,7 +223,7 @@ def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
     return Cells.of(summary.cell_postures.reshape(shape), tolerated.reshape(shape))
 
 
-def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
+def _flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
     """Return the cells of a plane, pooled over the depth or of one layer.
 
     Parameters
@@ -250,15 +250,15 @@ def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
     if at is None:
         counts = (grid.postures.sum(axis), grid.tolerated.sum(axis))
     else:
-        check_slice(sweep, plane, at)
-        layer = layer_at(sweep, axis, at)
+        _check_slice(sweep, plane, at)
+        layer = _layer_at(sweep, axis, at)
         depth = (low + layer * workspace.edge, low + (layer + 1) * workspace.edge)
         counts = (grid.postures.take(layer, axis), grid.tolerated.take(layer, axis))
     first, second = (_borders(sweep, AXES.index(name)) for name in plane)
     return Flat(plane, (first, second), depth, Cells.of(*counts))
 
 
-def layer_at(sweep: Sweep, axis: int, at: float) -> int:
+def _layer_at(sweep: Sweep, axis: int, at: float) -> int:
     """Return the layer of cells at a position along an axis, clipped to those with postures.
 
     Parameters
@@ -276,7 +276,7 @@ def layer_at(sweep: Sweep, axis: int, at: float) -> int:
     return int(min(max(math.floor(place + _ROUNDING), first), end - 1))
 
 
-def check_slice(sweep: Sweep, plane: str, at: float) -> None:
+def _check_slice(sweep: Sweep, plane: str, at: float) -> None:
     """Check that there are postures at this depth.
 
     Parameters
@@ -295,7 +295,7 @@ def check_slice(sweep: Sweep, plane: str, at: float) -> None:
     low, high = (workspace.origin[axis] + layer * workspace.edge for layer in window)
     slack = _ROUNDING * workspace.edge
     is_within = low - slack <= at <= high + slack
-    if not (is_within and postures.take(layer_at(sweep, axis, at), axis).any()):
+    if not (is_within and postures.take(_layer_at(sweep, axis, at), axis).any()):
         raise InputError(
             f"no posture has its tip at {AXES[axis]} = {at:g} m; tip positions range from "
             f"{AXES[axis]} = {low:.4g} to {high:.4g} m"

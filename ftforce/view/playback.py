@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ftforce.view.model.state import State
     from ftforce.view.modes import Host
 
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
+_SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
 _PRINT_RTOL = 1e-5  # times are printed with six digits
 _MAX_STEP = 0.25  # s: if the machine stalls, playback pauses instead of skipping ahead
 
@@ -300,9 +300,9 @@ class Playback(Mode):
         names = tuple(self._names)
         run = gui.add_dropdown("Run", names, initial_value=names[0])
         run.on_update(lambda _event: self.choose(run.value))
-        speeds = tuple(f"{speed:g}×" for speed in SPEEDS)
+        speeds = tuple(f"{speed:g}×" for speed in _SPEEDS)
         speed = gui.add_dropdown("Speed", speeds, initial_value="1×")
-        speed.on_update(lambda _event: self._set_speed(SPEEDS[speeds.index(speed.value)]))
+        speed.on_update(lambda _event: self._set_speed(_SPEEDS[speeds.index(speed.value)]))
         place = gui.add_dropdown("Healthy arm", PLACES, initial_value=self._place)
         place.on_update(lambda _event: self._set_place(place.value))
         self._charts = gui.add_html("")

@@ -38,7 +38,7 @@ _BUG = "internal error in ftforce, please report it"
 
 
 @contextmanager
-def ctrl_c() -> Iterator[list[int]]:
+def _ctrl_c() -> Iterator[list[int]]:
     """Yield a list that becomes non-empty once Ctrl-C is pressed.
 
     `KeyboardInterrupt` is not reliable here: trimesh swallows it while importing optional
@@ -279,7 +279,7 @@ class Session:
         """Load and show the arm's meshes; this takes seconds, so the page is opened first."""
         from ftforce.view.geometry.meshes import load_geometry
 
-        with ctrl_c() as pressed:
+        with _ctrl_c() as pressed:
             geometry = load_geometry(self.robot)
         if pressed:
             raise KeyboardInterrupt
@@ -303,7 +303,7 @@ class Session:
         announce :
             Called once Ctrl-C is handled.
         """
-        with ctrl_c() as pressed, suppress(KeyboardInterrupt):
+        with _ctrl_c() as pressed, suppress(KeyboardInterrupt):
             announce()
             self.load_geometry()
             while not (pressed or self._closing.wait(0.2)):

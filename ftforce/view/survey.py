@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from ftforce.view.modes import Host
     from ftforce.view.scene.colours import Colour
 
-MAX_POINTS = 20_000  # a browser without a GPU can still rotate this many
-EVERY = "every set"
+_MAX_POINTS = 20_000  # a browser without a GPU can still rotate this many
+_EVERY = "every set"
 # Matplotlib's cividis from 0 to 1, as in `ftforce map`: bright is good, dark is bad; readable
 # with any kind of colour vision and in greyscale.
 RAMP: tuple[Colour, ...] = (
@@ -54,7 +54,7 @@ _RADIUS = 0.007  # of a point, as a share of the size of the arm
 _CELL_RADIUS = 0.35  # of a cell's marker, as a share of the cell's edge
 _AIM_POINTS = 400  # enough points to aim the camera
 _FORCE_DIGITS = 4
-SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
+_SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
 
 # An octahedron: eight triangles per point.
 _CORNERS = np.array(
@@ -108,7 +108,7 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
         There is no such sweep, it belongs to another arm, or it has no completed postures.
     """
     sweep = open_sweep(path)
-    check_fits(robot, sweep, path)
+    _check_fits(robot, sweep, path)
     if not sweep.done:
         raise SweepError(path, "has no finished postures yet; run its command again to resume it")
     found = Survey(robot, state, sweep)
@@ -119,7 +119,7 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
     return found
 
 
-def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
+def _check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
     """Check that a sweep belongs to this arm.
 
     Parameters
@@ -145,14 +145,14 @@ def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
     ``None`` stands for every set; it is the only choice if the sweep kept only the worst set of
     each posture.
     """
-    found: dict[str, tuple[int, ...] | None] = {EVERY: None}
+    found: dict[str, tuple[int, ...] | None] = {_EVERY: None}
     if sweep.setting.keep != "worst":
         for one in sweep.sets:
             found[str(one)] = tuple(joint + 1 for joint in one.joints)
     return found
 
 
-def read_points(sweep: Sweep, count: int = MAX_POINTS) -> Points | None:
+def read_points(sweep: Sweep, count: int = _MAX_POINTS) -> Points | None:
     """Return postures of a sweep; ``None`` if it stored none.
 
     Parameters
@@ -179,7 +179,7 @@ def read_points(sweep: Sweep, count: int = MAX_POINTS) -> Points | None:
     return Points(q, tips[chosen], verdict.astype(np.int8), worst.astype(np.int64), len(done))
 
 
-def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
+def _verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
     """Return the verdict of each point for a fault set, shape (k,).
 
     Parameters
@@ -195,7 +195,7 @@ def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
     return found
 
 
-def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
+def _verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
     """Return the colours of verdicts, shape (k, 3)."""
     found: NDArray[np.uint8] = np.array(VERDICT_POINTS, dtype=np.uint8)[verdicts]
     return found
@@ -225,7 +225,7 @@ class Survey(Mode):
         self.robot, self.sweep = robot, sweep
         self.points = read_points(sweep)
         self._choices = choices(sweep)
-        self._chosen, self._shown = EVERY, SHOWN[0]
+        self._chosen, self._shown = _EVERY, _SHOWN[0]
         self._question, self._is_same_question = state, True
         self._lock = threading.RLock()
 
@@ -237,7 +237,7 @@ class Survey(Mode):
         with session.panel.first_tab:
             self._build(session.server.gui)
         if self.points is None:
-            self._nodes = self._add_cells(EVERY)
+            self._nodes = self._add_cells(_EVERY)
         else:
             self._nodes = self._add_points(self.points)
             self._nodes.on_click(lambda event: self.move_to(event.instance_index))
@@ -275,7 +275,7 @@ class Survey(Mode):
         if points is None or point is None or not 0 <= point < len(points.q):
             return
         q, faults = points.q[point], self._faults()
-        if faults is None and verdicts_of(points, None)[point]:
+        if faults is None and _verdicts_of(points, None)[point]:
             faults = self.sweep.sets[points.worst[point]]
         self._session.change(
             lambda state: state.at(q) if faults is None else state.at(q).with_faults(faults)
@@ -295,7 +295,7 @@ class Survey(Mode):
     def verdicts(self) -> NDArray[np.int8]:
         """Verdict of each point for the selected fault set, shape (k,)."""
         assert self.points is not None
-        return verdicts_of(self.points, self._place())
+        return _verdicts_of(self.points, self._place())
 
     def _place(self) -> int | None:
         joints = self._choices[self._chosen]
@@ -327,10 +327,10 @@ class Survey(Mode):
 
     def _build(self, gui: Any) -> None:
         labels = tuple(self._choices)
-        sets = gui.add_dropdown("Fault set", labels, initial_value=EVERY)
+        sets = gui.add_dropdown("Fault set", labels, initial_value=_EVERY)
         sets.on_update(lambda _event: self.choose(sets.value))
-        kinds = SHOWN if self.points is not None else (SHOWN[0], SHOWN[-1])
-        shown = gui.add_dropdown("Show", kinds, initial_value=SHOWN[0])
+        kinds = _SHOWN if self.points is not None else (_SHOWN[0], _SHOWN[-1])
+        shown = gui.add_dropdown("Show", kinds, initial_value=_SHOWN[0])
         shown.on_update(lambda _event: self._show(shown.value))
         self._legend = gui.add_html("")
         self.controls = {"sets": sets, "shown": shown}
@@ -342,19 +342,19 @@ class Survey(Mode):
 
     def _paint(self) -> None:
         """Color the points and show those with the selected verdict."""
-        self._nodes.visible = self._shown != SHOWN[-1]
+        self._nodes.visible = self._shown != _SHOWN[-1]
         if self.points is None:
             return
         verdicts = self.verdicts
-        self._nodes.batched_colors = linear(verdict_colours(verdicts))
+        self._nodes.batched_colors = linear(_verdict_colours(verdicts))
         wanted = np.ones(len(verdicts), dtype=np.float32)  # points of zero size cannot be clicked
-        if self._shown in SHOWN[1:-1]:
-            wanted *= verdicts == SHOWN.index(self._shown) - 1
+        if self._shown in _SHOWN[1:-1]:
+            wanted *= verdicts == _SHOWN.index(self._shown) - 1
         self._nodes.batched_scales = wanted
 
     def _add_points(self, points: Points) -> Any:
         radius = _RADIUS * scene_size(self.robot)
-        return self._add("/sweep/points", radius, points.tip, verdict_colours(self.verdicts))
+        return self._add("/sweep/points", radius, points.tip, _verdict_colours(self.verdicts))
 
     def _add_cells(self, label: str) -> Any:
         located = workspace_map(self.sweep, self._choices[label]).located
@@ -393,7 +393,7 @@ class Survey(Mode):
         number = f"{shown:,} points"
         if shown < points.total:
             number += f", a random subset of {points.total:,} postures"
-        faults = ", with the fault set that is worst there" if self._chosen == EVERY else ""
+        faults = ", with the fault set that is worst there" if self._chosen == _EVERY else ""
         notes = [f"{number}. Click a point to move the arm to its posture{faults}."]
         if self.sweep.setting.keep == "worst":
             notes.append("The sweep stored only the worst fault set of each posture.")

@@ -48,7 +48,13 @@ class Scratch(NamedTuple):
 
 
 def workspace(m, n):
-    """Return a workspace for one posture."""
+    """Return a workspace for one posture.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     posture = [(m, n), (m, m), m, m, m, n]
     fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
     return Scratch(aligned_zeros(1, np.int64), *aligned_arrays([*posture, *fault_set]))
@@ -56,7 +62,17 @@ def workspace(m, n):
 
 @inner
 def decompose(W, U, s):
-    """Compute the SVD W = U diag(s) Vᵀ in place: rows become s_i v_iᵀ, sorted by decreasing s."""
+    """Compute the SVD W = U diag(s) Vᵀ in place: rows become s_i v_iᵀ, sorted by decreasing s.
+
+    Parameters
+    ----------
+    W :
+        The matrix, shape (m, n); then the rows s_i v_iᵀ.
+    U :
+        Filled with the left singular vectors as columns, shape (m, m).
+    s :
+        Filled with the singular values, shape (m,).
+    """
     m = W.shape[0]
     U[:] = 0.0
     for i in range(m):
@@ -68,7 +84,7 @@ def decompose(W, U, s):
         rotated = False
         for i in range(m - 1):
             for j in range(i + 1, m):
-                rotated |= rotate(W, U, i, j, negligible)
+                rotated |= _rotate(W, U, i, j, negligible)
         if not rotated:
             break
     for i in range(m):
@@ -87,7 +103,7 @@ def decompose(W, U, s):
 
 
 @inner
-def rotate(W, U, i, j, negligible):
+def _rotate(W, U, i, j, negligible):
     """Make rows i and j orthogonal, and return whether a rotation of nonzero rows was needed."""
     a, b, c = 0.0, 0.0, 0.0
     for k in range(W.shape[1]):
@@ -123,7 +139,15 @@ def norm(x):
 
 @inner
 def rank_of(s, threshold):
-    """Return the number of singular values above a threshold."""
+    """Return the number of singular values above a threshold.
+
+    Parameters
+    ----------
+    s :
+        Singular values, decreasing, shape (m,).
+    threshold :
+        Those up to it count as zero.
+    """
     rank = s.size
     while rank > 0 and s[rank - 1] <= threshold:
         rank -= 1
@@ -132,7 +156,19 @@ def rank_of(s, threshold):
 
 @inner
 def project(U, first, last, x, out):
-    """Project x onto the span of the columns first … last - 1 of U, into ``out``."""
+    """Project x onto the span of the columns first … last - 1 of U, into ``out``.
+
+    Parameters
+    ----------
+    U :
+        Orthonormal columns, shape (m, m).
+    first, last :
+        Half-open range of columns.
+    x :
+        Vector, shape (m,).
+    out :
+        Filled with the projection, shape (m,).
+    """
     m = U.shape[0]
     for i in range(m):
         out[i] = 0.0
@@ -146,7 +182,17 @@ def project(U, first, last, x, out):
 
 @inner
 def reduce_columns(J, locked, K):
-    """Set K to J with the columns of locked joints zeroed (eq. 25, 26)."""
+    """Set K to J with the columns of locked joints zeroed (eq. 25, 26).
+
+    Parameters
+    ----------
+    J :
+        Task Jacobian, shape (m, n).
+    locked :
+        True at the locked joints, shape (n,).
+    K :
+        Filled with the reduced Jacobian, shape (m, n).
+    """
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
             K[i, k] = 0.0 if locked[k] else J[i, k]
@@ -160,6 +206,15 @@ def project_out_free(scratch, free, threshold):
     force can balance, relative to the gravity torques of the arm, and the smallest singular value
     of their columns above ``threshold`` (infinite if there is none), the next one that a larger
     tolerance would treat as zero.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with J, K and the gravity torques.
+    free :
+        True at the free-swinging joints, shape (n,).
+    threshold :
+        Singular values of their columns up to it count as zero.
     """
     m, n = scratch.J.shape
     W, s, rest = scratch.W, scratch.t, scratch.projected
@@ -181,6 +236,15 @@ def balance_free(scratch, free, rank):
     """Set F0 to the smallest force that balances the free-swinging joints, -(J_Sᵀ)† [rnea]_S.
 
     Returns the unbalanced torque, relative to the gravity torques. The rows of W are σ_i v_iᵀ.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with the decomposed columns of the free-swinging joints.
+    free :
+        True at these joints, shape (n,).
+    rank :
+        Rank of their columns.
     """
     m, n = scratch.J.shape
     residual, F0 = scratch.residual, scratch.F0
@@ -204,14 +268,14 @@ def balance_free(scratch, free, rank):
 
 
 @inner
-def losing_tolerance(s, scale):
+def _losing_tolerance(s, scale):
     """Return the smallest tolerance t that treats a singular value as zero, s ≤ t · scale."""
     t = s / scale
     return t if s <= t * scale else np.nextafter(t, math.inf)
 
 
 @inner
-def verdict_of(accepted, rejected):
+def _verdict_of(accepted, rejected):
     """Return the verdict, given whether any tolerance accepts and any rejects the fault set."""
     if accepted and rejected:
         return BORDERLINE
@@ -220,14 +284,24 @@ def verdict_of(accepted, rejected):
 
 @inner
 def judge_locked(scratch, has_force, rtol, wary):
-    """Return the verdict for locked joints only (`ftforce.core.verdict.verdict`)."""
+    """Return the verdict for locked joints only (`ftforce.core.verdict.verdict`).
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed.
+    has_force :
+        Whether a force is requested.
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    """
     s, scale, m = scratch.t, scratch.s[0], scratch.t.size
     if s[m - 1] > wary * scale:
         return TOLERATED
     if not has_force:
         kept = rank_of(s, rtol * scale) >= scratch.rank[0]
         kept_at_wary = rank_of(s, wary * scale) >= scratch.rank[0]
-        return verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
+        return _verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
     size = norm(scratch.F)
     if size == 0.0:
         return TOLERATED
@@ -235,23 +309,23 @@ def judge_locked(scratch, has_force, rtol, wary):
     rank = rank_of(s, rtol * scale)
     lost = 0.0  # share of ‖F̂‖² along lost directions
     for i in range(rank, m):
-        lost += share(scratch, i, size)
+        lost += _share(scratch, i, size)
     while True:  # from one change of the rank to the next
         ends = rank == 0 or not s[rank - 1] <= wary * scale
-        end = wary if ends else losing_tolerance(s[rank - 1], scale)
+        end = wary if ends else _losing_tolerance(s[rank - 1], scale)
         jump = math.sqrt(lost)
         accepted |= jump <= start or jump <= end
         rejected |= not (jump <= start and jump <= end)
         if ends:
-            return verdict_of(accepted, rejected)
+            return _verdict_of(accepted, rejected)
         start = end
         while rank > 0 and s[rank - 1] <= start * scale:
             rank -= 1
-            lost += share(scratch, rank, size)
+            lost += _share(scratch, rank, size)
 
 
 @inner
-def share(scratch, i, size):
+def _share(scratch, i, size):
     """Return the share of ‖F̂‖² along the i-th left singular vector of K."""
     along = 0.0
     for k in range(scratch.F.size):
@@ -265,6 +339,17 @@ def judge_free(scratch, locked, free, rtol, wary, has_force):
 
     Reevaluated at every change of rank, since K changes when the column of a free joint is treated
     as zero. Overwrites K, its decomposition and F0.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with J decomposed.
+    locked, free :
+        True at the locked, and at the free-swinging joints, shape (n,).
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    has_force :
+        Whether a force is requested.
     """
     m, scale, rank = scratch.s.size, scratch.s[0], scratch.rank[0]
     accepted, rejected, start = False, False, rtol
@@ -275,25 +360,25 @@ def judge_free(scratch, locked, free, rtol, wary, has_force):
         after = rank_of(scratch.t, start * scale)
         project(scratch.V, 0, after, scratch.F, scratch.projected)
         F0, kept = scratch.F0, scratch.projected
-        jump = relative_jump(scratch.F, F0, kept, after == m, scale, scratch.rnea)
+        jump = _relative_jump(scratch.F, F0, kept, after == m, scale, scratch.rnea)
         if not has_force and after < rank:
             jump = math.inf  # a direction is lost
         for i in range(m):
             if scratch.t[i] > start * scale:
                 nearest = min(nearest, scratch.t[i])
         ends = not nearest <= wary * scale
-        end = wary if ends else losing_tolerance(nearest, scale)
+        end = wary if ends else _losing_tolerance(nearest, scale)
         at_start = unbalanced <= start and jump <= start
         at_end = unbalanced <= end and jump <= end
         accepted |= at_start or at_end
         rejected |= not (at_start and at_end)
         if ends:
-            return verdict_of(accepted, rejected)
+            return _verdict_of(accepted, rejected)
         start = end
 
 
 @inner
-def relative_jump(F, F0, projected, is_whole, scale, rnea):
+def _relative_jump(F, F0, projected, is_whole, scale, rnea):
     """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight."""
     jump, size = 0.0, 0.0
     for i in range(F.size):
@@ -313,6 +398,17 @@ def largest_multiple(scratch, rank, unbalanced, rtol):
     """Return the largest s for which s·d can be commanded, NaN if there is none.
 
     The ratio test of `ftforce.core.feasible_forces.reach`.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed, d, F0 and the torque limits.
+    rank :
+        Rank of K.
+    unbalanced :
+        Torque at free-swinging joints that no force balances, relative to all gravity torques.
+    rtol :
+        Relative tolerance.
     """
     if unbalanced > rtol:
         return math.nan
@@ -338,7 +434,17 @@ def largest_multiple(scratch, rank, unbalanced, rtol):
 
 @inner
 def multiples_in_hull(scratch, rank, rtol):
-    """Return the interval of s for which s·d lies in the affine hull of the feasible forces."""
+    """Return the interval of s for which s·d lies in the affine hull of the feasible forces.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed, d and F0.
+    rank :
+        Rank of K.
+    rtol :
+        Relative tolerance.
+    """
     m, F0, beyond = scratch.d.size, scratch.F0, scratch.projected
     offset = norm(F0)
     if rank == m and offset == 0.0:

@@ -50,7 +50,15 @@ class Workspace(NamedTuple):
 
 
 def workspace(joints, n, m):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    joints :
+        Number of joints of the mechanism.
+    n, m :
+        Numbers of joints of the chain and of task rows.
+    """
     rows, line = [(3, 3, LANES), (3, 3, LANES)], (LANES,)
     ends = [(2, LANES), (n, 4, LANES), line, line, line]
     lane = Lane(*aligned_arrays([*rows, line, line, line, *ends]))
@@ -62,31 +70,42 @@ def evaluate(mechanism, faults, question, q, answers, work):
     """Fill in the results for the postures q, shape (k, n), where no tolerance is near.
 
     Only the kernels that the question needs are called, and hence compiled.
+
+    Parameters
+    ----------
+    mechanism, faults, question :
+        The arm, the fault sets and what to compute, see `layout`.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    answers :
+        Filled with the results; verdicts and ranks left open are `UNDECIDED`.
+    work :
+        Workspace.
     """
     common = (mechanism, faults, question, q, answers, work.arm, work.lane)
     if question.rows.size == 3:
-        evaluate_three(*common)
+        _evaluate_three(*common)
     else:
-        evaluate_others(*common, work.svd, work.secular, work.lost)
+        _evaluate_others(*common, work.svd, work.secular, work.lost)
     if faults.has_free.any():
-        evaluate_free(*common, work.svd, work.lost)
+        _evaluate_free(*common, work.svd, work.lost)
 
 
 @kernel
-def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
+def _evaluate_three(mechanism, faults, question, q, answers, arm, lane):
     """Evaluate sets of locked joints for a task of three rows."""
-    reset_verdicts(answers.verdict, answers.rank_lost)
-    reset_jumps(answers.jump, answers.moment_jump, answers.relative_jump)
+    _reset_verdicts(answers.verdict, answers.rank_lost)
+    _reset_jumps(answers.jump, answers.moment_jump, answers.relative_jump)
     for first in range(0, q.shape[0], LANES):
-        count = place(mechanism, question, q, first, arm)
+        count = _place(mechanism, question, q, first, arm)
         three.evaluate_healthy(question.rtol, arm.J, lane)
-        write_healthy(3, first, count, arm.tip, lane, answers)
+        _write_healthy(3, first, count, arm.tip, lane, answers)
         if question.direction.size:
-            joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
+            _joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
             if faults.has_free[s] or arm.J.shape[1] - joints.size < 3:
-                leave_undecided(first, count, answers.verdict[s])
+                _leave_undecided(first, count, answers.verdict[s])
                 continue
             three.evaluate_set(
                 question.rtol, question.wary, joints, arm.J, arm.force[: question.force.size],
@@ -94,27 +113,27 @@ def evaluate_three(mechanism, faults, question, q, answers, arm, lane):
                 answers.verdict[s],
             )  # fmt: skip
             if question.direction.size:
-                reset_interval(lane.s_min, lane.s_max)
-                write_capability(
+                _reset_interval(lane.s_min, lane.s_max)
+                _write_capability(
                     faults.locked[s], faults.free[s], lane.reach, lane.s_min, lane.s_max, first,
                     count, answers.capability[s],
                 )  # fmt: skip
 
 
 @kernel
-def evaluate_others(
+def _evaluate_others(
     mechanism, faults, question, q, answers, arm, lane, svd, secular_work, lost_work
 ):
     """Evaluate sets of locked joints for a task of any other number of rows."""
     m, n = arm.J.shape[0], arm.J.shape[1]
     has_force, has_direction = question.force.size > 0, question.direction.size > 0
-    needs_secular, needs_lost = needed_parts(faults.start, faults.has_free, m, n)
-    reset_verdicts(answers.verdict, answers.rank_lost)
-    reset_jumps(answers.jump, answers.moment_jump, answers.relative_jump)
+    needs_secular, needs_lost = _needed_parts(faults.start, faults.has_free, m, n)
+    _reset_verdicts(answers.verdict, answers.rank_lost)
+    _reset_jumps(answers.jump, answers.moment_jump, answers.relative_jump)
     for first in range(0, q.shape[0], LANES):
-        count = place(mechanism, question, q, first, arm)
-        evaluate_healthy(question.rtol, arm.J, lane, svd)
-        write_healthy(m, first, count, arm.tip, lane, answers)
+        count = _place(mechanism, question, q, first, arm)
+        _evaluate_healthy(question.rtol, arm.J, lane, svd)
+        _write_healthy(m, first, count, arm.tip, lane, answers)
         secular.prepare(arm.J, svd, arm.force, has_force, secular_work)
         secular.prepare_bound(svd.square, lane.largest, question.wary, secular_work)
         if needs_secular:
@@ -123,7 +142,7 @@ def evaluate_others(
         if needs_lost:
             lost.prepare(svd.W, svd.sigma, secular_work.V, lost_work)
         if has_direction:
-            joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
+            _joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
             joints = faults.joints[faults.start[s] : faults.start[s + 1]]
             size = 0  # number of directions lost in every posture
@@ -131,7 +150,7 @@ def evaluate_others(
             if faults.has_free[s]:
                 is_secular = False
             elif is_secular:
-                evaluate_one_locked(
+                _evaluate_one_locked(
                     question.wary, joints, has_force, first, count, lane, svd, secular_work,
                     answers.sigma_min[s], answers.margin[s], answers.rho[s], answers.verdict[s],
                 )  # fmt: skip
@@ -142,36 +161,36 @@ def evaluate_others(
                 lost.lose_pair(joints[0], joints[1], secular_work, lost_work)
                 size = 1
             if has_direction and (is_secular or size > 0):
-                reset_interval(lane.s_min, lane.s_max)
+                _reset_interval(lane.s_min, lane.s_max)
                 if size > 0:
                     lost.limit_capability(
                         question.direction, question.rtol, size, False, arm.direction[:m],
                         lost_work, lane.s_min, lane.s_max,
                     )  # fmt: skip
-                write_capability(
+                _write_capability(
                     faults.locked[s], faults.free[s], lane.reach, lane.s_min, lane.s_max, first,
                     count, answers.capability[s],
                 )  # fmt: skip
             if size > 0:
-                write_lost(
+                _write_lost(
                     question, s, size, False, first, count, arm.force, lane.largest, lost_work,
                     answers,
                 )  # fmt: skip
             elif not is_secular:
-                leave_undecided(first, count, answers.verdict[s])
+                _leave_undecided(first, count, answers.verdict[s])
 
 
 @kernel
-def evaluate_free(mechanism, faults, question, q, answers, arm, lane, svd, lost_work):
+def _evaluate_free(mechanism, faults, question, q, answers, arm, lane, svd, lost_work):
     """Evaluate sets of one free-swinging joint."""
     m = arm.J.shape[0]
     for first in range(0, q.shape[0], LANES):
-        count = place(mechanism, question, q, first, arm)
-        evaluate_healthy(question.rtol, arm.J, lane, svd)
+        count = _place(mechanism, question, q, first, arm)
+        _evaluate_healthy(question.rtol, arm.J, lane, svd)
         if question.direction.size:
-            joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
+            _joint_intervals(question, arm.J, arm.direction, arm.weight, lane)
         for s in range(faults.locked.shape[0]):
-            k = only_index(faults.free[s])
+            k = _only_index(faults.free[s])
             if k < 0 or faults.start[s + 1] > faults.start[s]:
                 continue
             lost.lose_column(
@@ -182,18 +201,18 @@ def evaluate_free(mechanism, faults, question, q, answers, arm, lane, svd, lost_
                     question.direction, question.rtol, 1, True, arm.direction[:m], lost_work,
                     lane.s_min, lane.s_max,
                 )  # fmt: skip
-                write_capability(
+                _write_capability(
                     faults.locked[s], faults.free[s], lane.reach, lane.s_min, lane.s_max, first,
                     count, answers.capability[s],
                 )  # fmt: skip
-            write_lost(
+            _write_lost(
                 question, s, 1, True, first, count, arm.force, lane.largest, lost_work, answers
             )
             lost.write_zero_columns(question, s, first, count, lane.largest, lost_work, answers)
 
 
 @inner
-def place(mechanism, question, q, first, arm):
+def _place(mechanism, question, q, first, arm):
     """Compute the kinematics of the next postures, and return how many lanes they fill."""
     count = min(LANES, q.shape[0] - first)
     for b in range(LANES):
@@ -203,7 +222,7 @@ def place(mechanism, question, q, first, arm):
 
 
 @inner
-def needed_parts(start, has_free, m, n):
+def _needed_parts(start, has_free, m, n):
     """Return whether any fault set needs the secular equation, and any the lost directions."""
     needs_secular, needs_lost = False, False
     for s in range(has_free.size):
@@ -215,14 +234,14 @@ def needed_parts(start, has_free, m, n):
 
 
 @inner
-def reset_verdicts(verdict, rank_lost):
+def _reset_verdicts(verdict, rank_lost):
     """Initialize all results as tolerated, with no rank lost."""
     verdict[:] = TOLERATED
     rank_lost[:] = 0
 
 
 @inner
-def reset_jumps(jump, moment_jump, relative_jump):
+def _reset_jumps(jump, moment_jump, relative_jump):
     """Initialize the jumps to zero."""
     jump[:] = 0.0
     moment_jump[:] = 0.0
@@ -230,14 +249,14 @@ def reset_jumps(jump, moment_jump, relative_jump):
 
 
 @inner
-def leave_undecided(first, count, verdict):
+def _leave_undecided(first, count, verdict):
     """Leave a set undecided."""
     for b in range(count):
         verdict[first + b] = UNDECIDED
 
 
 @inner
-def write_healthy(m, first, count, tip, lane, answers):
+def _write_healthy(m, first, count, tip, lane, answers):
     """Write the results of the healthy arm."""
     for b in range(count):
         for i in range(3):
@@ -247,7 +266,7 @@ def write_healthy(m, first, count, tip, lane, answers):
 
 
 @inner
-def evaluate_healthy(rtol, J, lane, svd):
+def _evaluate_healthy(rtol, J, lane, svd):
     """Decompose J, and mark the lanes whose rank is not certain."""
     m = J.shape[0]
     spectrum.decompose(J, svd)
@@ -261,14 +280,14 @@ def evaluate_healthy(rtol, J, lane, svd):
 
 
 @inner
-def reset_interval(s_min, s_max):
+def _reset_interval(s_min, s_max):
     """Initialize the interval of s to s ≥ 0."""
     for b in range(LANES):
         s_min[b], s_max[b] = 0.0, math.inf
 
 
 @inner
-def write_lost(question, s, size, has_free, first, count, force, largest, lost_work, answers):
+def _write_lost(question, s, size, has_free, first, count, force, largest, lost_work, answers):
     """Write the results of a set that loses ``size`` directions."""
     m = lost_work.lost_force.shape[0]
     for b in range(LANES):
@@ -292,7 +311,7 @@ def write_lost(question, s, size, has_free, first, count, force, largest, lost_w
 
 
 @inner
-def only_index(mask):
+def _only_index(mask):
     """Return the index of the only true element of a mask, -1 unless there is exactly one."""
     found, count = -1, 0
     for k in range(mask.size):
@@ -302,7 +321,7 @@ def only_index(mask):
 
 
 @inner
-def evaluate_one_locked(
+def _evaluate_one_locked(
     wary, joints, has_force, first, count, lane, svd, secular_work, sigma_min, margin, rho, verdict
 ):
     """Evaluate a set that locks at most one joint."""
@@ -335,7 +354,7 @@ def evaluate_one_locked(
 
 
 @inner
-def write_capability(locked, free, reach, s_min, s_max, first, count, capability):
+def _write_capability(locked, free, reach, s_min, s_max, first, count, capability):
     """Write the capability: the interval of s intersected with those of all limits."""
     for k in range(locked.size):
         if free[k]:
@@ -349,7 +368,7 @@ def write_capability(locked, free, reach, s_min, s_max, first, count, capability
 
 
 @inner
-def joint_intervals(question, J, d, weight, lane):
+def _joint_intervals(question, J, d, weight, lane):
     """Compute the interval of s in s·d that each joint's motor, and brake, allows."""
     m, n = J.shape[0], J.shape[1]
     lever = lane.a
@@ -364,12 +383,12 @@ def joint_intervals(question, J, d, weight, lane):
             for b in range(LANES):
                 lever[b] += J[i, k, b] * d[i, b]
         motor, brake = lane.reach[k, :2], lane.reach[k, 2:]
-        joint_interval(question.effort[k], min_lever, lever, weight[k], lane.largest, motor)
-        joint_interval(question.brake[k], min_lever, lever, weight[k], lane.largest, brake)
+        _joint_interval(question.effort[k], min_lever, lever, weight[k], lane.largest, motor)
+        _joint_interval(question.brake[k], min_lever, lever, weight[k], lane.largest, brake)
 
 
 @inner
-def joint_interval(limit, min_lever, lever, weight, largest, ends):
+def _joint_interval(limit, min_lever, lever, weight, largest, ends):
     """Compute the interval of s within one limit; without a lever arm only gravity matters."""
     if not limit > 0.0:  # unknown
         for b in range(LANES):

@@ -50,7 +50,15 @@ class Kinematics(NamedTuple):
 
 
 def workspace(joints, n, m):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    joints :
+        Number of joints of the mechanism.
+    n, m :
+        Numbers of joints of the chain and of task rows.
+    """
     line, row, each = (LANES,), (6, LANES), (joints, LANES)
     kinematics = [each, line, line, (joints, 12, LANES), (12, LANES), row]
     loads = [(m, n, LANES), (n, LANES), (joints, 3, LANES), (joints,), row, row]
@@ -58,7 +66,7 @@ def workspace(joints, n, m):
 
 
 @inner
-def read_angles(mechanism, q, chosen, angle):
+def _read_angles(mechanism, q, chosen, angle):
     """Read the positions of all joints in the chosen postures."""
     for e in range(mechanism.driver.size):
         d, ratio, offset = mechanism.driver[e], mechanism.ratio[e], mechanism.offset[e]
@@ -68,7 +76,15 @@ def read_angles(mechanism, q, chosen, angle):
 
 @inner
 def sincos(angle, cosine, sine):
-    """Compute cosine and sine of one row of angles."""
+    """Compute cosine and sine of one row of angles.
+
+    Parameters
+    ----------
+    angle :
+        rad, shape (LANES,).
+    cosine, sine :
+        Filled with the results, shape (LANES,).
+    """
     largest = 0.0
     for b in range(LANES):
         largest = max(largest, abs(angle[b]))
@@ -93,7 +109,7 @@ def sincos(angle, cosine, sine):
 
 
 @inner
-def root_frame(placement, frame):
+def _root_frame(placement, frame):
     """Place a frame that is fixed to the root."""
     for i in range(12):
         for b in range(LANES):
@@ -101,7 +117,7 @@ def root_frame(placement, frame):
 
 
 @inner
-def compose_frame(above, placement, frame):
+def _compose_frame(above, placement, frame):
     """Compose a placement with its parent frame: ``R = R_above P``, ``p = p_above + R_above t``."""
     p00, p01, p02 = placement[0], placement[1], placement[2]
     p10, p11, p12 = placement[3], placement[4], placement[5]
@@ -117,7 +133,7 @@ def compose_frame(above, placement, frame):
 
 
 @inner
-def rotate_frame(frame, cosine, sine):
+def _rotate_frame(frame, cosine, sine):
     """Rotate a frame about its z axis."""
     for i in range(3):
         for b in range(LANES):
@@ -127,7 +143,7 @@ def rotate_frame(frame, cosine, sine):
 
 
 @inner
-def translate_frame(frame, displacement):
+def _translate_frame(frame, displacement):
     """Translate a frame along its z axis."""
     for i in range(3):
         for b in range(LANES):
@@ -136,35 +152,57 @@ def translate_frame(frame, displacement):
 
 @inner
 def place_frames(mechanism, q, chosen, work):
-    """Compute the frames of all joints and of the tip in the chosen postures, in root axes."""
-    read_angles(mechanism, q, chosen, work.angle)
+    """Compute the frames of all joints and of the tip in the chosen postures, in root axes.
+
+    Parameters
+    ----------
+    mechanism :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    chosen :
+        Indices of the postures, shape (LANES,).
+    work :
+        Workspace; its frames and tip are filled in.
+    """
+    _read_angles(mechanism, q, chosen, work.angle)
     for e in range(mechanism.parent.size):
         above = mechanism.parent[e]
         if above < 0:
-            root_frame(mechanism.placement[e], work.frame[e])
+            _root_frame(mechanism.placement[e], work.frame[e])
         else:
-            compose_frame(work.frame[above], mechanism.placement[e], work.frame[e])
+            _compose_frame(work.frame[above], mechanism.placement[e], work.frame[e])
         if mechanism.slides[e]:
-            translate_frame(work.frame[e], work.angle[e])
+            _translate_frame(work.frame[e], work.angle[e])
         else:
             sincos(work.angle[e], work.cosine, work.sine)
-            rotate_frame(work.frame[e], work.cosine, work.sine)
-    compose_frame(work.frame[mechanism.tip_parent], mechanism.tip, work.tip)
+            _rotate_frame(work.frame[e], work.cosine, work.sine)
+    _compose_frame(work.frame[mechanism.tip_parent], mechanism.tip, work.tip)
 
 
 @inner
 def place(mechanism, question, q, work):
-    """Compute the frames, J, gravity torques, force and direction of the chosen postures."""
+    """Compute the frames, J, gravity torques, force and direction of the chosen postures.
+
+    Parameters
+    ----------
+    mechanism, question :
+        The arm, and what to compute.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    work :
+        Workspace, with the postures chosen; all else is filled in.
+    """
     place_frames(mechanism, q, work.chosen, work)
     task_jacobian(mechanism, question, work)
-    into_row_axes(question, question.force, work.tip, work.force)
-    into_row_axes(question, question.direction, work.tip, work.direction)
+    _into_row_axes(question, question.force, work.tip, work.force)
+    _into_row_axes(question, question.direction, work.tip, work.direction)
     if question.weighs:
         weight_torque(mechanism, work)
 
 
 @inner
-def jacobian_column(mechanism, e, work):
+def _jacobian_column(mechanism, e, work):
     """Compute the tip velocity per unit rate of joint e, linear rows first, in root axes."""
     frame, tip, column, ratio = work.frame[e], work.tip, work.column, mechanism.ratio[e]
     if mechanism.slides[e]:
@@ -184,7 +222,7 @@ def jacobian_column(mechanism, e, work):
 
 
 @inner
-def into_tip_axes(tip, vectors):
+def _into_tip_axes(tip, vectors):
     """Rotate linear and angular rows into tip axes, Rᵀ x."""
     for half in range(0, 6, 3):
         for b in range(LANES):
@@ -196,15 +234,23 @@ def into_tip_axes(tip, vectors):
 
 @inner
 def task_jacobian(mechanism, question, work):
-    """Compute the weighted J̃, (m, n, LANES); mimic joints add to their leader's column."""
+    """Compute the weighted J̃, (m, n, LANES); mimic joints add to their leader's column.
+
+    Parameters
+    ----------
+    mechanism, question :
+        The arm, and the task.
+    work :
+        Workspace with the frames; its J is filled in.
+    """
     J, column = work.J, work.column
     J[:] = 0.0
     for e in range(mechanism.parent.size):
         if not mechanism.moves_tip[e]:
             continue
-        jacobian_column(mechanism, e, work)
+        _jacobian_column(mechanism, e, work)
         if question.in_tool and not question.is_whole:
-            into_tip_axes(work.tip, column)
+            _into_tip_axes(work.tip, column)
         for r in range(question.rows.size):
             row, weight, d = question.rows[r], question.weights[r], mechanism.driver[e]
             for b in range(LANES):
@@ -213,7 +259,15 @@ def task_jacobian(mechanism, question, work):
 
 @inner
 def weight_torque(mechanism, work):
-    """Compute the gravity torques G(q), shape (n, LANES), of everything each joint carries."""
+    """Compute the gravity torques G(q), shape (n, LANES), of everything each joint carries.
+
+    Parameters
+    ----------
+    mechanism :
+        The arm.
+    work :
+        Workspace with the frames; its weight is filled in.
+    """
     g0, g1, g2 = mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2]
     work.weight[:] = 0.0
     for e in range(mechanism.parent.size):
@@ -249,7 +303,15 @@ def weight_torque(mechanism, work):
 
 @inner
 def gram(J, A):
-    """Compute the lower triangle of A = J Jᵀ, shape (m, m, LANES)."""
+    """Compute the lower triangle of A = J Jᵀ, shape (m, m, LANES).
+
+    Parameters
+    ----------
+    J :
+        Shape (m, n, LANES).
+    A :
+        Filled with the result, shape (m, m, LANES).
+    """
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for j in range(i + 1):
@@ -262,7 +324,19 @@ def gram(J, A):
 
 @inner
 def downdate(A, J, joints, B):
-    """Compute B = A - Σ J_k J_kᵀ over the locked joints: K Kᵀ from J Jᵀ."""
+    """Compute B = A - Σ J_k J_kᵀ over the locked joints: K Kᵀ from J Jᵀ.
+
+    Parameters
+    ----------
+    A :
+        Lower triangle of J Jᵀ, shape (m, m, LANES).
+    J :
+        Shape (m, n, LANES).
+    joints :
+        Indices of the locked joints.
+    B :
+        Filled with the lower triangle of K Kᵀ, shape (m, m, LANES).
+    """
     for i in range(A.shape[0]):
         for j in range(i + 1):
             for b in range(LANES):
@@ -273,7 +347,7 @@ def downdate(A, J, joints, B):
 
 
 @inner
-def into_row_axes(question, given, tip, vector):
+def _into_row_axes(question, given, tip, vector):
     """Express a force or a direction in the axes of the rows, tip or root axes."""
     if not (question.in_tool and question.is_whole):
         for i in range(given.size):

@@ -36,7 +36,15 @@ _LINE = 64  # bytes per cache line
 def aligned(
     shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
-    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes."""
+    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes.
+
+    Parameters
+    ----------
+    shape, kind :
+        Shape and data type.
+    multiple, offset :
+        Alignment of the first element, bytes.
+    """
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple
@@ -47,6 +55,11 @@ def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDAr
     """Return zeros aligned to a cache line, for a workspace.
 
     Workspaces are allocated in Python, since compiling their allocation takes too long.
+
+    Parameters
+    ----------
+    shape, kind :
+        Shape and data type.
     """
     zeros = aligned(shape, kind)
     zeros.fill(0)

@@ -49,13 +49,29 @@ class Lost(NamedTuple):
 
 
 def workspace(m, n):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     return Lost(*aligned_arrays([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
 
 
 @inner
 def prepare(W, sigma, V, lost):
-    """Compute P = U diag(1/σ) Vᵀ = (J Jᵀ)⁻¹ J."""
+    """Compute P = U diag(1/σ) Vᵀ = (J Jᵀ)⁻¹ J.
+
+    Parameters
+    ----------
+    W, sigma :
+        Left singular vectors and singular values of J, see `SVD`.
+    V :
+        Right singular vectors, shape (n, m, LANES).
+    lost :
+        Workspace; its P is filled in.
+    """
     inverse_sigma = lost.a
     lost.P[:] = 0.0
     for i in range(W.shape[0]):
@@ -68,18 +84,18 @@ def prepare(W, sigma, V, lost):
 
 
 @inner
-def add_to_basis(size, lost):
+def _add_to_basis(size, lost):
     """Make row ``size`` of the basis a unit vector orthogonal to the earlier ones."""
     row, before, after, along = lost.basis[size], lost.a, lost.relative, lost.forces
     m, retained = row.shape[0], lost.retained
-    square_norm(row, before)
+    _square_norm(row, before)
     for j in range(2 * size):  # orthogonalize twice, for accuracy
         other = lost.basis[j % size]
-        dot(other, row, along)
+        _dot(other, row, along)
         for i in range(m):
             for b in range(LANES):
                 row[i, b] -= along[b] * other[i, b]
-    square_norm(row, after)
+    _square_norm(row, after)
     for b in range(LANES):
         retained[b] = retained[b] if after[b] > _INDEPENDENT * before[b] else math.nan
         after[b] = 1.0 / math.sqrt(after[b])
@@ -89,13 +105,13 @@ def add_to_basis(size, lost):
 
 
 @inner
-def square_norm(row, total):
+def _square_norm(row, total):
     """Set total = ‖row‖²."""
-    dot(row, row, total)
+    _dot(row, row, total)
 
 
 @inner
-def dot(x, y, total):
+def _dot(x, y, total):
     """Set total = xᵀy."""
     for b in range(LANES):
         total[b] = x[0, b] * y[0, b]
@@ -106,7 +122,17 @@ def dot(x, y, total):
 
 @inner
 def lose_span(joints, smallest, lost):
-    """With as many joints as rows, each locked joint loses one direction, its row of J⁻¹."""
+    """With as many joints as rows, each locked joint loses one direction, its row of J⁻¹.
+
+    Parameters
+    ----------
+    joints :
+        Indices of the locked joints.
+    smallest :
+        Smallest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `prepare`.
+    """
     for b in range(LANES):
         lost.retained[b] = smallest[b]
     for at in range(joints.size):
@@ -114,7 +140,7 @@ def lose_span(joints, smallest, lost):
         for i in range(row.shape[0]):
             for b in range(LANES):
                 row[i, b] = P[i, b]
-        add_to_basis(at, lost)
+        _add_to_basis(at, lost)
 
 
 @inner
@@ -122,6 +148,15 @@ def lose_pair(i, j, secular, lost):
     """With one joint more than rows, locking i < j loses P_S a with N_SS a = 0: N has rank one.
 
     The remaining eigenvalues are no smaller than with either joint locked alone.
+
+    Parameters
+    ----------
+    i, j :
+        Indices of the locked joints.
+    secular :
+        Workspace of `secular`, with N and the smallest eigenvalues.
+    lost :
+        Workspace, after `prepare`.
     """
     x, N_kk, row, retained = secular.x, secular.N_kk, lost.basis[0], lost.retained
     N, first, second = secular.N[j, i], lost.a, lost.relative
@@ -135,7 +170,7 @@ def lose_pair(i, j, secular, lost):
             row[r, b] = first[b] * lost.P[i, r, b] + second[b] * lost.P[j, r, b]
     for b in range(LANES):  # reject if the difference of the two cancels
         retained[b] = retained[b] if max(N_kk[i, b], N_kk[j, b]) > _INDEPENDENT else math.nan
-    add_to_basis(0, lost)
+    _add_to_basis(0, lost)
 
 
 @inner
@@ -144,6 +179,21 @@ def lose_column(k, wary, J, weight, smallest, largest, lost):
 
     F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), so the component of F' along û is fixed. If the column is
     zero, the tip lies on the joint's axis: no force balances the joint, and no direction is lost.
+
+    Parameters
+    ----------
+    k :
+        Index of the free-swinging joint.
+    wary :
+        Relative tolerance of the borderline verdict.
+    J :
+        Task Jacobian, shape (m, n, LANES).
+    weight :
+        Gravity torques, shape (n, LANES).
+    smallest, largest :
+        Extreme eigenvalues of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace.
     """
     row, size, total = lost.basis[0], lost.moments, lost.a
     retained, offset, unbalanced = lost.retained, lost.offset, lost.unbalanced
@@ -151,8 +201,8 @@ def lose_column(k, wary, J, weight, smallest, largest, lost):
     for i in range(m):
         for b in range(LANES):
             row[i, b] = J[i, k, b]
-    square_norm(row, size)
-    add_to_basis(0, lost)
+    _square_norm(row, size)
+    _add_to_basis(0, lost)
     for b in range(LANES):
         retained[b] = smallest[b]
         total[b] = 0.0
@@ -177,13 +227,24 @@ def project(force, size, has_free, lost):
     """Store in ``lost_force`` the projection of the force onto the lost directions.
 
     It includes the force that carries the weight of a free-swinging joint.
+
+    Parameters
+    ----------
+    force :
+        Requested force, weighted, shape (m, LANES).
+    size :
+        Number of lost directions.
+    has_free :
+        Whether a joint is free-swinging.
+    lost :
+        Workspace with the lost directions.
     """
     along, lost_force = lost.a, lost.lost_force
     for i in range(lost_force.shape[0]):
         for b in range(LANES):
             lost_force[i, b] = 0.0
     for j in range(size):
-        dot(lost.basis[j], force, along)
+        _dot(lost.basis[j], force, along)
         if has_free:
             for b in range(LANES):
                 along[b] += lost.offset[b]
@@ -194,7 +255,21 @@ def project(force, size, has_free, lost):
 
 @inner
 def judge(rtol, wary, largest, first, count, lost, verdict):
-    """Decide the verdict from the relative jump of `write_jump`, infinite without a force."""
+    """Decide the verdict from the relative jump of `write_jump`, infinite without a force.
+
+    Parameters
+    ----------
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    first, count :
+        Index of the first posture, and how many lanes are filled.
+    lost :
+        Workspace, after `write_jump`.
+    verdict :
+        Filled in, shape (k,).
+    """
     retained, relative = lost.retained, lost.relative
     for b in range(count):
         left, jump = retained[b], relative[b]
@@ -203,12 +278,12 @@ def judge(rtol, wary, largest, first, count, lost, verdict):
             if jump > wary * GUARD_BAND:
                 code = NOT_TOLERATED
             elif left > (wary * GUARD_BAND) ** 2 * largest[b]:  # no other direction is at risk
-                code = verdict_of_jump(jump, rtol, wary)
+                code = _verdict_of_jump(jump, rtol, wary)
         verdict[first + b] = code
 
 
 @inner
-def verdict_of_jump(jump, rtol, wary):
+def _verdict_of_jump(jump, rtol, wary):
     """Return the verdict where the jump itself does not depend on the tolerance."""
     if jump > wary * GUARD_BAND:
         return NOT_TOLERATED
@@ -219,11 +294,21 @@ def verdict_of_jump(jump, rtol, wary):
 
 @inner
 def write_jump(rows, weights, force, lost):
-    """Compute ‖ΔF‖/‖F̂‖ and the norms of forces and moments, in the last three fields of `Lost`."""
+    """Compute ‖ΔF‖/‖F̂‖ and the norms of forces and moments, in the last three fields of `Lost`.
+
+    Parameters
+    ----------
+    rows, weights :
+        Rows of the task and their weights, shape (m,).
+    force :
+        Requested force, weighted, shape (m, LANES).
+    lost :
+        Workspace, after `project`.
+    """
     lost_force, whole, relative = lost.lost_force, lost.a, lost.relative
     forces, moments = lost.forces, lost.moments
-    dot(force, force, whole)
-    square_norm(lost_force, relative)
+    _dot(force, force, whole)
+    _square_norm(lost_force, relative)
     for b in range(LANES):
         relative[b] = math.sqrt(relative[b]) / math.sqrt(whole[b])
         forces[b], moments[b] = 0.0, 0.0
@@ -244,12 +329,29 @@ def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
     """Compute the interval of s for which s·d can be commanded, without limits.
 
     As `exact.multiples_in_hull`.
+
+    Parameters
+    ----------
+    direction :
+        Weighted direction, shape (m,).
+    rtol :
+        Relative tolerance.
+    size :
+        Number of lost directions.
+    has_free :
+        Whether a joint is free-swinging.
+    d :
+        The direction in the axes of the rows, shape (m, LANES).
+    lost :
+        Workspace with the lost directions.
+    s_min, s_max :
+        Filled with the ends of the interval, shape (LANES,).
     """
     along, whole, retained = lost.a, lost.relative, lost.retained
     for b in range(LANES):
         whole[b] = 0.0
     for j in range(size):
-        dot(lost.basis[j], d, along)
+        _dot(lost.basis[j], d, along)
         for b in range(LANES):
             whole[b] += along[b] * along[b]
     square = 0.0
@@ -274,7 +376,23 @@ def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
 
 @inner
 def write_zero_columns(question, s, first, count, largest, lost, answers):
-    """Write the results where the column of the free-swinging joint is zero."""
+    """Write the results where the column of the free-swinging joint is zero.
+
+    Parameters
+    ----------
+    question :
+        What to compute.
+    s :
+        Index of the fault set.
+    first, count :
+        Index of the first posture, and how many lanes are filled.
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `lose_column`.
+    answers :
+        Updated in place.
+    """
     rtol, wary = question.rtol, question.wary
     for b in range(count):
         at, unbalanced, left = first + b, lost.unbalanced[b], lost.retained[b]
@@ -286,7 +404,7 @@ def write_zero_columns(question, s, first, count, largest, lost, answers):
         answers.rho[s, at] = 1.0
         code = UNDECIDED
         if left > (wary * GUARD_BAND) ** 2 * largest[b]:  # no tolerance removes a direction
-            code = verdict_of_jump(unbalanced, rtol, wary)
+            code = _verdict_of_jump(unbalanced, rtol, wary)
         answers.verdict[s, at] = code
         falls = unbalanced > rtol  # the arm cannot be held in static equilibrium
         if question.force.size:

@@ -48,14 +48,34 @@ class Secular(NamedTuple):
 
 
 def workspace(m, n):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     joints = [(n, m, LANES), (n, n, LANES), (n, LANES), (n, LANES)]
     return Secular(*aligned_arrays([*joints, (m, LANES), (m, LANES), *[LANES] * 8]))
 
 
 @inner
 def prepare(J, svd, force, has_force, work):
-    """Express J's columns and the force in the left singular vectors, and compute N."""
+    """Express J's columns and the force in the left singular vectors, and compute N.
+
+    Parameters
+    ----------
+    J :
+        Task Jacobian, shape (m, n, LANES).
+    svd :
+        Its decomposition.
+    force :
+        Requested force, weighted, shape (m, LANES).
+    has_force :
+        Whether there is one.
+    work :
+        Workspace; V, N, N_kk, F and F_squared are filled in.
+    """
     n, m = work.V.shape[0], work.V.shape[1]
     W, sigma, inverse_sigma, F_squared = svd.W, svd.sigma, work.step, work.F_squared
     for i in range(m):
@@ -70,7 +90,7 @@ def prepare(J, svd, force, has_force, work):
                     v[b] += W[i, r, b] * J[r, k, b]
             for b in range(LANES):
                 v[b] *= inverse_sigma[b]
-    null_space_projector(svd.Q, work)
+    _null_space_projector(svd.Q, work)
     if not has_force:
         return
     for b in range(LANES):
@@ -86,7 +106,7 @@ def prepare(J, svd, force, has_force, work):
 
 
 @inner
-def null_space_projector(Q, work):
+def _null_space_projector(Q, work):
     """Compute N = I - QᵀQ; its diagonal as squared column norms, accurate even when small."""
     m, n = Q.shape[0], Q.shape[1]
     for k in range(n):
@@ -114,11 +134,24 @@ def find_root(k, square, largest, rtol, work):
     ``F(x) = x - N_kk/φ(x)`` is increasing and convex up to σ_m², since 1/φ is concave. Newton's
     iteration converges to the root from the right; Halley's step, which may overshoot it, is used
     where it goes further.
+
+    Parameters
+    ----------
+    k :
+        Index of the joint.
+    square :
+        Eigenvalues σ² of J Jᵀ, shape (m, LANES).
+    largest :
+        The largest ones, NaN where undecided, shape (LANES,).
+    rtol :
+        Relative tolerance of the rank.
+    work :
+        Workspace, after `prepare`; x[k] is filled in.
     """
     threshold = max(rtol * GUARD_BAND, MIN_MARGIN) ** 2
     V, N, x, step, upper = work.V[k], work.N_kk[k], work.x[k], work.step, work.upper
     m = V.shape[0]
-    initial_guess(V, N, square, x, work)
+    _initial_guess(V, N, square, x, work)
     zeroth, first, second = work.a, work.b, work.c
     for _ in range(_ITERATIONS):
         for b in range(LANES):
@@ -131,19 +164,19 @@ def find_root(k, square, largest, rtol, work):
                 first[b] += term * d
                 second[b] += term * d * d
         for b in range(LANES):
-            new = next_iterate(x[b], N[b], zeroth[b], first[b], second[b], upper[b])
+            new = _next_iterate(x[b], N[b], zeroth[b], first[b], second[b], upper[b])
             is_moving = not abs(step[b]) <= _CONVERGED * x[b]
             step[b] = new - x[b] if is_moving else step[b]
             x[b] = new if is_moving else x[b]
     for b in range(LANES):
         if not abs(step[b]) <= _CONVERGED * x[b]:
-            iterate_lane(V, N, square, b, x, step, upper[b])
+            _iterate_lane(V, N, square, b, x, step, upper[b])
         is_known = (abs(step[b]) <= _CONVERGED * x[b]) & (x[b] > threshold * largest[b])
         x[b] = x[b] if is_known else math.nan
 
 
 @inner
-def initial_guess(V, N, square, x, work):
+def _initial_guess(V, N, square, x, work):
     """Set the initial x: a Newton step from 0, or the root for a single term of φ.
 
     The latter, N_kk σ_i²/(N_kk + v_ki²) for term i, is never too small, and below σ_m². A joint
@@ -169,7 +202,7 @@ def initial_guess(V, N, square, x, work):
 
 
 @inner
-def next_iterate(x, N, zeroth, first, second, upper):
+def _next_iterate(x, N, zeroth, first, second, upper):
     """Return the next iterate; the sums are φ, φ' and φ''/2."""
     denominator = zeroth * zeroth + N * first
     newton = N * (zeroth + x * first) / denominator  # all terms are positive
@@ -180,7 +213,7 @@ def next_iterate(x, N, zeroth, first, second, upper):
 
 
 @inner
-def iterate_lane(V, N, square, b, x, step, upper):
+def _iterate_lane(V, N, square, b, x, step, upper):
     """Iterate further in one lane."""
     for _ in range(_EXTRA_ITERATIONS):
         zeroth, first, second = 0.0, 0.0, 0.0
@@ -190,7 +223,7 @@ def iterate_lane(V, N, square, b, x, step, upper):
             zeroth += term
             first += term * d
             second += term * d * d
-        new = next_iterate(x[b], N[b], zeroth, first, second, upper)
+        new = _next_iterate(x[b], N[b], zeroth, first, second, upper)
         step[b] = new - x[b]
         x[b] = new
         if abs(step[b]) <= _CONVERGED * new:
@@ -199,7 +232,19 @@ def iterate_lane(V, N, square, b, x, step, upper):
 
 @inner
 def prepare_bound(square, largest, wary, work):
-    """Prepare to count the eigenvalues that a tolerance just above ``wary`` treats as zero."""
+    """Prepare to count the eigenvalues that a tolerance just above ``wary`` treats as zero.
+
+    Parameters
+    ----------
+    square :
+        Eigenvalues σ² of J Jᵀ, shape (m, LANES).
+    largest :
+        The largest ones, shape (LANES,).
+    wary :
+        Relative tolerance of the borderline verdict.
+    work :
+        Workspace; bound, below and inverse_gap are filled in.
+    """
     bound, below = work.bound, work.below
     for b in range(LANES):
         bound[b] = (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest[b]
@@ -217,6 +262,15 @@ def count_below(k, work, count):
 
     There is one more than for J Jᵀ where the secular function N_kk - x φ(x) is negative, by
     Sylvester's law of inertia for J Jᵀ - x I bordered by J_k.
+
+    Parameters
+    ----------
+    k :
+        Index of the locked joint.
+    work :
+        Workspace, after `prepare_bound`.
+    count :
+        Filled with the result, shape (LANES,).
     """
     V, value, bound, below = work.V[k], work.a, work.bound, work.below
     for b in range(LANES):
@@ -231,7 +285,19 @@ def count_below(k, work, count):
 
 @inner
 def force_share(k, sigma, square, work, share):
-    """Compute the share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ."""
+    """Compute the share of ‖F‖² along the eigenvector of the smallest eigenvalue of K Kᵀ.
+
+    Parameters
+    ----------
+    k :
+        Index of the locked joint.
+    sigma, square :
+        Singular values σ of J, and σ², shape (m, LANES).
+    work :
+        Workspace, after `find_root`.
+    share :
+        Filled with the result, shape (LANES,).
+    """
     V, x, along, size = work.V[k], work.x[k], work.a, work.b
     for b in range(LANES):
         along[b], size[b] = 0.0, 0.0

@@ -31,7 +31,13 @@ class Pairs(NamedTuple):
 
 
 def workspace(m, n):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     pair = (aligned_zeros(LANES, np.int64), aligned_zeros(LANES, np.int64))
     return Pairs(
         aligned_zeros((m, n, LANES)), spectrum.workspace(m, n), *pair, exact.workspace(m, n)
@@ -42,47 +48,54 @@ def settle(mechanism, faults, question, q, answers, work, pairs):
     """Evaluate the cases that `fast.evaluate` left undecided, with the same arguments.
 
     Only the kernels that are needed are called, and hence compiled.
+
+    Parameters
+    ----------
+    mechanism, faults, question, q, answers, work :
+        As in `fast.evaluate`.
+    pairs :
+        Workspace.
     """
     common = (mechanism, faults, question, q, answers, work.arm, work.svd)
     has_free = faults.has_free
     if has_free.any() and (answers.verdict[has_free] == UNDECIDED).any():
-        settle_free(*common, pairs.scratch)
+        _settle_free(*common, pairs.scratch)
     if (answers.rank == UNDECIDED).any() or (answers.verdict[~has_free] == UNDECIDED).any():
-        settle_locked(*common, pairs)
+        _settle_locked(*common, pairs)
 
 
 @kernel
-def settle_free(mechanism, faults, question, q, answers, arm, svd, scratch):
+def _settle_free(mechanism, faults, question, q, answers, arm, svd, scratch):
     """Evaluate the undecided sets with free-swinging joints."""
     start, count = 0, 1
     while count > 0:
-        start, count = collect(start, faults.has_free, True, answers, arm.chosen)
+        start, count = _collect(start, faults.has_free, True, answers, arm.chosen)
         if count > 0:
-            decompose_healthy(mechanism, question, q, count, answers, arm, svd, scratch)
+            _decompose_healthy(mechanism, question, q, count, answers, arm, svd, scratch)
         for s in range(faults.locked.shape[0]):
             if not faults.has_free[s]:
                 continue
             for b in range(count):
                 at = arm.chosen[b]
                 if answers.verdict[s, at] == UNDECIDED:
-                    load(question, b, arm, svd.sigma, scratch)
-                    evaluate_free(
+                    _load(question, b, arm, svd.sigma, scratch)
+                    _evaluate_free(
                         faults.locked[s], faults.free[s], question, s, at, scratch, answers
                     )
 
 
 @kernel
-def settle_locked(mechanism, faults, question, q, answers, arm, svd, pairs):
+def _settle_locked(mechanism, faults, question, q, answers, arm, svd, pairs):
     """Evaluate the undecided sets of locked joints, and undecided ranks of the healthy arm."""
     start, count = 0, 1
     while count > 0:
-        start, count = collect(start, faults.has_free, False, answers, arm.chosen)
+        start, count = _collect(start, faults.has_free, False, answers, arm.chosen)
         if count > 0:
-            decompose_healthy(mechanism, question, q, count, answers, arm, svd, pairs.scratch)
+            _decompose_healthy(mechanism, question, q, count, answers, arm, svd, pairs.scratch)
         s, b, queued = 0, 0, 0
         while s < faults.locked.shape[0] and count > 0:
             if answers.verdict[s, arm.chosen[b]] == UNDECIDED:
-                queue(faults.locked[s], s, b, queued, arm.J, pairs.K, pairs.lane, pairs.set)
+                _queue(faults.locked[s], s, b, queued, arm.J, pairs.K, pairs.lane, pairs.set)
                 queued += 1
             b += 1
             if b == count:
@@ -91,8 +104,8 @@ def settle_locked(mechanism, faults, question, q, answers, arm, svd, pairs):
                 spectrum.decompose(pairs.K, pairs.svd)
                 for slot in range(queued):
                     at, which = pairs.lane[slot], pairs.set[slot]
-                    load(question, at, arm, svd.sigma, pairs.scratch)
-                    decide_locked(
+                    _load(question, at, arm, svd.sigma, pairs.scratch)
+                    _decide_locked(
                         faults.locked[which], faults.free[which], question, which, arm.chosen[at],
                         slot, pairs.svd.sigma, pairs.svd.W, pairs.scratch, answers,
                     )  # fmt: skip
@@ -100,7 +113,7 @@ def settle_locked(mechanism, faults, question, q, answers, arm, svd, pairs):
 
 
 @inner
-def collect(start, has_free, is_free, answers, chosen):
+def _collect(start, has_free, is_free, answers, chosen):
     """Choose up to LANES undecided postures; return where to continue, and their number."""
     at, count = start, 0
     while at < answers.rank.size and count < LANES:
@@ -117,27 +130,27 @@ def collect(start, has_free, is_free, answers, chosen):
 
 
 @inner
-def decompose_healthy(mechanism, question, q, count, answers, arm, svd, scratch):
+def _decompose_healthy(mechanism, question, q, count, answers, arm, svd, scratch):
     """Decompose J of the chosen postures, and compute the forces the healthy arm exerts."""
     m = arm.J.shape[0]
     lanes.place(mechanism, question, q, arm)
     spectrum.decompose(arm.J, svd)
     for b in range(count):
-        at, rank = arm.chosen[b], rank_of(svd.sigma, b, question.rtol)
+        at, rank = arm.chosen[b], _rank_of(svd.sigma, b, question.rtol)
         if answers.rank[at] == UNDECIDED:
             answers.rank[at] = rank
-            answers.healthy_margin[at] = ratio(svd.sigma[m - 1, b], svd.sigma[0, b])
+            answers.healthy_margin[at] = _ratio(svd.sigma[m - 1, b], svd.sigma[0, b])
         if rank < m and question.force.size:
-            project_force(svd.W, b, rank, arm.force, scratch)
+            _project_force(svd.W, b, rank, arm.force, scratch)
 
 
 @inner
-def project_force(W, b, rank, force, scratch):
+def _project_force(W, b, rank, force, scratch):
     """Replace F by the force that the healthy arm exerts, F̂ = J J† F."""
     m = W.shape[0]
     for i in range(m):
         scratch.F[i] = force[i, b]
-    copy_left_vectors(W, b, rank, scratch.V)
+    _copy_left_vectors(W, b, rank, scratch.V)
     exact.project(scratch.V, 0, rank, scratch.F, scratch.projected)
     # A force that is only rounding error is treated as zero, or its direction would matter.
     is_real = exact.norm(scratch.projected) > 1e-12 * exact.norm(scratch.F)
@@ -146,7 +159,7 @@ def project_force(W, b, rank, force, scratch):
 
 
 @inner
-def rank_of(sigma, b, rtol):
+def _rank_of(sigma, b, rtol):
     """Return the rank of J in a lane."""
     rank = sigma.shape[0]
     while rank > 0 and sigma[rank - 1, b] <= rtol * sigma[0, b]:
@@ -155,13 +168,13 @@ def rank_of(sigma, b, rtol):
 
 
 @inner
-def ratio(x, scale):
+def _ratio(x, scale):
     """Return x / scale, 0 if the scale is 0."""
     return x / scale if scale > 0.0 else 0.0
 
 
 @inner
-def copy_left_vectors(W, b, rank, U):
+def _copy_left_vectors(W, b, rank, U):
     """Copy the left singular vectors of a lane into columns, and complete them to a basis.
 
     Each added column starts from the unit vector farthest from the span of the previous ones.
@@ -194,14 +207,14 @@ def copy_left_vectors(W, b, rank, U):
 
 
 @inner
-def load(question, b, arm, sigma, scratch):
+def _load(question, b, arm, sigma, scratch):
     """Copy the posture of a lane into the workspace of `exact`."""
     m, n = scratch.J.shape
     for i in range(m):
         for k in range(n):
             scratch.J[i, k] = arm.J[i, k, b]
         scratch.s[i] = sigma[i, b]
-    scratch.rank[0] = rank_of(sigma, b, question.rtol)
+    scratch.rank[0] = _rank_of(sigma, b, question.rtol)
     for k in range(n):
         scratch.rnea[k] = arm.weight[k, b]
     for i in range(question.direction.size):
@@ -211,7 +224,7 @@ def load(question, b, arm, sigma, scratch):
 
 
 @inner
-def queue(locked, s, b, slot, J, K, lane, which):
+def _queue(locked, s, b, slot, J, K, lane, which):
     """Queue a pair, with its K, in a slot."""
     lane[slot], which[slot] = b, s
     for i in range(J.shape[0]):
@@ -220,20 +233,20 @@ def queue(locked, s, b, slot, J, K, lane, which):
 
 
 @inner
-def decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answers):
+def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answers):
     """Evaluate a set of locked joints, whose K is decomposed in a slot."""
     for i in range(scratch.t.size):
         scratch.t[i] = sigma[i, slot]
         scratch.F0[i] = 0.0
     after = exact.rank_of(scratch.t, question.rtol * scratch.s[0])
     has_force = question.force.size > 0
-    copy_left_vectors(W, slot, after, scratch.V)
+    _copy_left_vectors(W, slot, after, scratch.V)
     answers.verdict[s, at] = exact.judge_locked(scratch, has_force, question.rtol, question.wary)
-    write_results(locked, free, question, s, at, after, 0.0, scratch, answers)
+    _write_results(locked, free, question, s, at, after, 0.0, scratch, answers)
 
 
 @inner
-def evaluate_free(locked, free, question, s, at, scratch, answers):
+def _evaluate_free(locked, free, question, s, at, scratch, answers):
     """Evaluate a set with free-swinging joints."""
     has_force, threshold = question.force.size > 0, question.rtol * scratch.s[0]
     answers.verdict[s, at] = exact.judge_free(
@@ -243,19 +256,19 @@ def evaluate_free(locked, free, question, s, at, scratch, answers):
     unbalanced, _ = exact.project_out_free(scratch, free, threshold)
     exact.decompose(scratch.K, scratch.V, scratch.t)
     after = exact.rank_of(scratch.t, threshold)
-    write_results(locked, free, question, s, at, after, unbalanced, scratch, answers)
+    _write_results(locked, free, question, s, at, after, unbalanced, scratch, answers)
 
 
 @inner
-def write_results(locked, free, question, s, at, after, unbalanced, scratch, answers):
+def _write_results(locked, free, question, s, at, after, unbalanced, scratch, answers):
     """Write all results except the verdict."""
     m, scale, rank = scratch.s.size, scratch.s[0], scratch.rank[0]
     answers.rank_lost[s, at] = rank - after
     answers.sigma_min[s, at] = scratch.t[m - 1]
-    answers.margin[s, at] = ratio(scratch.t[m - 1], scale)
-    answers.rho[s, at] = relative_manipulability(scratch, rank)
+    answers.margin[s, at] = _ratio(scratch.t[m - 1], scale)
+    answers.rho[s, at] = _relative_manipulability(scratch, rank)
     if question.force.size:
-        write_jump(question, s, at, after, unbalanced, scratch, answers)
+        _write_jump(question, s, at, after, unbalanced, scratch, answers)
     if question.direction.size:
         for k in range(free.size):
             motor = 0.0 if free[k] else question.effort[k]
@@ -266,7 +279,7 @@ def write_results(locked, free, question, s, at, after, unbalanced, scratch, ans
 
 
 @inner
-def relative_manipulability(scratch, rank):
+def _relative_manipulability(scratch, rank):
     """Return ρ = w(K)/w(J), NaN where w(J) = 0."""
     if rank < scratch.s.size:
         return math.nan
@@ -277,7 +290,7 @@ def relative_manipulability(scratch, rank):
 
 
 @inner
-def write_jump(question, s, at, after, unbalanced, scratch, answers):
+def _write_jump(question, s, at, after, unbalanced, scratch, answers):
     """Write the norms of the jump ΔF = F̂ - F', separately for forces and moments."""
     m = scratch.F.size
     if unbalanced > question.rtol:  # the arm cannot be held in static equilibrium

@@ -32,7 +32,7 @@ MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 SIDE = 8
 """Fault sets processed side by side: loops over them are innermost, so that they vectorize."""
 
-MIN_MARGIN = 1e-3
+_MIN_MARGIN = 1e-3
 """K Kᵀ does not determine a smaller σ_min/σ_max accurately enough."""
 
 _MAX_SQUARE = 1e200  # of a sum of squares, so that products with it do not overflow
@@ -41,7 +41,7 @@ _ITERATIONS, _CONVERGED, _NEAR, _SHORTENED = 40, 1e-13, 1e-9, 1.0 - 1e-7
 _TINY = 1e-300
 
 
-class Posture(NamedTuple):
+class _Posture(NamedTuple):
     """A decomposed posture, in the left singular vectors of J; m task rows, n joints."""
 
     scratch: exact.Scratch  # its J has the rows s_i v_iᵀ, its F is F̂ in the left vectors
@@ -90,27 +90,27 @@ def answer(
         Force in the task's axes, unweighted, (m,); or torques (n,).
     """
     m, n, sets = matrix.shape[1], matrix.shape[2], locked.shape[0]
-    if q.size != n or given.size != (m if is_force else n) or not is_valid(q, given):
+    if q.size != n or given.size != (m if is_force else n) or not _is_valid(q, given):
         return MALFORMED
-    place(tree, body, q, frame)
-    task_jacobian(tree, body, task, frame, matrix[0])
+    _place(tree, body, q, frame)
+    _task_jacobian(tree, body, task, frame, matrix[0])
     if tree[tree.shape[0] - 1, 2]:
-        weight_torque(tree, body, frame, torque[0])
+        _weight_torque(tree, body, frame, torque[0])
     scratch = exact.Scratch(
         code[2], matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
     )  # fmt: skip
-    posture = Posture(scratch, square[2], task, torque[3], force[0])
-    evaluate_healthy(posture, is_force, given, torque[4])
-    clear = max(task[2, 1], MIN_MARGIN) * GUARD_BAND
+    posture = _Posture(scratch, square[2], task, torque[3], force[0])
+    _evaluate_healthy(posture, is_force, given, torque[4])
+    clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
         U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
         if is_clear and at % SIDE == 0:
-            margins(posture, failed[at // SIDE], side, line, line[8])
+            _margins(posture, failed[at // SIDE], side, line, line[8])
         margin = line[8, at % SIDE] if is_clear else 0.0
-        if margin > clear and not any_true(free[at]):
-            write_unchanged(posture, locked[at], U, after, jump)
+        if margin > clear and not _any_true(free[at]):
+            _write_unchanged(posture, locked[at], U, after, jump)
             number[0, at] = margin
             number[1, at] = margin * scratch.s[0]
             number[2, at] = 0.0
@@ -118,12 +118,12 @@ def answer(
             code[0, at] = TOLERATED
             code[1, at] = 0
         else:
-            settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
+            _settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
     return DONE
 
 
 @inner
-def is_valid(q, given):
+def _is_valid(q, given):
     """Return whether all numbers are finite, and small enough not to overflow."""
     size = 0.0
     for i in range(q.size):
@@ -134,7 +134,7 @@ def is_valid(q, given):
 
 
 @inner
-def any_true(mask):
+def _any_true(mask):
     """Return whether any element of a mask is true."""
     found = False
     for k in range(mask.size):
@@ -146,11 +146,11 @@ def any_true(mask):
 
 
 @inner
-def place(tree, body, q, frame):
+def _place(tree, body, q, frame):
     """Compute the frames of all joints and the tip in root axes: rotation by rows, translation."""
     last = tree.shape[0] - 1
     for e in range(last + 1):
-        compose_frame(tree[e, 0], body[e], frame, frame[e])
+        _compose_frame(tree[e, 0], body[e], frame, frame[e])
         if e == last:
             return
         own, angle = frame[e], body[e, 12] * q[tree[e, 1]] + body[e, 13]
@@ -166,7 +166,7 @@ def place(tree, body, q, frame):
 
 
 @inner
-def compose_frame(parent, placement, frame, own):
+def _compose_frame(parent, placement, frame, own):
     """Compose a placement with its parent frame: ``R = R_above P``, ``p = p_above + R_above t``."""
     if parent < 0:
         for i in range(12):
@@ -181,7 +181,7 @@ def compose_frame(parent, placement, frame, own):
 
 
 @inner
-def task_jacobian(tree, body, task, frame, J):
+def _task_jacobian(tree, body, task, frame, J):
     """Compute the weighted task Jacobian J̃, (m, n); mimic joints add to their leader's column."""
     last = tree.shape[0] - 1
     tip, in_tool = frame[last], tree[last, 1]
@@ -210,7 +210,7 @@ def task_jacobian(tree, body, task, frame, J):
 
 
 @inner
-def weight_torque(tree, body, frame, weight):
+def _weight_torque(tree, body, frame, weight):
     """Compute the gravity torques G(q), (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
     g0, g1, g2 = body[last, 12], body[last, 13], body[last, 14]
@@ -220,8 +220,8 @@ def weight_torque(tree, body, frame, weight):
         own, mass = frame[e], body[e, 14]
         own[12] = mass
         for i in range(3):  # first moment of the mass, kg·m
-            place = own[3 * i] * body[e, 15] + own[3 * i + 1] * body[e, 16]
-            own[13 + i] = mass * (own[9 + i] + place + own[3 * i + 2] * body[e, 17])
+            _place = own[3 * i] * body[e, 15] + own[3 * i + 1] * body[e, 16]
+            own[13 + i] = mass * (own[9 + i] + _place + own[3 * i + 2] * body[e, 17])
     for e in range(last - 1, -1, -1):
         own, above = frame[e], tree[e, 0]
         u, v, w, mass = own[2], own[5], own[8], own[12]
@@ -239,7 +239,7 @@ def weight_torque(tree, body, frame, weight):
 
 
 @inner
-def evaluate_healthy(posture, is_force, given, self_motion):
+def _evaluate_healthy(posture, is_force, given, self_motion):
     """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F."""
     J, s, F = posture.scratch.J, posture.scratch.s, posture.scratch.F
     m, n = J.shape
@@ -261,7 +261,7 @@ def evaluate_healthy(posture, is_force, given, self_motion):
                     F[i] += J[i, k] * given[k]  # s_i v_iᵀ τ
                 F[i] /= s[i] * s[i]  # eq. (18) with z = 0
         exerted_squared += F[i] * F[i]
-    joint_torques(J, F, posture.carried)
+    _joint_torques(J, F, posture.carried)
     if not is_force:
         exerted_squared = 0.0
         for k in range(n):
@@ -274,14 +274,14 @@ def evaluate_healthy(posture, is_force, given, self_motion):
             posture.carried[k] = 0.0
     for k in range(n):
         self_motion[k] = 0.0 if is_force else given[k] - posture.carried[k]  # τ_N
-    into_task_axes(posture, F, posture.before)
+    _into_task_axes(posture, F, posture.before)
     if is_force and rank == m:
         for i in range(m):
             posture.before[i] = given[i]
 
 
 @inner
-def joint_torques(J, F, torque):
+def _joint_torques(J, F, torque):
     """Compute the torques JᵀF."""
     for k in range(J.shape[1]):
         torque[k] = 0.0
@@ -290,7 +290,7 @@ def joint_torques(J, F, torque):
 
 
 @inner
-def into_task_axes(posture, x, out):
+def _into_task_axes(posture, x, out):
     """Transform a force from the left singular vectors of J to the task's axes, unweighted."""
     for r in range(x.size):
         out[r] = 0.0
@@ -303,7 +303,7 @@ def into_task_axes(posture, x, out):
 
 
 @inner
-def write_unchanged(posture, locked, U, after, jump):
+def _write_unchanged(posture, locked, U, after, jump):
     """Write the results without a jump: U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42), no jump."""
     for k in range(U.size):
         U[k] = 0.0 if locked[k] else posture.carried[k]
@@ -313,7 +313,7 @@ def write_unchanged(posture, locked, U, after, jump):
 
 
 @inner
-def margins(posture, failed, A, line, margin):
+def _margins(posture, failed, A, line, margin):
     """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
 
     Below `LEAST_MARGIN` the value is not accurate, only known to be below.
@@ -342,6 +342,13 @@ def tridiagonalize(A, line):
     """Reduce symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
 
     Stores the diagonals, and in A[k, k + 1] the squares of the off-diagonal elements.
+
+    Parameters
+    ----------
+    A :
+        The matrices, shape (m, m, SIDE); overwritten.
+    line :
+        Workspace, shape (LINES, SIDE).
     """
     m, w = A.shape[0], line
     beta, along = line[6], line[7]
@@ -389,6 +396,15 @@ def smallest(A, line, x):
     resolved from a distance act like one between them, so every step is shortened slightly. The
     leading minors, all positive below the smallest root, verify that it was not passed. The result
     is NaN where rounding led past it, and 0 if there is no positive root or no convergence.
+
+    Parameters
+    ----------
+    A :
+        The matrices as left by `tridiagonalize`, shape (m, m, SIDE).
+    line :
+        Workspace, shape (LINES, SIDE).
+    x :
+        Filled with the eigenvalues, shape (SIDE,).
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
@@ -439,9 +455,9 @@ def smallest(A, line, x):
 
 
 @inner
-def settle_set(posture, locked, free, at, number, code, U, after, jump):
+def _settle_set(posture, locked, free, at, number, code, U, after, jump):
     """Evaluate a set by the singular values of K, like the module `settle`."""
-    scratch, has_free = posture.scratch, any_true(free)
+    scratch, has_free = posture.scratch, _any_true(free)
     rtol, wary, s, t = posture.task[2, 0], posture.task[2, 1], scratch.s, scratch.t
     verdict = TOLERATED
     if has_free:
@@ -466,14 +482,14 @@ def settle_set(posture, locked, free, at, number, code, U, after, jump):
             after[i] = math.nan
             jump[i] = math.nan
     elif rank == m:
-        write_unchanged(posture, locked, U, after, jump)
+        _write_unchanged(posture, locked, U, after, jump)
     else:
-        write_jump(posture, locked, has_free, rank, U, after, jump)
-    number[2, at], number[3, at] = norms(posture.task, jump)
+        _write_jump(posture, locked, has_free, rank, U, after, jump)
+    number[2, at], number[3, at] = _norms(posture.task, jump)
 
 
 @inner
-def write_jump(posture, locked, has_free, rank, U, after, jump):
+def _write_jump(posture, locked, has_free, rank, U, after, jump):
     """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), minus F0 with free-swinging joints.
 
     Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
@@ -485,7 +501,7 @@ def write_jump(posture, locked, has_free, rank, U, after, jump):
     if has_free:
         for i in range(m):
             lost[i] -= scratch.F0[i]
-    into_task_axes(posture, lost, jump)
+    _into_task_axes(posture, lost, jump)
     for i in range(m):
         after[i] = posture.before[i] - jump[i]
     for k in range(U.size):
@@ -498,7 +514,7 @@ def write_jump(posture, locked, has_free, rank, U, after, jump):
 
 
 @inner
-def norms(task, jump):
+def _norms(task, jump):
     """Return the norms of the forces, N, and of the moments, N·m."""
     forces, moments = 0.0, 0.0
     for i in range(jump.size):

@@ -41,18 +41,32 @@ class SVD(NamedTuple):
 
 
 def workspace(m, n):
-    """Return a workspace."""
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of rows and columns.
+    """
     rows = [(m, n, LANES), (m, m, LANES), (m, LANES), (m, LANES)]
     return SVD(*aligned_arrays([*rows, *[LANES] * 4]))
 
 
 @inner
 def decompose(J, svd):
-    """Decompose J, shape (m, n, LANES)."""
-    orthonormalize(J, svd)
-    rotate(svd)
+    """Decompose J, shape (m, n, LANES).
+
+    Parameters
+    ----------
+    J :
+        The matrices, shape (m, n, LANES).
+    svd :
+        Filled with the decomposition.
+    """
+    _orthonormalize(J, svd)
+    _rotate(svd)
     for i in range(J.shape[0]):
-        square_norm(svd.W[i], svd.square[i])
+        _square_norm(svd.W[i], svd.square[i])
         sigma, over = svd.sigma[i], svd.a
         for b in range(LANES):
             sigma[b] = math.sqrt(svd.square[i, b])
@@ -63,7 +77,7 @@ def decompose(J, svd):
 
 
 @inner
-def square_norm(row, total):
+def _square_norm(row, total):
     """Set total = ‖row‖², row of shape (k, LANES)."""
     for b in range(LANES):
         total[b] = row[0, b] * row[0, b]
@@ -73,7 +87,7 @@ def square_norm(row, total):
 
 
 @inner
-def orthonormalize(J, svd):
+def _orthonormalize(J, svd):
     """Factorize J = L Q, with L's columns in the rows of W, starting from the last row of J.
 
     For a wrench the last rows are the moments, usually the longest: the closer L is to graded, the
@@ -89,12 +103,12 @@ def orthonormalize(J, svd):
         for j in range(m):
             for b in range(LANES):
                 W[j, i, b] = 0.0
-        square_norm(row, size)
+        _square_norm(row, size)
         for j in range(2 * p):  # orthogonalize twice, for accuracy
-            remove_component(Q[j % p], row, along)
+            _remove_component(Q[j % p], row, along)
             for b in range(LANES):
                 W[j % p, i, b] += along[b]
-        square_norm(row, along)
+        _square_norm(row, along)
         for b in range(LANES):
             length = math.sqrt(along[b])
             is_significant = along[b] > _NEGLIGIBLE * _NEGLIGIBLE * size[b]
@@ -106,7 +120,7 @@ def orthonormalize(J, svd):
 
 
 @inner
-def remove_component(unit, row, along):
+def _remove_component(unit, row, along):
     """Remove the component along a unit vector from a row, (n, LANES); its length is (LANES,)."""
     for b in range(LANES):
         along[b] = unit[0, b] * row[0, b]
@@ -119,7 +133,7 @@ def remove_component(unit, row, along):
 
 
 @inner
-def rotate(svd):
+def _rotate(svd):
     """Make the rows of W orthogonal, the longest first.
 
     Lanes that have converged are left unchanged, so that no lane depends on the others.
@@ -138,15 +152,15 @@ def rotate(svd):
         for b in range(LANES):
             fails[b] = 0.0
         for i in range(m):
-            square_norm(W[i], square[i])
+            _square_norm(W[i], square[i])
         for i in range(m - 1):
             for j in range(i + 1, m):
-                find_rotation(W[i], W[j], square[i], square[j], svd)
-                rotate_rows(W[i], W[j], svd.b, svd.c)
+                _find_rotation(W[i], W[j], square[i], square[j], svd)
+                _rotate_rows(W[i], W[j], svd.b, svd.c)
 
 
 @inner
-def find_rotation(x, y, longer, shorter, svd):
+def _find_rotation(x, y, longer, shorter, svd):
     """Compute the rotation that makes two rows orthogonal, and the first one the longer."""
     fails, active, cosine, sine = svd.fails, svd.a, svd.b, svd.c
     for b in range(LANES):
@@ -176,7 +190,7 @@ def find_rotation(x, y, longer, shorter, svd):
 
 
 @inner
-def rotate_rows(x, y, cosine, sine):
+def _rotate_rows(x, y, cosine, sine):
     """Rotate two rows in their plane."""
     for k in range(x.shape[0]):
         for b in range(LANES):

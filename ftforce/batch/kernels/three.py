@@ -26,7 +26,17 @@ worst relative errors of σ_min and ρ were 3e-9 (Panda) and 2e-8 (UR5) at 2e-4,
 
 @inner
 def evaluate_healthy(rtol, J, lane):
-    """Compute the extreme eigenvalues of J Jᵀ, and the factors 1/σ_max(J) and 1/w(J)."""
+    """Compute the extreme eigenvalues of J Jᵀ, and the factors 1/σ_max(J) and 1/w(J).
+
+    Parameters
+    ----------
+    rtol :
+        Relative tolerance of the rank.
+    J :
+        Task Jacobian, shape (3, n, LANES).
+    lane :
+        Workspace; A, smallest, largest, inverse and x (the margin) are filled in.
+    """
     threshold = max(rtol * GUARD_BAND, MIN_MARGIN) ** 2
     smallest, largest, inverse = lane.smallest, lane.largest, lane.inverse
     lanes.gram(J, lane.A)
@@ -41,21 +51,39 @@ def evaluate_healthy(rtol, J, lane):
 
 @inner
 def evaluate_set(rtol, wary, joints, J, force, first, count, lane, sigma_min, margin, rho, verdict):
-    """Evaluate a set that leaves at least three healthy joints; ``force`` is empty without one."""
+    """Evaluate a set that leaves at least three healthy joints; ``force`` is empty without one.
+
+    Parameters
+    ----------
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    joints :
+        Indices of the locked joints.
+    J :
+        Task Jacobian, shape (3, n, LANES).
+    force :
+        Requested force, shape (3, LANES), or (0, LANES).
+    first, count :
+        Index of the first posture, and how many lanes are filled.
+    lane :
+        Workspace, after `evaluate_healthy`.
+    sigma_min, margin, rho, verdict :
+        Filled in, shape (k,).
+    """
     B, x = lane.B, lane.x
     lanes.downdate(lane.A, J, joints, B)
     safe = max(wary * GUARD_BAND, MIN_MARGIN) ** 2
-    undecided = measure(
+    undecided = _measure(
         B, lane.largest, lane.inverse, safe, first, count, x, sigma_min, margin, rho
     )
     if undecided:
         for b in range(count):
             if not x[b] > safe * lane.largest[b]:
-                verdict[first + b] = decide_lane(rtol, wary, b, B, x[b], lane.largest[b], force)
+                verdict[first + b] = _decide_lane(rtol, wary, b, B, x[b], lane.largest[b], force)
 
 
 @inner
-def measure(B, largest, inverse, safe, first, count, x, sigma_min, margin, rho):
+def _measure(B, largest, inverse, safe, first, count, x, sigma_min, margin, rho):
     """Write the measures and the smallest eigenvalue, and count the lanes that are not safe.
 
     Measures that are not accurate enough are overwritten later.
@@ -64,7 +92,7 @@ def measure(B, largest, inverse, safe, first, count, x, sigma_min, margin, rho):
     for b in range(count):
         a00, a10, a11 = B[0, 0, b], B[1, 0, b], B[1, 1, b]
         a20, a21, a22 = B[2, 0, b], B[2, 1, b], B[2, 2, b]
-        smallest, determinant = smallest_eigenvalue(a00, a10, a11, a20, a21, a22)
+        smallest, determinant = _smallest_eigenvalue(a00, a10, a11, a20, a21, a22)
         x[b] = smallest
         undecided += 0 if smallest > safe * largest[b] else 1
         sigma = math.sqrt(max(smallest, 0.0))
@@ -75,7 +103,7 @@ def measure(B, largest, inverse, safe, first, count, x, sigma_min, margin, rho):
 
 
 @inner
-def decide_lane(rtol, wary, b, B, x, largest, force):
+def _decide_lane(rtol, wary, b, B, x, largest, force):
     """Decide a lane where a larger tolerance would lose exactly one direction.
 
     That tolerance is the margin. Below it the force is kept; above it only if the component of the
@@ -92,13 +120,25 @@ def decide_lane(rtol, wary, b, B, x, largest, force):
     if not second > (wary * GUARD_BAND * GUARD_BAND) ** 2 * largest:
         return UNDECIDED
     has_force = force.shape[0] > 0
-    share = force_share(B, b, x, force) if has_force else 0.0
+    share = _force_share(B, b, x, force) if has_force else 0.0
     return judge(wary, x / largest, has_force, share)
 
 
 @inner
 def judge(wary, margin2, has_force, share):
-    """Return the verdict where tolerances beyond the margin lose exactly one direction."""
+    """Return the verdict where tolerances beyond the margin lose exactly one direction.
+
+    Parameters
+    ----------
+    wary :
+        Relative tolerance of the borderline verdict.
+    margin2 :
+        Squared margin.
+    has_force :
+        Whether a force is requested.
+    share :
+        Share of ‖F̂‖² along that direction.
+    """
     if not margin2 * GUARD_BAND < (wary / GUARD_BAND) ** 2:
         return UNDECIDED
     if not has_force:
@@ -132,7 +172,7 @@ _C = _trisection_series()
 
 
 @inner
-def trisect(r):
+def _trisect(r):
     """Return cos(acos(r)/3), r from -1 to 1.
 
     The polynomial is evaluated by Estrin's scheme (1960): the 18 dependent products of Horner's
@@ -151,7 +191,7 @@ def trisect(r):
 
 
 @inner
-def extreme_eigenvalue(a00, a10, a11, a20, a21, a22, side):
+def _extreme_eigenvalue(a00, a10, a11, a20, a21, a22, side):
     """Return the smallest (side -1) or largest (side 1) eigenvalue of a symmetric 3 x 3 matrix.
 
     With the mean ``t`` of the eigenvalues, ``6 p² = ‖A - t I‖²`` and ``r = det((A - t I)/p)/2``,
@@ -166,11 +206,11 @@ def extreme_eigenvalue(a00, a10, a11, a20, a21, a22, side):
         d0 * (d1 * d2 - a21 * a21) - a10 * (a10 * d2 - a21 * a20) + a20 * (a10 * a21 - d1 * a20)
     )
     r = min(max(side * half / (p * p2 + _TINY), -1.0), 1.0)
-    return t + side * 2.0 * p * trisect(r)
+    return t + side * 2.0 * p * _trisect(r)
 
 
 @inner
-def smallest_eigenvalue(a00, a10, a11, a20, a21, a22):
+def _smallest_eigenvalue(a00, a10, a11, a20, a21, a22):
     """Return the smallest eigenvalue of a symmetric 3 x 3 matrix, and its determinant.
 
     The closed form loses the digits of a small eigenvalue by cancellation; the determinant does
@@ -179,7 +219,7 @@ def smallest_eigenvalue(a00, a10, a11, a20, a21, a22):
     first = a11 * a22 - a21 * a21
     off_diagonal = a10 * (a10 * a22 - a21 * a20)
     determinant = a00 * first - off_diagonal + a20 * (a10 * a21 - a11 * a20)
-    x = extreme_eigenvalue(a00, a10, a11, a20, a21, a22, -1.0)
+    x = _extreme_eigenvalue(a00, a10, a11, a20, a21, a22, -1.0)
     minors = first + (a00 * a11 - a10 * a10) + (a00 * a22 - a20 * a20)
     others = minors - x * (a00 + a11 + a22 - x)
     return determinant / others if others > 0.0 else 0.0, determinant
@@ -187,21 +227,31 @@ def smallest_eigenvalue(a00, a10, a11, a20, a21, a22):
 
 @inner
 def extreme_eigenvalues(A, side, x, determinant):
-    """Compute the smallest (side -1, with determinant) or largest (side 1) eigenvalue."""
+    """Compute the smallest (side -1, with determinant) or largest (side 1) eigenvalue.
+
+    Parameters
+    ----------
+    A :
+        Lower triangles, shape (3, 3, LANES).
+    side :
+        Which eigenvalue.
+    x, determinant :
+        Filled with the results, shape (LANES,).
+    """
     if side > 0.0:
         for b in range(LANES):
-            x[b] = extreme_eigenvalue(
+            x[b] = _extreme_eigenvalue(
                 A[0, 0, b], A[1, 0, b], A[1, 1, b], A[2, 0, b], A[2, 1, b], A[2, 2, b], side
             )
         return
     for b in range(LANES):
-        x[b], determinant[b] = smallest_eigenvalue(
+        x[b], determinant[b] = _smallest_eigenvalue(
             A[0, 0, b], A[1, 0, b], A[1, 1, b], A[2, 0, b], A[2, 1, b], A[2, 2, b]
         )
 
 
 @inner
-def force_share(A, b, x, F):
+def _force_share(A, b, x, F):
     """Return the share of ‖F‖² along the eigenvector u of lane b for a simple eigenvalue x.
 
     ``adj(A - x I) = (λ₂ - x)(λ₃ - x) u uᵀ``, whose trace is the factor.

@@ -149,7 +149,7 @@ def _rowwise(function: np.ufunc, rows: NDArray[Any], row: NDArray[Any], out: NDA
     function(rows[whole:], row, out=out[whole:k])
 
 
-METHODS = ("sobol", "uniform")
+_METHODS = ("sobol", "uniform")
 _WORDS = {"sobol": "scrambled Sobol postures", "uniform": "uniform random postures"}
 
 
@@ -213,8 +213,8 @@ class Drawn:
         >>> postures.block(700_000, 700_002).shape
         (2, 5)
         """
-        if method not in METHODS:
-            raise UnknownNameError("sampling method", method, METHODS)
+        if method not in _METHODS:
+            raise UnknownNameError("sampling method", method, _METHODS)
         number = whole_number(count, "the number of postures", 1)
         _check_seed(seed)
         if method == "sobol" and number > _MAX_SOBOL:

@@ -58,7 +58,7 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     return numbers, read_only(np.array(scales))
 
 
-def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
+def _check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
     """Check that all numbers are finite and of plausible size.
 
     Parameters
@@ -169,7 +169,7 @@ def open_npy(robot: Robot, path: str, degrees: bool) -> tuple[NpyReader, Vector]
         raise InputError(f"expected an array of real numbers, got dtype {array.dtype}")
     by_columns = not array.flags.c_contiguous
     reader = NpyReader(len(array), robot.n, array.dtype, array.offset, by_columns)
-    check_numbers(reader.blocks(path), robot.names)
+    _check_numbers(reader.blocks(path), robot.names)
     unit = math.radians(1.0) if degrees else 1.0
     scales = np.array([1.0 if joint.type == "prismatic" else unit for joint in robot.joints])
     return reader, read_only(scales)
@@ -270,7 +270,7 @@ def open_parquet(robot: Robot, path: str, degrees: bool) -> tuple[ParquetReader,
         raise InputError("contains no postures")
     starts = (0, *np.cumsum(groups).tolist())
     reader = ParquetReader(tuple(schema.names[i] for i in columns), starts)
-    check_numbers(reader.blocks(path), robot.names)
+    _check_numbers(reader.blocks(path), robot.names)
     return reader, scales
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 LOCK = ".ftforce.lock"
 """Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
-PARTIAL = ".partial"
+_PARTIAL = ".partial"
 """Suffix of files being written, also used by Zarr."""
 _PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
@@ -108,7 +108,7 @@ def write_durably(file: Path, data: bytes) -> None:
     data :
         Its content.
     """
-    partial = file.with_name(file.name + PARTIAL)
+    partial = file.with_name(file.name + _PARTIAL)
     with partial.open("wb") as stream:
         stream.write(data)
         stream.flush()
@@ -121,14 +121,14 @@ def sync(path: Path) -> None:
     """Flush a file, or the entries of a folder, to disk."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        with suppress_unsupported():
+        with _suppress_unsupported():
             os.fsync(descriptor)
     finally:
         os.close(descriptor)
 
 
 @contextmanager
-def suppress_unsupported() -> Iterator[None]:
+def _suppress_unsupported() -> Iterator[None]:
     """Ignore operations that the file system does not support: some cannot sync folders."""
     try:
         yield
@@ -139,7 +139,7 @@ def suppress_unsupported() -> Iterator[None]:
 
 def remove_partial(path: Path) -> None:
     """Remove files that a killed process left partially written."""
-    for left in path.rglob(f"*{PARTIAL}"):
+    for left in path.rglob(f"*{_PARTIAL}"):
         left.unlink(missing_ok=True)
 
 
@@ -155,7 +155,7 @@ def is_partly_created(path: Path, known: Collection[str]) -> bool:
     """
     if not (path / LOCK).exists():
         return False
-    names = {entry.name.removesuffix(PARTIAL) for entry in path.iterdir()}
+    names = {entry.name.removesuffix(_PARTIAL) for entry in path.iterdir()}
     return names <= {LOCK, *known}
 
 
@@ -170,7 +170,7 @@ def clear(path: Path, known: Collection[str]) -> None:
         Names of all files that ftforce creates there.
     """
     for entry in path.iterdir():
-        if entry.name.removesuffix(PARTIAL) in known:
+        if entry.name.removesuffix(_PARTIAL) in known:
             if entry.is_dir() and not entry.is_symlink():
                 shutil.rmtree(entry)
             else:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
     Tree = dict[str, Any]  # keys and contents of a Zarr group
 
-FORMAT = 1
+_FORMAT = 1
 _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _EXPECTED = "a sweep stored by ftforce"
@@ -163,7 +163,7 @@ def _opened(
     store: Any = MemoryStore(tree) if path is None else str(path)
     with disk_errors(path):
         group = zarr.open_group(store, mode="r+", zarr_format=2)
-        arrays = {name: group[name] for name in sample_names(request.job)}
+        arrays = {name: group[name] for name in _sample_names(request.job)}
     return OpenStore(request, path, store, tree, arrays, *progress, lock)
 
 
@@ -248,7 +248,7 @@ def _difference(key: str, found: object, request: object) -> str:
 # ---- writing ---------------------------------------------------------------------------------
 
 
-def sample_names(job: Job) -> list[str]:
+def _sample_names(job: Job) -> list[str]:
     """Return the names of the arrays of samples."""
     return [] if job.keep == "summary" else list(_sample_of_one(job))
 
@@ -290,7 +290,7 @@ def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
         whole = variables.shaped(name, values, job.workspace)
         _create(group, f"{variables.SUMMARY_PREFIX}{name}", whole, variables.counted(name, setting))
     complete = summary is not None
-    metadata = variables.attributes(*given, version=FORMAT, identity=identity, complete=complete)
+    metadata = variables.attributes(*given, version=_FORMAT, identity=identity, complete=complete)
     group.attrs.update(metadata)
     zarr.consolidate_metadata(store, zarr_format=2)
     return tree
@@ -506,8 +506,8 @@ def _metadata_of(path: Path, error: Any) -> dict[str, Any]:
         version, _, _ = found["format"], found["identity"], found["complete"]
     except (OSError, ValueError, KeyError, TypeError):
         raise error(path, f"is not a sweep; expected {_EXPECTED}") from None
-    if version != FORMAT:
-        raise error(path, f"has format {version}; this version of ftforce reads format {FORMAT}")
+    if version != _FORMAT:
+        raise error(path, f"has format {version}; this version of ftforce reads format {_FORMAT}")
     return dict(found)
 
 

@@ -181,7 +181,7 @@ def _of_joint(
     )
 
 
-def share_of(count: float, postures: int, confidence: float) -> Estimate:
+def _share_of(count: float, postures: int, confidence: float) -> Estimate:
     """Return a share of the postures with its Wilson interval.
 
     Parameters
@@ -202,7 +202,7 @@ def _share(summary: Summary, sets: list[int], verdict: int, confidence: float) -
     if not sets:
         return _UNKNOWN
     mean = int(summary.verdicts[sets, verdict].sum()) / len(sets)
-    return share_of(mean, int(summary.postures), confidence)
+    return _share_of(mean, int(summary.postures), confidence)
 
 
 def _quantile(counts: Counts, edges: Vector, p: float, confidence: float) -> Estimate:
@@ -236,7 +236,7 @@ def _joint_key(joint: JointCriticality) -> tuple[float, ...]:
     return tuple(math.inf if math.isnan(key) else key for key in keys)
 
 
-LOW, HIGH = 0.05, 0.95
+_LOW, _HIGH = 0.05, 0.95
 """Quantiles reported for measures that are bad when small, and when large."""
 
 
@@ -310,14 +310,14 @@ def tolerating_every_set(summary: Summary, confidence: float = 0.95) -> Estimate
     confidence :
         Confidence level of the interval.
     """
-    return share_of(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
+    return _share_of(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
 
 
 def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> SetSummary:
     postures = int(summary.postures)
 
     def share(code: int) -> Estimate:
-        return share_of(int(summary.verdicts[s, code]), postures, confidence)
+        return _share_of(int(summary.verdicts[s, code]), postures, confidence)
 
     return SetSummary(
         faults=faults,
@@ -334,7 +334,7 @@ def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> Se
 
 
 def _quantiles(counts: Counts, edges: Vector) -> tuple[float, float]:
-    return float(quantile(counts, edges, LOW)), float(quantile(counts, edges, 0.5))
+    return float(quantile(counts, edges, _LOW)), float(quantile(counts, edges, 0.5))
 
 
 def _jump(summary: Summary, s: int) -> tuple[float, float, float] | None:
@@ -344,7 +344,7 @@ def _jump(summary: Summary, s: int) -> tuple[float, float, float] | None:
     maximum = float(largest[s])
     maximum = maximum if math.isfinite(maximum) else math.nan
     # Quantiles are accurate to one bin, a thousandth of the force; the maximum is exact.
-    middle, high = (float(quantile(counts[s], edges, p)) for p in (0.5, HIGH))
+    middle, high = (float(quantile(counts[s], edges, p)) for p in (0.5, _HIGH))
     return _capped(middle, maximum), _capped(high, maximum), maximum
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _MEASURES = ("rank_lost", "margin", "rho", "jump", "capability")
 
 
-def add_block(summary: Summary, block: Block, start: int) -> None:
+def _add_block(summary: Summary, block: Block, start: int) -> None:
     """Add a block of postures, in place.
 
     Parameters
@@ -57,7 +57,7 @@ def _check(summary: Summary, block: Block) -> None:
         if (values := getattr(block, name)) is None or values.shape != shape:
             got = None if values is None else values.shape
             raise InputError(f"{name} of the block: expected shape {shape}, got {got}")
-    for name, end in (("verdict", VERDICTS), ("rank_lost", RANKS), ("rank", RANKS)):
+    for name, end in (("verdict", _VERDICTS), ("rank_lost", RANKS), ("rank", RANKS)):
         codes = getattr(block, name)
         if codes.size and not 0 <= codes.min() <= codes.max() < end:
             raise InputError(f"{name} of the block: expected values from 0 to {end - 1}")
@@ -139,7 +139,7 @@ def _update_extreme(summary: Summary, name: str, values: Matrix, start: int) -> 
 
 
 _MAX_BYTES = 1_000_000_000
-VERDICTS, RANKS = 3, 7
+_VERDICTS, RANKS = 3, 7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -265,7 +265,7 @@ class Summary:
         InputError
             The number of sets differs, jumps or capabilities are missing, or a code is invalid.
         """
-        add_block(self, block, start)
+        _add_block(self, block, start)
 
     def merge(self, other: Summary) -> None:
         """Add the postures of another summary, in place; the order of merging does not matter.
@@ -354,7 +354,7 @@ class Summary:
 def _shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
     shapes: dict[str, tuple[int, ...]] = {"postures": (), "outside": (), "healthy_unknown": ()}
     shapes |= {"healthy_rank": (RANKS,), "healthy_margin": (LINEAR_BINS,)}
-    shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, VERDICTS)}
+    shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, _VERDICTS)}
     shapes |= {"rank_lost": (sets, RANKS)}
     shapes |= _measure("margin", "min_margin", sets, LINEAR_BINS)
     shapes |= _measure("rho", "min_rho", sets, LINEAR_BINS)

@@ -18,7 +18,13 @@ _SMOOTH = np.radians(30.0)  # edges with smaller angles are shaded smoothly
 
 
 def box(x: float, y: float, z: float) -> Trimesh:
-    """Return a box centred at the origin, with side lengths in m."""
+    """Return a box centred at the origin, with side lengths in m.
+
+    Parameters
+    ----------
+    x, y, z :
+        Side lengths, m.
+    """
     return _unit_box().copy().apply_scale((x, y, z))
 
 
@@ -28,7 +34,13 @@ def sphere(radius: float) -> Trimesh:
 
 
 def capsule(radius: float, length: float) -> Trimesh:
-    """Return a capsule along z; ``length`` is that of its cylindrical part, m."""
+    """Return a capsule along z; ``length`` is that of its cylindrical part, m.
+
+    Parameters
+    ----------
+    radius, length :
+        Radius, and length of the cylindrical part, m.
+    """
     from trimesh import creation
 
     # trimesh's own capsule has its full width only since version 5.
@@ -38,7 +50,13 @@ def capsule(radius: float, length: float) -> Trimesh:
 
 
 def cylinder(radius: float, length: float) -> Trimesh:
-    """Return a cylinder along z, centred at the origin, m."""
+    """Return a cylinder along z, centred at the origin, m.
+
+    Parameters
+    ----------
+    radius, length :
+        m.
+    """
     return _unit_cylinder().copy().apply_scale((radius, radius, length))
 
 

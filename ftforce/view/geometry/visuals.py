@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import Numbers
 
 MESH_EXTENSIONS = (".stl", ".dae", ".obj")
-MAX_VISUALS = 5_000  # far more than any robot has
+_MAX_VISUALS = 5_000  # far more than any robot has
 MAX_LENGTH = 1e3  # m; anything larger cannot be part of an arm
 
 _NUMBERS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
@@ -81,8 +81,8 @@ def read_visuals(path: str | os.PathLike[str]) -> Visuals:
     shapes: list[Visual] = []
     notes: list[str] = []
     for link, element in _elements(root):
-        if len(shapes) + len(notes) >= MAX_VISUALS:
-            notes.append(f"only the first {MAX_VISUALS} <visual> elements are shown")
+        if len(shapes) + len(notes) >= _MAX_VISUALS:
+            notes.append(f"only the first {_MAX_VISUALS} <visual> elements are shown")
             break
         try:
             shapes.append(_visual(link, element, Path(path)))

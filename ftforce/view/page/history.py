@@ -45,7 +45,7 @@ def charts(history: History, run: Run) -> Markup:
         found.append(_vector_chart(history, run, forces_of, "Force at the tip", "N"))
     if task.moment_rows:
         found.append(_vector_chart(history, run, moments_of, "Moment at the tip", "N·m"))
-    return html.block(html.style(), *found, torque_chart(history, run), testid="charts")
+    return html.block(html.style(), *found, _torque_chart(history, run), testid="charts")
 
 
 def chosen(history: History, run: Run) -> Vector:
@@ -115,7 +115,7 @@ def _vector_chart(
     return chart(title, unit, history.t[at], curves, marks(history))
 
 
-def torque_chart(history: History, run: Run) -> Markup:
+def _torque_chart(history: History, run: Run) -> Markup:
     """Return a chart of motor torques in percent of their limits, or in N·m (N) if none is known.
 
     Parameters

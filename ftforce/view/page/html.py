@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from ftforce.view.scene.colours import Colour
 
-STYLE = """
+_STYLE = """
 .ftf{font:12px/1.35 system-ui,'Noto Sans','DejaVu Sans',sans-serif;color:#1a1a1a;padding:4px 10px}
 .ftf h3{font-size:12px;font-weight:600;margin:8px 0 2px}
 .ftf table{border-collapse:collapse;width:100%;table-layout:fixed}
@@ -75,7 +75,7 @@ def element(name: str, *children: str, **attributes: str) -> Markup:
     return Markup(f"<{name}{given}>{inner}</{name}>")
 
 
-def style(rules: str = STYLE) -> Markup:
+def style(rules: str = _STYLE) -> Markup:
     """Return a style element with trusted CSS rules, by default those of the page."""
     return Markup(f"<style>{rules}</style>")
 

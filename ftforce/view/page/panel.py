@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     Change: TypeAlias = Callable[[State, Any], State]
     """Function that applies the value of a control to a question."""
 
-ANSWER_WIDTH, CONTROL_WIDTH = 350, 385  # px
+_ANSWER_WIDTH, _CONTROL_WIDTH = 350, 385  # px
 _TASKS = ("force", "moment", "wrench", "fx,fy", "fx,fz", "fy,fz", "fx", "fy", "fz")
 _CENSUS = ("none", "single faults", "single and double faults")
 _BUTTONS = 8  # number of buttons for the worst fault sets
@@ -118,7 +118,7 @@ class Panel:
             self._answer = self._gui.add_html("")
             self._legend = self._gui.add_html("")
         panel.dock_left()
-        panel.set_width(ANSWER_WIDTH)
+        panel.set_width(_ANSWER_WIDTH)
 
     def _build_controls(self, state: State, first_tab: str) -> None:
         gui = self._gui
@@ -139,7 +139,7 @@ class Panel:
             self._button("save_picture", "Save image", self._session.save_picture)
             self._button("save_page", "Save page", self._session.save_page)
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(CONTROL_WIDTH)
+        gui.main_panel.set_width(_CONTROL_WIDTH)
 
     def _build_arm(self, state: State) -> None:
         hint = f"Initially: {state.posture.source}"

@@ -56,11 +56,11 @@ def load_table(
 
 
 def _load_row(load: JointLoad) -> Markup:
-    after = torque_text(load.after)
-    hint = f"for the tip force: {torque_text(load.part_before)} → {torque_text(load.part_after)}"
+    after = _torque_text(load.after)
+    hint = f"for the tip force: {_torque_text(load.part_before)} → {_torque_text(load.part_after)}"
     mode = None if load.fault is None else load.fault.mode
     if mode is FaultMode.LOCKED:
-        after, hint = "brake", f"brake load {torque_text(load.brake)} {load.unit}; {hint}"
+        after, hint = "brake", f"brake load {_torque_text(load.brake)} {load.unit}; {hint}"
     colour = colour_of(mode, load.used)
     background = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
     # The mode must not depend on colour alone; the full word would not fit beside the name.
@@ -71,7 +71,7 @@ def _load_row(load: JointLoad) -> Markup:
         [
             element("td", place, class_="l", style=background, title=name),
             cell(load.name, "l", name),
-            cell(torque_text(load.before), "", hint),
+            cell(_torque_text(load.before), "", hint),
             cell(after, "", hint),
             element("td", bar(load.used, colour), title=f"limit {limit}"),
             cell(share_text(load.used), "over" if load.used > 1.0 else "", f"limit {limit}"),
@@ -85,7 +85,7 @@ def brake_loads(loads: Sequence[JointLoad]) -> list[tuple[str, str]]:
     return [("Brake load", ", ".join(texts))] if texts else []
 
 
-def torque_text(torque: float) -> str:
+def _torque_text(torque: float) -> str:
     """Return a torque as text, or a placeholder if unknown."""
     return "–" if math.isnan(torque) else number(torque)
 

@@ -134,12 +134,18 @@ def assign(node: Any, name: str, value: Any) -> None:
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; arrays up to rounding."""
+    """Return whether two values are equal; arrays up to rounding.
+
+    Parameters
+    ----------
+    one, other :
+        Numbers, strings or arrays.
+    """
     if isinstance(other, np.ndarray):
-        return np.shape(one) == other.shape and not differs(one, other)
+        return np.shape(one) == other.shape and not _differs(one, other)
     return bool(one == other)
 
 
-def differs(one: Vector, other: Vector) -> bool:
+def _differs(one: Vector, other: Vector) -> bool:
     """Return whether two positions or rotations differ by more than rounding."""
     return bool(np.abs(one - other).max(initial=0.0) > _RESOLUTION)

@@ -96,17 +96,41 @@ def has_both(task: Task) -> bool:
 
 
 def forces_of(task: Task, F: Vector) -> Vector:
-    """Return the force part of task vectors, shape (..., m), as (..., 3), N."""
+    """Return the force part of task vectors, shape (..., m), as (..., 3), N.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    F :
+        Task vectors, N and N·m, shape (..., m).
+    """
     return in_components(task.components, F)[..., :3]
 
 
 def moments_of(task: Task, F: Vector) -> Vector:
-    """Return the moment part of task vectors, shape (..., m), as (..., 3), N·m."""
+    """Return the moment part of task vectors, shape (..., m), as (..., 3), N·m.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    F :
+        Task vectors, N and N·m, shape (..., m).
+    """
     return in_components(task.components, F)[..., 3:]
 
 
 def spatial(task: Task, F: Vector) -> Vector:
-    """Return the force part of task vectors, (..., m), or the moments if there are no forces."""
+    """Return the force part of task vectors, (..., m), or the moments if there are no forces.
+
+    Parameters
+    ----------
+    task :
+        The task, of forces or of moments.
+    F :
+        Task vectors, N (N·m), shape (..., m).
+    """
     return forces_of(task, F) if task.force_rows else moments_of(task, F)
 
 

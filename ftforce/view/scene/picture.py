@@ -238,8 +238,16 @@ def requested_of(answer: Answer) -> Vector | None:
 
 
 def pose_of(rotation: Matrix, place: Vector) -> Pose:
-    """Return a rotation (3, 3) and a position, m, shape (3,), as a pose."""
-    return Pose(place, wxyz_of(rotation))
+    """Return a rotation (3, 3) and a position, m, shape (3,), as a pose.
+
+    Parameters
+    ----------
+    rotation :
+        Rotation matrix, shape (3, 3).
+    place :
+        Position in root axes, m, shape (3,).
+    """
+    return Pose(place, _wxyz_of(rotation))
 
 
 def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
@@ -278,7 +286,7 @@ def rotation(wxyz: Vector) -> Matrix:
     return R
 
 
-def wxyz_of(R: Matrix) -> Vector:
+def _wxyz_of(R: Matrix) -> Vector:
     """Return the unit quaternion w, x, y, z of a rotation matrix (3, 3)."""
     x, y, z, w = quaternion(R).tolist()
     return np.array([w, x, y, z])
