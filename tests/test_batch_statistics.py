@@ -192,7 +192,7 @@ def test_the_capability_of_an_arm_that_falls_is_zero_and_without_limit_infinite(
 
 
 def test_the_sets_are_the_summarys():
-    with pytest.raises(InputError, match="has 1 fault sets, got 0"):
+    with pytest.raises(InputError, match="expected 1 fault sets, as in the summary, got 0"):
         criticality(summary_of([FaultSet()], [[1, 0, 0]]), [], 1)
 
 

@@ -304,7 +304,7 @@ def _into_task_axes(posture, x, out):
 
 @inner
 def _write_unchanged(posture, locked, U, after, jump):
-    """Write the results without a jump: U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42), no jump."""
+    """Write the results of a set without a jump, U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42)."""
     for k in range(U.size):
         U[k] = 0.0 if locked[k] else posture.carried[k]
     for i in range(after.size):
@@ -316,7 +316,7 @@ def _write_unchanged(posture, locked, U, after, jump):
 def _margins(posture, failed, A, line, margin):
     """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
 
-    Below `LEAST_MARGIN` the value is not accurate, only known to be below.
+    Below `_MIN_MARGIN` the value is not accurate, only known to be below.
     """
     J, s = posture.scratch.J, posture.scratch.s
     m, n = J.shape

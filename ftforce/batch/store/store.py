@@ -77,7 +77,7 @@ class OpenStore(NamedTuple):
 
     Attributes
     ----------
-    asked :
+    request :
         The requested sweep.
     path :
         The folder; ``None`` in memory.
@@ -116,13 +116,13 @@ class OpenStore(NamedTuple):
 
 
 def create(path: Path | None, request: SweepRequest) -> OpenStore:
-    """Create an empty sweep, or resume an existing one; close it with `Opened.close`.
+    """Create an empty sweep, or resume an existing one; close it with `OpenStore.close`.
 
     Parameters
     ----------
     path :
         Path of the Zarr group; ``None`` for memory.
-    asked :
+    request :
         The requested sweep.
 
     Raises
@@ -264,7 +264,7 @@ def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
 
     Parameters
     ----------
-    asked :
+    request :
         The requested sweep.
     summary :
         Summary of the complete sweep; ``None`` if it is not complete.

@@ -119,7 +119,9 @@ def criticality(
         The number of sets does not match the summary, or the confidence is not between 0 and 1.
     """
     if len(sets) != summary.n_sets:
-        raise InputError(f"the summary has {summary.n_sets} fault sets, got {len(sets)}")
+        raise InputError(
+            f"expected {summary.n_sets} fault sets, as in the summary, got {len(sets)}"
+        )
     joints = [_of_joint(summary, sets, joint, confidence) for joint in range(n)]
     return tuple(sorted(joints, key=_joint_key))
 

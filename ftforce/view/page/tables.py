@@ -120,7 +120,7 @@ def force_table(analysis: Analysis) -> Markup:
         return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
     vectors: dict[str, Vector | None] = {}
     if change.requested is not None and text.is_noticeable(change.unsupported):
-        vectors["requested"] = change.requested
+        vectors["request"] = change.requested  # the longer word would not fit
     vectors |= {"before": change.before, "after": change.after, "jump": change.jump}
     return vector_table(task, vectors)
 
@@ -162,7 +162,7 @@ def _force_row(names: Iterable[str], values: Iterable[float], kind: str = "") ->
 def _unit_forces(analysis: Analysis) -> Markup:
     """Return the kept and lost parts of 1 N (1 N·m) along each axis."""
     task = analysis.task
-    columns = [("requested", "l", "64px"), *((name, "", "") for name in task.components)]
+    columns = [("requested", "l", "70px"), *((name, "", "") for name in task.components)]
     requested = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))
     kept = (force.after for force, _ in analysis.unit_forces)
     rows = [
