@@ -16,7 +16,7 @@ from ftforce import analyze, census, load_robot
 from ftforce.batch.kernels import fast, lanes, secular, spectrum
 from ftforce.batch.kernels import three as eigenvalues
 from ftforce.batch.kernels.layout import LANES, UNDECIDED
-from ftforce.batch.kernels.three import LEAST_MARGIN
+from ftforce.batch.kernels.three import MIN_MARGIN
 from ftforce.batch.plan import Plan, empty_answers, faults_of, mechanism_of, question_of
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.core.limits import Limits
@@ -49,7 +49,7 @@ def postures_of(robot, k, seed=0):
 def check_set(block, s, at, report):
     """Compare one posture and one fault set with an analysis.
 
-    The fast part may be wrong by 3e-8, which is what K Kᵀ leaves of σ_min at LEAST_MARGIN.
+    The fast part may be wrong by 3e-8, which is what K Kᵀ leaves of σ_min at MIN_MARGIN.
     """
     assert WORDS[block.verdict[s, at]] == report.verdict.value
     assert block.rank_lost[s, at] == report.rank_lost
@@ -175,7 +175,7 @@ def test_the_fast_part_answers_nearly_all(robots, case):
     plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
     q = postures_of(robot, 2000, 14)
     answers = empty_answers(plan, len(q))
-    work = fast.bench(plan.mechanism.parent.size, robot.n, task.m)
+    work = fast.workspace(plan.mechanism.parent.size, robot.n, task.m)
     fast.evaluate(plan.mechanism, plan.faults, question, q, answers, work)
     assert np.mean(answers.verdict == UNDECIDED) < share
 
@@ -288,7 +288,7 @@ def postures_near(robot, task, faulty, margins):
 
 
 @pytest.mark.parametrize("words", ["force", "wrench"])
-@pytest.mark.parametrize("bound", [RTOL, LEAST_MARGIN, BORDERLINE_RTOL])
+@pytest.mark.parametrize("bound", [RTOL, MIN_MARGIN, BORDERLINE_RTOL])
 def test_postures_near_a_tolerance(robots, words, bound):
     robot, task = robots["panda"], Task.parse(words)
     faulty = FaultSet.locked([3] if words == "wrench" else [0, 2, 4, 6])
@@ -394,25 +394,25 @@ def test_other_joints_equal_the_census(tmp_path, kind):
 
 
 @njit
-def turn(angle, cosine, sine):
-    lanes.turn(angle, cosine, sine)
+def sincos(angle, cosine, sine):
+    lanes.sincos(angle, cosine, sine)
 
 
 @pytest.mark.parametrize("size", [1e-9, 0.7, 3.2, 40.0, 9e4, 1e7, 1e15])
 def test_cosine_and_sine_of_large_angles(size):
     angle = np.linspace(-size, size, LANES)
     cosine, sine = np.empty(LANES), np.empty(LANES)
-    turn(angle, cosine, sine)
+    sincos(angle, cosine, sine)
     np.testing.assert_allclose(cosine, np.cos(angle), rtol=0.0, atol=3e-16)
     np.testing.assert_allclose(sine, np.sin(angle), rtol=0.0, atol=3e-16)
 
 
 @njit
-def decompose(J, force, secular_, one):
-    spectrum.decompose(J, one)
-    secular.prepare(J, one, force, True, secular_)
+def decompose(J, force, roots, svd):
+    spectrum.decompose(J, svd)
+    secular.prepare(J, svd, force, True, roots)
     for k in range(J.shape[1]):
-        secular.find_root(k, one.square, one.square[0], secular.LEAST**2, secular_)
+        secular.find_root(k, svd.square, svd.square[0], secular.MIN_MARGIN**2, roots)
 
 
 def graded(m, n):
@@ -434,37 +434,37 @@ def test_singular_values_side_by_side(m, n):
     J[:, :, n:] = 0.0
     stacked = np.ascontiguousarray(stacked[:, :n])
     J = J[:, :, :n]
-    one = spectrum.spectrum(m, n)
-    decompose(stacked, np.ones((m, LANES)), secular.secular(m, n), one)
+    svd = spectrum.workspace(m, n)
+    decompose(stacked, np.ones((m, LANES)), secular.workspace(m, n), svd)
     s = np.linalg.svd(J, compute_uv=False)
-    found = one.sigma.T
+    found = svd.sigma.T
     np.testing.assert_allclose(found[:, : s.shape[1]], s, rtol=1e-10, atol=1e-15)
-    assert not one.fails.any()
+    assert not svd.fails.any()
     for b in range(LANES):  # J Jᵀ = U diag(σ²) Uᵀ
-        W = one.W[:, :, b]
+        W = svd.W[:, :, b]
         np.testing.assert_allclose((W.T * found[b] ** 2) @ W, J[b] @ J[b].T, atol=1e-14)
 
 
 @pytest.mark.parametrize(("m", "n"), [(2, 5), (4, 7), (6, 7), (6, 8)])
 def test_roots_of_the_secular_equation(m, n):
     J, stacked = graded(m, n)
-    one, roots = spectrum.spectrum(m, n), secular.secular(m, n)
-    decompose(stacked, np.ones((m, LANES)), roots, one)
+    svd, roots = spectrum.workspace(m, n), secular.workspace(m, n)
+    decompose(stacked, np.ones((m, LANES)), roots, svd)
     known = 0
     for b in range(LANES):
         for k in range(n):
             s = np.linalg.svd(np.delete(J[b], k, 1), compute_uv=False)
-            if s[-1] > 1e-4 * one.sigma[0, b] and one.sigma[-1, b] > 0.0:
+            if s[-1] > 1e-4 * svd.sigma[0, b] and svd.sigma[-1, b] > 0.0:
                 assert abs(roots.x[k, b] / s[-1] ** 2 - 1.0) < 1e-8
-                rho = np.prod(s) / np.prod(one.sigma[:, b])
-                assert abs(roots.rest[k, b] / rho**2 - 1.0) < 1e-8
+                rho = np.prod(s) / np.prod(svd.sigma[:, b])
+                assert abs(roots.N_kk[k, b] / rho**2 - 1.0) < 1e-8
                 known += 1
     assert known > LANES
 
 
 @njit
 def three(A, side, x, determinant):
-    eigenvalues.outermost_of_three(A, side, x, determinant)
+    eigenvalues.extreme_eigenvalues(A, side, x, determinant)
 
 
 def test_eigenvalues_of_three_rows():

@@ -135,4 +135,4 @@ def test_slices_without_postures_are_said_in_a_line(tmp_path):
 def test_what_is_no_sweep_is_said_in_a_line(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path, tmp_path / "file", tmp_path / "none"):
-        assert "a sweep that ftforce wrote was expected" in run(path, status=1).stderr
+        assert "expected a sweep stored by ftforce" in run(path, status=1).stderr

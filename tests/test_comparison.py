@@ -383,7 +383,7 @@ def test_robots_and_sweeps_together(tmp_path):
     assert seen == []  # nothing is swept for what will be refused
     with pytest.raises(FileError, match="no such folder"):
         compare([stored, tmp_path / "none.zarr"])
-    with pytest.raises(FileError, match="is no sweep"):
+    with pytest.raises(FileError, match="is not a sweep"):
         compare([stored, tmp_path])
 
 
@@ -397,7 +397,7 @@ def test_an_arm_that_cannot_be_swept_is_named():
     arm = load_text(serial_urdf(("revolute", {}), ("prismatic", {})))
     slide = replace(arm.joints[1], lower=-math.inf, upper=math.inf)
     free = replace(arm, joints=(arm.joints[0], slide))
-    with pytest.raises(InputError, match=r"^rail: .*slides without limits"):
+    with pytest.raises(InputError, match=r"^rail: .*has no position limits"):
         compare({"dh5": "dh5", "rail": free}, n=64)
     with pytest.raises(InputError, match=r"^dh5: faults must be a number from 1 to 5, got 6"):
         compare(["kinova", "dh5"], n=64, faults=6)

@@ -227,28 +227,28 @@ class Sweep(Displayed):
             if tuple(joint + 1 for joint in one.joints) == wanted:
                 return place
         raise InputError(
-            f"the sweep has no fault set {{{', '.join(map(str, wanted))}}}; it has: "
+            f"the sweep has no fault set {{{', '.join(map(str, wanted))}}}; available: "
             f"{listed([str(one) for one in self.sets])}"
         )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the result."""
-        doubts = []
+        found = []
         if not self.is_complete:
-            doubts.append(
-                f"only {self.done:,} of {self.setting.count:,} postures are done: the same "
-                "command goes on"
+            found.append(
+                f"only {self.done:,} of {self.setting.count:,} postures are done; run the same "
+                "command again to resume"
             )
         if self.setting.unknown_limits:
             names = ", ".join(self.setting.unknown_limits)
-            doubts.append(f"unknown effort limits count as none: {names}")
+            found.append(f"unknown effort limits, treated as unlimited: {names}")
         if not self.setting.is_random:
-            doubts.append(
-                "the postures were not drawn at random: intervals hold only as far as they stand "
-                "for others"
+            found.append(
+                "the postures were not drawn at random: the confidence intervals only indicate the "
+                "effect of the sample size"
             )
-        return tuple(doubts)
+        return tuple(found)
 
 
 def sets_to_lists(sets: tuple[FaultSet, ...]) -> list[list[list[Any]]]:

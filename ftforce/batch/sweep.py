@@ -232,8 +232,8 @@ def sweep_of(
         _chunk_of(chunk, len(sets), postures.count),
     )
     setting = _setting(question, all_sets, job)
-    asked = store.Asked(job, setting, sets, _identity(job, setting))
-    return _run(asked, None if output is None else Path(output), runner, progress)
+    request = store.SweepRequest(job, setting, sets, _identity(job, setting))
+    return _run(request, None if output is None else Path(output), runner, progress)
 
 
 def needs_numba() -> None:
@@ -392,11 +392,13 @@ def _as_json(value: Any) -> Any:
     return json.loads(json.dumps(value))
 
 
-def _run(asked: store.Asked, path: Path | None, runner: Runner, progress: Progress | None) -> Sweep:
-    with closing(store.create(path, asked)) as opened:
+def _run(
+    asked: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
+) -> Sweep:
+    with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
-            run(asked.job, opened, runner, progress)
+            run(request.job, opened, runner, progress)
             store.finish(opened)
     opening = partial(store.dataset_of, opened.store)
     at = None if path is None else str(path)
-    return Sweep(asked.setting, asked.sets, opened.summary, at, opening)
+    return Sweep(request.setting, request.sets, opened.summary, at, opening)

@@ -19,10 +19,10 @@ CELL_BINS = 32
 """Number of bins of margin and ρ, 0 to 1, per workspace cell, and of a posture's smallest ρ."""
 
 UNDECIDED = -1
-"""Placeholder for a verdict or rank left to the accurate part."""
+"""Placeholder for a verdict or rank that is left to `settle`."""
 
 GUARD_BAND = 1.0 + 1e-6
-"""Relative distance from a tolerance within which the fast parts decide nothing."""
+"""Factor around a tolerance within which the fast kernels leave a case undecided."""
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -36,7 +36,15 @@ _LINE = 64  # bytes per cache line
 def aligned(
     shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
-    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes."""
+    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes.
+
+    Parameters
+    ----------
+    shape, kind :
+        Shape and data type.
+    multiple, offset :
+        Alignment of the first element, bytes.
+    """
     size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple
@@ -47,6 +55,11 @@ def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDAr
     """Return zeros aligned to a cache line, for a workspace.
 
     Workspaces are allocated in Python, since compiling their allocation takes too long.
+
+    Parameters
+    ----------
+    shape, kind :
+        Shape and data type.
     """
     zeros = aligned(shape, kind)
     zeros.fill(0)
@@ -210,13 +223,13 @@ class Block(NamedTuple):
         σ_min(K), σ_min(K)/σ_max(J) and ρ = w(K)/w(J) (NaN where w(J) = 0), shape (S, k).
     jump, moment_jump, relative_jump :
         ‖ΔF‖ of the forces, N (of the moments, N·m, if the task has no forces); of the moments,
-        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot stand still, except
-        ``relative_jump``, which is then 1. ``None`` without a force; ``moment_jump`` also unless
-        the task has both forces and moments.
+        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot be held in static
+        equilibrium, except ``relative_jump``, which is then 1. ``None`` without a force;
+        ``moment_jump`` also unless the task has both forces and moments.
     capability :
         Largest force that can be commanded in the direction, N (N·m), infinite if no known limit
-        bounds it, NaN if the arm cannot stand still with any force, shape (S, k); ``None`` without
-        a direction.
+        bounds it, NaN if no force holds the arm in static equilibrium, shape (S, k); ``None``
+        without a direction.
     """
 
     tip: Matrix
