@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from os import PathLike
     from typing import TypeAlias
 
-    from ftforce.report.parts import Document, Row
+    from ftforce.report.fields import Document, Row
 
     Result: TypeAlias = (
         Analysis
