@@ -282,34 +282,22 @@ def _unit_forces(analysis: Analysis) -> list[_UnitForce]:
     return [_UnitForce(name, *changes, analysis.faults) for name, changes in pairs]
 
 
+# fmt: off
 _JACOBIAN = (
-    Field(
-        "matrix",
-        "J, unweighted, rows in the order of the components",
-        "m/rad, rad/rad, m/m",
-        "m × n",
-        "J",
-    ),
+    Field("matrix", "J, unweighted, rows in the order of the components", "m/rad, rad/rad, m/m",
+        "m × n", "J"),
     Field("rank", "rank of J", get="reduced.rank"),
     replace(RANK_AFTER, get="reduced.rank_after"),
     Field("sigma_max", "largest singular value of J̃", get="reduced.sigma_max"),
     Field("sigma_min", "smallest one", get=lambda analysis: analysis.reduced.healthy.s[-1]),
     replace(SIGMA_MIN_AFTER, get=lambda analysis: analysis.reduced.damaged.s[-1]),
     MARGIN,
-    Field(
-        "condition_number_after",
-        "σ_max(K̃)/σ_min(K̃); `null` if a direction is lost",
-        "1",
-        get=lambda analysis: measures.condition_number(analysis.reduced),
-    ),
+    Field("condition_number_after", "σ_max(K̃)/σ_min(K̃); `null` if a direction is lost", "1",
+        get=lambda analysis: measures.condition_number(analysis.reduced)),
     RHO,
     Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
-    Field(
-        "force_error_per_torque",
-        "1/σ of the smallest singular value that is not lost; `null` if none is left",
-        "N per N·m",
-        get="force_error",
-    ),
+    Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
+        "if none is left", "N per N·m", get="force_error"),
 )
 _FORCE = (
     REQUESTED,
@@ -320,69 +308,29 @@ _FORCE = (
 _FORCE_TORQUE = (
     Field("before", "force part before the fault", TORQUE, BY_JOINT, "torque.before"),
     Field("after", "force part after it; 0 at locked joints", TORQUE, BY_JOINT, "torque.after"),
-    Field(
-        "brake_load",
-        "load of the brake, including weight and motion",
-        TORQUE,
-        "by locked joint",
-        _brake_load,
-    ),
-    Field(
-        "self_motion",
-        "part of `before` that exerts no static force",
-        TORQUE,
-        BY_JOINT,
-        "torque.self_motion",
-    ),
+    Field("brake_load", "load of the brake, including weight and motion", TORQUE, "by locked joint",
+        _brake_load),
+    Field("self_motion", "part of `before` that exerts no static force", TORQUE, BY_JOINT,
+        "torque.self_motion"),
 )
 _GRAVITY = "rnea.gravity"
 _TORQUE = (
     *_FORCE_TORQUE,
-    Field(
-        "gravity",
-        "weight of the arm and its payload",
-        get=whole,
-        parts=(
-            Field("before", "`null` if the URDF has no masses", TORQUE, BY_JOINT, _GRAVITY),
-            Field("after", "the same", TORQUE, BY_JOINT, _GRAVITY),
-        ),
-    ),
-    Field(
-        "motion",
-        "M(q) a + V(q, v) v; 0 for an arm at rest",
-        get=whole,
-        parts=(
-            Field(
-                "before",
-                "`null` if the arm moves and the URDF has no masses",
-                TORQUE,
-                BY_JOINT,
-                "rnea.motion_before",
-            ),
-            Field("after", "with the locked joints at rest", TORQUE, BY_JOINT, "rnea.motion_after"),
-        ),
-    ),
-    Field(
-        "total",
-        "force part, weight and motion",
-        get=whole,
-        parts=(
-            Field(
-                "before",
-                "total motor torques; `null` if the URDF has no masses",
-                TORQUE,
-                BY_JOINT,
-                "torque.total_before",
-            ),
-            Field(
-                "after",
-                "**to command now**; 0 at joints without torque, `null` at locked ones",
-                TORQUE,
-                BY_JOINT,
-                _total_after,
-            ),
-        ),
-    ),
+    Field("gravity", "weight of the arm and its payload", get=whole, parts=(
+        Field("before", "`null` if the URDF has no masses", TORQUE, BY_JOINT, _GRAVITY),
+        Field("after", "the same", TORQUE, BY_JOINT, _GRAVITY),
+    )),
+    Field("motion", "M(q) a + V(q, v) v; 0 for an arm at rest", get=whole, parts=(
+        Field("before", "`null` if the arm moves and the URDF has no masses", TORQUE, BY_JOINT,
+            "rnea.motion_before"),
+        Field("after", "with the locked joints at rest", TORQUE, BY_JOINT, "rnea.motion_after"),
+    )),
+    Field("total", "force part, weight and motion", get=whole, parts=(
+        Field("before", "total motor torques; `null` if the URDF has no masses", TORQUE, BY_JOINT,
+            "torque.total_before"),
+        Field("after", "**to command now**; 0 at joints without torque, `null` at locked ones",
+            TORQUE, BY_JOINT, _total_after),
+    )),
 )
 _TIP_JUMP = (
     Field("tip_after", "tip velocity", TIP_SPEED, "m"),
@@ -395,132 +343,71 @@ _VELOCITY = (
     Field("after", "after the remap; 0 at locked joints", SPEED, BY_JOINT, "velocity.after"),
     Field("tip_before", "tip velocity", TIP_SPEED, "m", "velocity.tip_before"),
     *under("velocity", _TIP_JUMP),
-    Field(
-        "impact",
-        "immediately after the lock; `null` without a lock or masses",
-        parts=(Field("after", "0 at locked joints", SPEED, BY_JOINT), *_TIP_JUMP),
-    ),
+    Field("impact", "immediately after the lock; `null` without a lock or masses",
+        parts=(Field("after", "0 at locked joints", SPEED, BY_JOINT), *_TIP_JUMP)),
 )
 _STANDING = (
-    Field(
-        "can_stand_still",
-        "whether motors, brakes and some tip force can hold the arm in static equilibrium",
-    ),
-    Field(
-        "support",
-        "without a force: the smallest tip force that holds the arm, 0 if none is needed; `null` "
-        "otherwise",
-        FORCE,
-        "m",
-        _support,
-    ),
-    Field(
-        "unbalanced",
-        "torque that no tip force balances; empty if the arm can be held",
-        TORQUE,
-        "by free joint",
-        unbalanced,
-    ),
-    Field(
-        "overloaded",
-        "joints that weight and motion alone overload: `torque` and `limit`",
-        TORQUE,
-        BY_JOINT,
-        lambda analysis: {
-            j: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
-        },
-    ),
+    Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in static "
+        "equilibrium"),
+    Field("support", "without a force: the smallest tip force that holds the arm, 0 if none is "
+        "needed; `null` otherwise", FORCE, "m", _support),
+    Field("unbalanced", "torque that no tip force balances; empty if the arm can be held", TORQUE,
+        "by free joint", unbalanced),
+    Field("overloaded", "joints that weight and motion alone overload: `torque` and `limit`",
+        TORQUE, BY_JOINT, lambda analysis: {
+        j: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
+    }),
 )
-UNKNOWN_LIMITS = Field(
-    "unknown",
-    "joints whose limit, of the motor or if locked of the brake, is unknown",
-    shape=NAMES,
-    get="unknown_limits",
-)
+UNKNOWN_LIMITS = Field("unknown", "joints whose limit, of the motor or if locked of the brake, is "
+    "unknown", shape=NAMES, get="unknown_limits")
 SITUATION = (
     ROBOT,
-    Field(
-        "conventions",
-        "conventions of the document",
-        get=lambda x: Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse),
-        parts=(
-            *CONVENTIONS,
-            Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
-        ),
-    ),
+    Field("conventions", "conventions of the document",
+        get=lambda x: Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
+        *CONVENTIONS,
+        Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
+    )),
     POSTURE,
     LOCKED,
 )
 ANALYSIS = (
     *SITUATION,
     Field("jacobian", "before and after the fault", get=whole, parts=_JACOBIAN),
-    Field(
-        "force",
-        "tip force; its values are `null` if neither a force nor torques were given",
-        get=lambda analysis: analysis.force or MISSING,
-        parts=_FORCE,
-    ),
+    Field("force", "tip force; its values are `null` if neither a force nor torques were given",
+        get=lambda analysis: analysis.force or MISSING, parts=_FORCE),
     Field("torque", "motor torques", get=whole, parts=_TORQUE),
-    Field(
-        "velocity",
-        "`null` if none was given",
-        get=lambda analysis: None if analysis.velocity is None else analysis,
-        parts=_VELOCITY,
-    ),
+    Field("velocity", "`null` if none was given",
+        get=lambda analysis: None if analysis.velocity is None else analysis, parts=_VELOCITY),
     VERDICT,
     replace(SUMMARY, get=verdict_sentence),
     *MODES,
-    Field(
-        "limits",
-        LIMITS_MEANING,
-        get=limited,
-        parts=(
-            *LIMITS_IN_FORCE,
-            UNKNOWN_LIMITS,
-            Field("binding", "joints at their limits", shape=NAMES, get="bounded.binding"),
-            Field(
-                "share",
-                "largest fraction of the force that can be commanded in its direction; `null` "
-                "without a force, or if no fraction is feasible",
-                "1",
-                get=lambda x: None if x.force is None else x.bounded.share,
-            ),
-        ),
-    ),
+    Field("limits", LIMITS_MEANING, get=limited, parts=(
+        *LIMITS_IN_FORCE,
+        UNKNOWN_LIMITS,
+        Field("binding", "joints at their limits", shape=NAMES, get="bounded.binding"),
+        Field("share", "largest fraction of the force that can be commanded in its direction; "
+            "`null` without a force, or if no fraction is feasible", "1",
+            get=lambda x: None if x.force is None else x.bounded.share),
+    )),
     Field("standing", "static equilibrium", get=whole, parts=_STANDING),
-    Field(
-        "capability",
-        "with limits: keys as `capability` of a [capability](#capability); otherwise `null`",
-        shape="as of a capability",
+    Field("capability", "with limits: keys as `capability` of a [capability](#capability); "
+        "otherwise `null`", shape="as of a capability",
         get=lambda analysis: None if analysis.limits is None else capability_of(analysis),
-        parts=CAPABILITY,
-    ),
-    Field(
-        "residuals",
-        "relative residuals of the equations that the result must satisfy: `balance`, "
-        "`orthogonality`, `uncommandable`, `statics`, `unchanged` "
+        parts=CAPABILITY),
+    Field("residuals", "relative residuals of the equations that the result must satisfy: "
+        "`balance`, `orthogonality`, `uncommandable`, `statics`, `unchanged` "
         "([force](../theory/force.md#force-jump)); with limits or joints without torque "
-        "`equality`, `limit`, `optimality` ([limits](../theory/limits.md#residuals))",
-        "1",
-        "by law",
-        lambda analysis: analysis.residuals(),
-    ),
+        "`equality`, `limit`, `optimality` ([limits](../theory/limits.md#residuals))", "1",
+        "by law", lambda analysis: analysis.residuals()),
     WARNINGS,
-    Field(
-        "unit_forces",
-        "only if neither a force nor torques were given: the same for 1 N (1 N·m) along each axis",
-        shape=LIST,
-        get=_unit_forces,
-        optional=True,
-        parts=(
-            Field("component", "`fx`, …"),
-            Field("force", "keys as `force`", shape="as `force`", parts=_FORCE),
-            Field(
-                "torque", "keys as `torque`", shape="as `torque`", get=whole, parts=_FORCE_TORQUE
-            ),
-        ),
-    ),
+    Field("unit_forces", "only if neither a force nor torques were given: the same for 1 N (1 N·m) "
+        "along each axis", shape=LIST, get=_unit_forces, optional=True, parts=(
+        Field("component", "`fx`, …"),
+        Field("force", "keys as `force`", shape="as `force`", parts=_FORCE),
+        Field("torque", "keys as `torque`", shape="as `torque`", get=whole, parts=_FORCE_TORQUE),
+    )),
 )
+# fmt: on
 
 
 def analysis_document(analysis: Analysis) -> Document:

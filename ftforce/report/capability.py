@@ -133,20 +133,18 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
     return joined(words)
 
 
+# fmt: off
 CAPABILITY_FIELDS = (
     *under("analysis", SITUATION),
     *under("analysis", MODES),
-    Field(
-        "limits",
-        LIMITS_MEANING,
-        get=lambda capability: limited(capability.analysis),
-        parts=(*LIMITS_IN_FORCE, UNKNOWN_LIMITS),
-    ),
+    Field("limits", LIMITS_MEANING, get=lambda capability: limited(capability.analysis),
+        parts=(*LIMITS_IN_FORCE, UNKNOWN_LIMITS)),
     Field("capability", "forces and payload that can be held", get=whole, parts=CAPABILITY),
     POLYTOPE,
     replace(SUMMARY, get=capability_sentence),
     *under("analysis", [WARNINGS]),
 )
+# fmt: on
 
 
 def capability_document(capability: Capability) -> Document:
@@ -166,6 +164,7 @@ class _Entry(NamedTuple):
     direction: Vector | None = None
 
 
+# fmt: off
 CAPABILITY_COLUMNS = (
     Field("quantity", "`+fx`, `-fx`, …, `direction`, `weakest` or `payload`"),
     Field("unit", "`N`, `N·m` or `kg`"),
@@ -175,6 +174,7 @@ CAPABILITY_COLUMNS = (
     Field("direction", "in the axes of the task; empty for a payload", "1", VECTOR),
     *under("analysis", (FAULT_SET, *TASK_COLUMNS, LIMITS_SOURCE)),
 )
+# fmt: on
 
 
 def capability_rows(capability: Capability) -> list[Row]:

@@ -97,113 +97,69 @@ def _left(census: Census, report: SetReport) -> str:
     return f"the motors can command {size(found.commanded)} {unit} {where}"
 
 
+# fmt: off
 RANK_LOST = Field("rank_lost", "rank of J minus rank of K")
-_SHARE = Field(
-    "share",
-    "largest fraction of the force that can be commanded in its direction; `null` without a force, "
-    "with neither limits nor free-swinging joints, or if no fraction is feasible",
-    "1",
-)
-_STANDS = Field(
-    "can_stand_still",
-    "whether motors, brakes and some tip force can hold the arm in static equilibrium",
-)
+_SHARE = Field("share", "largest fraction of the force that can be commanded in its direction; "
+    "`null` without a force, with neither limits nor free-swinging joints, or if no fraction is "
+    "feasible", "1")
+_STANDS = Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in "
+    "static equilibrium")
 _BINDING = Field("binding", "joints at their limits", shape=NAMES)
 _CAPABILITY = (
-    Field(
-        "commanded",
-        "largest force that the motors can exert; `null` if no known limit bounds it (`end` is "
-        "`unlimited`), or if the arm cannot be held with any force in this direction",
-        FORCE,
-    ),
+    Field("commanded", "largest force that the motors can exert; `null` if no known limit bounds "
+        "it (`end` is `unlimited`), or if the arm cannot be held with any force in this direction",
+        FORCE),
     Field("held", "largest force that motors and brakes can bear; likewise", FORCE),
-    Field(
-        "least",
-        "smallest force that can be commanded, nonzero only with free-swinging joints or if weight "
-        "alone exceeds a limit; `null` if there is none",
-        FORCE,
-        get="minimum",
-    ),
+    Field("least", "smallest force that can be commanded, nonzero only with free-swinging joints "
+        "or if weight alone exceeds a limit; `null` if there is none", FORCE, get="minimum"),
     Field("end", "what limits `commanded`: `limit`, `fault`, `weight` or `unlimited`"),
     Field("held_end", "what limits `held`"),
 )
 _SET = (
     LOCKED,
     *MODES,
-    Field(
-        "jacobian",
-        "before and after the fault",
-        get=whole,
-        parts=(RANK_AFTER, RANK_LOST, SIGMA_MIN_AFTER, *MEASURES),
-    ),
+    Field("jacobian", "before and after the fault", get=whole,
+        parts=(RANK_AFTER, RANK_LOST, SIGMA_MIN_AFTER, *MEASURES)),
     Field("force", "its values are `null` without a force", get=whole, parts=JUMP),
     _STANDS,
     _SHARE,
     _BINDING,
-    Field(
-        "capability",
-        "`null` unless ranked by it; without a direction, for a task with forces and moments, in "
-        "weighted N",
-        parts=(
-            *_CAPABILITY,
-            Field(
-                "stops",
-                "joints whose limits end what can be commanded",
-                shape=NAMES,
-                get="limiting_joints",
-            ),
-        ),
-    ),
+    Field("capability", "`null` unless ranked by it; without a direction, for a task with forces "
+        "and moments, in weighted N", parts=(
+        *_CAPABILITY,
+        Field("stops", "joints whose limits end what can be commanded", shape=NAMES,
+            get="limiting_joints"),
+    )),
     VERDICT,
 )
 CENSUS = (
     ROBOT,
-    Field(
-        "conventions",
-        "conventions of the document",
-        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions),
-        parts=CONVENTIONS,
-    ),
+    Field("conventions", "conventions of the document",
+        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions), parts=CONVENTIONS),
     POSTURE,
     Field("faults", "size of the largest sets", get="largest"),
     Field("mode", "`locked` or `free`"),
     Field("rank_by", "`jump` or `capability`"),
-    Field(
-        "direction",
-        "of the capability; `null` for the weakest, or if the ranking is by jump",
-        "1",
-        "m",
-    ),
+    Field("direction", "of the capability; `null` for the weakest, or if the ranking is by jump",
+        "1", "m"),
     Field("limits", LIMITS_MEANING, get=limited, parts=LIMITS_IN_FORCE),
     Field("force", "tip force", get=whole, parts=(REQUESTED, BEFORE)),
     Field("sets", "every fault set, worst first", shape=LIST, parts=_SET),
-    Field(
-        "joints",
-        "every joint, most critical first",
-        shape=LIST,
-        parts=(
-            Field("joint", "its name", shape=NAME),
-            Field(
-                "alone",
-                "the set in which only it fails; keys as an element of `sets`",
-                shape="as of `sets`",
-                parts=_SET,
-            ),
-            Field("sets", "number of sets that contain it"),
-            Field("not_tolerated", "how many of them are not tolerated"),
-            Field("borderline", "how many of them are borderline"),
-            Field("mean_relative_jump", "mean of ‖ΔF‖/‖F̂‖ over them", "1"),
-            Field(
-                "least_capability",
-                "smallest force over them that can be commanded; `null` unless ranked by it, if no "
-                "known limit bounds it, or if the arm cannot be held",
-                FORCE,
-            ),
-        ),
-    ),
+    Field("joints", "every joint, most critical first", shape=LIST, parts=(
+        Field("joint", "its name", shape=NAME),
+        Field("alone", "the set in which only it fails; keys as an element of `sets`",
+            shape="as of `sets`", parts=_SET),
+        Field("sets", "number of sets that contain it"),
+        Field("not_tolerated", "how many of them are not tolerated"),
+        Field("borderline", "how many of them are borderline"),
+        Field("mean_relative_jump", "mean of ‖ΔF‖/‖F̂‖ over them", "1"),
+        Field("least_capability", "smallest force over them that can be commanded; `null` unless "
+            "ranked by it, if no known limit bounds it, or if the arm cannot be held", FORCE),
+    )),
     replace(SUMMARY, get=critical_joint),
     WARNINGS,
 )
+# fmt: on
 
 
 def census_document(census: Census) -> Document:
@@ -211,12 +167,12 @@ def census_document(census: Census) -> Document:
     return document(CENSUS, census, census.robot.names)
 
 
+# fmt: off
 SET_COLUMNS = (
     FAULT_SET,
     LOCKED,
-    Field(
-        "free", "free-swinging joints", shape=NAMES, get=lambda x: x.faults.in_mode(FaultMode.FREE)
-    ),
+    Field("free", "free-swinging joints", shape=NAMES,
+        get=lambda x: x.faults.in_mode(FaultMode.FREE)),
     Field("size", "number of failed joints", get=lambda report: len(report.faults)),
     VERDICT,
     *JUMP[2:],
@@ -229,6 +185,7 @@ SET_COLUMNS = (
     _BINDING,
     *under("capability", _CAPABILITY),
 )
+# fmt: on
 QUESTION_COLUMNS = (*TASK_COLUMNS, LIMITS_SOURCE, RTOL, WARY)
 
 

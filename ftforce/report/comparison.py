@@ -128,14 +128,12 @@ def _strongest(comparison: Comparison) -> list[str]:
 
 
 _LOW, _HIGH = ("q05", "q50"), ("q50", "q95")
+# fmt: off
 _RHO = replace(RHO, key="rho")
 _EVERY = "share of the postures that tolerate every set"
 _JUMP = Field("jump", "jump over force; `null` without a force", "1")
-_CAPABILITY = Field(
-    "capability",
-    "largest force that can be commanded; `null` if it is not evaluated",
-    FORCE,
-)
+_CAPABILITY = Field("capability", "largest force that can be commanded; `null` if it is not "
+    "evaluated", FORCE)
 _HEALTHY = Field("healthy_capability", "before a fault; `null` if unknown", FORCE)
 _RHO_BOUND = Field("rho_bound", "√(C(n−m, f)/C(n, f))", "1")
 _CASES = "share of postures × sets"
@@ -145,24 +143,17 @@ _ARM = (
     Field("full_rank", "share of the postures at which the healthy arm has full rank", "1"),
 )
 _WORST_RHO = estimate("worst_rho", "median of a posture's smallest ρ")
-_EVENNESS = Field(
-    "evenness", "`worst_rho` over the root mean square of ρ, which it cannot exceed", "1"
-)
+_EVENNESS = Field("evenness", "`worst_rho` over the root mean square of ρ, which it cannot exceed",
+    "1")
 _VOLUMES = (
     Field("visited", "volume of the cells with postures", "m³"),
-    Field(
-        "survived",
-        "volume of the cells in which `enough` of the postures tolerate every set",
-        "m³",
-    ),
+    Field("survived", "volume of the cells in which `enough` of the postures tolerate every set",
+        "m³"),
     Field("some", "volume of the cells in which at least one posture does", "m³"),
 )
 _CELL = Field("cell", "edge length of a cell", "m")
 _REACH = Field("reach", "distance from the first joint to the farthest visited cell", "m")
-_SIZE = (
-    Field("size", "number of joints that fail together"),
-    Field("sets", "number of such sets"),
-)
+_SIZE = (Field("size", "number of joints that fail together"), Field("sets", "number of such sets"))
 _MODE = Field("mode", "`locked` or `free`")
 _ASKED = (
     SETTING_TASK[1],
@@ -173,11 +164,8 @@ _ASKED = (
     Field("faults", "size of the largest sets", get="largest"),
     Field("force", "requested force; `null` without", FORCE, VECTOR),
     Field("direction", "of the capability; `null` without", "1", VECTOR),
-    Field(
-        "limits_count",
-        "whether torque limits bound the capability",
-        get=lambda asked: asked.limits is not None,
-    ),
+    Field("limits_count", "whether torque limits bound the capability",
+        get=lambda asked: asked.limits is not None),
     GRAVITY,
     Field("payload", "description; `null` without a payload"),
     RTOL,
@@ -187,86 +175,60 @@ _CRITICAL = (
     Field("joint", "name", get=lambda arm: arm.setting.joints[arm.critical.joint]),
     Field("number", "number from 1", get=lambda arm: arm.critical.joint + 1),
     Field("tolerated", "share of the cases that contain it", "1", get="critical_tolerated"),
-    *under(
-        "critical",
-        (estimate("not_tolerated", "likewise"), Field("borderline", "likewise", "1")),
-    ),
+    *under("critical",
+        (estimate("not_tolerated", "likewise"), Field("borderline", "likewise", "1"))),
 )
 _ARMS = (
     Field("name", "name of the arm, unique in the comparison"),
-    Field(
-        "rank",
-        "first and last rank: arms whose intervals overlap share theirs",
-        shape="2",
-        get=lambda arm: (arm.first, arm.last),
-    ),
+    Field("rank", "first and last rank: arms whose intervals overlap share theirs", shape="2",
+        get=lambda arm: (arm.first, arm.last)),
     *under("setting", (replace(SETTING_ARM[0], key="robot"), *SETTING_ARM[1:])),
     Field("sweep", "path of its stored sweep; `null` if it was made for this", get="path"),
-    Field(
-        "postures",
-        "the analysed postures",
-        get=whole,
-        parts=(
-            Field("count", "number analysed", get="postures"),
-            Field("source", "description", get="setting.postures"),
-        ),
-    ),
+    Field("postures", "the analysed postures", get=whole, parts=(
+        Field("count", "number analysed", get="postures"),
+        Field("source", "description", get="setting.postures"),
+    )),
     Field("limits", "source of its torque limits; `null` if none apply", get="setting.limits"),
-    Field(
-        "unknown_limits",
-        "joints whose limit is unknown",
-        shape="list of names",
-        get="setting.unknown_limits",
-    ),
+    Field("unknown_limits", "joints whose limit is unknown", shape="list of names",
+        get="setting.unknown_limits"),
     *_ARM,
     _WORST_RHO,
     _EVENNESS,
     Field("critical_joint", "the critical joint", get=whole, parts=_CRITICAL),
-    Field(
-        "sizes",
-        "one for each number of joints that fail together",
-        shape=LIST,
-        parts=(
-            *_SIZE,
-            estimate("tolerated", _CASES),
-            Field("borderline", _CASES, "1"),
-            quantiles(MARGIN, _LOW, parts=ESTIMATE),
-            quantiles(_RHO, _LOW, parts=ESTIMATE),
-            _RHO_BOUND,
-            quantiles(_JUMP, _HIGH, parts=ESTIMATE),
-            quantiles(_CAPABILITY, _LOW, parts=ESTIMATE),
-        ),
-    ),
+    Field("sizes", "one for each number of joints that fail together", shape=LIST, parts=(
+        *_SIZE,
+        estimate("tolerated", _CASES),
+        Field("borderline", _CASES, "1"),
+        quantiles(MARGIN, _LOW, parts=ESTIMATE),
+        quantiles(_RHO, _LOW, parts=ESTIMATE),
+        _RHO_BOUND,
+        quantiles(_JUMP, _HIGH, parts=ESTIMATE),
+        quantiles(_CAPABILITY, _LOW, parts=ESTIMATE),
+    )),
     quantiles(_HEALTHY, _LOW, parts=ESTIMATE),
     Field("capability_kept", "median after over median before; `null` if unknown", "1"),
-    Field(
-        "workspace",
-        "volumes visited and survived",
-        parts=(_CELL, *_VOLUMES, Field("share", "survived of visited", "1"), _REACH),
-    ),
+    Field("workspace", "volumes visited and survived",
+        parts=(_CELL, *_VOLUMES, Field("share", "survived of visited", "1"), _REACH)),
 )
 COMPARISON = (
     Field("question", "what was asked of every arm", parts=_ASKED),
     *constants({"ranked_by": KEY}),
     Field("confidence", "confidence level of the intervals", "1", get=lambda _: CONFIDENCE),
     Field("enough", "share of tolerated postures from which a cell counts as survived", "1"),
-    Field(
-        "units",
-        "units of the quantities of an arm",
-        shape="by quantities",
+    Field("units", "units of the quantities of an arm", shape="by quantities",
         get=lambda comparison: {
-            "tolerated, every, borderline, full_rank, share": "1",
-            "margin, rho, evenness": "1",
-            "jump": "share of the force",
-            "capability": comparison.question.capability_unit,
-            "visited, survived, some": "m³",
-            "cell, reach": "m",
-        },
-    ),
+        "tolerated, every, borderline, full_rank, share": "1",
+        "margin, rho, evenness": "1",
+        "jump": "share of the force",
+        "capability": comparison.question.capability_unit,
+        "visited, survived, some": "m³",
+        "cell, reach": "m",
+    }),
     Field("arms", "best first", shape=LIST, parts=_ARMS),
     replace(SUMMARY, get=comparison_sentence),
     WARNINGS,
 )
+# fmt: on
 
 
 def comparison_document(comparison: Comparison) -> Document:

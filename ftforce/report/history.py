@@ -194,185 +194,98 @@ def _case(name: str, history: History) -> _Case | None:
     return None if run is None else _Case(history, run)
 
 
+# fmt: off
 _RUN = (
     replace(VERDICT, meaning="the worst over time", get=lambda case: worst_verdict(case.run)),
-    Field(
-        "falls_at",
-        "time from which the arm cannot be held in static equilibrium, or moves under torques that "
-        "nothing balances",
-        "s",
-        get=lambda case: (
-            None if case.run.falls_from is None else case.history.t[case.run.falls_from]
-        ),
-    ),
-    Field(
-        "force_jump",
-        "peak",
-        **_peak("largest ‖ΔF‖", FORCE, lambda case: case.history.jump_norm(case.run)),
-    ),
-    Field(
-        "path_error",
-        "peak",
-        **_peak("largest distance from the path", "m", lambda case: case.run.path_error_norm),
-    ),
-    Field(
-        "orientation_error",
-        "peak; 0 if the orientation of the tip is free",
-        **_peak(
-            "largest angle between the orientations",
-            "rad",
-            lambda case: case.run.orientation_error_norm,
-        ),
-    ),
-    Field(
-        "margin",
-        MARGIN.meaning,
-        get=_least_margin,
-        parts=(
-            Field("least", "smallest value over time", "1", get=itemgetter(0)),
-            Field("time", "when that is", "s", get=itemgetter(1)),
-        ),
-    ),
+    Field("falls_at", "time from which the arm cannot be held in static equilibrium, or moves "
+        "under torques that nothing balances", "s", get=lambda case: (
+        None if case.run.falls_from is None else case.history.t[case.run.falls_from]
+    )),
+    Field("force_jump", "peak",
+        **_peak("largest ‖ΔF‖", FORCE, lambda case: case.history.jump_norm(case.run))),
+    Field("path_error", "peak",
+        **_peak("largest distance from the path", "m", lambda case: case.run.path_error_norm)),
+    Field("orientation_error", "peak; 0 if the orientation of the tip is free", **_peak(
+        "largest angle between the orientations",
+        "rad",
+        lambda case: case.run.orientation_error_norm,
+    )),
+    Field("margin", MARGIN.meaning, get=_least_margin, parts=(
+        Field("least", "smallest value over time", "1", get=itemgetter(0)),
+        Field("time", "when that is", "s", get=itemgetter(1)),
+    )),
     Field("torque", "largest torque of each motor", TORQUE, BY_JOINT, _largest("motor")),
     Field("brake", "largest load of each brake", TORQUE, BY_JOINT, _largest("brake")),
-    Field(
-        "unbalanced",
-        "largest torque that nothing balances",
-        TORQUE,
-        BY_JOINT,
-        _largest("unbalanced"),
-    ),
+    Field("unbalanced", "largest torque that nothing balances", TORQUE, BY_JOINT,
+        _largest("unbalanced")),
     Field("used", "largest share of each limit", "1", BY_JOINT, _largest("used")),
 )
 _EVENT = (
     Field("time", "time of the fault", "s"),
     Field("faults", "the joints that fail then"),
     Field("all_faults", "all joints that have failed by then"),
-    Field(
-        "impact_jump",
-        "jump of the tip velocity at the impact, in the axes of the root; `null` without a lock or "
-        "masses",
-        "m/s",
-        "3",
-        lambda event: event.impact_jump or None,
-    ),
-    Field(
-        "velocity_jump",
-        "the same with the velocity remap of Appendix A; `null` without a lock",
-        "m/s",
-        "3",
-        lambda event: event.velocity_jump or None,
-    ),
-    Field(
-        "force_jump",
-        "jump of the force that remains with the remap; `null` if the arm cannot be held",
-        FORCE,
-    ),
+    Field("impact_jump", "jump of the tip velocity at the impact, in the axes of the root; `null` "
+        "without a lock or masses", "m/s", "3", lambda event: event.impact_jump or None),
+    Field("velocity_jump", "the same with the velocity remap of Appendix A; `null` without a lock",
+        "m/s", "3", lambda event: event.velocity_jump or None),
+    Field("force_jump", "jump of the force that remains with the remap; `null` if the arm cannot "
+        "be held", FORCE),
     replace(VERDICT, meaning="at that instant"),
 )
 HISTORY = (
-    Field(
-        "robot",
-        "keys as of an analysis",
-        shape="as of an analysis",
-        get="setting",
-        parts=(
-            Field("name", get="robot"),
-            *SETTING_ARM[1:3],
-            Field("joints", get=lambda x: [joint.name for joint in x.joints]),
-            Field("types", get=lambda x: [joint.type for joint in x.joints]),
+    Field("robot", "keys as of an analysis", shape="as of an analysis", get="setting", parts=(
+        Field("name", get="robot"),
+        *SETTING_ARM[1:3],
+        Field("joints", get=lambda x: [joint.name for joint in x.joints]),
+        Field("types", get=lambda x: [joint.type for joint in x.joints]),
+    )),
+    Field("conventions", "keys as of an analysis, with the `units` of this document",
+        shape="as of an analysis", get="setting", parts=(
+        *task_fields(
+            {
+                "time": "s",
+                "position": POSITION_UNIT,
+                "torque": TORQUE_UNIT,
+                "force": "N",
+                "moment": "N·m",
+                "path_error": "m",
+                "velocity_jump": "m/s, in the root's axes",
+                "gravity": GRAVITY_UNIT,
+            }
         ),
-    ),
-    Field(
-        "conventions",
-        "keys as of an analysis, with the `units` of this document",
-        shape="as of an analysis",
-        get="setting",
-        parts=(
-            *task_fields(
-                {
-                    "time": "s",
-                    "position": POSITION_UNIT,
-                    "torque": TORQUE_UNIT,
-                    "force": "N",
-                    "moment": "N·m",
-                    "path_error": "m",
-                    "velocity_jump": "m/s, in the root's axes",
-                    "gravity": GRAVITY_UNIT,
-                }
-            ),
-            GRAVITY,
-            Field("payload", get=lambda setting: setting.payload or None),
-            RTOL,
-            WARY,
-        ),
-    ),
+        GRAVITY,
+        Field("payload", get=lambda setting: setting.payload or None),
+        RTOL,
+        WARY,
+    )),
     Field("course", "description of the trajectory", get="setting.course"),
-    Field(
-        "start",
-        "initial posture",
-        get=whole,
-        parts=(
-            Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.healthy.q[0]),
-            Field("source", "where they come from", get="setting.start"),
-        ),
-    ),
+    Field("start", "initial posture", get=whole, parts=(
+        Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.healthy.q[0]),
+        Field("source", "where they come from", get="setting.start"),
+    )),
     Field("duration", "time of the last instant", "s", get=lambda history: history.t[-1]),
     Field("samples", "number of instants", get=lambda history: len(history.t)),
     Field("force", "requested force", FORCE, VECTOR, "setting.force"),
     Field("limits", "source of the torque limits in force, or `none`", get="setting.limits"),
-    Field(
-        "effort",
-        "largest motor torques, in force or not",
-        TORQUE,
-        BY_JOINT,
-        "setting.effort",
-    ),
-    Field(
-        "delay",
-        "time from a fault until the remap acts; `null` if it never does",
-        "s",
-        get="setting.delay",
-    ),
+    Field("effort", "largest motor torques, in force or not", TORQUE, BY_JOINT, "setting.effort"),
+    Field("delay", "time from a fault until the remap acts; `null` if it never does", "s",
+        get="setting.delay"),
     Field("events", "the faults", shape=LIST, get="setting.events", parts=_EVENT),
-    Field(
-        "runs",
-        "the simulated runs",
-        get=whole,
-        parts=(
-            Field(
-                "healthy",
-                "as if nothing failed; peaks are taken until the arm falls",
-                get=partial(_case, "healthy"),
-                parts=_RUN,
-            ),
-            Field(
-                "unremapped",
-                "without the remap; keys as `runs.healthy`",
-                shape="as `runs.healthy`",
-                get=partial(_case, "unremapped"),
-                optional=True,
-                parts=_RUN,
-            ),
-            Field(
-                "remapped",
-                "with the remap; missing if it never acts; keys as `runs.healthy`",
-                shape="as `runs.healthy`",
-                get=partial(_case, "remapped"),
-                optional=True,
-                parts=_RUN,
-            ),
-        ),
-    ),
-    replace(
-        VERDICT,
-        meaning="the worst of the run with the remap, or if there is none without",
-        get=lambda history: worst_verdict(history.answer),
-    ),
+    Field("runs", "the simulated runs", get=whole, parts=(
+        Field("healthy", "as if nothing failed; peaks are taken until the arm falls",
+            get=partial(_case, "healthy"), parts=_RUN),
+        Field("unremapped", "without the remap; keys as `runs.healthy`", shape="as `runs.healthy`",
+            get=partial(_case, "unremapped"), optional=True, parts=_RUN),
+        Field("remapped", "with the remap; missing if it never acts; keys as `runs.healthy`",
+            shape="as `runs.healthy`", get=partial(_case, "remapped"), optional=True, parts=_RUN),
+    )),
+    replace(VERDICT, meaning="the worst of the run with the remap, or if there is none without",
+        get=lambda history: worst_verdict(history.answer)),
     replace(SUMMARY, get=history_sentence),
     Field("notes", "assumptions", shape=LIST, get="setting.notes"),
     replace(WARNINGS, get="setting.warnings"),
 )
+# fmt: on
 
 
 def history_document(history: History) -> Document:

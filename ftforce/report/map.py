@@ -111,6 +111,7 @@ EVERY = "every"
 """Table label of the postures that tolerate every fault set of the sweep."""
 
 
+# fmt: off
 _CELL = (
     Field("tolerated", "postures that tolerate it"),
     Field("share", "their share", "1"),
@@ -120,47 +121,33 @@ _CELL = (
 _POSTURES = Field("postures", "number of postures")
 MAP = (
     Field("robot", "the kinematic chain", get="sweep.setting", parts=SETTING_ARM),
-    Field(
-        "conventions",
-        "conventions of the document",
-        get="sweep.setting",
-        parts=(
-            *SETTING_TASK[:2],
-            SETTING_COMPONENTS,
-            SIGN,
-            Field("units", "units", get=whole, parts=constants({"place": "m", "force": "N (N·m)"})),
-            *constants({"place": "middle of a cell, in the root's axes", "intervals": "95 %"}),
-        ),
-    ),
+    Field("conventions", "conventions of the document", get="sweep.setting", parts=(
+        *SETTING_TASK[:2],
+        SETTING_COMPONENTS,
+        SIGN,
+        Field("units", "units", get=whole, parts=constants({"place": "m", "force": "N (N·m)"})),
+        *constants({"place": "middle of a cell, in the root's axes", "intervals": "95 %"}),
+    )),
     Field("postures", "the postures of the sweep", get="sweep", parts=SWEEP_POSTURES),
     Field("mode", "`locked` or `free`", get="sweep.setting.mode"),
     Field("force", "requested force; `null` without", FORCE, VECTOR, "sweep.setting.force"),
     Field("plane", "`xy`, `xz` or `yz`; `null` for cells of the whole workspace"),
     Field("at", "position of the slice along the third axis; `null` if all are pooled", "m"),
     Field("edge", "edge length of a cell", "m", get="located.edge"),
-    Field(
-        "cells",
-        "the cells that contain postures",
-        get="located",
-        parts=(
-            Field("place", "middles of the cells, in the axes of the root", "m", "c × 3"),
-            replace(_POSTURES, shape="c", get="cells.postures"),
-        ),
-    ),
-    Field(
-        "sets",
-        "the selected fault set, or all sets together (`joints` is `null`) and then each one",
-        shape=LIST,
-        get=_selected,
-        parts=(
-            Field("joints", "joints that fail together", shape=NAMES),
-            *under("located.cells", (replace(one, shape="c") for one in _CELL)),
-        ),
-    ),
+    Field("cells", "the cells that contain postures", get="located", parts=(
+        Field("place", "middles of the cells, in the axes of the root", "m", "c × 3"),
+        replace(_POSTURES, shape="c", get="cells.postures"),
+    )),
+    Field("sets", "the selected fault set, or all sets together (`joints` is `null`) and then each "
+        "one", shape=LIST, get=_selected, parts=(
+        Field("joints", "joints that fail together", shape=NAMES),
+        *under("located.cells", (replace(one, shape="c") for one in _CELL)),
+    )),
     Field("stored", "path of the sweep", get="sweep.path"),
     replace(SUMMARY, get=map_sentence),
     WARNINGS,
 )
+# fmt: on
 
 
 def map_document(found: WorkspaceMap) -> Document:

@@ -5,24 +5,15 @@ from __future__ import annotations
 from ftforce.core.arrays import over
 from ftforce.report.fields import Field
 
+# fmt: off
 RANK_AFTER = Field("rank_after", "rank of K", healthy=lambda x: x.reduced.rank)
 SIGMA_MIN_AFTER = Field("sigma_min_after", "smallest singular value of K̃")
 
-MARGIN = Field(
-    "margin",
-    "σ_min(K̃)/σ_max(J̃)",
-    "1",
-    symbol="margin",
+MARGIN = Field("margin", "σ_min(K̃)/σ_max(J̃)", "1", symbol="margin",
     label="Margin σ_min(K)/σ_max(J)",
-    healthy=lambda x: over(x.reduced.healthy.s[-1], x.reduced.sigma_max, 0.0),
-)
-RHO = Field(
-    "relative_manipulability",
-    "ρ = w(K)/w(J); `null` where the healthy arm is singular for the task",
-    "1",
-    symbol="ρ",
-    label="Relative manipulability ρ",
-    healthy=lambda _: 1.0,
-)
+    healthy=lambda x: over(x.reduced.healthy.s[-1], x.reduced.sigma_max, 0.0))
+RHO = Field("relative_manipulability", "ρ = w(K)/w(J); `null` where the healthy arm is singular "
+    "for the task", "1", symbol="ρ", label="Relative manipulability ρ", healthy=lambda _: 1.0)
+# fmt: on
 MEASURES = (MARGIN, RHO)
 """Of an analysis and of every fault set of a census, in the order in which they are shown."""

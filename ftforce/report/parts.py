@@ -40,19 +40,17 @@ GRAVITY_UNIT = "m/s², in the root's axes"
 
 MOST_DRAWN = 3  # dimensions: polytopes in higher ones have thousands of vertices
 
+# fmt: off
 ARM = (
     Field("name", "name"),
     Field("base", "base link"),
     Field("tip", "tip link"),
     Field("joints", "joints, base to tip", shape="n names", get="names"),
-    Field(
-        "types",
-        "`revolute`, `continuous` or `prismatic`",
-        shape="n names",
-        get=lambda robot: [joint.type for joint in robot.joints],
-    ),
+    Field("types", "`revolute`, `continuous` or `prismatic`", shape="n names",
+        get=lambda robot: [joint.type for joint in robot.joints]),
 )
 ROBOT = Field("robot", "the kinematic chain", parts=ARM)
+# fmt: on
 
 
 class Asked(NamedTuple):
@@ -65,19 +63,17 @@ class Asked(NamedTuple):
     inverse: str = ""
 
 
+# fmt: off
 TASK_COLUMNS = (
     Field("axes", "`tool` or `world`", get="task.axes"),
     Field("task", "the task as a word or as components", get=lambda one: str(one.task)),
-    Field(
-        "length",
-        "characteristic length; `null` if the task has no moments",
-        "m",
-        get=lambda one: one.task.length if one.task.moment_rows else None,
-    ),
+    Field("length", "characteristic length; `null` if the task has no moments", "m",
+        get=lambda one: one.task.length if one.task.moment_rows else None),
 )
 
 
 SIGN = Field("sign", "the sign convention in a sentence", get=lambda _: text.SIGN)
+# fmt: on
 
 
 def task_fields(units: dict[str, str]) -> tuple[Field, ...]:
@@ -94,6 +90,7 @@ def task_fields(units: dict[str, str]) -> tuple[Field, ...]:
     )
 
 
+# fmt: off
 RTOL = Field("rtol", "rank tolerance", "1")
 WARY = Field("wary", "largest tolerance considered for the verdict", "1")
 GRAVITY = Field("gravity", "gravity, in the axes of the root", "m/s²", "3")
@@ -115,45 +112,33 @@ CONVENTIONS = (
         }
     ),
     *under("conditions", [GRAVITY]),
-    Field(
-        "payload",
-        "`null` if the tip carries nothing",
-        get="conditions.payload",
-        parts=(
-            Field("mass", "mass", "kg"),
-            Field("offset", "its position, in the axes of the tip frame", "m", "3"),
-        ),
-    ),
+    Field("payload", "`null` if the tip carries nothing", get="conditions.payload", parts=(
+        Field("mass", "mass", "kg"),
+        Field("offset", "its position, in the axes of the tip frame", "m", "3"),
+    )),
     RTOL,
     WARY,
 )
-POSTURE = Field(
-    "posture",
-    "joint positions",
-    parts=(
-        Field("q", "joint positions", "rad, m", "n"),
-        Field("source", "where they come from"),
-    ),
-)
+POSTURE = Field("posture", "joint positions", parts=(
+    Field("q", "joint positions", "rad, m", "n"),
+    Field("source", "where they come from"),
+))
 LIMITS = (
     Field("source", "`urdf`, the file, or `given`"),
     Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, BY_JOINT),
     Field("brake", "largest brake torques; `null` if unknown", TORQUE, BY_JOINT),
 )
-FAULT_SET = Field(
-    "fault_set", "numbers of the failed joints, from 1", get=lambda one: str(one.faults)
-)
+FAULT_SET = Field("fault_set", "numbers of the failed joints, from 1",
+    get=lambda one: str(one.faults))
 FAILED = Field("joints", "failed joints", shape=NAMES, get="faults.joints")
-LIMITS_SOURCE = Field(
-    "limits",
-    "source of the torque limits in force, or `none`",
-    get=lambda one: "none" if one.limits is None else one.limits.source,
-)
+LIMITS_SOURCE = Field("limits", "source of the torque limits in force, or `none`",
+    get=lambda one: "none" if one.limits is None else one.limits.source)
 LIMITS_IN_FORCE = under("limits", LIMITS)
 LIMITS_MEANING = "torque limits in force; `null` if there are none"
 VERDICT = Field("verdict", "`tolerated`, `borderline` or `not tolerated`")
 SUMMARY = Field("summary", "a sentence")
 WARNINGS = Field("warnings", "sentences", shape=LIST)
+# fmt: on
 
 
 def limited(result: Any) -> Any:
@@ -161,33 +146,19 @@ def limited(result: Any) -> Any:
     return None if result.limits is None else result
 
 
-LOCKED = Field(
-    "locked", "locked joints", shape=NAMES, get=lambda x: x.faults.in_mode(FaultMode.LOCKED)
-)
+# fmt: off
+LOCKED = Field("locked", "locked joints", shape=NAMES,
+    get=lambda x: x.faults.in_mode(FaultMode.LOCKED))
 MODES = (
-    Field(
-        "modes",
-        "`locked`, `free` or `weak`",
-        shape="by failed joint",
-        get=lambda x: {fault.joint: fault.mode for fault in x.faults.faults},
-    ),
-    Field(
-        "weak_factors",
-        "remaining share of its largest torque",
-        "1",
-        "by weak joint",
-        lambda x: {f.joint: f.factor for f in x.faults.faults if f.mode is FaultMode.WEAK},
-    ),
+    Field("modes", "`locked`, `free` or `weak`", shape="by failed joint",
+        get=lambda x: {fault.joint: fault.mode for fault in x.faults.faults}),
+    Field("weak_factors", "remaining share of its largest torque", "1", "by weak joint",
+        lambda x: {f.joint: f.factor for f in x.faults.faults if f.mode is FaultMode.WEAK}),
 )
 
 JUMP = (
-    Field(
-        "after",
-        "force that the motors can still command; `null` if the arm cannot be held in static "
-        "equilibrium, and so are the values that follow from it",
-        FORCE,
-        "m",
-    ),
+    Field("after", "force that the motors can still command; `null` if the arm cannot be held in "
+        "static equilibrium, and so are the values that follow from it", FORCE, "m"),
     Field("jump", "force jump ΔF = before − after", FORCE, "m"),
     Field("jump_norm", "norm of the forces of ΔF; `null` if the task has none", "N"),
     Field("moment_jump_norm", "norm of the moments of ΔF; `null` if the task has none", "N·m"),
@@ -196,23 +167,14 @@ REQUESTED = Field("requested", "requested force; `null` if none was given", FORC
 BEFORE = Field("before", "F̂, the part of it that the healthy arm can exert", FORCE, "m")
 
 AMOUNT = (
-    Field(
-        "most",
-        "largest value; `null` if no known limit bounds it (`end` is `unlimited`) or if no value "
-        "can be held",
-        "`unit`",
-        get="maximum",
-    ),
-    Field(
-        "least",
-        "smallest value, nonzero only with free-swinging joints or if weight alone exceeds a "
-        "limit; `null` if no value can be held",
-        "`unit`",
-        get="minimum",
-    ),
+    Field("most", "largest value; `null` if no known limit bounds it (`end` is `unlimited`) or if "
+        "no value can be held", "`unit`", get="maximum"),
+    Field("least", "smallest value, nonzero only with free-swinging joints or if weight alone "
+        "exceeds a limit; `null` if no value can be held", "`unit`", get="minimum"),
     Field("end", "what limits it: `limit`, `fault`, `weight` or `unlimited`"),
     Field("stops", "joints that limit it", shape=NAMES, get="limiting_joints"),
 )
+# fmt: on
 
 
 def by_time(parts: tuple[Field, ...], before: Any = "", after: Any = "") -> tuple[Field, ...]:
@@ -241,94 +203,54 @@ def _by_lock(parts: tuple[Field, ...]) -> tuple[Field, ...]:
     )
 
 
-WEAKEST = Field(
-    "direction",
-    "in the axes of the task; differs before and after the fault and between lock models; `null` "
-    "if no direction is weaker than another",
-    "1",
-    "m",
-    lambda amount: amount.direction if math.isfinite(amount.maximum) else None,
-)
+# fmt: off
+WEAKEST = Field("direction", "in the axes of the task; differs before and after the fault and "
+    "between lock models; `null` if no direction is weaker than another", "1", "m",
+    lambda amount: amount.direction if math.isfinite(amount.maximum) else None)
 CAPABILITY = (
-    Field(
-        "directions",
-        "each task axis in both senses, and the requested direction",
-        shape=LIST,
+    Field("directions", "each task axis in both senses, and the requested direction", shape=LIST,
         parts=(
-            Field("name", "`+fx`, `-fx`, …, `direction`"),
-            Field(
-                "direction",
-                "in the axes of the task",
-                "1",
-                "m",
-                lambda report: report.before[LockModel.COMMANDED].direction,
-            ),
-            Field("unit", "`N`, or `N·m` for a pure moment"),
-            *by_time(_by_lock(AMOUNT)),
-        ),
-    ),
-    Field(
-        "weakest",
-        "the direction in which the least force can be held",
-        get=whole,
-        parts=(
-            Field(
-                "unit",
-                "`N`, `N·m`, or `weighted N` for a task with forces and moments",
-                get=lambda capability: text.unit_of_size(capability.analysis.task),
-            ),
-            *under("weakest", by_time(_by_lock((WEAKEST, *AMOUNT)))),
-        ),
-    ),
-    Field(
-        "payload",
-        "additional payload that the tip can carry",
-        parts=(
-            Field("unit", "`kg`", get=lambda _: "kg"),
-            *by_time(AMOUNT, itemgetter(0), itemgetter(1)),
-        ),
-    ),
+        Field("name", "`+fx`, `-fx`, …, `direction`"),
+        Field("direction", "in the axes of the task", "1", "m",
+            lambda report: report.before[LockModel.COMMANDED].direction),
+        Field("unit", "`N`, or `N·m` for a pure moment"),
+        *by_time(_by_lock(AMOUNT)),
+    )),
+    Field("weakest", "the direction in which the least force can be held", get=whole, parts=(
+        Field("unit", "`N`, `N·m`, or `weighted N` for a task with forces and moments",
+            get=lambda capability: text.unit_of_size(capability.analysis.task)),
+        *under("weakest", by_time(_by_lock((WEAKEST, *AMOUNT)))),
+    )),
+    Field("payload", "additional payload that the tip can carry", parts=(
+        Field("unit", "`kg`", get=lambda _: "kg"),
+        *by_time(AMOUNT, itemgetter(0), itemgetter(1)),
+    )),
 )
+# fmt: on
 
 
 def _polytopes(capability: Capability, after: bool) -> dict[LockModel, Polytope]:
     return {lock: capability.polytope(after=after, reading=lock) for lock in LockModel}
 
 
-POLYTOPE = Field(
-    "polytope",
-    "forces that can be held; `null` for a task of more than three components",
+# fmt: off
+POLYTOPE = Field("polytope", "forces that can be held; `null` for a task of more than three "
+    "components",
     get=lambda capability: capability if capability.analysis.task.m <= MOST_DRAWN else None,
     parts=by_time(
-        _by_lock(
-            (
-                Field(
-                    "vertices",
-                    "corners, in the axes of the task; empty if no force can be held",
-                    FORCE,
-                    "k × m",
-                ),
-                Field(
-                    "faces",
-                    "row numbers of `vertices`, from 0; in three dimensions in order around the "
-                    "face",
-                    shape=LIST,
-                ),
-                Field(
-                    "dimension",
-                    "0 for a point, 1 for a segment, 2 for a flat polygon, 3 for a body",
-                ),
-                Field(
-                    "is_bounded",
-                    "whether known limits bound it in every direction; if not, the corners are "
-                    "those of a section",
-                ),
-            )
-        ),
-        partial(_polytopes, after=False),
-        partial(_polytopes, after=True),
-    ),
-)
+    _by_lock((
+        Field("vertices", "corners, in the axes of the task; empty if no force can be held", FORCE,
+            "k × m"),
+        Field("faces", "row numbers of `vertices`, from 0; in three dimensions in order around the "
+            "face", shape=LIST),
+        Field("dimension", "0 for a point, 1 for a segment, 2 for a flat polygon, 3 for a body"),
+        Field("is_bounded", "whether known limits bound it in every direction; if not, the corners "
+            "are those of a section"),
+    )),
+    partial(_polytopes, after=False),
+    partial(_polytopes, after=True),
+))
+# fmt: on
 
 
 def _setting_length(setting: SweepSetting) -> float | None:
@@ -336,6 +258,7 @@ def _setting_length(setting: SweepSetting) -> float | None:
     return setting.length if has_moments else None
 
 
+# fmt: off
 SETTING_ARM = (
     Field("name", "name", get="robot"),
     *ARM[1:3],
@@ -347,9 +270,8 @@ SETTING_TASK = (
     replace(TASK_COLUMNS[1], get=""),
     replace(TASK_COLUMNS[2], get=_setting_length),
 )
-SETTING_COMPONENTS = Field(
-    "components", "order of the components of all force vectors", shape="m names"
-)
+SETTING_COMPONENTS = Field("components", "order of the components of all force vectors",
+    shape="m names")
 SETTING_COLUMNS = (
     *SETTING_TASK,
     replace(LIMITS_SOURCE, get=lambda setting: setting.limits or "none"),
@@ -363,6 +285,7 @@ SWEEP_POSTURES = (
 )
 
 ESTIMATE = (Field("value"), Field("low"), Field("high"))
+# fmt: on
 """A number and the ends of its 95 % confidence interval; the shape ``estimate`` stands for it."""
 
 

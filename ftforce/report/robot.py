@@ -23,6 +23,7 @@ from ftforce.report.parts import ARM
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
+# fmt: off
 _JOINT_LIMITS = (
     Field("lower", "lower position limit; `null` or empty if unbounded", "rad, m"),
     Field("upper", "upper position limit; likewise", "rad, m"),
@@ -33,37 +34,20 @@ ROBOT_FIELDS = (
     *ARM,
     Field("base_source", "why this link is the base"),
     Field("tip_source", "why this link is the tip"),
-    Field(
-        "limits",
-        "`lower`, `upper`, `effort`, `velocity`; `null` is unbounded or unknown",
-        "rad, m, N·m, N, rad/s, m/s",
-        "by joint",
-        lambda robot: {joint.name: document(_JOINT_LIMITS, joint) for joint in robot.joints},
-    ),
-    Field(
-        "followers",
-        "names of the mimic joints that move with it",
-        shape="by joint",
-        get=lambda robot: {joint.name: joint.followers for joint in robot.joints},
-    ),
-    Field(
-        "moving_mass",
-        "mass of the chain and of what is fixed to it; `null` if the URDF has none",
-        "kg",
-        get=lambda robot: robot.mass or None,
-    ),
+    Field("limits", "`lower`, `upper`, `effort`, `velocity`; `null` is unbounded or unknown",
+        "rad, m, N·m, N, rad/s, m/s", "by joint",
+        lambda robot: {joint.name: document(_JOINT_LIMITS, joint) for joint in robot.joints}),
+    Field("followers", "names of the mimic joints that move with it", shape="by joint",
+        get=lambda robot: {joint.name: joint.followers for joint in robot.joints}),
+    Field("moving_mass", "mass of the chain and of what is fixed to it; `null` if the URDF has "
+        "none", "kg", get=lambda robot: robot.mass or None),
     Field("postures", "named postures", "rad, m", "by name, n each"),
     Field("tip_candidates", "number of moving joints above it", shape="by link", get="tips"),
     Field("held", "joints outside the chain and where they are held fixed", "rad, m", "by joint"),
     Field("notes", "sentences", shape=LIST),
-    Field(
-        "units",
-        "units of the document",
-        get=whole,
-        parts=constants(
-            {"angle": "rad", "length": "m", "effort": "N·m (N if prismatic)", "mass": "kg"}
-        ),
-    ),
+    Field("units", "units of the document", get=whole, parts=constants(
+        {"angle": "rad", "length": "m", "effort": "N·m (N if prismatic)", "mass": "kg"}
+    )),
 )
 ROBOT_COLUMNS = (
     Field("number", "from 1, base to tip"),
@@ -87,24 +71,15 @@ _CHECK = (
 _ERRATUM = Field("erratum", "the erratum that explains it; `null` or empty if there is none")
 REPLICATION = (
     Field("successful", "whether no number fails", get="is_successful"),
-    Field(
-        "checks",
-        "every printed number",
-        shape=LIST,
-        parts=(*_CHECK, replace(_ERRATUM, get=lambda check: check.erratum or None)),
-    ),
-    Field(
-        "errata",
-        "all known errata",
-        shape=LIST,
-        get=lambda _: ERRATA,
-        parts=(
-            Field("where", "place in the paper", get=itemgetter(0)),
-            Field("printed", "what is printed there", get=itemgetter(1)),
-            Field("correct", "what is correct", get=itemgetter(2)),
-        ),
-    ),
+    Field("checks", "every printed number", shape=LIST,
+        parts=(*_CHECK, replace(_ERRATUM, get=lambda check: check.erratum or None))),
+    Field("errata", "all known errata", shape=LIST, get=lambda _: ERRATA, parts=(
+        Field("where", "place in the paper", get=itemgetter(0)),
+        Field("printed", "what is printed there", get=itemgetter(1)),
+        Field("correct", "what is correct", get=itemgetter(2)),
+    )),
 )
+# fmt: on
 CHECK_COLUMNS = (*_CHECK, _ERRATUM)
 
 

@@ -127,13 +127,11 @@ def interval(one: Estimate) -> str:
     return f"{share(one.value)} ({share(one.low)}–{share(one.high)})"
 
 
+# fmt: off
 _JUMP = Field("jump", "‖ΔF‖, `null` above the force itself; `null` without a force", FORCE)
-_CAPABILITY = Field(
-    "capability",
-    "largest force that can be commanded; a quantile without a known limit is `null`; `null` if "
-    "the capability is not evaluated",
-    FORCE,
-)
+_CAPABILITY = Field("capability", "largest force that can be commanded; a quantile without a known "
+    "limit is `null`; `null` if the capability is not evaluated", FORCE)
+# fmt: on
 
 
 def _measures(jump: str = FORCE, capability: str = FORCE, rho: str = RHO.key) -> tuple[Field, ...]:
@@ -147,13 +145,11 @@ def _measures(jump: str = FORCE, capability: str = FORCE, rho: str = RHO.key) ->
 
 
 _SHARE = "share of the postures"
+# fmt: off
 _SHARES = (
     Field("loses_rank", "share of the postures in which a direction of force is lost", "1"),
-    Field(
-        "falls",
-        "share in which the arm cannot be held in static equilibrium; `null` without a force",
-        "1",
-    ),
+    Field("falls", "share in which the arm cannot be held in static equilibrium; `null` without a "
+        "force", "1"),
 )
 _SET = (
     FAILED,
@@ -169,30 +165,21 @@ _JOINT = (
     estimate("alone", "share of the postures not tolerated when it fails alone"),
     quantiles(MARGIN, ("5", "50"), parts=ESTIMATE),
     quantiles(RHO, ("5", "50"), "rho", ESTIMATE),
-    estimate(
-        "capability",
-        "median when it fails alone; `null` if the capability is not evaluated",
-        FORCE,
-    ),
+    estimate("capability", "median when it fails alone; `null` if the capability is not evaluated",
+        FORCE),
 )
 _CONVENTIONS = (
     *SETTING_TASK[:2],
     SETTING_COMPONENTS,
     SETTING_TASK[2],
     SIGN,
-    Field(
-        "units",
-        "units of jump, capability and positions",
-        shape="by quantity",
-        get=lambda x: {"jump": x.size_unit, "capability": x.capability_unit, "place": "m"},
-    ),
-    *constants(
-        {
-            "quantiles": "of histograms, to one bin: 0.001 of margin and rho, 0.001 of the force "
-            "for jumps, a hundredth of a decade for capabilities",
-            "intervals": "95 %",
-        }
-    ),
+    Field("units", "units of jump, capability and positions", shape="by quantity",
+        get=lambda x: {"jump": x.size_unit, "capability": x.capability_unit, "place": "m"}),
+    *constants({
+        "quantiles": "of histograms, to one bin: 0.001 of margin and rho, 0.001 of the force "
+        "for jumps, a hundredth of a decade for capabilities",
+        "intervals": "95 %",
+    }),
     GRAVITY,
     Field("payload", "description; `null` without a payload"),
     RTOL,
@@ -200,50 +187,32 @@ _CONVENTIONS = (
 )
 _SURVIVAL = (
     Field("edge", "edge length of a cell", "m", get="workspace.edge"),
-    Field(
-        "origin", "lowest corner of the grid, in the axes of the root", "m", "3", "workspace.origin"
-    ),
+    Field("origin", "lowest corner of the grid, in the axes of the root", "m", "3",
+        "workspace.origin"),
     Field("shape", "number of cells along x, y, z", shape="3", get="workspace.shape"),
     Field("visited_cells", "cells with postures", get=lambda x: int((x.cell_postures > 0).sum())),
-    Field(
-        "outside",
-        "postures whose tip lies outside the grid; they count in the outermost cells",
-        get=lambda summary: int(summary.outside),
-    ),
+    Field("outside", "postures whose tip lies outside the grid; they count in the outermost cells",
+        get=lambda summary: int(summary.outside)),
 )
 SWEEP = (
     Field("robot", "the kinematic chain", get="setting", parts=SETTING_ARM),
     Field("conventions", "conventions of the document", get="setting", parts=_CONVENTIONS),
-    Field(
-        "postures",
-        "the analysed postures",
-        get=whole,
-        parts=(
-            Field("source", "description", get="setting.postures"),
-            *SWEEP_POSTURES,
-        ),
-    ),
+    Field("postures", "the analysed postures", get=whole, parts=(
+        Field("source", "description", get="setting.postures"),
+        *SWEEP_POSTURES,
+    )),
     Field("faults", "size of the largest sets", get="setting.largest"),
     Field("mode", "`locked` or `free`", get="setting.mode"),
     Field("force", "requested force; `null` without", FORCE, VECTOR, "setting.force"),
     Field("direction", "of the capability; `null` without", "1", VECTOR, "setting.direction"),
-    Field(
-        "limits",
-        "torque limits of the capability; `null` if it is not evaluated",
-        get=lambda sweep: limited(sweep.setting),
-        parts=(
-            Field("source", "source of the limits", get="limits"),
-            Field(
-                "unknown",
-                "joints whose limit is unknown",
-                shape="list of names",
-                get="unknown_limits",
-            ),
-        ),
-    ),
-    estimate(
-        "every_set_tolerated", "share of the postures that tolerate every set", get="every_set"
-    ),
+    Field("limits", "torque limits of the capability; `null` if it is not evaluated",
+        get=lambda sweep: limited(sweep.setting), parts=(
+        Field("source", "source of the limits", get="limits"),
+        Field("unknown", "joints whose limit is unknown", shape="list of names",
+            get="unknown_limits"),
+    )),
+    estimate("every_set_tolerated", "share of the postures that tolerate every set",
+        get="every_set"),
     Field("workspace", "grid of cells", get="summary", parts=_SURVIVAL),
     Field("sets", "every fault set, worst first", shape=LIST, get="ranked", parts=_SET),
     Field("joints", "every joint, most critical first", shape=LIST, parts=_JOINT),
@@ -251,6 +220,7 @@ SWEEP = (
     replace(SUMMARY, get=sweep_sentence),
     WARNINGS,
 )
+# fmt: on
 
 
 def sweep_document(sweep: Sweep) -> Document:

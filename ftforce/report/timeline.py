@@ -79,79 +79,47 @@ def faults_in_words(robot: Robot, faults: FaultSet) -> str:
     return f"{names} {faults.faults[0].mode}"
 
 
+# fmt: off
 _JUMP = Field("jump", "‖ΔF‖; `null` without a force, or if the arm cannot be held", FORCE)
-_CAPABILITY = Field(
-    "capability",
-    "largest force that can be commanded; `null` if no known limit bounds it, or if the arm cannot "
-    "be held",
-    FORCE,
-)
+_CAPABILITY = Field("capability", "largest force that can be commanded; `null` if no known limit "
+    "bounds it, or if the arm cannot be held", FORCE)
 _OVER_TIME = tuple(replace(one, shape="N × S") for one in (_JUMP, MARGIN, _CAPABILITY))
 TIMELINE = (
     replace(ROBOT, shape="as of an analysis"),
-    Field(
-        "conventions",
-        "as of an analysis",
-        shape="as of an analysis",
-        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions),
-        parts=CONVENTIONS,
-    ),
+    Field("conventions", "as of an analysis", shape="as of an analysis",
+        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions), parts=CONVENTIONS),
     Field("course", "description of the trajectory"),
-    Field(
-        "start",
-        "initial posture",
-        get=whole,
-        parts=(
-            Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.q[0]),
-            Field("source", "where they come from", get="start"),
-        ),
-    ),
+    Field("start", "initial posture", get=whole, parts=(
+        Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.q[0]),
+        Field("source", "where they come from", get="start"),
+    )),
     Field("mode", "`locked` or `free`"),
     Field("faults", "size of the largest sets", get="largest"),
     Field("force", "requested force; `null` if none was given", FORCE, VECTOR),
     Field("direction", "of the capability; `null` for the weakest", "1", VECTOR),
-    Field(
-        "limits",
-        "torque limits in force for jump and verdict; `null` if there are none",
-        shape="as of an analysis",
-        parts=LIMITS,
-    ),
-    Field(
-        "capability_limits",
-        "torque limits in force for the capability",
-        shape="as of an analysis",
-        parts=LIMITS,
-    ),
-    Field(
-        "sets",
-        "the worst instant of each set, worst set first",
-        shape=LIST,
-        get=lambda timeline: timeline.worst(),
-        parts=(
-            *MODES,
-            Field("time", "time of the worst instant", "s"),
-            _JUMP,
-            MARGIN,
-            VERDICT,
-            Field(
-                "not_tolerated", "fraction of the instants at which the set is not tolerated", "1"
-            ),
-            replace(_CAPABILITY, meaning=f"smallest {_CAPABILITY.meaning} over time"),
-            Field("capability_time", "time of the smallest capability", "s"),
-        ),
-    ),
+    Field("limits", "torque limits in force for jump and verdict; `null` if there are none",
+        shape="as of an analysis", parts=LIMITS),
+    Field("capability_limits", "torque limits in force for the capability",
+        shape="as of an analysis", parts=LIMITS),
+    Field("sets", "the worst instant of each set, worst set first", shape=LIST,
+        get=lambda timeline: timeline.worst(), parts=(
+        *MODES,
+        Field("time", "time of the worst instant", "s"),
+        _JUMP,
+        MARGIN,
+        VERDICT,
+        Field("not_tolerated", "fraction of the instants at which the set is not tolerated", "1"),
+        replace(_CAPABILITY, meaning=f"smallest {_CAPABILITY.meaning} over time"),
+        Field("capability_time", "time of the smallest capability", "s"),
+    )),
     Field("times", "times of the instants", "s", "N", "t"),
-    Field(
-        "columns",
-        "the fault set of each column of the following arrays",
-        shape="list of S",
-        get=lambda timeline: [SimpleNamespace(faults=one) for one in timeline.sets],
-        parts=MODES,
-    ),
+    Field("columns", "the fault set of each column of the following arrays", shape="list of S",
+        get=lambda timeline: [SimpleNamespace(faults=one) for one in timeline.sets], parts=MODES),
     *_OVER_TIME,
     replace(SUMMARY, get=timeline_sentence),
     WARNINGS,
 )
+# fmt: on
 
 
 def timeline_document(timeline: Timeline) -> Document:
