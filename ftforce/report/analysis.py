@@ -11,43 +11,9 @@ from ftforce.analysis.capability import capability_of
 from ftforce.core import measures
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report.fields import (
-    BY_JOINT,
-    LIST,
-    MISSING,
-    NAMES,
-    Document,
-    Field,
-    Row,
-    document,
-    plain,
-    under,
-    whole,
-)
+from ftforce.report import parts
+from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
 from ftforce.report.measures import MARGIN, MEASURES, RANK_AFTER, RHO, SIGMA_MIN_AFTER
-from ftforce.report.parts import (
-    BEFORE,
-    CAPABILITY,
-    CONVENTIONS,
-    FORCE,
-    JUMP,
-    LIMITS_IN_FORCE,
-    LIMITS_MEANING,
-    LIMITS_SOURCE,
-    LOCKED,
-    MODES,
-    POSTURE,
-    REQUESTED,
-    ROBOT,
-    SPEED,
-    SUMMARY,
-    TIP_SPEED,
-    TORQUE,
-    VERDICT,
-    WARNINGS,
-    Asked,
-    limited,
-)
 from ftforce.report.text import (
     amounts,
     is_noticeable,
@@ -300,75 +266,78 @@ _JACOBIAN = (
         "if none is left", "N per N·m", get="force_error"),
 )
 _FORCE = (
-    REQUESTED,
-    Field("unsupported", "part that even the healthy arm cannot exert", FORCE, "m"),
-    BEFORE,
-    *JUMP,
+    parts.REQUESTED,
+    Field("unsupported", "part that even the healthy arm cannot exert", parts.FORCE, "m"),
+    parts.BEFORE,
+    *parts.JUMP,
 )
 _FORCE_TORQUE = (
-    Field("before", "force part before the fault", TORQUE, BY_JOINT, "torque.before"),
-    Field("after", "force part after it; 0 at locked joints", TORQUE, BY_JOINT, "torque.after"),
-    Field("brake_load", "load of the brake, including weight and motion", TORQUE, "by locked joint",
-        _brake_load),
-    Field("self_motion", "part of `before` that exerts no static force", TORQUE, BY_JOINT,
+    Field("before", "force part before the fault", parts.TORQUE, "by joint", "torque.before"),
+    Field("after", "force part after it; 0 at locked joints", parts.TORQUE, "by joint",
+        "torque.after"),
+    Field("brake_load", "load of the brake, including weight and motion", parts.TORQUE,
+        "by locked joint", _brake_load),
+    Field("self_motion", "part of `before` that exerts no static force", parts.TORQUE, "by joint",
         "torque.self_motion"),
 )
 _GRAVITY = "rnea.gravity"
 _TORQUE = (
     *_FORCE_TORQUE,
     Field("gravity", "weight of the arm and its payload", get=whole, parts=(
-        Field("before", "`null` if the URDF has no masses", TORQUE, BY_JOINT, _GRAVITY),
-        Field("after", "the same", TORQUE, BY_JOINT, _GRAVITY),
+        Field("before", "`null` if the URDF has no masses", parts.TORQUE, "by joint", _GRAVITY),
+        Field("after", "the same", parts.TORQUE, "by joint", _GRAVITY),
     )),
     Field("motion", "M(q) a + V(q, v) v; 0 for an arm at rest", get=whole, parts=(
-        Field("before", "`null` if the arm moves and the URDF has no masses", TORQUE, BY_JOINT,
-            "rnea.motion_before"),
-        Field("after", "with the locked joints at rest", TORQUE, BY_JOINT, "rnea.motion_after"),
+        Field("before", "`null` if the arm moves and the URDF has no masses", parts.TORQUE,
+            "by joint", "rnea.motion_before"),
+        Field("after", "with the locked joints at rest", parts.TORQUE, "by joint",
+            "rnea.motion_after"),
     )),
     Field("total", "force part, weight and motion", get=whole, parts=(
-        Field("before", "total motor torques; `null` if the URDF has no masses", TORQUE, BY_JOINT,
-            "torque.total_before"),
+        Field("before", "total motor torques; `null` if the URDF has no masses", parts.TORQUE,
+            "by joint", "torque.total_before"),
         Field("after", "**to command now**; 0 at joints without torque, `null` at locked ones",
-            TORQUE, BY_JOINT, _total_after),
+            parts.TORQUE, "by joint", _total_after),
     )),
 )
 _TIP_JUMP = (
-    Field("tip_after", "tip velocity", TIP_SPEED, "m"),
-    Field("jump", "after − before", TIP_SPEED, "m"),
+    Field("tip_after", "tip velocity", parts.TIP_SPEED, "m"),
+    Field("jump", "after − before", parts.TIP_SPEED, "m"),
     Field("jump_norm", "norm of its linear part", "m/s"),
     Field("angular_jump_norm", "norm of its angular part", "rad/s"),
 )
 _VELOCITY = (
-    Field("before", "before the fault", SPEED, BY_JOINT, "velocity.before"),
-    Field("after", "after the remap; 0 at locked joints", SPEED, BY_JOINT, "velocity.after"),
-    Field("tip_before", "tip velocity", TIP_SPEED, "m", "velocity.tip_before"),
+    Field("before", "before the fault", parts.SPEED, "by joint", "velocity.before"),
+    Field("after", "after the remap; 0 at locked joints", parts.SPEED, "by joint",
+        "velocity.after"),
+    Field("tip_before", "tip velocity", parts.TIP_SPEED, "m", "velocity.tip_before"),
     *under("velocity", _TIP_JUMP),
     Field("impact", "immediately after the lock; `null` without a lock or masses",
-        parts=(Field("after", "0 at locked joints", SPEED, BY_JOINT), *_TIP_JUMP)),
+        parts=(Field("after", "0 at locked joints", parts.SPEED, "by joint"), *_TIP_JUMP)),
 )
 _STANDING = (
     Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in static "
         "equilibrium"),
     Field("support", "without a force: the smallest tip force that holds the arm, 0 if none is "
-        "needed; `null` otherwise", FORCE, "m", _support),
-    Field("unbalanced", "torque that no tip force balances; empty if the arm can be held", TORQUE,
-        "by free joint", unbalanced),
+        "needed; `null` otherwise", parts.FORCE, "m", _support),
+    Field("unbalanced", "torque that no tip force balances; empty if the arm can be held",
+        parts.TORQUE, "by free joint", unbalanced),
     Field("overloaded", "joints that weight and motion alone overload: `torque` and `limit`",
-        TORQUE, BY_JOINT, lambda analysis: {
+        parts.TORQUE, "by joint", lambda analysis: {
         j: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
     }),
 )
 UNKNOWN_LIMITS = Field("unknown", "joints whose limit, of the motor or if locked of the brake, is "
-    "unknown", shape=NAMES, get="unknown_limits")
+    "unknown", shape="names", get="unknown_limits")
 SITUATION = (
-    ROBOT,
+    parts.ROBOT,
     Field("conventions", "conventions of the document",
-        get=lambda x: Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
-        *CONVENTIONS,
+        get=lambda x: parts.Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
+        *parts.CONVENTIONS,
         Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
     )),
-    POSTURE,
-    LOCKED,
+    parts.POSTURE,
+    parts.LOCKED,
 )
 ANALYSIS = (
     *SITUATION,
@@ -378,13 +347,13 @@ ANALYSIS = (
     Field("torque", "motor torques", get=whole, parts=_TORQUE),
     Field("velocity", "`null` if none was given",
         get=lambda analysis: None if analysis.velocity is None else analysis, parts=_VELOCITY),
-    VERDICT,
-    replace(SUMMARY, get=verdict_sentence),
-    *MODES,
-    Field("limits", LIMITS_MEANING, get=limited, parts=(
-        *LIMITS_IN_FORCE,
+    parts.VERDICT,
+    replace(parts.SUMMARY, get=verdict_sentence),
+    *parts.MODES,
+    Field("limits", parts.LIMITS_MEANING, get=parts.limited, parts=(
+        *parts.LIMITS_IN_FORCE,
         UNKNOWN_LIMITS,
-        Field("binding", "joints at their limits", shape=NAMES, get="bounded.binding"),
+        Field("binding", "joints at their limits", shape="names", get="bounded.binding"),
         Field("share", "largest fraction of the force that can be commanded in its direction; "
             "`null` without a force, or if no fraction is feasible", "1",
             get=lambda x: None if x.force is None else x.bounded.share),
@@ -393,15 +362,15 @@ ANALYSIS = (
     Field("capability", "with limits: keys as `capability` of a [capability](#capability); "
         "otherwise `null`", shape="as of a capability",
         get=lambda analysis: None if analysis.limits is None else capability_of(analysis),
-        parts=CAPABILITY),
+        parts=parts.CAPABILITY),
     Field("residuals", "relative residuals of the equations that the result must satisfy: "
         "`balance`, `orthogonality`, `uncommandable`, `statics`, `unchanged` "
         "([force](../theory/force.md#force-jump)); with limits or joints without torque "
         "`equality`, `limit`, `optimality` ([limits](../theory/limits.md#residuals))", "1",
         "by law", lambda analysis: analysis.residuals()),
-    WARNINGS,
+    parts.WARNINGS,
     Field("unit_forces", "only if neither a force nor torques were given: the same for 1 N (1 N·m) "
-        "along each axis", shape=LIST, get=_unit_forces, optional=True, parts=(
+        "along each axis", shape="list", get=_unit_forces, optional=True, parts=(
         Field("component", "`fx`, …"),
         Field("force", "keys as `force`", shape="as `force`", parts=_FORCE),
         Field("torque", "keys as `torque`", shape="as `torque`", get=whole, parts=_FORCE_TORQUE),
@@ -430,7 +399,7 @@ def _convention_rows(analysis: Analysis) -> list[Row]:
         ("axes", "", task.axes),
         ("task", "", str(task)),
         ("length", "m", task.length if task.moment_rows else ""),
-        ("limits", "", LIMITS_SOURCE.value(analysis)),
+        ("limits", "", parts.LIMITS_SOURCE.value(analysis)),
         *((f"gravity_{axis}", "m/s²", x) for axis, x in gravity),
         ("payload", "kg", 0.0 if conditions.payload is None else conditions.payload.mass),
         ("rtol", "", reduced.rtol),

@@ -8,34 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import LimitingFactor, LockModel
-from ftforce.report import text
+from ftforce.report import parts, text
 from ftforce.report.analysis import SITUATION, UNKNOWN_LIMITS, faults_in_words
-from ftforce.report.fields import (
-    VECTOR,
-    Document,
-    Field,
-    Row,
-    columns,
-    document,
-    rows_of,
-    under,
-    whole,
-)
-from ftforce.report.parts import (
-    AMOUNT,
-    CAPABILITY,
-    FAULT_SET,
-    LIMITS_IN_FORCE,
-    LIMITS_MEANING,
-    LIMITS_SOURCE,
-    MODES,
-    POLYTOPE,
-    SUMMARY,
-    TASK_COLUMNS,
-    WARNINGS,
-    WEAKEST,
-    limited,
-)
+from ftforce.report.fields import Document, Field, Row, columns, document, rows_of, under, whole
 from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
@@ -136,13 +111,13 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
 # fmt: off
 CAPABILITY_FIELDS = (
     *under("analysis", SITUATION),
-    *under("analysis", MODES),
-    Field("limits", LIMITS_MEANING, get=lambda capability: limited(capability.analysis),
-        parts=(*LIMITS_IN_FORCE, UNKNOWN_LIMITS)),
-    Field("capability", "forces and payload that can be held", get=whole, parts=CAPABILITY),
-    POLYTOPE,
-    replace(SUMMARY, get=capability_sentence),
-    *under("analysis", [WARNINGS]),
+    *under("analysis", parts.MODES),
+    Field("limits", parts.LIMITS_MEANING, get=lambda capability: parts.limited(capability.analysis),
+        parts=(*parts.LIMITS_IN_FORCE, UNKNOWN_LIMITS)),
+    Field("capability", "forces and payload that can be held", get=whole, parts=parts.CAPABILITY),
+    parts.POLYTOPE,
+    replace(parts.SUMMARY, get=capability_sentence),
+    *under("analysis", [parts.WARNINGS]),
 )
 # fmt: on
 
@@ -170,9 +145,9 @@ CAPABILITY_COLUMNS = (
     Field("unit", "`N`, `N·m` or `kg`"),
     Field("when", "`before` or `after`"),
     Field("reading", "`commanded` or `held`"),
-    *under("amount", AMOUNT),
-    Field("direction", "in the axes of the task; empty for a payload", "1", VECTOR),
-    *under("analysis", (FAULT_SET, *TASK_COLUMNS, LIMITS_SOURCE)),
+    *under("amount", parts.AMOUNT),
+    Field("direction", "in the axes of the task; empty for a payload", "1", "m"),
+    *under("analysis", (parts.FAULT_SET, *parts.TASK_COLUMNS, parts.LIMITS_SOURCE)),
 )
 # fmt: on
 
@@ -193,7 +168,7 @@ def _entries(capability: Capability) -> Iterator[_Entry]:
         for when, amounts in (("before", report.before), ("after", report.after)):
             for reading in LockModel:
                 amount = amounts[reading]
-                direction = WEAKEST.value(amount) if report is weakest else amount.direction
+                direction = parts.WEAKEST.value(amount) if report is weakest else amount.direction
                 yield _Entry(analysis, report.name, unit, when, reading.value, amount, direction)
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
         yield _Entry(analysis, "payload", "kg", when, "held", amount)

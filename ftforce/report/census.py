@@ -8,43 +8,9 @@ from typing import TYPE_CHECKING
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report.fields import (
-    LIST,
-    NAME,
-    NAMES,
-    Document,
-    Field,
-    Row,
-    columns,
-    document,
-    rows_of,
-    under,
-    whole,
-)
+from ftforce.report import parts
+from ftforce.report.fields import Document, Field, Row, columns, document, rows_of, under, whole
 from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
-from ftforce.report.parts import (
-    BEFORE,
-    CONVENTIONS,
-    FAULT_SET,
-    FORCE,
-    JUMP,
-    LIMITS_IN_FORCE,
-    LIMITS_MEANING,
-    LIMITS_SOURCE,
-    LOCKED,
-    MODES,
-    POSTURE,
-    REQUESTED,
-    ROBOT,
-    RTOL,
-    SUMMARY,
-    TASK_COLUMNS,
-    VERDICT,
-    WARNINGS,
-    WARY,
-    Asked,
-    limited,
-)
 from ftforce.report.text import ratio, size, unit_of_size, vector_in_words
 
 if TYPE_CHECKING:
@@ -104,49 +70,49 @@ _SHARE = Field("share", "largest fraction of the force that can be commanded in 
     "feasible", "1")
 _STANDS = Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in "
     "static equilibrium")
-_BINDING = Field("binding", "joints at their limits", shape=NAMES)
+_BINDING = Field("binding", "joints at their limits", shape="names")
 _CAPABILITY = (
     Field("commanded", "largest force that the motors can exert; `null` if no known limit bounds "
         "it (`end` is `unlimited`), or if the arm cannot be held with any force in this direction",
-        FORCE),
-    Field("held", "largest force that motors and brakes can bear; likewise", FORCE),
+        parts.FORCE),
+    Field("held", "largest force that motors and brakes can bear; likewise", parts.FORCE),
     Field("least", "smallest force that can be commanded, nonzero only with free-swinging joints "
-        "or if weight alone exceeds a limit; `null` if there is none", FORCE, get="minimum"),
+        "or if weight alone exceeds a limit; `null` if there is none", parts.FORCE, get="minimum"),
     Field("end", "what limits `commanded`: `limit`, `fault`, `weight` or `unlimited`"),
     Field("held_end", "what limits `held`"),
 )
 _SET = (
-    LOCKED,
-    *MODES,
+    parts.LOCKED,
+    *parts.MODES,
     Field("jacobian", "before and after the fault", get=whole,
         parts=(RANK_AFTER, RANK_LOST, SIGMA_MIN_AFTER, *MEASURES)),
-    Field("force", "its values are `null` without a force", get=whole, parts=JUMP),
+    Field("force", "its values are `null` without a force", get=whole, parts=parts.JUMP),
     _STANDS,
     _SHARE,
     _BINDING,
     Field("capability", "`null` unless ranked by it; without a direction, for a task with forces "
         "and moments, in weighted N", parts=(
         *_CAPABILITY,
-        Field("stops", "joints whose limits end what can be commanded", shape=NAMES,
+        Field("stops", "joints whose limits end what can be commanded", shape="names",
             get="limiting_joints"),
     )),
-    VERDICT,
+    parts.VERDICT,
 )
 CENSUS = (
-    ROBOT,
+    parts.ROBOT,
     Field("conventions", "conventions of the document",
-        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions), parts=CONVENTIONS),
-    POSTURE,
+        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
+    parts.POSTURE,
     Field("faults", "size of the largest sets", get="largest"),
     Field("mode", "`locked` or `free`"),
     Field("rank_by", "`jump` or `capability`"),
     Field("direction", "of the capability; `null` for the weakest, or if the ranking is by jump",
         "1", "m"),
-    Field("limits", LIMITS_MEANING, get=limited, parts=LIMITS_IN_FORCE),
-    Field("force", "tip force", get=whole, parts=(REQUESTED, BEFORE)),
-    Field("sets", "every fault set, worst first", shape=LIST, parts=_SET),
-    Field("joints", "every joint, most critical first", shape=LIST, parts=(
-        Field("joint", "its name", shape=NAME),
+    Field("limits", parts.LIMITS_MEANING, get=parts.limited, parts=parts.LIMITS_IN_FORCE),
+    Field("force", "tip force", get=whole, parts=(parts.REQUESTED, parts.BEFORE)),
+    Field("sets", "every fault set, worst first", shape="list", parts=_SET),
+    Field("joints", "every joint, most critical first", shape="list", parts=(
+        Field("joint", "its name", shape="name"),
         Field("alone", "the set in which only it fails; keys as an element of `sets`",
             shape="as of `sets`", parts=_SET),
         Field("sets", "number of sets that contain it"),
@@ -154,10 +120,10 @@ CENSUS = (
         Field("borderline", "how many of them are borderline"),
         Field("mean_relative_jump", "mean of ‖ΔF‖/‖F̂‖ over them", "1"),
         Field("least_capability", "smallest force over them that can be commanded; `null` unless "
-            "ranked by it, if no known limit bounds it, or if the arm cannot be held", FORCE),
+            "ranked by it, if no known limit bounds it, or if the arm cannot be held", parts.FORCE),
     )),
-    replace(SUMMARY, get=critical_joint),
-    WARNINGS,
+    replace(parts.SUMMARY, get=critical_joint),
+    parts.WARNINGS,
 )
 # fmt: on
 
@@ -169,14 +135,14 @@ def census_document(census: Census) -> Document:
 
 # fmt: off
 SET_COLUMNS = (
-    FAULT_SET,
-    LOCKED,
-    Field("free", "free-swinging joints", shape=NAMES,
+    parts.FAULT_SET,
+    parts.LOCKED,
+    Field("free", "free-swinging joints", shape="names",
         get=lambda x: x.faults.in_mode(FaultMode.FREE)),
     Field("size", "number of failed joints", get=lambda report: len(report.faults)),
-    VERDICT,
-    *JUMP[2:],
-    JUMP[1],
+    parts.VERDICT,
+    *parts.JUMP[2:],
+    parts.JUMP[1],
     *MEASURES,
     RANK_AFTER,
     RANK_LOST,
@@ -186,7 +152,7 @@ SET_COLUMNS = (
     *under("capability", _CAPABILITY),
 )
 # fmt: on
-QUESTION_COLUMNS = (*TASK_COLUMNS, LIMITS_SOURCE, RTOL, WARY)
+QUESTION_COLUMNS = (*parts.TASK_COLUMNS, parts.LIMITS_SOURCE, parts.RTOL, parts.WARY)
 
 
 def census_rows(census: Census) -> list[Row]:

@@ -8,9 +8,8 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.arm_report import CONFIDENCE
+from ftforce.report import parts
 from ftforce.report.fields import (
-    LIST,
-    VECTOR,
     Document,
     Field,
     Row,
@@ -22,21 +21,6 @@ from ftforce.report.fields import (
     whole,
 )
 from ftforce.report.measures import MARGIN, RHO
-from ftforce.report.parts import (
-    ESTIMATE,
-    FORCE,
-    GRAVITY,
-    RTOL,
-    SETTING_ARM,
-    SETTING_COLUMNS,
-    SETTING_COMPONENTS,
-    SETTING_TASK,
-    SUMMARY,
-    WARNINGS,
-    WARY,
-    estimate,
-    quantiles,
-)
 from ftforce.report.text import NEGLIGIBLE, joined, share, size, vector_in_words
 
 if TYPE_CHECKING:
@@ -133,16 +117,16 @@ _RHO = replace(RHO, key="rho")
 _EVERY = "share of the postures that tolerate every set"
 _JUMP = Field("jump", "jump over force; `null` without a force", "1")
 _CAPABILITY = Field("capability", "largest force that can be commanded; `null` if it is not "
-    "evaluated", FORCE)
-_HEALTHY = Field("healthy_capability", "before a fault; `null` if unknown", FORCE)
+    "evaluated", parts.FORCE)
+_HEALTHY = Field("healthy_capability", "before a fault; `null` if unknown", parts.FORCE)
 _RHO_BOUND = Field("rho_bound", "√(C(n−m, f)/C(n, f))", "1")
 _CASES = "share of postures × sets"
 _ARM = (
-    estimate("tolerated", _CASES),
-    estimate("every", _EVERY),
+    parts.estimate("tolerated", _CASES),
+    parts.estimate("every", _EVERY),
     Field("full_rank", "share of the postures at which the healthy arm has full rank", "1"),
 )
-_WORST_RHO = estimate("worst_rho", "median of a posture's smallest ρ")
+_WORST_RHO = parts.estimate("worst_rho", "median of a posture's smallest ρ")
 _EVENNESS = Field("evenness", "`worst_rho` over the root mean square of ρ, which it cannot exceed",
     "1")
 _VOLUMES = (
@@ -156,33 +140,33 @@ _REACH = Field("reach", "distance from the first joint to the farthest visited c
 _SIZE = (Field("size", "number of joints that fail together"), Field("sets", "number of such sets"))
 _MODE = Field("mode", "`locked` or `free`")
 _ASKED = (
-    SETTING_TASK[1],
-    SETTING_COMPONENTS,
-    SETTING_TASK[0],
-    SETTING_TASK[2],
+    parts.SETTING_TASK[1],
+    parts.SETTING_COMPONENTS,
+    parts.SETTING_TASK[0],
+    parts.SETTING_TASK[2],
     _MODE,
     Field("faults", "size of the largest sets", get="largest"),
-    Field("force", "requested force; `null` without", FORCE, VECTOR),
-    Field("direction", "of the capability; `null` without", "1", VECTOR),
+    Field("force", "requested force; `null` without", parts.FORCE, "m"),
+    Field("direction", "of the capability; `null` without", "1", "m"),
     Field("limits_count", "whether torque limits bound the capability",
         get=lambda asked: asked.limits is not None),
-    GRAVITY,
+    parts.GRAVITY,
     Field("payload", "description; `null` without a payload"),
-    RTOL,
-    WARY,
+    parts.RTOL,
+    parts.WARY,
 )
 _CRITICAL = (
     Field("joint", "name", get=lambda arm: arm.setting.joints[arm.critical.joint]),
     Field("number", "number from 1", get=lambda arm: arm.critical.joint + 1),
     Field("tolerated", "share of the cases that contain it", "1", get="critical_tolerated"),
     *under("critical",
-        (estimate("not_tolerated", "likewise"), Field("borderline", "likewise", "1"))),
+        (parts.estimate("not_tolerated", "likewise"), Field("borderline", "likewise", "1"))),
 )
 _ARMS = (
     Field("name", "name of the arm, unique in the comparison"),
     Field("rank", "first and last rank: arms whose intervals overlap share theirs", shape="2",
         get=lambda arm: (arm.first, arm.last)),
-    *under("setting", (replace(SETTING_ARM[0], key="robot"), *SETTING_ARM[1:])),
+    *under("setting", (replace(parts.SETTING_ARM[0], key="robot"), *parts.SETTING_ARM[1:])),
     Field("sweep", "path of its stored sweep; `null` if it was made for this", get="path"),
     Field("postures", "the analysed postures", get=whole, parts=(
         Field("count", "number analysed", get="postures"),
@@ -195,17 +179,17 @@ _ARMS = (
     _WORST_RHO,
     _EVENNESS,
     Field("critical_joint", "the critical joint", get=whole, parts=_CRITICAL),
-    Field("sizes", "one for each number of joints that fail together", shape=LIST, parts=(
+    Field("sizes", "one for each number of joints that fail together", shape="list", parts=(
         *_SIZE,
-        estimate("tolerated", _CASES),
+        parts.estimate("tolerated", _CASES),
         Field("borderline", _CASES, "1"),
-        quantiles(MARGIN, _LOW, parts=ESTIMATE),
-        quantiles(_RHO, _LOW, parts=ESTIMATE),
+        parts.quantiles(MARGIN, _LOW, parts=parts.ESTIMATE),
+        parts.quantiles(_RHO, _LOW, parts=parts.ESTIMATE),
         _RHO_BOUND,
-        quantiles(_JUMP, _HIGH, parts=ESTIMATE),
-        quantiles(_CAPABILITY, _LOW, parts=ESTIMATE),
+        parts.quantiles(_JUMP, _HIGH, parts=parts.ESTIMATE),
+        parts.quantiles(_CAPABILITY, _LOW, parts=parts.ESTIMATE),
     )),
-    quantiles(_HEALTHY, _LOW, parts=ESTIMATE),
+    parts.quantiles(_HEALTHY, _LOW, parts=parts.ESTIMATE),
     Field("capability_kept", "median after over median before; `null` if unknown", "1"),
     Field("workspace", "volumes visited and survived",
         parts=(_CELL, *_VOLUMES, Field("share", "survived of visited", "1"), _REACH)),
@@ -224,9 +208,9 @@ COMPARISON = (
         "visited, survived, some": "m³",
         "cell, reach": "m",
     }),
-    Field("arms", "best first", shape=LIST, parts=_ARMS),
-    replace(SUMMARY, get=comparison_sentence),
-    WARNINGS,
+    Field("arms", "best first", shape="list", parts=_ARMS),
+    replace(parts.SUMMARY, get=comparison_sentence),
+    parts.WARNINGS,
 )
 # fmt: on
 
@@ -243,7 +227,7 @@ class _Case(NamedTuple):
     one: SizeReport
 
 
-def comparison_columns(unit: str = FORCE) -> tuple[Field, ...]:
+def comparison_columns(unit: str = parts.FORCE) -> tuple[Field, ...]:
     """Return the CSV columns, with the unit of the capability."""
     arm = (
         Field("arm", "name of the arm", get="name"),
@@ -254,7 +238,7 @@ def comparison_columns(unit: str = FORCE) -> tuple[Field, ...]:
         *_ARM,
         replace(_CRITICAL[0], key="critical_joint"),
         replace(_CRITICAL[2], key="critical_tolerated"),
-        replace(_WORST_RHO, parts=ESTIMATE[:1]),
+        replace(_WORST_RHO, parts=parts.ESTIMATE[:1]),
         _EVENNESS,
     )
     size = (
@@ -263,16 +247,16 @@ def comparison_columns(unit: str = FORCE) -> tuple[Field, ...]:
         Field("size_low", "lower end of its 95 % interval", "1", get="tolerated.low"),
         Field("size_high", "upper end of its 95 % interval", "1", get="tolerated.high"),
         Field("size_borderline", _CASES, "1", get="borderline"),
-        quantiles(MARGIN, _LOW, parts=ESTIMATE[:1]),
-        quantiles(_RHO, _LOW, parts=ESTIMATE[:1]),
+        parts.quantiles(MARGIN, _LOW, parts=parts.ESTIMATE[:1]),
+        parts.quantiles(_RHO, _LOW, parts=parts.ESTIMATE[:1]),
         _RHO_BOUND,
-        quantiles(_JUMP, _HIGH, parts=ESTIMATE[:1]),
+        parts.quantiles(_JUMP, _HIGH, parts=parts.ESTIMATE[:1]),
     )
     healthy, capability = (
-        quantiles(replace(one, unit=unit), _LOW, parts=ESTIMATE[:1])
+        parts.quantiles(replace(one, unit=unit), _LOW, parts=parts.ESTIMATE[:1])
         for one in (_HEALTHY, _CAPABILITY)
     )
-    axes, task, length, *others = SETTING_COLUMNS
+    axes, task, length, *others = parts.SETTING_COLUMNS
     return (
         *under("arm", arm),
         *under("one", size),

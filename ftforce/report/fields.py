@@ -15,18 +15,6 @@ import numpy as np
 Document: TypeAlias = dict[str, Any]
 Row: TypeAlias = tuple[Any, ...]
 
-NAME = "name"
-"""Shape of a joint index, written as the name of the joint."""
-NAMES = "names"
-"""Shape of joint indices, written as the names of the joints."""
-VECTOR = "m"
-"""Shape of a vector in task axes; in CSV one column per component."""
-BY_JOINT = "by joint"
-"""Shape of a vector with one entry per joint, or of a mapping from joint indices, written as an
-object by joint name; so are other shapes that begin with ``by``."""
-LIST = "list"
-"""Shape of a sequence whose elements have the field's ``parts``."""
-
 
 @dataclass(frozen=True, slots=True)
 class Field:
@@ -37,13 +25,16 @@ class Field:
     key :
         JSON key and CSV column; the column adds the unit in brackets if there is exactly one.
     meaning, unit, shape :
-        Columns of the tables in docs/reference. `NAMES`, `BY_JOINT` and `LIST` also determine how
-        the value is written. The parts of a field with any other shape are described by that word.
+        Columns of the tables in docs/reference. The shape also determines how values are written:
+        ``name`` and ``names`` are joint indices, written as names of joints; ``by …`` is a vector
+        of one entry per joint or a mapping, written as an object; ``m`` is a vector in task axes,
+        in CSV one column per component; ``list`` is a sequence whose elements have the ``parts``.
+        The parts of a field of another shape are described by that shape.
     get :
         Function of the result, or dotted path of attributes; by default the attribute ``key``.
         Where an attribute on the path is ``None``, so is the value.
     parts :
-        Fields of the object that the value is, or with the shape `LIST` of each of its elements.
+        Fields of the object that the value is, or of the elements of a list.
     symbol, label :
         Heading of a table's column, and name in a list of values; empty if tables do not show it.
     healthy :
@@ -135,7 +126,7 @@ def document(fields: Iterable[Field], result: Any, joints: Sequence[str] = ()) -
     result :
         The result.
     joints :
-        Names of the joints, for fields of the shapes `NAMES` and `BY_JOINT`.
+        Names of the joints, in the order of their indices.
     """
     values = ((field, field.value(result)) for field in fields)
     return {
@@ -148,14 +139,14 @@ def document(fields: Iterable[Field], result: Any, joints: Sequence[str] = ()) -
 def _member(field: Field, value: Any, joints: Sequence[str]) -> Any:
     if value is None:
         return None
-    if field.shape == NAME:
+    if field.shape == "name":
         return joints[value]
-    if field.shape == NAMES:
+    if field.shape == "names":
         return [joints[i] for i in value]
     if field.shape.startswith("by "):
         pairs = value.items() if isinstance(value, Mapping) else enumerate(value)
         return {joints[i] if isinstance(i, int) else i: plain(x) for i, x in pairs}
-    if field.parts and field.shape.startswith(LIST):
+    if field.parts and field.shape.startswith("list"):
         return [document(field.parts, one, joints) for one in value]
     return document(field.parts, value, joints) if field.parts else plain(value)
 
@@ -173,7 +164,7 @@ def columns(
     fields, result, joints :
         As for `document`.
     components :
-        Units of the task's components, for fields of the shape `VECTOR`.
+        Units of the task's components, for vectors in task axes.
     """
     record: Document = {}
     for field in fields:
@@ -182,11 +173,11 @@ def columns(
             own = columns(field.parts, value, joints)
             names = (f"{field.key}_{name}".removesuffix("_value") for name in own)
             record |= zip((_heading(name, field.unit) for name in names), own.values(), strict=True)
-        elif field.shape == VECTOR:
+        elif field.shape == "m":
             for i, (name, unit) in enumerate(components.items()):
                 heading = _heading(f"{field.key}_{name}", "" if field.unit == "1" else unit)
                 record[heading] = None if value is None else plain(value[i])
-        elif field.shape == NAMES and value is not None:
+        elif field.shape == "names" and value is not None:
             record[field.heading] = " ".join(joints[i] for i in value)
         else:
             record[field.heading] = plain(value)

@@ -11,23 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.core.verdict import VERDICTS, Verdict
-from ftforce.report.fields import BY_JOINT, LIST, VECTOR, Document, Field, document, whole
+from ftforce.report import parts
+from ftforce.report.fields import Document, Field, document, whole
 from ftforce.report.measures import MARGIN
-from ftforce.report.parts import (
-    FORCE,
-    GRAVITY,
-    GRAVITY_UNIT,
-    POSITION_UNIT,
-    RTOL,
-    SETTING_ARM,
-    SUMMARY,
-    TORQUE,
-    TORQUE_UNIT,
-    VERDICT,
-    WARNINGS,
-    WARY,
-    task_fields,
-)
 from ftforce.report.text import amounts, joined, number, percent, ratio
 from ftforce.trajectory.warnings import ON_PATH, ORIENTED, length_in_words, unsupported
 
@@ -196,13 +182,13 @@ def _case(name: str, history: History) -> _Case | None:
 
 # fmt: off
 _RUN = (
-    replace(VERDICT, meaning="the worst over time", get=lambda case: worst_verdict(case.run)),
+    replace(parts.VERDICT, meaning="the worst over time", get=lambda case: worst_verdict(case.run)),
     Field("falls_at", "time from which the arm cannot be held in static equilibrium, or moves "
         "under torques that nothing balances", "s", get=lambda case: (
         None if case.run.falls_from is None else case.history.t[case.run.falls_from]
     )),
     Field("force_jump", "peak",
-        **_peak("largest ‖ΔF‖", FORCE, lambda case: case.history.jump_norm(case.run))),
+        **_peak("largest ‖ΔF‖", parts.FORCE, lambda case: case.history.jump_norm(case.run))),
     Field("path_error", "peak",
         **_peak("largest distance from the path", "m", lambda case: case.run.path_error_norm)),
     Field("orientation_error", "peak; 0 if the orientation of the tip is free", **_peak(
@@ -214,11 +200,11 @@ _RUN = (
         Field("least", "smallest value over time", "1", get=itemgetter(0)),
         Field("time", "when that is", "s", get=itemgetter(1)),
     )),
-    Field("torque", "largest torque of each motor", TORQUE, BY_JOINT, _largest("motor")),
-    Field("brake", "largest load of each brake", TORQUE, BY_JOINT, _largest("brake")),
-    Field("unbalanced", "largest torque that nothing balances", TORQUE, BY_JOINT,
+    Field("torque", "largest torque of each motor", parts.TORQUE, "by joint", _largest("motor")),
+    Field("brake", "largest load of each brake", parts.TORQUE, "by joint", _largest("brake")),
+    Field("unbalanced", "largest torque that nothing balances", parts.TORQUE, "by joint",
         _largest("unbalanced")),
-    Field("used", "largest share of each limit", "1", BY_JOINT, _largest("used")),
+    Field("used", "largest share of each limit", "1", "by joint", _largest("used")),
 )
 _EVENT = (
     Field("time", "time of the fault", "s"),
@@ -229,34 +215,34 @@ _EVENT = (
     Field("velocity_jump", "the same with the velocity remap of Appendix A; `null` without a lock",
         "m/s", "3", lambda event: event.velocity_jump or None),
     Field("force_jump", "jump of the force that remains with the remap; `null` if the arm cannot "
-        "be held", FORCE),
-    replace(VERDICT, meaning="at that instant"),
+        "be held", parts.FORCE),
+    replace(parts.VERDICT, meaning="at that instant"),
 )
 HISTORY = (
     Field("robot", "keys as of an analysis", shape="as of an analysis", get="setting", parts=(
         Field("name", get="robot"),
-        *SETTING_ARM[1:3],
+        *parts.SETTING_ARM[1:3],
         Field("joints", get=lambda x: [joint.name for joint in x.joints]),
         Field("types", get=lambda x: [joint.type for joint in x.joints]),
     )),
     Field("conventions", "keys as of an analysis, with the `units` of this document",
         shape="as of an analysis", get="setting", parts=(
-        *task_fields(
+        *parts.task_fields(
             {
                 "time": "s",
-                "position": POSITION_UNIT,
-                "torque": TORQUE_UNIT,
+                "position": parts.POSITION_UNIT,
+                "torque": parts.TORQUE_UNIT,
                 "force": "N",
                 "moment": "N·m",
                 "path_error": "m",
                 "velocity_jump": "m/s, in the root's axes",
-                "gravity": GRAVITY_UNIT,
+                "gravity": parts.GRAVITY_UNIT,
             }
         ),
-        GRAVITY,
+        parts.GRAVITY,
         Field("payload", get=lambda setting: setting.payload or None),
-        RTOL,
-        WARY,
+        parts.RTOL,
+        parts.WARY,
     )),
     Field("course", "description of the trajectory", get="setting.course"),
     Field("start", "initial posture", get=whole, parts=(
@@ -265,12 +251,13 @@ HISTORY = (
     )),
     Field("duration", "time of the last instant", "s", get=lambda history: history.t[-1]),
     Field("samples", "number of instants", get=lambda history: len(history.t)),
-    Field("force", "requested force", FORCE, VECTOR, "setting.force"),
+    Field("force", "requested force", parts.FORCE, "m", "setting.force"),
     Field("limits", "source of the torque limits in force, or `none`", get="setting.limits"),
-    Field("effort", "largest motor torques, in force or not", TORQUE, BY_JOINT, "setting.effort"),
+    Field("effort", "largest motor torques, in force or not", parts.TORQUE, "by joint",
+        "setting.effort"),
     Field("delay", "time from a fault until the remap acts; `null` if it never does", "s",
         get="setting.delay"),
-    Field("events", "the faults", shape=LIST, get="setting.events", parts=_EVENT),
+    Field("events", "the faults", shape="list", get="setting.events", parts=_EVENT),
     Field("runs", "the simulated runs", get=whole, parts=(
         Field("healthy", "as if nothing failed; peaks are taken until the arm falls",
             get=partial(_case, "healthy"), parts=_RUN),
@@ -279,11 +266,12 @@ HISTORY = (
         Field("remapped", "with the remap; missing if it never acts; keys as `runs.healthy`",
             shape="as `runs.healthy`", get=partial(_case, "remapped"), optional=True, parts=_RUN),
     )),
-    replace(VERDICT, meaning="the worst of the run with the remap, or if there is none without",
+    replace(parts.VERDICT,
+        meaning="the worst of the run with the remap, or if there is none without",
         get=lambda history: worst_verdict(history.answer)),
-    replace(SUMMARY, get=history_sentence),
-    Field("notes", "assumptions", shape=LIST, get="setting.notes"),
-    replace(WARNINGS, get="setting.warnings"),
+    replace(parts.SUMMARY, get=history_sentence),
+    Field("notes", "assumptions", shape="list", get="setting.notes"),
+    replace(parts.WARNINGS, get="setting.warnings"),
 )
 # fmt: on
 

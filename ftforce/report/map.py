@@ -6,30 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.summary.cells import AXES, depth_axis
-from ftforce.report import text
-from ftforce.report.fields import (
-    LIST,
-    NAMES,
-    VECTOR,
-    Document,
-    Field,
-    Row,
-    constants,
-    document,
-    plain,
-    under,
-    whole,
-)
-from ftforce.report.parts import (
-    FORCE,
-    SETTING_ARM,
-    SETTING_COMPONENTS,
-    SETTING_TASK,
-    SIGN,
-    SUMMARY,
-    SWEEP_POSTURES,
-    WARNINGS,
-)
+from ftforce.report import parts, text
+from ftforce.report.fields import Document, Field, Row, constants, document, plain, under, whole
 from ftforce.report.text import percent
 
 if TYPE_CHECKING:
@@ -120,17 +98,17 @@ _CELL = (
 )
 _POSTURES = Field("postures", "number of postures")
 MAP = (
-    Field("robot", "the kinematic chain", get="sweep.setting", parts=SETTING_ARM),
+    Field("robot", "the kinematic chain", get="sweep.setting", parts=parts.SETTING_ARM),
     Field("conventions", "conventions of the document", get="sweep.setting", parts=(
-        *SETTING_TASK[:2],
-        SETTING_COMPONENTS,
-        SIGN,
+        *parts.SETTING_TASK[:2],
+        parts.SETTING_COMPONENTS,
+        parts.SIGN,
         Field("units", "units", get=whole, parts=constants({"place": "m", "force": "N (N·m)"})),
         *constants({"place": "middle of a cell, in the root's axes", "intervals": "95 %"}),
     )),
-    Field("postures", "the postures of the sweep", get="sweep", parts=SWEEP_POSTURES),
+    Field("postures", "the postures of the sweep", get="sweep", parts=parts.SWEEP_POSTURES),
     Field("mode", "`locked` or `free`", get="sweep.setting.mode"),
-    Field("force", "requested force; `null` without", FORCE, VECTOR, "sweep.setting.force"),
+    Field("force", "requested force; `null` without", parts.FORCE, "m", "sweep.setting.force"),
     Field("plane", "`xy`, `xz` or `yz`; `null` for cells of the whole workspace"),
     Field("at", "position of the slice along the third axis; `null` if all are pooled", "m"),
     Field("edge", "edge length of a cell", "m", get="located.edge"),
@@ -139,13 +117,13 @@ MAP = (
         replace(_POSTURES, shape="c", get="cells.postures"),
     )),
     Field("sets", "the selected fault set, or all sets together (`joints` is `null`) and then each "
-        "one", shape=LIST, get=_selected, parts=(
-        Field("joints", "joints that fail together", shape=NAMES),
+        "one", shape="list", get=_selected, parts=(
+        Field("joints", "joints that fail together", shape="names"),
         *under("located.cells", (replace(one, shape="c") for one in _CELL)),
     )),
     Field("stored", "path of the sweep", get="sweep.path"),
-    replace(SUMMARY, get=map_sentence),
-    WARNINGS,
+    replace(parts.SUMMARY, get=map_sentence),
+    parts.WARNINGS,
 )
 # fmt: on
 

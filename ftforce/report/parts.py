@@ -11,15 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import LockModel
 from ftforce.report import text
-from ftforce.report.fields import (
-    BY_JOINT,
-    LIST,
-    NAMES,
-    Field,
-    constants,
-    under,
-    whole,
-)
+from ftforce.report.fields import Field, constants, under, whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -125,19 +117,19 @@ POSTURE = Field("posture", "joint positions", parts=(
 ))
 LIMITS = (
     Field("source", "`urdf`, the file, or `given`"),
-    Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, BY_JOINT),
-    Field("brake", "largest brake torques; `null` if unknown", TORQUE, BY_JOINT),
+    Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, "by joint"),
+    Field("brake", "largest brake torques; `null` if unknown", TORQUE, "by joint"),
 )
 FAULT_SET = Field("fault_set", "numbers of the failed joints, from 1",
     get=lambda one: str(one.faults))
-FAILED = Field("joints", "failed joints", shape=NAMES, get="faults.joints")
+FAILED = Field("joints", "failed joints", shape="names", get="faults.joints")
 LIMITS_SOURCE = Field("limits", "source of the torque limits in force, or `none`",
     get=lambda one: "none" if one.limits is None else one.limits.source)
 LIMITS_IN_FORCE = under("limits", LIMITS)
 LIMITS_MEANING = "torque limits in force; `null` if there are none"
 VERDICT = Field("verdict", "`tolerated`, `borderline` or `not tolerated`")
 SUMMARY = Field("summary", "a sentence")
-WARNINGS = Field("warnings", "sentences", shape=LIST)
+WARNINGS = Field("warnings", "sentences", shape="list")
 # fmt: on
 
 
@@ -147,7 +139,7 @@ def limited(result: Any) -> Any:
 
 
 # fmt: off
-LOCKED = Field("locked", "locked joints", shape=NAMES,
+LOCKED = Field("locked", "locked joints", shape="names",
     get=lambda x: x.faults.in_mode(FaultMode.LOCKED))
 MODES = (
     Field("modes", "`locked`, `free` or `weak`", shape="by failed joint",
@@ -172,7 +164,7 @@ AMOUNT = (
     Field("least", "smallest value, nonzero only with free-swinging joints or if weight alone "
         "exceeds a limit; `null` if no value can be held", "`unit`", get="minimum"),
     Field("end", "what limits it: `limit`, `fault`, `weight` or `unlimited`"),
-    Field("stops", "joints that limit it", shape=NAMES, get="limiting_joints"),
+    Field("stops", "joints that limit it", shape="names", get="limiting_joints"),
 )
 # fmt: on
 
@@ -208,7 +200,7 @@ WEAKEST = Field("direction", "in the axes of the task; differs before and after 
     "between lock models; `null` if no direction is weaker than another", "1", "m",
     lambda amount: amount.direction if math.isfinite(amount.maximum) else None)
 CAPABILITY = (
-    Field("directions", "each task axis in both senses, and the requested direction", shape=LIST,
+    Field("directions", "each task axis in both senses, and the requested direction", shape="list",
         parts=(
         Field("name", "`+fx`, `-fx`, …, `direction`"),
         Field("direction", "in the axes of the task", "1", "m",
@@ -242,7 +234,7 @@ POLYTOPE = Field("polytope", "forces that can be held; `null` for a task of more
         Field("vertices", "corners, in the axes of the task; empty if no force can be held", FORCE,
             "k × m"),
         Field("faces", "row numbers of `vertices`, from 0; in three dimensions in order around the "
-            "face", shape=LIST),
+            "face", shape="list"),
         Field("dimension", "0 for a point, 1 for a segment, 2 for a flat polygon, 3 for a body"),
         Field("is_bounded", "whether known limits bound it in every direction; if not, the corners "
             "are those of a section"),

@@ -7,17 +7,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from ftforce.analysis.paper import ERRATA, Replication
-from ftforce.report.fields import (
-    LIST,
-    Document,
-    Field,
-    Row,
-    columns,
-    constants,
-    document,
-    rows_of,
-    whole,
-)
+from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
 from ftforce.report.parts import ARM
 
 if TYPE_CHECKING:
@@ -44,7 +34,7 @@ ROBOT_FIELDS = (
     Field("postures", "named postures", "rad, m", "by name, n each"),
     Field("tip_candidates", "number of moving joints above it", shape="by link", get="tips"),
     Field("held", "joints outside the chain and where they are held fixed", "rad, m", "by joint"),
-    Field("notes", "sentences", shape=LIST),
+    Field("notes", "sentences", shape="list"),
     Field("units", "units of the document", get=whole, parts=constants(
         {"angle": "rad", "length": "m", "effort": "N·m (N if prismatic)", "mass": "kg"}
     )),
@@ -71,9 +61,9 @@ _CHECK = (
 _ERRATUM = Field("erratum", "the erratum that explains it; `null` or empty if there is none")
 REPLICATION = (
     Field("successful", "whether no number fails", get="is_successful"),
-    Field("checks", "every printed number", shape=LIST,
+    Field("checks", "every printed number", shape="list",
         parts=(*_CHECK, replace(_ERRATUM, get=lambda check: check.erratum or None))),
-    Field("errata", "all known errata", shape=LIST, get=lambda _: ERRATA, parts=(
+    Field("errata", "all known errata", shape="list", get=lambda _: ERRATA, parts=(
         Field("where", "place in the paper", get=itemgetter(0)),
         Field("printed", "what is printed there", get=itemgetter(1)),
         Field("correct", "what is correct", get=itemgetter(2)),

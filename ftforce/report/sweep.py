@@ -6,40 +6,9 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ftforce.report.fields import (
-    LIST,
-    NAME,
-    VECTOR,
-    Document,
-    Field,
-    Row,
-    columns,
-    constants,
-    document,
-    rows_of,
-    whole,
-)
+from ftforce.report import parts
+from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
 from ftforce.report.measures import MARGIN, RHO
-from ftforce.report.parts import (
-    ESTIMATE,
-    FAILED,
-    FAULT_SET,
-    FORCE,
-    GRAVITY,
-    RTOL,
-    SETTING_ARM,
-    SETTING_COLUMNS,
-    SETTING_COMPONENTS,
-    SETTING_TASK,
-    SIGN,
-    SUMMARY,
-    SWEEP_POSTURES,
-    WARNINGS,
-    WARY,
-    estimate,
-    limited,
-    quantiles,
-)
 from ftforce.report.text import joined, percent, share, vector_in_words, with_units
 
 if TYPE_CHECKING:
@@ -128,19 +97,21 @@ def interval(one: Estimate) -> str:
 
 
 # fmt: off
-_JUMP = Field("jump", "‖ΔF‖, `null` above the force itself; `null` without a force", FORCE)
+_JUMP = Field("jump", "‖ΔF‖, `null` above the force itself; `null` without a force", parts.FORCE)
 _CAPABILITY = Field("capability", "largest force that can be commanded; a quantile without a known "
-    "limit is `null`; `null` if the capability is not evaluated", FORCE)
+    "limit is `null`; `null` if the capability is not evaluated", parts.FORCE)
 # fmt: on
 
 
-def _measures(jump: str = FORCE, capability: str = FORCE, rho: str = RHO.key) -> tuple[Field, ...]:
+def _measures(
+    jump: str = parts.FORCE, capability: str = parts.FORCE, rho: str = RHO.key
+) -> tuple[Field, ...]:
     """Return the quantiles of a fault set's measures, with units and the key of ρ."""
     return (
-        quantiles(MARGIN, ("5", "50")),
-        quantiles(replace(RHO, key=rho), ("5", "50"), "rho"),
-        quantiles(replace(_JUMP, unit=jump), ("50", "95", "most")),
-        quantiles(replace(_CAPABILITY, unit=capability), ("5", "50")),
+        parts.quantiles(MARGIN, ("5", "50")),
+        parts.quantiles(replace(RHO, key=rho), ("5", "50"), "rho"),
+        parts.quantiles(replace(_JUMP, unit=jump), ("50", "95", "most")),
+        parts.quantiles(replace(_CAPABILITY, unit=capability), ("5", "50")),
     )
 
 
@@ -152,27 +123,27 @@ _SHARES = (
         "force", "1"),
 )
 _SET = (
-    FAILED,
-    *(estimate(key, _SHARE) for key in ("tolerated", "borderline", "not_tolerated")),
+    parts.FAILED,
+    *(parts.estimate(key, _SHARE) for key in ("tolerated", "borderline", "not_tolerated")),
     *_SHARES,
     *_measures(),
 )
 _JOINT = (
-    Field("joint", "name", shape=NAME),
+    Field("joint", "name", shape="name"),
     Field("sets", "number of sets that contain it"),
-    estimate("not_tolerated", "share of postures × these sets"),
+    parts.estimate("not_tolerated", "share of postures × these sets"),
     Field("borderline", "share of postures × these sets", "1"),
-    estimate("alone", "share of the postures not tolerated when it fails alone"),
-    quantiles(MARGIN, ("5", "50"), parts=ESTIMATE),
-    quantiles(RHO, ("5", "50"), "rho", ESTIMATE),
-    estimate("capability", "median when it fails alone; `null` if the capability is not evaluated",
-        FORCE),
+    parts.estimate("alone", "share of the postures not tolerated when it fails alone"),
+    parts.quantiles(MARGIN, ("5", "50"), parts=parts.ESTIMATE),
+    parts.quantiles(RHO, ("5", "50"), "rho", parts.ESTIMATE),
+    parts.estimate("capability", "median when it fails alone; `null` if the capability is not "
+        "evaluated", parts.FORCE),
 )
 _CONVENTIONS = (
-    *SETTING_TASK[:2],
-    SETTING_COMPONENTS,
-    SETTING_TASK[2],
-    SIGN,
+    *parts.SETTING_TASK[:2],
+    parts.SETTING_COMPONENTS,
+    parts.SETTING_TASK[2],
+    parts.SIGN,
     Field("units", "units of jump, capability and positions", shape="by quantity",
         get=lambda x: {"jump": x.size_unit, "capability": x.capability_unit, "place": "m"}),
     *constants({
@@ -180,10 +151,10 @@ _CONVENTIONS = (
         "for jumps, a hundredth of a decade for capabilities",
         "intervals": "95 %",
     }),
-    GRAVITY,
+    parts.GRAVITY,
     Field("payload", "description; `null` without a payload"),
-    RTOL,
-    WARY,
+    parts.RTOL,
+    parts.WARY,
 )
 _SURVIVAL = (
     Field("edge", "edge length of a cell", "m", get="workspace.edge"),
@@ -195,30 +166,30 @@ _SURVIVAL = (
         get=lambda summary: int(summary.outside)),
 )
 SWEEP = (
-    Field("robot", "the kinematic chain", get="setting", parts=SETTING_ARM),
+    Field("robot", "the kinematic chain", get="setting", parts=parts.SETTING_ARM),
     Field("conventions", "conventions of the document", get="setting", parts=_CONVENTIONS),
     Field("postures", "the analysed postures", get=whole, parts=(
         Field("source", "description", get="setting.postures"),
-        *SWEEP_POSTURES,
+        *parts.SWEEP_POSTURES,
     )),
     Field("faults", "size of the largest sets", get="setting.largest"),
     Field("mode", "`locked` or `free`", get="setting.mode"),
-    Field("force", "requested force; `null` without", FORCE, VECTOR, "setting.force"),
-    Field("direction", "of the capability; `null` without", "1", VECTOR, "setting.direction"),
+    Field("force", "requested force; `null` without", parts.FORCE, "m", "setting.force"),
+    Field("direction", "of the capability; `null` without", "1", "m", "setting.direction"),
     Field("limits", "torque limits of the capability; `null` if it is not evaluated",
-        get=lambda sweep: limited(sweep.setting), parts=(
+        get=lambda sweep: parts.limited(sweep.setting), parts=(
         Field("source", "source of the limits", get="limits"),
         Field("unknown", "joints whose limit is unknown", shape="list of names",
             get="unknown_limits"),
     )),
-    estimate("every_set_tolerated", "share of the postures that tolerate every set",
+    parts.estimate("every_set_tolerated", "share of the postures that tolerate every set",
         get="every_set"),
     Field("workspace", "grid of cells", get="summary", parts=_SURVIVAL),
-    Field("sets", "every fault set, worst first", shape=LIST, get="ranked", parts=_SET),
-    Field("joints", "every joint, most critical first", shape=LIST, parts=_JOINT),
+    Field("sets", "every fault set, worst first", shape="list", get="ranked", parts=_SET),
+    Field("joints", "every joint, most critical first", shape="list", parts=_JOINT),
     Field("stored", "path of the Zarr group; `null` in memory", get="path"),
-    replace(SUMMARY, get=sweep_sentence),
-    WARNINGS,
+    replace(parts.SUMMARY, get=sweep_sentence),
+    parts.WARNINGS,
 )
 # fmt: on
 
@@ -229,16 +200,16 @@ def sweep_document(sweep: Sweep) -> Document:
 
 
 def sweep_columns(
-    jump: str = FORCE, capability: str = FORCE, postures: int = 0
+    jump: str = parts.FORCE, capability: str = parts.FORCE, postures: int = 0
 ) -> tuple[Field, ...]:
     """Return the CSV columns, with the units of jump and capability and the number of postures."""
     return (
-        FAULT_SET,
-        FAILED,
+        parts.FAULT_SET,
+        parts.FAILED,
         Field("postures", "number of postures analysed", get=lambda _: postures),
-        estimate("tolerated", _SHARE),
+        parts.estimate("tolerated", _SHARE),
         Field("borderline", _SHARE, "1", get="borderline.value"),
-        estimate("not_tolerated", _SHARE),
+        parts.estimate("not_tolerated", _SHARE),
         *_SHARES,
         *_measures(jump, capability, "rho"),
     )
@@ -247,6 +218,6 @@ def sweep_columns(
 def sweep_rows(sweep: Sweep) -> list[Row]:
     """Return a sweep as table rows, header first: one per fault set, worst first."""
     setting = sweep.setting
-    names, about = setting.joints, columns(SETTING_COLUMNS, setting)
+    names, about = setting.joints, columns(parts.SETTING_COLUMNS, setting)
     fields = sweep_columns(setting.size_unit, setting.capability_unit, sweep.done)
     return rows_of(columns(fields, one, names) | about for one in sweep.ranked)

@@ -8,36 +8,9 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from ftforce.core.verdict import VERDICTS, Verdict
-from ftforce.report import text
-from ftforce.report.fields import (
-    LIST,
-    VECTOR,
-    Document,
-    Field,
-    Row,
-    columns,
-    document,
-    plain,
-    whole,
-)
+from ftforce.report import parts, text
+from ftforce.report.fields import Document, Field, Row, columns, document, plain, whole
 from ftforce.report.measures import MARGIN
-from ftforce.report.parts import (
-    CONVENTIONS,
-    FAILED,
-    FAULT_SET,
-    FORCE,
-    LIMITS,
-    LIMITS_SOURCE,
-    MODES,
-    ROBOT,
-    RTOL,
-    SUMMARY,
-    TASK_COLUMNS,
-    VERDICT,
-    WARNINGS,
-    WARY,
-    Asked,
-)
 from ftforce.report.text import joined, percent, ratio, size
 
 if TYPE_CHECKING:
@@ -80,14 +53,14 @@ def faults_in_words(robot: Robot, faults: FaultSet) -> str:
 
 
 # fmt: off
-_JUMP = Field("jump", "‖ΔF‖; `null` without a force, or if the arm cannot be held", FORCE)
+_JUMP = Field("jump", "‖ΔF‖; `null` without a force, or if the arm cannot be held", parts.FORCE)
 _CAPABILITY = Field("capability", "largest force that can be commanded; `null` if no known limit "
-    "bounds it, or if the arm cannot be held", FORCE)
+    "bounds it, or if the arm cannot be held", parts.FORCE)
 _OVER_TIME = tuple(replace(one, shape="N × S") for one in (_JUMP, MARGIN, _CAPABILITY))
 TIMELINE = (
-    replace(ROBOT, shape="as of an analysis"),
+    replace(parts.ROBOT, shape="as of an analysis"),
     Field("conventions", "as of an analysis", shape="as of an analysis",
-        get=lambda x: Asked(x.task, x.rtol, x.wary, x.conditions), parts=CONVENTIONS),
+        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
     Field("course", "description of the trajectory"),
     Field("start", "initial posture", get=whole, parts=(
         Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.q[0]),
@@ -95,29 +68,30 @@ TIMELINE = (
     )),
     Field("mode", "`locked` or `free`"),
     Field("faults", "size of the largest sets", get="largest"),
-    Field("force", "requested force; `null` if none was given", FORCE, VECTOR),
-    Field("direction", "of the capability; `null` for the weakest", "1", VECTOR),
+    Field("force", "requested force; `null` if none was given", parts.FORCE, "m"),
+    Field("direction", "of the capability; `null` for the weakest", "1", "m"),
     Field("limits", "torque limits in force for jump and verdict; `null` if there are none",
-        shape="as of an analysis", parts=LIMITS),
+        shape="as of an analysis", parts=parts.LIMITS),
     Field("capability_limits", "torque limits in force for the capability",
-        shape="as of an analysis", parts=LIMITS),
-    Field("sets", "the worst instant of each set, worst set first", shape=LIST,
+        shape="as of an analysis", parts=parts.LIMITS),
+    Field("sets", "the worst instant of each set, worst set first", shape="list",
         get=lambda timeline: timeline.worst(), parts=(
-        *MODES,
+        *parts.MODES,
         Field("time", "time of the worst instant", "s"),
         _JUMP,
         MARGIN,
-        VERDICT,
+        parts.VERDICT,
         Field("not_tolerated", "fraction of the instants at which the set is not tolerated", "1"),
         replace(_CAPABILITY, meaning=f"smallest {_CAPABILITY.meaning} over time"),
         Field("capability_time", "time of the smallest capability", "s"),
     )),
     Field("times", "times of the instants", "s", "N", "t"),
     Field("columns", "the fault set of each column of the following arrays", shape="list of S",
-        get=lambda timeline: [SimpleNamespace(faults=one) for one in timeline.sets], parts=MODES),
+        get=lambda timeline: [SimpleNamespace(faults=one) for one in timeline.sets],
+        parts=parts.MODES),
     *_OVER_TIME,
-    replace(SUMMARY, get=timeline_sentence),
-    WARNINGS,
+    replace(parts.SUMMARY, get=timeline_sentence),
+    parts.WARNINGS,
 )
 # fmt: on
 
@@ -127,22 +101,24 @@ def timeline_document(timeline: Timeline) -> Document:
     return document(TIMELINE, timeline, timeline.robot.names)
 
 
-def timeline_columns(force_unit: str = FORCE, capability_unit: str = FORCE) -> tuple[Field, ...]:
+def timeline_columns(
+    force_unit: str = parts.FORCE, capability_unit: str = parts.FORCE
+) -> tuple[Field, ...]:
     """Return the CSV columns, with the units of the task."""
     capability_limits = "source of the limits of the capability, or `none`"
     return (
         Field("t", "time", "s"),
-        FAULT_SET,
-        FAILED,
+        parts.FAULT_SET,
+        parts.FAILED,
         replace(_JUMP, unit=force_unit),
         MARGIN,
         replace(_CAPABILITY, unit=capability_unit),
-        VERDICT,
-        *TASK_COLUMNS,
-        LIMITS_SOURCE,
+        parts.VERDICT,
+        *parts.TASK_COLUMNS,
+        parts.LIMITS_SOURCE,
         Field("capability_limits", capability_limits, get=lambda x: x.capability_limits.source),
-        RTOL,
-        WARY,
+        parts.RTOL,
+        parts.WARY,
     )
 
 
