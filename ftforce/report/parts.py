@@ -303,5 +303,5 @@ def quantiles(
         Fields of each value.
     """
     each = tuple(Field(key, get=itemgetter(i), parts=parts) for i, key in enumerate(keys))
-    about = f"{', '.join(f'`{key}`' for key in keys)}: {field.meaning}"
+    about = f"quantiles {', '.join(f'`{key}`' for key in keys)} of: {field.meaning}"
     return replace(field, meaning=about, shape="quantiles", get=get, parts=each)
