@@ -12,6 +12,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.errors import listed, printable
 from ftforce.report import analysis as sentences
 from ftforce.report import text
+from ftforce.report.measures import MEASURES
 from ftforce.report.text import number, ratio
 from ftforce.show.tables.joints import (
     by_joint,
@@ -180,12 +181,12 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
 
 def _measures(analysis: Analysis) -> list[tuple[str, str]]:
     reduced, task = analysis.reduced, analysis.task
-    rho = analysis.relative_manipulability
     tolerances = f"rank tolerance {reduced.rtol:g}, wary below {analysis.wary:g}"
+    (margin, value), *others = ((one.label, defined(one.value(analysis))) for one in MEASURES)
     measures = [
-        ("Margin σ_min(K)/σ_max(J)", f"{ratio(analysis.margin)}  ({tolerances})"),
+        (margin, f"{value}  ({tolerances})"),
         ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank})"),
-        ("Relative manipulability ρ", defined(rho)),
+        *others,
         ("Lost directions", text.lost_directions(task, list(analysis.lost_directions))),
         ("Tip force error", _force_error(analysis)),
     ]

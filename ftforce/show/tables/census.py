@@ -12,6 +12,7 @@ from ftforce.core.feasible_forces import LockModel
 from ftforce.errors import listed
 from ftforce.report import text
 from ftforce.report.census import critical_joint
+from ftforce.report.measures import MARGIN, MEASURES, RHO
 from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import (
     arm_fact,
@@ -106,8 +107,8 @@ def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
         yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
     if report.capability is not None:
         yield from zip(map(str, LockModel), _capability_cells(report.capability), strict=True)
-    yield "margin", ratio(report.margin)
-    yield "ρ", defined(report.relative_manipulability)
+    for measure in MEASURES:
+        yield measure.symbol, defined(measure.value(report))
     yield "rank\nlost", str(report.rank_lost)
 
 
@@ -169,9 +170,9 @@ def _joint(census: Census, report: JointReport) -> Iterator[tuple[str, str | Tex
         headings = ("com-\nmanded", "\nheld")
         yield from zip(headings, _capability_cells(alone.capability), strict=True)
         yield "least\nof all", amount(least)
-    yield "margin", ratio(alone.margin)
+    yield MARGIN.symbol, ratio(alone.margin)
     if least is None:
-        yield "ρ", defined(alone.relative_manipulability)
+        yield RHO.symbol, defined(alone.relative_manipulability)
     yield "sets not\ntolerated", f"{report.not_tolerated} of {report.sets}"
     yield "border-\nline", str(report.borderline)
     if least is None:

@@ -10,6 +10,7 @@ from rich.text import Text
 from ftforce.batch.kernels.layout import CELL_BINS
 from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.comparison import comparison_sentence, critical_words, fault_words, ranks
+from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import force_in_words
 from ftforce.report.text import ratio, share, vector_in_words
 from ftforce.show.tables.parts import amount, defined, facts, listing, spaced, warning_lines
@@ -121,8 +122,8 @@ def _distance(asked: SweepSetting, arm: ArmReport, i: int) -> Iterator[tuple[str
     yield "arm", arm.name
     if asked.largest > 1:
         yield "tolerated\n[%]", share(one.tolerated.value)
-    for name, (low, middle) in {"margin": one.margin, "ρ": one.rho}.items():
-        yield f"{name}\n5 %", _quantile(low, LINEAR_BINS)
+    for measure, (low, middle) in {MARGIN.symbol: one.margin, RHO.symbol: one.rho}.items():
+        yield f"{measure}\n5 %", _quantile(low, LINEAR_BINS)
         yield "\n50 %", _quantile(middle, LINEAR_BINS)
     if is_locked:
         yield "mean\nρ", _mean_rho(one)

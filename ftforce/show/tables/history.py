@@ -11,6 +11,7 @@ from rich.text import Text
 from ftforce.core.verdict import VERDICTS
 from ftforce.report import text
 from ftforce.report.history import history_sentence, peak, worst_verdict
+from ftforce.report.measures import MARGIN
 from ftforce.report.text import number, ratio, size
 from ftforce.show.tables.analysis import arm_fact, force_fact, task_facts
 from ftforce.show.tables.parts import (
@@ -125,7 +126,7 @@ def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Tex
     yield "", RUN_NAMES[name]
     yield "off path", _off_path(run)
     yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "nothing holds")
-    yield "margin", ratio(float(run.margin.min()))
+    yield MARGIN.symbol, ratio(float(run.margin.min()))
     yield "unbalanced", _largest(np.abs(run.unbalanced[here]).max(axis=1), "–")
     yield "limit used", _used(run)
     yield "verdict", verdict_text(worst_verdict(run))
@@ -183,7 +184,7 @@ def _instant(
         yield heading, _force_cell(rows, run.force[i])
     yield "jump", "–" if falls else size(jump)
     yield "off path", "–" if falls else length_in_words(float(run.path_error_norm[i]))
-    yield "margin", ratio(float(run.margin[i]))
+    yield MARGIN.symbol, ratio(float(run.margin[i]))
     yield "verdict", verdict_text(VERDICTS[run.verdict[i]])
 
 

@@ -12,6 +12,7 @@ from ftforce.batch.summary.cells import AXES, Cells, pooled
 from ftforce.batch.summary.criticality import Estimate
 from ftforce.batch.summary.intervals import quantile
 from ftforce.report.map import cells_in_words, faults_in_words, map_sentence
+from ftforce.report.measures import MARGIN
 from ftforce.report.sweep import interval
 from ftforce.report.text import NEGLIGIBLE, number, ratio, size
 from ftforce.show.plots.workspace import UNSURE
@@ -136,7 +137,7 @@ def _worst_row(blocks: Located, i: int) -> Iterator[tuple[str, str]]:
 
 _NAMES = {
     "rho": "ρ = w(K)/w(J)",
-    "margin": "Margin σ_min(K)/σ_max(J)",
+    "margin": MARGIN.label,
     "jump": "Jump ‖ΔF‖",
     "capability": "Capability",
 }

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.report import text
+from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, size
 from ftforce.report.timeline import timeline_sentence
 from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
@@ -80,7 +81,7 @@ def _row(timeline: Timeline, worst: WorstInstant, unit: str) -> Iterator[tuple[s
     yield "at", f"{worst.time:g} s"
     jump = "–" if math.isnan(worst.jump) else size(worst.jump)
     yield f"jump [{timeline.task.size_unit}]", jump
-    yield "margin", ratio(worst.margin)
+    yield MARGIN.symbol, ratio(worst.margin)
     yield "verdict", verdict_text(worst.verdict)
     least = "falls" if math.isnan(worst.capability) else amount(worst.capability, 2)
     yield f"least [{unit}]", least
