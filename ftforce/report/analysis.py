@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.analysis.capability import capability_of
-from ftforce.core import measures
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
 from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
-from ftforce.report.measures import MARGIN, MEASURES, RANK_AFTER, RHO, SIGMA_MIN_AFTER
+from ftforce.report.measures import CONDITION, MARGIN, MEASURES, RANK_AFTER, RHO, SIGMA_MIN_AFTER
 from ftforce.report.text import (
     amounts,
     is_noticeable,
@@ -258,8 +257,7 @@ _JACOBIAN = (
     Field("sigma_min", "smallest one", get=lambda analysis: analysis.reduced.healthy.s[-1]),
     replace(SIGMA_MIN_AFTER, get=lambda analysis: analysis.reduced.damaged.s[-1]),
     MARGIN,
-    Field("condition_number_after", "σ_max(K̃)/σ_min(K̃); `null` if a direction is lost", "1",
-        get=lambda analysis: measures.condition_number(analysis.reduced)),
+    CONDITION,
     RHO,
     Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
     Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
@@ -405,16 +403,17 @@ def _convention_rows(analysis: Analysis) -> list[Row]:
         ("rtol", "", reduced.rtol),
         ("wary", "", analysis.wary),
     ]
-    numbers = (replace(RANK_AFTER, key="rank", get="reduced.rank_after"), *MEASURES)
+    numbers = (replace(RANK_AFTER, get="reduced.rank_after"), *MEASURES)
     return [
         *(("convention", name, unit, value, "", "") for name, unit, value in said),
         ("verdict", "verdict", "", "", analysis.verdict.value, ""),
-        *(
-            ("jacobian", one.key, "", plain(one.healthy(analysis)), plain(one.value(analysis)), "")
-            for one in numbers
-            if one.healthy is not None
-        ),
+        *(("jacobian", *_before_and_after(one, analysis), "") for one in numbers),
     ]
+
+
+def _before_and_after(field: Field, analysis: Analysis) -> Row:
+    before = None if field.healthy is None else plain(field.healthy(analysis))
+    return field.key.removesuffix("_after"), "", before, plain(field.value(analysis))
 
 
 def _joint_rows(analysis: Analysis) -> list[Row]:

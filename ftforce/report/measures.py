@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ftforce.core.arrays import over
+from ftforce.core.measures import condition_number
 from ftforce.report.fields import Field
 
 # fmt: off
@@ -12,6 +13,8 @@ SIGMA_MIN_AFTER = Field("sigma_min_after", "smallest singular value of K̃")
 MARGIN = Field("margin", "σ_min(K̃)/σ_max(J̃)", "1", symbol="margin",
     label="Margin σ_min(K)/σ_max(J)",
     healthy=lambda x: over(x.reduced.healthy.s[-1], x.reduced.sigma_max, 0.0))
+CONDITION = Field("condition_number_after", "σ_max(K̃)/σ_min(K̃); `null` if a direction is lost", "1",
+    get=lambda analysis: condition_number(analysis.reduced))
 RHO = Field("relative_manipulability", "ρ = w(K)/w(J); `null` where the healthy arm is singular "
     "for the task", "1", symbol="ρ", label="Relative manipulability ρ", healthy=lambda _: 1.0)
 # fmt: on
