@@ -107,7 +107,8 @@ def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
         yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
     if report.capability is not None:
         yield from zip(map(str, LockModel), _capability_cells(report.capability), strict=True)
-    for measure in MEASURES:
+    # Two columns of capabilities leave no room for more than these in 80 columns.
+    for measure in MEASURES if report.capability is None else (MARGIN, RHO):
         yield measure.symbol, defined(measure.value(report))
     yield "rank\nlost", str(report.rank_lost)
 
