@@ -9,6 +9,7 @@ import pytest
 
 import ftforce
 from ftforce.errors import InputError
+from ftforce.report.analysis import QUANTITIES
 from ftforce.report.files import to_rows, to_text
 from ftforce.show.render import to_text as to_table
 from results import (
@@ -69,6 +70,8 @@ def test_csv_of_an_analysis_is_its_json(result):
     states = {name: row["after"].split()[0] for name, row in table["state"].items()}
     assert {name: x for name, x in states.items() if x != "healthy"} == document["modes"]
     assert {row["before"] for row in table["state"].values()} == {"healthy"}
+    described = {field.key for field in QUANTITIES}
+    assert {name.partition(" unit ")[0] for name in table} <= described | {"force for"}
     units = {joint.name: joint.torque_unit for joint in result.robot.joints}
     assert {name: row["unit"] for name, row in table["total"].items()} == units
 

@@ -53,7 +53,7 @@ _WORDS = {str: "TEXT", int: "NUMBER", float: "NUMBER", File: "FILE"}
 _UNIT = "N or N·m"
 # Fields of the JSON document and columns of the CSV table of every result.
 _DECLARED: dict[str, tuple[tuple[Field, ...], tuple[Field, ...]]] = {
-    "analysis": (analysis.ANALYSIS, ()),
+    "analysis": (analysis.ANALYSIS, analysis.QUANTITIES),
     "capability": (capability.CAPABILITY_FIELDS, capability.CAPABILITY_COLUMNS),
     "census": (census.CENSUS, (*census.SET_COLUMNS, *census.QUESTION_COLUMNS)),
     "comparison": (comparison.COMPARISON, comparison.comparison_columns(_UNIT)),
@@ -136,11 +136,11 @@ class CsvColumns(SphinxDirective):
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        rows = []
+        heading, rows = "quantity" if self.arguments[0] == "analysis" else "column", []
         for field in _DECLARED[self.arguments[0]][1]:
             names = columns((field,), None, (), {"…": _UNIT})
             rows.append((", ".join(f"`{name}`" for name in names), field.meaning))
-        return self.parse_text_to_nodes(_table(("column", "meaning"), rows))
+        return self.parse_text_to_nodes(_table((heading, "meaning"), rows))
 
 
 def _in_all(kinds: Iterable[str]) -> list[tuple[str, ...]]:

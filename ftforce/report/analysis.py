@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -382,6 +383,48 @@ def analysis_document(analysis: Analysis) -> Document:
     return document(ANALYSIS, analysis, analysis.robot.names)
 
 
+def _row_name(field: Field) -> str:
+    return field.key.removesuffix("_after")
+
+
+# fmt: off
+_CONVENTIONS = (
+    Field("robot", get="robot.name"),
+    Field("tip", get="robot.tip"),
+    *parts.TASK_COLUMNS,
+    parts.LIMITS_SOURCE,
+    *under("conditions.gravity", (Field(f"gravity_{axis}", unit="m/s²", get=itemgetter(i))
+        for i, axis in enumerate("xyz"))),
+    Field("payload", unit="kg", get=lambda x: x.conditions.payload.mass if x.conditions.payload
+        else 0.0),
+    replace(parts.RTOL, unit="", get="reduced.rtol"),
+    replace(parts.WARY, unit=""),
+)
+_NUMBERS = (replace(RANK_AFTER, get="reduced.rank_after"), *MEASURES)
+QUANTITIES = (
+    Field("convention", f"{', '.join(one.key for one in _CONVENTIONS)}; in `before`"),
+    Field("verdict", "in `after`"),
+    Field("jacobian", ", ".join(map(_row_name, _NUMBERS))),
+    Field("position", "per joint"),
+    Field("state", "per joint: `healthy`, `locked`, `free`, or `weak` with the factor"),
+    Field("gravity", "per joint: torques for weight"),
+    Field("motion", "per joint: torques for motion"),
+    Field("torque", "per joint: force part, if a force or torques were given"),
+    Field("total", "per joint: force part, weight and motion; empty after the fault at locked "
+        "joints"),
+    Field("brake_load", "per locked joint: load of the brake, including weight and motion, in "
+        "`after`"),
+    Field("velocity", "per joint, if velocities were given"),
+    Field("velocity at impact", "the same immediately after the lock"),
+    Field("force", "per component, if a force or torques were given"),
+    Field("force for unit …", "per component, for each unit force, if none were given"),
+    Field("tip velocity", "per component, if velocities were given"),
+    Field("tip velocity at impact", "the same immediately after the lock"),
+)
+"""The rows of an analysis as a table."""
+# fmt: on
+
+
 def analysis_rows(analysis: Analysis) -> list[Row]:
     """Return an analysis as table rows, one per quantity and joint or component."""
     header = ("quantity", "name", "unit", "before", "after", "change")
@@ -389,31 +432,17 @@ def analysis_rows(analysis: Analysis) -> list[Row]:
 
 
 def _convention_rows(analysis: Analysis) -> list[Row]:
-    task, reduced, conditions = analysis.task, analysis.reduced, analysis.conditions
-    gravity = zip("xyz", conditions.gravity.tolist(), strict=True)
-    said = [
-        ("robot", "", analysis.robot.name),
-        ("tip", "", analysis.robot.tip),
-        ("axes", "", task.axes),
-        ("task", "", str(task)),
-        ("length", "m", task.length if task.moment_rows else ""),
-        ("limits", "", parts.LIMITS_SOURCE.value(analysis)),
-        *((f"gravity_{axis}", "m/s²", x) for axis, x in gravity),
-        ("payload", "kg", 0.0 if conditions.payload is None else conditions.payload.mass),
-        ("rtol", "", reduced.rtol),
-        ("wary", "", analysis.wary),
-    ]
-    numbers = (replace(RANK_AFTER, get="reduced.rank_after"), *MEASURES)
+    said = [(one.key, one.unit, plain(one.value(analysis))) for one in _CONVENTIONS]
     return [
-        *(("convention", name, unit, value, "", "") for name, unit, value in said),
+        *(("convention", *one, "", "") for one in said),
         ("verdict", "verdict", "", "", analysis.verdict.value, ""),
-        *(("jacobian", *_before_and_after(one, analysis), "") for one in numbers),
+        *(("jacobian", *_before_and_after(one, analysis), "") for one in _NUMBERS),
     ]
 
 
 def _before_and_after(field: Field, analysis: Analysis) -> Row:
     before = None if field.healthy is None else plain(field.healthy(analysis))
-    return field.key.removesuffix("_after"), "", before, plain(field.value(analysis))
+    return _row_name(field), "", before, plain(field.value(analysis))
 
 
 def _joint_rows(analysis: Analysis) -> list[Row]:
