@@ -186,6 +186,22 @@ def test_without_masses_and_gravity_nothing_is_unknown(tmp_path):
     assert document["warnings"] == []
 
 
+def test_the_condition_number_is_that_of_the_reduced_jacobian(result):
+    document = json_of(result)
+    lengths = [name[0] == "m" for name in document["conventions"]["components"]]
+    weights = np.where(lengths, document["conventions"]["length"] or 1.0, 1.0)
+    J = weights[:, None] * document["jacobian"]["matrix"]
+    locked, free = state_masks(document)
+    away = np.eye(len(J)) - J[:, free] @ np.linalg.pinv(J[:, free])
+    K = away @ J[:, ~locked & ~free]
+    found = document["jacobian"]["condition_number_after"]
+    if document["jacobian"]["rank_after"] < len(J):
+        assert found is None
+        assert np.linalg.matrix_rank(K, rtol=1e-6) < len(J)
+    else:
+        np.testing.assert_allclose(found, np.linalg.cond(K), rtol=1e-9)
+
+
 # ---- faults, limits, standing ----------------------------------------------------------------
 
 

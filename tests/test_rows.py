@@ -61,6 +61,8 @@ def test_csv_of_an_analysis_is_its_json(result):
         np.testing.assert_array_equal(got, force[when])
     loads = {name: float(row["after"]) for name, row in table.get("brake_load", {}).items()}
     assert loads == torque["brake_load"]
+    condition = document["jacobian"]["condition_number_after"]
+    assert table["jacobian"]["condition_number"]["after"] == str(condition or "")
     convention = {name: row["before"] for name, row in table["convention"].items()}
     assert convention["limits"] == ("none" if result.limits is None else "urdf")
     gravity = [float(convention[f"gravity_{axis}"]) for axis in "xyz"]
@@ -161,6 +163,7 @@ def test_csv_of_a_census_is_its_json(mode):
             "commanded": entry["capability"]["commanded"],
             "held": entry["capability"]["held"],
             "margin": entry["jacobian"]["margin"],
+            "condition_number_after": entry["jacobian"]["condition_number_after"],
         }
         assert {key: row[key] for key in numbers} == {
             key: "" if value is None else str(value) for key, value in numbers.items()

@@ -76,7 +76,15 @@ def test_everything_fits_a_terminal_of_80_columns(name):
 def test_the_table_holds_the_answer(papers_case):
     shown = to_text(papers_case)
     frame, tolerances = "axes of the tool frame", "rank tolerance 1e-06, wary below 0.01"
-    for expected in (frame, tolerances, "posture 'paper'", "2 of 3", "joint2 -6.59 N·m", "1.02"):
+    for expected in (
+        frame,
+        tolerances,
+        "Condition number cond(K)   ∞",
+        "posture 'paper'",
+        "2 of 3",
+        "joint2 -6.59 N·m",
+        "1.02",
+    ):
         assert expected in shown
     cells = ["2", "joint2", "locked", "1.222", "-12.33", "0.00", "0.00", "brake", "unknown", "?"]
     assert row(papers_case, "2 joint2") == cells
