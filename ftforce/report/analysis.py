@@ -13,7 +13,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
 from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
-from ftforce.report.measures import CONDITION, MARGIN, MEASURES, RANK_AFTER, RHO, SIGMA_MIN_AFTER
+from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
 from ftforce.report.text import (
     amounts,
     is_noticeable,
@@ -257,9 +257,7 @@ _JACOBIAN = (
     Field("sigma_max", "largest singular value of J̃", get="reduced.sigma_max"),
     Field("sigma_min", "smallest one", get=lambda analysis: analysis.reduced.healthy.s[-1]),
     replace(SIGMA_MIN_AFTER, get=lambda analysis: analysis.reduced.damaged.s[-1]),
-    MARGIN,
-    CONDITION,
-    RHO,
+    *MEASURES,
     Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
     Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
         "if none is left", "N per N·m", get="force_error"),
