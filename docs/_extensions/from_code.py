@@ -1,13 +1,19 @@
 """What the reference takes from the code itself, so that the two cannot drift apart.
 
-``{command-options} analyze``
-    The arguments and options of a command as a table.
+``{command-options} analyze --force --rate``
+    The arguments and options of a command, or only some of them, as a table.
 ``{commands}``
     The commands with their first sentences.
 ``{json-keys} census``
     The keys of a JSON document as a table; of several results, the keys that all of them have.
 ``{csv-columns} census``
     The columns of a CSV table.
+``{summaries} ftforce.show.plots``
+    The public names of a module, or only some of them, with the first sentences of their docs.
+``{constant}`ftforce.core.reduced_jacobian.RTOL```
+    The value of a constant, a power of ten.
+``{errata}``
+    The errata of the paper.
 Modules
     Every module of the package must stand in ``architecture.md``; else the build warns.
 """
@@ -18,14 +24,17 @@ import inspect
 import pkgutil
 import re
 from enum import Enum
+from importlib import import_module
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any, get_args
 
 import typer
+from docutils import nodes
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 import ftforce
+from ftforce.analysis.paper import ERRATA
 from ftforce.cli import app as program
 from ftforce.report import (
     analysis,
@@ -44,7 +53,6 @@ from ftforce.report.parts import SETTING_COLUMNS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from docutils import nodes
     from sphinx.application import Sphinx
 
 logger = logging.getLogger(__name__)
@@ -83,15 +91,20 @@ class CommandOptions(SphinxDirective):
     """A table of one command's arguments and options."""
 
     required_arguments = 1
+    optional_arguments = 1
+    final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
+        command, *wanted = " ".join(self.arguments).split()
         rows = []
-        for parameter in inspect.signature(COMMANDS[self.arguments[0]]).parameters.values():
+        for parameter in inspect.signature(COMMANDS[command]).parameters.values():
             if parameter.annotation is typer.Context:
                 continue
             kind, info = get_args(parameter.annotation)
             help_text = re.sub(r"(?<!`)(--[a-z-]+)", r"`\1`", info.help)
-            rows.append((_names(parameter.name, kind, info), _default(parameter, info), help_text))
+            names = _names(parameter.name, kind, info)
+            if not wanted or any(f"`{one}`" in names or f"`{one} " in names for one in wanted):
+                rows.append((names, _default(parameter, info), help_text))
         return self.parse_text_to_nodes(_table(("option", "default", "meaning"), rows))
 
 
@@ -128,6 +141,29 @@ class JsonKeys(SphinxDirective):
         if len(kinds) == 1 and kinds[0] in _SHARED:
             rows = [row for row in rows if row not in shared]
         return self.parse_text_to_nodes(_table(("key", "shape", "unit", "meaning"), rows))
+
+
+class Summaries(SphinxDirective):
+    """A table of public names and what they are for."""
+
+    required_arguments = 1
+    optional_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        path, *names = " ".join(self.arguments).split()
+        module, rows = import_module(path), []
+        for name in names or module.__all__:
+            first = inspect.getdoc(getattr(module, name)).split("\n\n")[0].replace("\n", " ")
+            rows.append((f"{{py:obj}}`~{path}.{name}`", first))
+        return self.parse_text_to_nodes(_table(("name", "summary"), rows))
+
+
+class Errata(SphinxDirective):
+    """A table of the errata of the paper."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes(_table(("where", "printed", "correct"), ERRATA))
 
 
 class CsvColumns(SphinxDirective):
@@ -171,10 +207,21 @@ def check_modules(app: Sphinx) -> None:
             logger.warning(message, module.name, location="architecture")
 
 
+def constant(_name: str, _raw: str, path: str, *_: Any) -> tuple[list[nodes.Node], list[str]]:
+    """Return the power of ten that a constant is."""
+    module, name = path.rsplit(".", 1)
+    exponent = f"{getattr(import_module(module), name):.0e}".removeprefix("1e")
+    shown = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return [nodes.Text(f"10{shown}")], []
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("command-options", CommandOptions)
     app.add_directive("json-keys", JsonKeys)
     app.add_directive("csv-columns", CsvColumns)
+    app.add_directive("summaries", Summaries)
+    app.add_directive("errata", Errata)
+    app.add_role("constant", constant)
     app.connect("builder-inited", check_modules)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
