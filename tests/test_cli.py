@@ -143,7 +143,7 @@ def test_capability_says_what_is_left():
     for expected in ("+fz", "162.3", "asked for", "fault of panda_joint2", "11.26 panda_joint6"):
         assert expected in output
     assert all(len(line) <= 80 for line in output.splitlines())
-    assert "With panda_joint2 and panda_joint4 locked, the motors can command no" in output
+    assert "With panda_joint2 and panda_joint4 locked, no motor torque can" in output
 
 
 def test_census_table_and_top():

@@ -296,7 +296,7 @@ def test_an_arm_that_falls():
         values(torque["before"]) + values(torque["gravity"]["before"]),
     )
     assert document["residuals"] == {}
-    assert "the arm cannot stand still" in document["summary"]
+    assert "the arm cannot be held in static equilibrium" in document["summary"]
 
 
 def test_a_motor_that_cannot_carry_the_arm():
@@ -310,7 +310,7 @@ def test_a_motor_that_cannot_carry_the_arm():
     np.testing.assert_allclose(J[:, 2] @ standing["support"] + weight, 4.0)
     assert document["limits"]["binding"] == ["joint3"]
     assert document["limits"]["share"] is None
-    amounts = ("the arm stands still only while the tip presses", "4.76 N·m of joint3")
+    amounts = ("the arm can be held only while the tip presses", "4.76 N·m at joint3")
     assert all(text in document["summary"] for text in amounts)
 
 

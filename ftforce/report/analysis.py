@@ -69,13 +69,13 @@ def _unless(analysis: Analysis) -> str:
     if analysis.verdict is not Verdict.BORDERLINE:
         return ""
     return (
-        f" at the tolerance {analysis.reduced.rtol:g}; a tolerance up to {analysis.wary:g} gives "
-        "another answer"
+        f" at the tolerance {analysis.reduced.rtol:g}; a tolerance up to {analysis.wary:g} changes "
+        "the answer"
     )
 
 
 def _about_falling(analysis: Analysis) -> str:
-    """Explain why the arm cannot stand still."""
+    """Explain why the arm cannot be held in static equilibrium."""
     bounded, robot = analysis.bounded, analysis.robot
     assert bounded is not None
     components = ", ".join(analysis.task.components)
@@ -85,12 +85,12 @@ def _about_falling(analysis: Analysis) -> str:
             for j, x in unbalanced(analysis).items()
         ]
         return (
-            f"the arm cannot stand still: weight and motion turn {joined(torques)}, and no force "
-            f"at the tip ({components}) balances that"
+            "the arm cannot be held in static equilibrium: weight and motion load "
+            f"{joined(torques)}, and no force at the tip ({components}) balances that"
         )
     return (
-        f"the arm cannot even carry itself: {overload_in_words(analysis)}, and no force "
-        f"at the tip ({components}) relieves the arm enough"
+        f"the arm cannot support itself: {overload_in_words(analysis)}, and no force "
+        f"at the tip ({components}) relieves it enough"
     )
 
 
@@ -98,14 +98,14 @@ def overload_in_words(analysis: Analysis) -> str:
     """Describe the joints that weight and motion overload; empty if there are none."""
     robot, free = analysis.robot, analysis.reduced.free
     loads = [
-        f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
+        f"{torque_of(robot, j, x)} at {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
     load = "weight and motion"
     if free is not None:  # the tip force that balances these loads the other joints
         names = joined(robot.names[j] for j in free.joints)
         load = f"weight, motion and the force that balances {names}"
-    return f"{load} take {joined(loads)}" if loads else ""
+    return f"{load} require {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
@@ -137,17 +137,17 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
     if analysis.verdict is Verdict.TOLERATED:
         within = " within the limits" if analysis.limits is not None else ""
         keepers = "motors" if analysis.faults.in_mode(FaultMode.WEAK) else "healthy joints"
-        return f"the {keepers} keep the whole {before} at the tip{within}"
+        return f"the {keepers} maintain the full {before} at the tip{within}"
     if analysis.verdict is Verdict.BORDERLINE:
         lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
         return (
             f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
-            f"{analysis.wary:g} gives another answer (margin {ratio(analysis.margin)})"
+            f"{analysis.wary:g} changes the answer (margin {ratio(analysis.margin)})"
         )
     if analysis.bounded is None:
         return (
-            f"{jump} of {before} can no longer be commanded by any motor; along the lost "
-            f"directions the arm cannot move, and its brakes and links carry what load there is"
+            f"{jump} of {before} can no longer be commanded; along the lost "
+            f"directions the arm cannot move, and its brakes and links carry the load"
         )
     assert force.after is not None
     # Magnitude and direction may change: not "jump of before", which implies a kept rest.
@@ -165,11 +165,11 @@ def _reasons(analysis: Analysis) -> list[str]:
     reasons = []
     if analysis.reduced.free is not None:
         joints = [names[j] for j in analysis.reduced.free.joints]
-        verb = "swings and gives" if len(joints) == 1 else "swing and give"
-        reasons.append(f"{joined(joints)} {verb} no torque")
+        verb = "is" if len(joints) == 1 else "are"
+        reasons.append(f"{joined(joints)} {verb} free-swinging")
     if len(analysis.lost_directions):
         lost = lost_directions(analysis.task, list(analysis.lost_directions))
-        reasons.append(f"no motor can command {lost}")
+        reasons.append(f"no motor torque can produce {lost}")
     if bounded.binding:
         joints = [names[j] for j in bounded.binding]
         reasons.append(
@@ -183,36 +183,37 @@ def _reasons(analysis: Analysis) -> list[str]:
 def share_in_words(share: float | None) -> str:
     """Describe the fraction of a force that can be commanded in its direction."""
     if share is None:
-        return "with no share of the force alone does the arm stand still"
-    part = percent(share) if share > 0.0 else "nothing"
-    return f"in its own direction {part} of the force can be commanded"
+        return "no fraction of the force alone holds the arm"
+    part = percent(share) if share > 0.0 else "none"
+    return f"{part} of the force can be commanded in its own direction"
 
 
 def _about_all_forces(analysis: Analysis) -> str:
     lost = lost_directions(analysis.task, list(analysis.lost_directions))
     support = _support_in_words(analysis)
     if analysis.verdict is Verdict.TOLERATED:
-        apart = ", as far as the limits allow" if analysis.limits is not None else ""
+        apart = ", within the limits" if analysis.limits is not None else ""
         return f"every force that the healthy arm can exert here is kept{apart}"
     if analysis.verdict is Verdict.BORDERLINE:
         return (
-            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether "
-            f"it counts depends on the tolerance, {analysis.reduced.rtol:g} to {analysis.wary:g}"
+            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether it "
+            f"counts as lost depends on the tolerance, {analysis.reduced.rtol:g} to "
+            f"{analysis.wary:g}"
         )
     if not len(analysis.lost_directions):
         return support.removeprefix("; ")
-    return f"no motor can command {lost} any more; forces square to that are kept{support}"
+    return f"no motor torque can produce {lost}; forces orthogonal to that are kept{support}"
 
 
 def _support_in_words(analysis: Analysis) -> str:
-    """Describe the tip force that the arm needs to stand still, if any."""
+    """Describe the tip force without which the arm cannot be held, if any."""
     task, support = analysis.task, _support(analysis)
     if support is None or not is_noticeable(support):
         return ""
     listed = with_units(task.components, support.tolist(), task.units)
     overload = overload_in_words(analysis)
     return (
-        f"; {f'{overload}; ' if overload else ''}the arm stands still only while the tip presses "
+        f"; {f'{overload}; ' if overload else ''}the arm can be held only while the tip presses "
         f"on its environment with {listed}"
     )
 

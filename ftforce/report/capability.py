@@ -37,7 +37,7 @@ def _about_force(capability: Capability) -> str:
     if math.isfinite(after.maximum) and after.maximum > 0.0:
         return f"the motors can command {amount_in_words(after, unit)} {everywhere}{earlier}"
     if math.isinf(after.maximum):
-        return f"no known limit ends the force that the motors can command{earlier}"
+        return f"no known limit bounds the force that the motors can command{earlier}"
     if (
         math.isfinite(before.maximum) and after.maximum != before.maximum
     ):  # the ranges belong to different directions
@@ -45,10 +45,10 @@ def _about_force(capability: Capability) -> str:
     if math.isnan(after.maximum):
         why = f"{end_in_words(analysis, after)} and " if after.end is LimitingFactor.WEIGHT else ""
         if analysis.can_stand_still:
-            return f"{why}the arm stands still only with a force at the tip{earlier}"
-        return f"{why}the arm cannot stand still{earlier}"
+            return f"{why}the arm can be held only with a force at the tip{earlier}"
+        return f"{why}the arm cannot be held in static equilibrium{earlier}"
     lost = direction(analysis.task, analysis.task.weigh_force(after.direction))
-    return f"the motors can command no {lost}{earlier}"
+    return f"no motor torque can produce {lost}{earlier}"
 
 
 def _about_payload(capability: Capability) -> str:
@@ -56,11 +56,11 @@ def _about_payload(capability: Capability) -> str:
     more = " more" if capability.analysis.conditions.payload is not None else ""
     earlier = _earlier(capability, before, after, "kg")
     if math.isnan(after.maximum):
-        return f"no payload lets it stand still{earlier}"
+        return f"the arm cannot be held with any payload{earlier}"
     if math.isinf(after.maximum):
-        return f"no known limit ends the payload{earlier}"
+        return f"no known limit bounds the payload{earlier}"
     if after.maximum == 0.0:
-        return f"the tip carries no payload{earlier}"
+        return f"the tip can carry no payload{earlier}"
     return f"the tip carries {amount_in_words(after, 'kg')}{more}{earlier}"
 
 

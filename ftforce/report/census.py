@@ -50,15 +50,15 @@ def _left(census: Census, report: SetReport) -> str:
     if census.direction is not None:
         where = f"along {vector_in_words(census.direction)}"
     if not report.can_stand_still:
-        return "the arm cannot stand still"
+        return "the arm cannot be held in static equilibrium"
     if math.isnan(found.commanded) and census.direction is None:
-        return "the arm stands still only with a force at the tip"
+        return "the arm can be held only with a force at the tip"
     if math.isnan(found.commanded):
-        return f"the arm does not stand still with any force {where}"
+        return f"the arm cannot be held with any force {where}"
     if math.isinf(found.commanded):
-        return f"no known limit ends the force {where} that the motors can command"
+        return f"no known limit bounds the force {where} that the motors can command"
     if found.commanded == 0.0:
-        return f"the motors can command no force {where}"
+        return f"no motor torque can produce force {where}"
     unit = unit_of_size(census.task, census.direction)
     return f"the motors can command {size(found.commanded)} {unit} {where}"
 

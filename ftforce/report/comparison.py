@@ -44,7 +44,7 @@ def ranks(arm: ArmReport) -> str:
 
 def fault_words(setting: SweepSetting) -> str:
     """Describe the faults of a sweep: ``one joint locked``."""
-    state = "swinging freely" if setting.mode == "free" else setting.mode
+    state = "free-swinging" if setting.mode == "free" else setting.mode
     if setting.largest == 1:
         return f"one joint {state}"
     return f"up to {setting.largest} joints {state}"
@@ -108,7 +108,7 @@ def _strongest(comparison: Comparison) -> list[str]:
     known = "" if len(finite) == len(found) else " of those whose limits are known"
     where = f"along {vector_in_words(arm.setting.direction or ())}{known}"
     amount = f"{size(most, 0)} {unit}, the median after a single fault"
-    return [f"{arm.name} can still command most {where}: {amount}."]
+    return [f"{arm.name} retains the largest force {where}: {amount}."]
 
 
 _LOW, _HIGH = ("q05", "q50"), ("q50", "q95")

@@ -53,17 +53,20 @@ def _about_force(history: History, run: Run, verdict: Verdict) -> str:
     if not history.setting.events:
         how = "the arm"
     if verdict is Verdict.TOLERATED and not any(history.setting.force):
-        return f"the arm carries its own weight and moves freely to the end, at {history.t[-1]:g} s"
+        return (
+            f"the arm carries its own weight and moves freely until the end, at {history.t[-1]:g} s"
+        )
     if verdict is Verdict.TOLERATED:
-        return f"{how} keeps {whole} at the tip to the end, at {history.t[-1]:g} s"
+        return f"{how} keeps {whole} at the tip until the end, at {history.t[-1]:g} s"
     since = _since(history, run)
     if np.isnan(run.force).any():
         fallen = int(np.argmax(np.isnan(run.force).any(axis=1)))
-        words = f"nothing holds the arm {'at' if fallen else 'from'} {history.t[fallen]:g} s"
+        since = f"{'at' if fallen else 'from'} {history.t[fallen]:g} s"
+        words = f"the arm cannot be held in static equilibrium {since}"
         if verdict is Verdict.BORDERLINE:
             words += (
-                f" at the tolerance {history.setting.rtol:g}; what is missing is small, and a "
-                f"tolerance up to {history.setting.wary:g} gives another answer"
+                f" at the tolerance {history.setting.rtol:g}; the missing part is small, "
+                f"and a tolerance up to {history.setting.wary:g} changes the answer"
             )
         return words
     if verdict is Verdict.BORDERLINE:
@@ -115,7 +118,7 @@ def _about_healthy(history: History) -> Iterator[str]:
 
 def _about_path(history: History, run: Run) -> str:
     if run.falls_from is not None:
-        return "Where that takes the arm is not simulated."
+        return "The motion that follows is not simulated."
     error = run.path_error_norm
     worst = int(error.argmax())
     turn = float(run.orientation_error_norm.max())

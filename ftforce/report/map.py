@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ftforce.batch.summary.cells import Flat, Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
-_FAIL = {"locked": "locked", "free": "swinging free"}
-_FAILS = {"locked": ("locks", "lock"), "free": ("swings free", "swing free")}
+_FAIL = {"locked": "locked", "free": "free-swinging"}
+_FAILS = {"locked": ("locks", "lock"), "free": ("becomes free-swinging", "become free-swinging")}
 
 
 def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _HOW = {
     "locked": ("joint locks", "joints lock"),
-    "free": ("joint swings free", "joints swing free"),
+    "free": ("joint becomes free-swinging", "joints become free-swinging"),
 }
 _HARDLY = 1e-3  # up to this fraction not tolerated, borderline cases say more
 
@@ -25,7 +25,7 @@ _HARDLY = 1e-3  # up to this fraction not tolerated, borderline cases say more
 def sweep_sentence(sweep: Sweep) -> str:
     """Describe how many postures keep the force, and which joint is critical."""
     if not sweep.done:
-        return "No posture is done yet."
+        return "No posture has been analysed yet."
     one, more = _HOW[sweep.setting.mode]
     largest = sweep.setting.largest
     fault = one if largest == 1 else f"{largest} {more}"
@@ -43,9 +43,9 @@ def _critical(sweep: Sweep) -> str:
     doubtful = max(sweep.joints, key=_borderline)
     seldom = first.not_tolerated.value
     if seldom <= _HARDLY and doubtful.borderline > 10.0 * seldom:
-        never = "Nothing is not tolerated" if seldom <= 0.0 else "Hardly anything is lost"
+        never = "Nothing is lost" if seldom <= 0.0 else "Almost nothing is lost"
         return (
-            f"{never}; closest to it is {names[doubtful.joint]}: "
+            f"{never}; the most critical joint is {names[doubtful.joint]}: "
             f"{percent(doubtful.borderline)} of {_cases(doubtful)} are borderline."
         )
     alike = [joint for joint in sweep.joints if _overlap(joint.not_tolerated, first.not_tolerated)]

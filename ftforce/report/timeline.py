@@ -41,7 +41,7 @@ def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
     if timeline.force is None:
         return "a direction of force is lost"
     if math.isnan(worst.jump):
-        return "nothing holds the arm"
+        return "the arm cannot be held in static equilibrium"
     unit = timeline.task.size_unit
     return f"the force jumps by {size(worst.jump)} {unit}"
 

@@ -134,12 +134,12 @@ def limits_in_words(
 ) -> str:
     """Return which limits apply, and which are unknown, in words."""
     if limits is None:
-        return "not counted (--limits urdf counts them)"
+        return "not enforced (--limits urdf enforces them)"
     motors = [robot.names[i] for i in unknown if i not in locked]
     brakes = [robot.names[i] for i in unknown if i in locked]
     missing = [f"motors of {listed(motors)}"] if motors else []
     missing += [f"brakes of {listed(brakes)}"] if brakes else []
-    unknown_ones = f"; unknown, count as none: {'; '.join(missing)}" if missing else ""
+    unknown_ones = f"; unknown and ignored: {'; '.join(missing)}" if missing else ""
     return printable(limits.source) + unknown_ones
 
 
@@ -181,7 +181,7 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
 
 def _measures(analysis: Analysis) -> list[tuple[str, str]]:
     reduced, task = analysis.reduced, analysis.task
-    tolerances = f"rank tolerance {reduced.rtol:g}, wary below {analysis.wary:g}"
+    tolerances = f"rank tolerance {reduced.rtol:g}, borderline below {analysis.wary:g}"
     (margin, value), *others = ((one.label, defined(one.value(analysis))) for one in MEASURES)
     measures = [
         (margin, f"{value}  ({tolerances})"),
@@ -201,7 +201,7 @@ def _limit_measures(analysis: Analysis, bounded: BoundedRemap) -> list[tuple[str
     if analysis.limits is not None:
         measures.append(("At its limit", ", ".join(names[j] for j in bounded.binding) or "none"))
     if analysis.force is not None and bounded.nearest.F.any():
-        share = sentences.share_in_words(bounded.share).removeprefix("in its own direction ")
+        share = sentences.share_in_words(bounded.share).removesuffix(" in its own direction")
         measures.append(("Share in its direction", share))
     return measures
 

@@ -57,9 +57,9 @@ def _directions(capability: Capability) -> TitledTable:
     amounts = [amount for report in capability.directions for amount in _amounts(report)]
     notes = []
     if any(math.isnan(amount.maximum) for amount in amounts):
-        notes.append("– the arm does not stand still with any force in this direction")
+        notes.append("– the arm cannot be held with any force in this direction")
     if any(amount.minimum > text.NEGLIGIBLE for amount in amounts):
-        notes.append("only a, a to b: with less than a the arm does not stand still either")
+        notes.append("only a, a to b: with less than a the arm cannot be held either")
     result.caption = "\n".join(notes)
     return result
 
@@ -110,7 +110,7 @@ def _payload(capability: Capability) -> TitledTable:
         end = capability_words.end_in_words(capability.analysis, amount, after=late)
         result.add_row(when, _cell(amount, 2), end)
     if any(math.isnan(amount.maximum) for amount in capability.payload):
-        result.caption = "– no payload lets the arm stand still"
+        result.caption = "– the arm cannot be held with any payload"
     return result
 
 

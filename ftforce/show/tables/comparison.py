@@ -61,14 +61,14 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     return [
         *found,
         ("Postures", f"{each} of each arm, {within}"),
-        ("Tolerance", f"rank {asked.rtol:g}, wary below {asked.wary:g}"),
+        ("Tolerance", f"rank {asked.rtol:g}, borderline below {asked.wary:g}"),
     ]
 
 
 def _limits(comparison: Comparison) -> str:
     sources = sorted({str(arm.setting.limits) for arm in comparison.arms})
     named = sources[0] if len(sources) == 1 else "each arm's own"
-    return f"{named}, for the capability; verdict and jump do not count them"
+    return f"{named}, for the capability; verdict and jump ignore them"
 
 
 def _ranking(comparison: Comparison) -> TitledTable:
@@ -173,7 +173,9 @@ def _force(comparison: Comparison) -> TitledTable | None:
             "kept: median after over median before; –: unknown, or nothing before",
         ]
     if capable and asked.mode == "locked":
-        notes += ["above 100: the brake holds a locked joint, and its motor's limit counts no more"]
+        notes += [
+            "above 100: the brake holds a locked joint, and its motor's limit no longer applies"
+        ]
     result.caption = "\n".join(notes)
     return result
 

@@ -65,7 +65,7 @@ def _situation(history: History) -> list[tuple[str, str]]:
         ("Faults", "; ".join(f"{e.faults} at {e.time:g} s" for e in setting.events) or "none"),
         ("Remap", _remap(history)),
         ("Loads", _loads(setting)),
-        ("Limits", "none are counted" if setting.limits == "none" else setting.limits),
+        ("Limits", "not enforced" if setting.limits == "none" else setting.limits),
         ("Samples", f"{len(history.t):,} from 0 to {history.t[-1]:g} s"),
     ]
 
@@ -125,7 +125,7 @@ def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Tex
     here, unit = run.until_fall, history.setting.task.size_unit
     yield "", RUN_NAMES[name]
     yield "off path", _off_path(run)
-    yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "nothing holds")
+    yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "not held")
     yield MARGIN.symbol, ratio(float(run.margin.min()))
     yield "unbalanced", _largest(np.abs(run.unbalanced[here]).max(axis=1), "–")
     yield "limit used", _used(run)

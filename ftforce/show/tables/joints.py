@@ -42,7 +42,7 @@ def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> 
     if not analysis.rnea.is_known:
         notes.append("? unknown: the URDF has no masses; used: of the force part")
     if analysis.limits is None:
-        notes.append("limits are the URDF's and not counted")
+        notes.append("limits are those of the URDF and not enforced")
     result.caption = "; ".join(notes)
     return result
 

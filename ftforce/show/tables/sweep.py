@@ -65,7 +65,7 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
         ("Force", force_in_words(setting)),
         ("Capability", direction_in_words(setting)),
         *(weight if weighs else []),
-        ("Tolerance", f"rank {setting.rtol:g}, wary below {setting.wary:g}"),
+        ("Tolerance", f"rank {setting.rtol:g}, borderline below {setting.wary:g}"),
         *stored,
     ]
 
@@ -117,7 +117,7 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
     falls = any(one.falls > 0.0 for one in ranked)
     rows = [_set(sweep, one, falls=falls, jumps=jumps) for one in ranked[:most]]
     result = listing(f"Fault sets, {setting.mode}, worst first", rows, folded=())
-    notes = ["falls: nothing holds the arm"] if falls else []
+    notes = ["falls: the arm cannot be held in static equilibrium"] if falls else []
     if jumps:
         notes.append("jump: quantiles over the postures, and the largest")
     if capable:

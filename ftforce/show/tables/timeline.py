@@ -42,7 +42,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
     if timeline.direction is not None:
         where = f"along {text.vector_in_words(timeline.direction)}"
     bearing = timeline.capability_limits
-    counted = "none are counted" if timeline.limits is None else timeline.limits.source
+    counted = "not enforced" if timeline.limits is None else timeline.limits.source
     if bearing is not None and timeline.limits is None:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
