@@ -644,7 +644,7 @@ def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):
         with pytest.raises(InputError, match="two different components of the task"):
             plots.capability(capability, components)
-    with pytest.raises(InputError, match="no figure of Robot, but of: History, Timeline"):
+    with pytest.raises(InputError, match="no figure for Robot; available for: History, Timeline"):
         figures.figure(ftforce.load_robot("dh5"))
     with pytest.raises(InputError, match="two different components"):
         figures.figure(ftforce.capability(ftforce.load_robot("dh5"), locked=[1], task="fx"))

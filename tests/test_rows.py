@@ -227,7 +227,7 @@ def test_the_tables_of_a_capability_are_the_json(capability):
         return ["only", *most] if point else [f"{got[0]:.{digits}f}", "to", *most]
 
     for one in found["directions"]:
-        name = ["asked", "for"] if one["name"] == "direction" else [one["name"]]
+        name = ["requested"] if one["name"] == "direction" else [one["name"]]
         cells = [cell(one[when][r]) for when in ("before", "after") for r in ("commanded", "held")]
         expected = [*name, one["unit"], *chain(*cells)]
         row = next(line for line in lines if line[: len(name)] == name)
@@ -265,7 +265,9 @@ def test_a_capability_is_saved(tmp_path):
 def test_what_cannot_be_written(thing):
     name = type(thing).__name__
     for write in (ftforce.to_dict, to_rows):
-        with pytest.raises(InputError, match=f"a result or a robot can be written, not a {name}"):
+        with pytest.raises(
+            InputError, match=f"only a result or a robot can be written, got {name}"
+        ):
             write(thing)
 
 

@@ -265,12 +265,12 @@ def test_weight_of_a_sliding_joint_is_a_force():
     asked = row(ftforce.analyze(tiago, force=[1, 2, 3]), "1 torso")
     assert asked[9:13] == ["187.74", "N", "187.87", "N"]
     moving = ftforce.analyze(tiago, force=[1, 2, 3], acceleration=np.ones(8))
-    table = to_text(moving).split("Weight and motion [N·m]: what")[1]
+    table = to_text(moving).split("Weight and motion [N·m]: the")[1]
     assert "187.74 N" in next(x for x in table.splitlines() if x.startswith("1 torso"))
 
 
 def test_a_joint_without_torque_is_said_to_keep_its_velocity(arm):
-    note = "a joint without torque is taken to keep its velocity"
+    note = "a joint without torque is assumed to keep its velocity"
     assert note in to_text(ftforce.analyze(arm, free=[2], velocity=np.ones(5)))
     assert note in to_text(ftforce.analyze(arm, weak={2: 0}, velocity=np.ones(5)))
     assert note not in to_text(ftforce.analyze(arm, locked=[2], velocity=np.ones(5)))
@@ -279,7 +279,7 @@ def test_a_joint_without_torque_is_said_to_keep_its_velocity(arm):
 def test_impact_and_remap_stand_side_by_side(arm):
     result = ftforce.analyze(arm, locked=[2, 4], velocity=np.ones(5), force=[1, 1, 1])
     shown = to_text(result)
-    assert "Appendix A's remap, and right after the lock" in shown
+    assert "Appendix A's remap, and immediately after the lock" in shown
     line = next(x for x in shown.split("Joint velocities")[1].splitlines() if "1 joint1" in x)
     before, impact, remap, change = map(float, line.split()[3:7])
     assert before == 1.0
@@ -342,7 +342,7 @@ def test_why_an_arm_falls_in_words():
     said = sentences.verdict_sentence(heavy)
     # The weight alone takes 11.20 N·m of arm_3_joint: the rest is the force that carries the torso.
     assert "weight, motion and the force that balances torso_lift_joint require" in said
-    assert "59.59 N·m of arm_3_joint, whose limit is 17.86 N·m" in said
+    assert "59.59 N·m at arm_3_joint, whose limit is 17.86 N·m" in said
     torque = heavy.rnea.after + heavy.bounded.feasible.F0 @ heavy.reduced.J
     assert math.isclose(abs(torque[3]), 59.59, abs_tol=0.005)
     weak = sentences.verdict_sentence(ftforce.analyze(ftforce.load_robot("dh5"), weak={3: 0.05}))
@@ -509,9 +509,9 @@ def test_ends_in_words(arm):
 def test_a_direction_asked_for_is_named_once(arm):
     wrench = ftforce.capability(arm, task="wrench", direction=[1, 0, 0, 0, 0, 2])
     shown = flat(wrench)
-    assert "Direction (1.00, 0.00, 0.00, 0.00, 0.00, 2.00), asked for" in shown
-    assert row(wrench, "asked for")[:3] == ["asked", "for", "N"]
-    assert "asked for" not in to_text(ftforce.capability(arm))
+    assert "Direction (1.00, 0.00, 0.00, 0.00, 0.00, 2.00), requested" in shown
+    assert row(wrench, "requested")[:2] == ["requested", "N"]
+    assert "requested" not in to_text(ftforce.capability(arm))
 
 
 def test_units_of_sizes():

@@ -84,9 +84,9 @@ def force_in_words(setting: SweepSetting) -> str:
 def direction_in_words(setting: SweepSetting) -> str:
     """Describe the requested capability and the torque limits."""
     if setting.direction is None or setting.limits is None:
-        return "not asked (no force or direction)"
+        return "not evaluated (no force or direction)"
     axis = vector_in_words(setting.direction)
-    return f"the largest force commanded along {axis}, limits: {setting.limits}"
+    return f"the largest commanded force along {axis}, limits: {setting.limits}"
 
 
 def interval(one: Estimate) -> str:

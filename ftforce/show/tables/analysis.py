@@ -175,7 +175,7 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
         rows.append([asked, *zip(task.components, after, strict=True), *jumps])
     result = listing("Force at the tip after the fault, for each unit force", rows)
     if any(text.is_noticeable(force.unsupported) for force, _ in analysis.unit_forces):
-        result.caption = "* partly beyond even the healthy arm; that part is no jump"
+        result.caption = "* partly beyond even the healthy arm; that part is not counted as a jump"
     return result
 
 
@@ -232,7 +232,7 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
 def _force_error(analysis: Analysis) -> str:
     task = analysis.task
     if analysis.reduced.rank_after == 0:
-        return "– (no direction is left)"
+        return "– (no direction remains)"
     unit = text.unit_of_size(task)
     sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
     per = "N·m or N" if sliding else "N·m"

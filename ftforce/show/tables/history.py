@@ -81,9 +81,9 @@ def _positions(history: History) -> str:
 
 def _remap(history: History) -> str:
     if history.remapped is None:
-        return "never: the controller does not learn of the faults"
+        return "never: the controller does not detect the faults"
     delay = history.setting.delay
-    return f"{delay:g} s after a fault" if delay else "in the instant of a fault"
+    return f"{delay:g} s after a fault" if delay else "at the instant of a fault"
 
 
 def _loads(setting: Setting) -> str:

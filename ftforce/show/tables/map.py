@@ -115,12 +115,12 @@ def _worst(found: WorkspaceMap, most: int) -> TitledTable:
     cells = blocks.cells
     what = "cells" if blocks.edge < 1.5 * found.located.edge else "blocks"
     rows = [_worst_row(blocks, i) for i in found.worst(most)]
-    title = f"{what.capitalize()} of {blocks.edge:g} m, surely worst first"
+    title = f"{what.capitalize()} of {blocks.edge:g} m, worst first"
     result = listing(title, rows, left=0, folded=())
     bad = int((cells.tolerated < cells.postures).sum())
     result.caption = (
-        f"middles of {what}, by the interval's upper end: few postures prove little\n"
-        f"{bad:,} of {len(cells.postures):,} {what} hold postures that do not tolerate it"
+        f"centres of {what}, ordered by the upper end of the interval\n"
+        f"{bad:,} of {len(cells.postures):,} {what} contain postures that do not tolerate it"
     )
     return result
 
