@@ -346,7 +346,7 @@ def test_why_an_arm_falls_in_words():
     torque = heavy.rnea.after + heavy.bounded.feasible.F0 @ heavy.reduced.J
     assert math.isclose(abs(torque[3]), 59.59, abs_tol=0.005)
     weak = sentences.verdict_sentence(ftforce.analyze(ftforce.load_robot("dh5"), weak={3: 0.05}))
-    assert "weight and motion take 4.76 N·m at joint3, whose limit is 4.00 N·m" in weak
+    assert "weight and motion require 4.76 N·m at joint3, whose limit is 4.00 N·m" in weak
 
 
 def test_limits_of_a_census_are_shown(arm, tmp_path):
