@@ -198,7 +198,7 @@ def test_a_scheduler_without_workers():
         ({"workers": 0}, "whole number from 1"),
         ({"workers": True}, "whole number from 1"),
         ({"workers": 2, "scheduler": "tcp://x"}, "not both"),
-        ({"workers": 2, "threads": 2}, "either threads or workers"),
+        ({"workers": 2, "threads": 2}, "either threads of this process or workers"),
         ({"workers": 1, "keep": "all"}, "need an output"),
     ],
 )

@@ -541,7 +541,7 @@ def test_dots_stand_where_the_numbers_are(compared):
             np.testing.assert_equal(marks.get_xdata()[row], bound)
         labels = [tick.get_text() for tick in ax.get_yticklabels()]
         assert labels == [f"{arm.name}  {arm.first}" for arm in compared.arms]
-    with pytest.raises(UnknownNameError, match="there is: tolerated"):
+    with pytest.raises(UnknownNameError, match="available: tolerated"):
         comparison(compared, shown="colour")
     ax = comparison(compared, most=1)
     assert len(ax.get_yticklabels()) == 1

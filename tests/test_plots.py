@@ -627,19 +627,21 @@ def test_a_later_title_takes_the_place_of_ours_above_the_faults(history):
 
 
 def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
-    with pytest.raises(UnknownNameError, match=r"no run 'helthy'.*did you mean 'healthy'"):
+    with pytest.raises(UnknownNameError, match=r"unknown run 'helthy'.*did you mean 'healthy'"):
         plots.torques(history, "helthy")
-    with pytest.raises(UnknownNameError, match="no run 'remapped'; there is: healthy, unremapped;"):
+    with pytest.raises(
+        UnknownNameError, match="unknown run 'remapped'; available: healthy, unremapped;"
+    ):
         plots.torques(wrench_history)
-    with pytest.raises(UnknownNameError, match="no torque 'speed'"):
+    with pytest.raises(UnknownNameError, match="unknown torque 'speed'"):
         plots.torques(history, quantity="speed")
-    with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; there is: force"):
+    with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; available: force"):
         plots.force(history, kind="moment")
-    with pytest.raises(UnknownNameError, match="no quantity 'heat'; there is: jump, margin"):
+    with pytest.raises(UnknownNameError, match="unknown quantity 'heat'; available: jump, margin"):
         plots.heat_map(timeline, quantity="heat")
     with pytest.raises(InputError, match="without a force there is no jump"):
-        plots.heat_map(replaced(timeline, force=None))
-    with pytest.raises(UnknownNameError, match="no component 'mx' in the task 'force'"):
+        plots.heat_map(replaced(timeline, question=replaced(timeline.question, force=None)))
+    with pytest.raises(UnknownNameError, match="unknown component 'mx' in the task 'force'"):
         plots.capability(capability, ["fx", "mx"])
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):
         with pytest.raises(InputError, match="two different components of the task"):

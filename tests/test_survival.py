@@ -424,11 +424,11 @@ def test_a_sweep_that_is_not_complete_says_so(pairs):
 def test_what_is_not_there_is_refused(pairs, sliding):
     for wrong, error, words in (
         ({"joints": [1, 2, 3]}, InputError, r"no fault set \{1, 2, 3\}; it has: \{1\}"),
-        ({"plane": "zx"}, UnknownNameError, "no plane 'zx'; there is: xy, xz, yz"),
+        ({"plane": "zx"}, UnknownNameError, "unknown plane 'zx'; available: xy, xz, yz"),
         ({"plane": "xz", "at": 4.0}, InputError, r"tip at y = 4 m; they lie from y = -1.1 to 1.2"),
         ({"at": 4.0}, InputError, "a slice needs its plane"),
         ({"plane": "xy", "solid": True}, InputError, "three dimensions has no plane"),
-        ({"quantities": ["sigma"]}, UnknownNameError, "no quantity 'sigma'; there is: rho"),
+        ({"quantities": ["sigma"]}, UnknownNameError, "unknown quantity 'sigma'; available: rho"),
         ({"quantities": ["jump"]}, InputError, "no jump: it was made without a force"),
     ):
         with pytest.raises(error, match=words):

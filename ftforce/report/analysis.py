@@ -79,7 +79,7 @@ def _about_falling(analysis: Analysis) -> str:
     bounded, robot = analysis.bounded, analysis.robot
     assert bounded is not None
     components = ", ".join(analysis.task.components)
-    if not bounded.feasible.stands_still:
+    if not bounded.feasible.is_balanced:
         torques = [
             f"{robot.names[j]} with {torque_of(robot, j, x)}"
             for j, x in unbalanced(analysis).items()
@@ -111,7 +111,7 @@ def overload_in_words(analysis: Analysis) -> str:
 def unbalanced(analysis: Analysis) -> dict[int, float]:
     """Return the torques at free-swinging joints that no tip force balances, by joint index."""
     free = analysis.reduced.free
-    if free is None or analysis.bounded is None or analysis.bounded.feasible.stands_still:
+    if free is None or analysis.bounded is None or analysis.bounded.feasible.is_balanced:
         return {}
     torque = free.unbalanced(analysis.rnea.after)
     return dict(zip(free.joints, torque.tolist(), strict=True))

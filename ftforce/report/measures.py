@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ftforce.core.arrays import over
+from ftforce.core.arrays import safe_divide
 from ftforce.report.fields import Field
 
 # fmt: off
@@ -13,7 +13,7 @@ SIGMA_MIN_AFTER = Field("sigma_min_after", "smallest singular value of K̃")
 
 MARGIN = Field("margin", "σ_min(K̃)/σ_max(J̃)", "1", symbol="margin",
     label="Margin σ_min(K)/σ_max(J)",
-    healthy=lambda x: over(x.reduced.healthy.s[-1], x.reduced.sigma_max, 0.0))
+    healthy=lambda x: safe_divide(x.reduced.healthy.s[-1], x.reduced.sigma_max, 0.0))
 CONDITION = Field("condition_number_after", "cond(K̃) = σ_max(K̃)/σ_min(K̃); `null`, for infinite, if "
     "K does not have full rank", "1", get="condition_number", symbol="cond",
     label="Condition number cond(K)", healthy=lambda x: (

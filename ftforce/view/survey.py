@@ -242,7 +242,7 @@ class Survey(Mode):
     def view(self, state: State) -> None:
         """Return ``None``, the ordinary answer; the legend notes a question not of the sweep."""
         with self._lock:
-            asks_the_same = state.question() == self._asks.question()
+            asks_the_same = state.essence() == self._asks.essence()
             if asks_the_same != self._asks_the_same:
                 self._asks_the_same = asks_the_same
                 self._tell()
