@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ftforce.core.verdict import Verdict
 from ftforce.report import parts
 from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
 from ftforce.report.measures import MARGIN, RHO
@@ -115,7 +116,10 @@ def _measures(
     )
 
 
-_SHARE = "share of the postures"
+_VERDICTS = tuple(
+    parts.estimate(verdict.name.lower(), f"share of the postures at which it is {verdict.value}")
+    for verdict in Verdict
+)
 # fmt: off
 _SHARES = (
     Field("loses_rank", "share of the postures in which a direction of force is lost", "1"),
@@ -124,7 +128,7 @@ _SHARES = (
 )
 _SET = (
     parts.FAILED,
-    *(parts.estimate(key, _SHARE) for key in ("tolerated", "borderline", "not_tolerated")),
+    *_VERDICTS,
     *_SHARES,
     *_measures(),
 )
@@ -203,13 +207,14 @@ def sweep_columns(
     jump: str = parts.FORCE, capability: str = parts.FORCE, postures: int = 0
 ) -> tuple[Field, ...]:
     """Return the CSV columns, with the units of jump and capability and the number of postures."""
+    tolerated, borderline, not_tolerated = _VERDICTS
     return (
         parts.FAULT_SET,
         parts.FAILED,
         Field("postures", "number of postures analysed", get=lambda _: postures),
-        parts.estimate("tolerated", _SHARE),
-        Field("borderline", _SHARE, "1", get="borderline.value"),
-        parts.estimate("not_tolerated", _SHARE),
+        tolerated,
+        replace(borderline, parts=parts.ESTIMATE[:1]),
+        not_tolerated,
         *_SHARES,
         *_measures(jump, capability, "rho"),
     )
