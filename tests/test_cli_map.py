@@ -50,7 +50,7 @@ def test_the_tables_fit_and_say_where_and_which_joint(stored):
     for words in (
         "whichever joint locks; xz plane, all y pooled",
         "Tolerated [% of the postures], z upwards, x to the right [m]",
-        "surely worst first",
+        "m, worst first",
         "Joints, most critical first",
         "ρ = w(K)/w(J) when the joint fails alone, quantiles over the postures",
         "Margin σ_min(K)/σ_max(J) when the joint fails alone",

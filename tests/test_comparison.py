@@ -442,7 +442,7 @@ def test_an_arm_without_known_limits_is_not_the_strongest():
     assert math.isnan(found["so101"].capability_kept)
     said = comparison_sentence(found)
     assert "of those whose limits are known" in said
-    assert "dh5 can still command most along (0.00, 0.00, 1.00)" in said
+    assert "dh5 retains the largest force along (0.00, 0.00, 1.00)" in said
     row = next(line for line in printed(found).splitlines() if "no limit" in line)
     assert row.split() == ["so101", *["no", "limit"] * 4, "–"]
     document = comparison_document(found)

@@ -79,6 +79,9 @@ def assert_as_analyzed(report, alone):
     assert report.rank_lost == alone.reduced.rank - alone.reduced.rank_after
     assert_close(report.margin, alone.margin, scale=1.0)
     assert_close(report.sigma_min_after, alone.reduced.damaged.s[-1], scale=1.0)
+    K = alone.reduced.K
+    lost = report.rank_after < len(K)
+    assert report.condition_number == pytest.approx(math.inf if lost else np.linalg.cond(K))
     rho = alone.relative_manipulability
     assert_close(report.relative_manipulability, rho, scale=1.0, tol=1e-7)
     assert report.capability is None

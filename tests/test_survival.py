@@ -174,7 +174,7 @@ def test_all_or_nothing_has_the_whole_scale(pairs, share):
     text = map_sentence(workspace_map(every))
     assert text.startswith(("None of 4,096", "All of 4,096")[share])
     shown = to_text(map_view(workspace_map(every)))
-    assert ("surely worst first" in shown) is not bool(share)
+    assert ("m, worst first" in shown) is not bool(share)
     plots.survival_3d(every)
     figures.figure(every)
 

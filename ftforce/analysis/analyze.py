@@ -147,6 +147,11 @@ class Analysis(Answered):
         return measures.margin(self.reduced)
 
     @property
+    def condition_number(self) -> float:
+        """σ_max(K)/σ_min(K); infinite if K does not have full rank."""
+        return measures.condition_number(self.reduced)
+
+    @property
     def relative_manipulability(self) -> float:
         """ρ = w(K)/w(J); NaN where the healthy arm is singular for this task."""
         return measures.relative_manipulability(self.reduced)

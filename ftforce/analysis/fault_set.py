@@ -80,8 +80,9 @@ class SetReport:
         cannot stand still.
     rank_after, rank_lost :
         Rank of K, and rank of J minus rank of K.
-    sigma_min_after, margin, relative_manipulability :
-        σ_min(K); σ_min(K)/σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
+    sigma_min_after, margin, condition_number, relative_manipulability :
+        σ_min(K); σ_min(K)/σ_max(J); σ_max(K)/σ_min(K), infinite if K does not have full
+        rank; ρ = w(K)/w(J), NaN where w(J) = 0.
     can_stand_still :
         Whether motors, brakes and some tip force can hold the arm.
     share :
@@ -105,6 +106,7 @@ class SetReport:
     rank_lost: int
     sigma_min_after: float
     margin: float
+    condition_number: float
     relative_manipulability: float
     can_stand_still: bool
     share: float | None
@@ -203,6 +205,7 @@ def report_set(
         rank_lost=reduced.rank - reduced.rank_after,
         sigma_min_after=reduced.damaged.s[-1],
         margin=measures.margin(reduced),
+        condition_number=measures.condition_number(reduced),
         relative_manipulability=measures.relative_manipulability(reduced),
         can_stand_still=can_stand_still,
         share=None if bounded is None or F is None else bounded.share,
