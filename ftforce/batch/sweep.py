@@ -393,7 +393,7 @@ def _as_json(value: Any) -> Any:
 
 
 def _run(
-    asked: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
+    request: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
 ) -> Sweep:
     with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
