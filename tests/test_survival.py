@@ -433,7 +433,7 @@ def test_what_is_not_there_is_refused(pairs, sliding):
         ({"at": 4.0}, InputError, "a slice needs a plane"),
         ({"plane": "xy", "solid": True}, InputError, "three-dimensional plot has no plane"),
         ({"quantities": ["sigma"]}, UnknownNameError, "no quantity 'sigma'; there is: rho"),
-        ({"quantities": ["jump"]}, InputError, "no jump: it was made without a force"),
+        ({"quantities": ["jump"]}, InputError, "no jump: it was run without a force"),
     ):
         with pytest.raises(error, match=words):
             workspace_map(sliding if "jump" in str(wrong) else pairs, **wrong)
