@@ -86,7 +86,7 @@ class UnknownNameError(InputError):
         self.kind, self.name, self.available = kind, name, tuple(map(str, available))
         self.suggestion = closest(name, self.available)
         place = f" {where}" if where else ""
-        message = f"no {kind} {name!r}{place}; there is: {listed(self.available)}"
+        message = f"unknown {kind} {name!r}{place}; available: {listed(self.available)}"
         if self.suggestion is not None:
             message += f"; did you mean {self.suggestion!r}?"
         super().__init__(message)
@@ -146,8 +146,16 @@ def printable(text: object) -> str:
 
 
 def closest(name: object, available: Iterable[str]) -> str | None:
-    """Return the available name most similar to ``name``, or ``None``."""
-    if not isinstance(name, str):  # a number given for a name is similar to none
+    """Return the available name most similar to ``name``, or ``None``.
+
+    Parameters
+    ----------
+    name :
+        The name to look for; case is ignored.
+    available :
+        The available names.
+    """
+    if not isinstance(name, str):  # a number resembles no name
         return None
     from difflib import get_close_matches
 
@@ -157,7 +165,15 @@ def closest(name: object, available: Iterable[str]) -> str | None:
 
 
 def listed(names: Iterable[str], most: int = 24) -> str:
-    """Join names for a message, truncated to ``most`` names with a count of the rest."""
+    """Join names for a message, truncated to ``most`` names with a count of the rest.
+
+    Parameters
+    ----------
+    names :
+        The names.
+    most :
+        Number of names to show.
+    """
     names = tuple(names)
     if not names:
         return "(none)"

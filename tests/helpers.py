@@ -19,11 +19,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ftforce import Robot, known_robots, load_robot, write_robot
+from ftforce.analysis.fault_names import named_faults
+from ftforce.analysis.question import Question
 from ftforce.core.reduced_jacobian import RTOL, reduce
 from ftforce.robot.formats.dh import DHRow, DHTable, MassModel
 from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.posture import choose_posture
 from ftforce.trajectory.path import Path as TipPath
+from ftforce.view.model import state
 
 TOL = 1e-9
 KNOWN = tuple(known_robots())
@@ -369,3 +372,12 @@ def load_table(table):
     """Load a DH table's arm by way of its URDF."""
     with tempfile.TemporaryDirectory() as folder:
         return load_robot(write_robot(table, Path(folder, "arm.urdf"))[0], tip="tool")
+
+
+def initial_state(robot, q=None, *, origin=None, locked=(), free=(), weak=(), limits=None, **asked):
+    """Return the page's initial state for the arguments of `ftforce.analyze`."""
+    place = choose_posture(robot, q, None if q is not None or origin is None else origin.posture)
+    faults = named_faults(robot, locked, free, weak)
+    question = Question.parse(robot, posture=place, faults=faults, limits=limits, **asked)
+    given = limits is not None
+    return state.initial_state(question, origin=origin, are_limits_given=given)

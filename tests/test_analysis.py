@@ -143,7 +143,7 @@ def test_a_request_that_no_joint_can_serve(rpy, locked):
     assert result.verdict is Verdict.TOLERATED  # what is left of the request is rounding
     assert math.isnan(result.relative_manipulability)
     assert result.warnings == (
-        "even the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
+        "the Jacobian of the healthy arm has only rank 2 of 3 for the task 'force' in this posture",
     )
 
 
@@ -300,13 +300,13 @@ def test_a_weak_joint_without_limits_counts_as_healthy_and_is_named(panda):
     assert result.limits is None
     assert_close(result.force.jump, 0.0, scale=100)
     assert result.warnings == (
-        "joint 2 panda_joint2 is weak, but no limits are counted: it counts as healthy",
+        "joint 2 panda_joint2 is weak, but no limits are enforced: it is treated as healthy",
     )
     unknown = Limits.of(np.where(np.arange(7) == 1, np.nan, panda.effort))
     other = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.01}, limits=unknown)
     assert other.unknown_limits == (1,)
     assert other.warnings == (
-        "joint 2 panda_joint2 is weak, but its limit is unknown: it counts as none",
+        "joint 2 panda_joint2 is weak, but its torque limit is unknown and is not enforced",
     )
     nothing = analyze(panda, POSTURE, force=[5, 3, 1], weak={2: 0.0}, limits="none")
     free = analyze(panda, POSTURE, force=[5, 3, 1], free=2)
@@ -322,7 +322,9 @@ def test_weight_alone_overloads_and_the_tip_keeps_the_arm_still(panda):
     assert np.linalg.norm(result.force.after) > 1.0
     assert_close(abs(result.torque.total_after[3]), 1.0)
     (warning,) = result.warnings
-    assert warning.startswith("weight and motion alone overload panda_joint4: only the force")
+    assert warning.startswith(
+        "gravity and motion torques alone overload panda_joint4: only the tip force"
+    )
     nowhere = analyze(panda, POSTURE, limits=Limits.of(np.full(7, 0.1)), force=FORCE)
     assert not nowhere.can_stand_still
     assert nowhere.force.after is None
@@ -375,9 +377,9 @@ def test_tolerances_are_passed_on():
 def test_torques_beyond_the_effort_limits_are_warned_about(dh5):
     result = analyze(dh5, locked=3, force=np.array(FORCE) * 6.0)
     assert result.warnings == (
-        "joint 1 joint1 would need 140% of its effort limit of 150 N·m (limits are not counted)",
-        "joint 4 joint4 would need 150% of its effort limit of 40 N·m (limits are not counted)",
-        "joint 5 joint5 would need 120% of its effort limit of 20 N·m (limits are not counted)",
+        "joint 1 joint1 would need 140% of its effort limit of 150 N·m (limits are not enforced)",
+        "joint 4 joint4 would need 150% of its effort limit of 40 N·m (limits are not enforced)",
+        "joint 5 joint5 would need 120% of its effort limit of 20 N·m (limits are not enforced)",
     )
 
 
@@ -386,7 +388,7 @@ def test_an_unknown_effort_limit_is_never_exceeded():
     result = analyze(arm, [0.1, 0.2], force=[900, 900, 900])
     (warning,) = [w for w in result.warnings if "effort" in w]
     assert warning.startswith("joint 2 j2 would need")
-    assert warning.endswith("of 5 N (limits are not counted)")
+    assert warning.endswith("of 5 N (limits are not enforced)")
 
 
 # ---- results that prove and keep themselves --------------------------------------------------

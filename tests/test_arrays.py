@@ -71,9 +71,9 @@ def test_what_is_no_number(given):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([0, np.nan, np.inf], "x holds nan at position 2"),
-        ([0, 0, -np.inf], "x holds -inf at position 3"),
-        ([1e200, 0, 0], "x holds numbers too large to compute with"),
+        ([0, np.nan, np.inf], "x contains nan at position 2"),
+        ([0, 0, -np.inf], "x contains -inf at position 3"),
+        ([1e200, 0, 0], "x contains numbers too large to compute with"),
     ],
 )
 def test_numbers_that_are_not_finite(given, message):

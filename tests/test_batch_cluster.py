@@ -200,7 +200,7 @@ def test_a_scheduler_without_workers():
         ({"workers": 0}, "must be a positive integer"),
         ({"workers": True}, "must be a positive integer"),
         ({"workers": 2, "scheduler": "tcp://x"}, "not both"),
-        ({"workers": 2, "threads": 2}, "either threads or workers"),
+        ({"workers": 2, "threads": 2}, "either threads of this process or workers"),
         ({"workers": 1, "keep": "all"}, "requires an output folder"),
     ],
 )

@@ -282,7 +282,7 @@ def test_seeds_that_are_none(arm, seed):
 def test_unknown_methods_are_named(arm):
     with pytest.raises(UnknownNameError, match="did you mean 'sobol'"):
         Drawn.of(arm, 10, "sobel")
-    with pytest.raises(UnknownNameError, match="there is: sobol, uniform"):
+    with pytest.raises(UnknownNameError, match="available: sobol, uniform"):
         Drawn.of(arm, 10, None)
 
 

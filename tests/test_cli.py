@@ -140,10 +140,10 @@ def test_limits_come_from_a_file(tmp_path):
 
 def test_capability_says_what_is_left():
     output = run("capability", "panda", "--locked", "2,4", "--direction", "1,1,0").stdout
-    for expected in ("+fz", "162.3", "asked for", "fault of panda_joint2", "11.26 panda_joint6"):
+    for expected in ("+fz", "162.3", "requested", "fault of panda_joint2", "11.26 panda_joint6"):
         assert expected in output
     assert all(len(line) <= 80 for line in output.splitlines())
-    assert "With panda_joint2 and panda_joint4 locked, the motors can command no" in output
+    assert "With panda_joint2 and panda_joint4 locked, no motor torque can" in output
 
 
 def test_census_table_and_top():

@@ -133,7 +133,7 @@ def test_stored_sweeps(tmp_path):
 @pytest.mark.parametrize(
     ("arms", "said"),
     [
-        (["dh5", "kinowa"], "error: no known robot or file 'kinowa'"),
+        (["dh5", "kinowa"], "error: unknown robot or file 'kinowa'"),
         (["dh5"], "error: a comparison needs two arms or more, got 1"),
         (["dh5", "none.zarr"], "error: none.zarr: no such folder"),
         (["panda", "dh5", "--faults", "6"], "error: dh5: faults must be a number from 1 to 5"),

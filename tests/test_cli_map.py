@@ -50,7 +50,7 @@ def test_the_tables_fit_and_say_where_and_which_joint(stored):
     for words in (
         "whichever joint locks; xz plane, all y pooled",
         "Tolerated [% of the postures], z upwards, x to the right [m]",
-        "surely worst first",
+        "m, worst first",
         "Joints, most critical first",
         "ρ = w(K)/w(J) when the joint fails alone, quantiles over the postures",
         "Margin σ_min(K)/σ_max(J) when the joint fails alone",
@@ -102,11 +102,11 @@ def test_files_hold_the_cells(stored, tmp_path):
     ("options", "words"),
     [
         ("--joints 2,3", "no fault set {2, 3}"),
-        ("--joints 6", "no joint '6'; there is: 1 joint1"),
+        ("--joints 6", "unknown joint '6'; available: 1 joint1"),
         ("--joints ,", "--joints needs numbers or names separated by commas"),
-        ("--plane zx", "no plane 'zx'"),
+        ("--plane zx", "unknown plane 'zx'"),
         ("--at 9", "no posture has its tip at y = 9 m"),
-        ("--quantity speed", "no quantity 'speed'"),
+        ("--quantity speed", "unknown quantity 'speed'"),
     ],
 )
 def test_what_is_not_there_is_said_in_a_line(stored, options, words):

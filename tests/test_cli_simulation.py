@@ -127,10 +127,10 @@ def test_without_from_the_tip_starts_where_the_posture_has_it():
 
 
 MALFORMED = {
-    "no robot": ([], "which robot?"),
-    "no force": (["dh5", *LINE], "Give --force"),
-    "no goal": (["dh5", *PUSH], "Give --to"),
-    "no speed": (["dh5", *PUSH, "--to", "0.9,0.3,0.2"], "Give --speed"),
+    "no robot": ([], "ROBOT is missing"),
+    "no force": (["dh5", *LINE], "--force is missing"),
+    "no goal": (["dh5", *PUSH], "give --to X,Y,Z"),
+    "no speed": (["dh5", *PUSH, "--to", "0.9,0.3,0.2"], "--speed is missing"),
     "two trajectories": (["dh5", "x.csv", *LINE, *PUSH], "not both"),
     "no file": (["dh5", "x.csv", *PUSH], "no such file"),
     "point": (["dh5", *PUSH, "--to", "0.9,0.3", "--speed", "1"], "--to needs x,y,z in m"),
@@ -142,7 +142,7 @@ MALFORMED = {
     "fault after the end": (["dh5", *LINE, *PUSH, "--fault", "3@90"], "after the end"),
     "joint": (["dh5", *LINE, *PUSH, "--fault", "9@1"], "joint number 9 is out of range"),
     "delay": (["dh5", *LINE, *PUSH, "--delay", "-1"], "delay must be 0 s or more"),
-    "rate": (["dh5", *LINE[:-1], "0", *PUSH], "rate must be positive"),
+    "rate": (["dh5", *LINE[:-1], "0", *PUSH], "rate in samples per second must be positive"),
     "paper and robot": (["dh5", "--paper"], "leave out ROBOT"),
     "paper and more": (
         ["--paper", "--limits", "urdf", "--deg", "--task", "force", "--to", "1,2,3"],
@@ -291,7 +291,10 @@ def test_files_that_could_not_be_written_are_refused_before_the_work(monkeypatch
 def test_a_delay_beyond_the_end():
     found = document("simulate", "dh5", *LINE, *PUSH, "--fault", "4@1", "--delay", "20")
     assert "the arm, without any remap, keeps" in found["summary"]
-    assert any("would act at 21 s, after the end" in words for words in found["warnings"])
+    assert any(
+        "would take effect at 21 s, after the end of the trajectory" in words
+        for words in found["warnings"]
+    )
     message = run(
         "simulate", "dh5", *LINE, *PUSH, "--fault", "4@1", "--delay", "1", "--no-remap", status=1
     ).stderr

@@ -100,10 +100,10 @@ def test_a_grid(tmp_path):
     [
         ((), 2, "give one of --samples, --postures and --grid"),
         (("--samples", "10", "--grid", "2"), 2, "give one of"),
-        (("--samples", "10", "--deg"), 2, "--deg is about --postures"),
+        (("--samples", "10", "--deg"), 2, "--deg requires --postures"),
         (("--grid", "2.5"), 2, "--grid needs whole numbers"),
         (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
-        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "no value of keep 'some'"),
+        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "unknown value of keep 'some'"),
         (("--samples", "10", "--workers", "0"), 1, "workers must be a positive integer"),
         (("--samples", "10", "--chunk", "10"), 1, "chunk must be an integer from 4096"),
         (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),
@@ -130,7 +130,7 @@ def test_an_interrupt_says_what_is_kept(tmp_path, monkeypatch):
 
     monkeypatch.setattr("ftforce.batch.sweep.sweep", interrupted)
     result = run(*SMALL, "-o", str(tmp_path / "x.zarr"), status=130)
-    kept = "interrupted; what is finished is kept: the same command goes on from there\n"
+    kept = "interrupted; finished chunks are kept; the same command resumes the sweep\n"
     assert result.stderr == kept
     assert "nothing was kept" in run(*SMALL, status=130).stderr
 

@@ -66,7 +66,7 @@ def test_every_option_of_analyze_is_one_of_view_and_means_the_same(opened):
 
     theirs, ours = (inspect.signature(one).parameters for one in (analyze, command.view))
     for name, parameter in theirs.items():
-        if name not in {"form", "output"}:  # a page is no file
+        if name != "outputs":  # a page has its own
             assert ours[name].annotation == parameter.annotation
             assert ours[name].default == parameter.default
     sessions, _ = opened
@@ -116,7 +116,7 @@ def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
     [
         (["--history", "a.npz", "--sweep", "b.zarr"], "not both"),
         (["--force", "1,2,3", "--torque", "1,2,3,4,5"], "not both"),
-        (["--at", "3"], "--at is a time of a --history"),
+        (["--at", "3"], "--at requires --history"),
     ],
 )
 def test_what_excludes_each_other_is_refused(opened, arguments, words):

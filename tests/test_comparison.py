@@ -442,7 +442,7 @@ def test_an_arm_without_known_limits_is_not_the_strongest():
     assert math.isnan(found["so101"].capability_kept)
     said = comparison_sentence(found)
     assert "of those whose limits are known" in said
-    assert "dh5 can still command most along (0.00, 0.00, 1.00)" in said
+    assert "dh5 retains the largest force along (0.00, 0.00, 1.00)" in said
     row = next(line for line in printed(found).splitlines() if "no limit" in line)
     assert row.split() == ["so101", *["no", "limit"] * 4, "–"]
     document = comparison_document(found)
@@ -541,7 +541,7 @@ def test_dots_stand_where_the_numbers_are(compared):
             np.testing.assert_equal(marks.get_xdata()[row], bound)
         labels = [tick.get_text() for tick in ax.get_yticklabels()]
         assert labels == [f"{arm.name}  {arm.first}" for arm in compared.arms]
-    with pytest.raises(UnknownNameError, match="there is: tolerated"):
+    with pytest.raises(UnknownNameError, match="available: tolerated"):
         comparison(compared, shown="colour")
     ax = comparison(compared, most=1)
     assert len(ax.get_yticklabels()) == 1

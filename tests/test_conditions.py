@@ -76,12 +76,12 @@ FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
     [
         ("nan", FORM + "'nan' is not finite"),
         ("x", FORM + "'x' is not a number"),
-        ("2 3", FORM + "'2 3': 1 number needed, got 2"),
-        ("2@1,2", FORM + "'1 2': 3 numbers needed, got 2"),
+        ("2 3", FORM + "'2 3': expected 1 number, got 2"),
+        ("2@1,2", FORM + "'1 2': expected 3 numbers, got 2"),
         ("2@a,b,c", FORM + "'a b c' is not a number"),
         ("2@1@2", FORM + "'1@2' is not a number"),
-        ((2.0,), r"a payload is a mass and a place, \(mass, \(x, y, z\)\); got \(2\.0,\)"),
-        ((2.0, (1, 2)), "the payload's place needs 3 numbers, got 2 numbers: x, y, z in m"),
+        ((2.0,), r"a payload is a mass and a position, \(mass, \(x, y, z\)\), got \(2\.0,\)"),
+        ((2.0, (1, 2)), "the payload's position needs 3 numbers, got 2 numbers: x, y, z in m"),
         (-1, "the payload's mass must be 0 kg or more, got -1"),
         (True, "the payload needs a mass in kg, got True"),
     ],
@@ -95,9 +95,9 @@ def test_what_is_no_payload(given, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gravity": 9.81}, "gravity needs 3 numbers, got .*: x, y, z in m/s², in the root's axes"),
+        ({"gravity": 9.81}, "gravity needs 3 numbers, got .*: x, y, z in m/s², in root axes"),
         ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_j"),
-        ({"acceleration": [0] * 6 + [math.inf]}, "acceleration holds inf at position 7"),
+        ({"acceleration": [0] * 6 + [math.inf]}, "acceleration contains inf at position 7"),
         ({"payload": -1}, "the payload's mass"),
     ],
     ids=str,
@@ -193,7 +193,7 @@ def test_an_unknown_weight_stays_unknown(weightless):
     assert result.torque.total_before is result.torque.total_after is None
     assert_close(result.torque.after, np.where([1, 0, 1], result.J.T @ FORCE, 0.0))
     assert result.warnings == (
-        "the URDF has no masses: weight of the arm is missing from the torques",
+        "the URDF has no masses: gravity torques of the arm are not included",
     )
     document = ftforce.to_dict(result)
     assert document["torque"]["total"] == {"before": None, "after": None}
@@ -206,7 +206,7 @@ def test_an_unknown_motion_stays_unknown(weightless):
     assert result.rnea.motion_before is result.rnea.motion_after is result.impact is None
     assert result.torque.total_after is None
     assert result.warnings == (
-        "the URDF has no masses: weight and motion of the arm are missing from the torques",
+        "the URDF has no masses: gravity and motion torques of the arm are not included",
     )
     assert_close(result.velocity.tip_before, result.J @ [1, 2, 3])
 
@@ -237,8 +237,8 @@ def test_where_masses_are_impossible_the_impact_is_unknown_and_the_rest_is_told(
     result = ftforce.analyze(no_hand, Q, locked=1, velocity=[1, 2, 3], force=FORCE)
     assert result.impact is None
     (warning,) = result.warnings
-    assert warning.startswith("masses or inertias of the URDF are missing or impossible")
-    assert warning.endswith("velocities right after the lock are unknown")
+    assert warning.startswith("masses or inertias in the URDF are missing or unphysical")
+    assert warning.endswith("velocities immediately after locking are unknown")
     assert_close(result.velocity.tip_before, result.J @ [1, 2, 3])
     assert result.torque.total_after is not None
     assert ftforce.to_dict(result)["velocity"]["impact"] is None
@@ -256,7 +256,7 @@ def test_the_dynamic_inverse_needs_masses(weightless, no_hand):
         with pytest.raises(InputError) as caught:
             ask(weightless, Q, torque=[1, 2, 3], inverse="dynamic")
         assert str(caught.value) == (
-            "the dynamic inverse needs masses, and the URDF of 'arm' has none; "
+            "the dynamic inverse needs masses, but the URDF of 'arm' has none; "
             "use the euclidean one"
         )
         with pytest.raises(InputError, match="mass matrix of 'arm' is not positive definite"):
@@ -267,7 +267,7 @@ def loaded(panda, task, **options):
     q = np.array([0.2, -0.4, 0.3, -1.9, 0.1, 1.6, 0.5])
     wanted = Task.parse(task)
     J = task_jacobian(panda, q, wanted)
-    load = tip_load(panda, reduce(J, np.zeros(7, bool)), wanted, **options)
+    load = tip_load(reduce(J, np.zeros(7, bool)), wanted, **options)
     return load, J, mass_matrix(panda, q)
 
 

@@ -55,19 +55,19 @@ def test_other_columns_may_hold_anything(text):
 @pytest.mark.parametrize(
     ("below", "message"),
     [
-        ("1,2\n3\n", "line 3: needs 2 cells, got 1"),
-        ("1,2\n\n3,4,5\n", "line 4: needs 2 cells, got 3"),
-        ("1,2\n3, \n", "line 3, 'b': the cell is empty; every row needs every joint"),
+        ("1,2\n3\n", "line 3: expected 2 cells, got 1"),
+        ("1,2\n\n3,4,5\n", "line 4: expected 2 cells, got 3"),
+        ("1,2\n3, \n", "line 3, 'b': empty cell; every row needs a value for every joint"),
         ("1,1_0\n", "line 2, 'b': '1_0' is not a number"),
         ("1,１\n", "line 2, 'b': '１' is not a number"),
         ("1,2\u00a0\n", r"line 2, 'b': '2\xa0' is not a number"),
         ("1,nan\n", "line 2, 'b': 'nan' is not finite"),
         ("1,1e400\n", "line 2, 'b': '1e400' is not finite"),
-        ("1,1 2\n", "line 2, 'b': '1 2': 1 number needed, got 2"),
-        ("1,2\n101,2\n", "line 3, 'a': '101' is too large; numbers up to 100 are read"),
-        ('1,2\n"open,2\n3,4\n', "line 3: is not CSV: unexpected end of data"),
-        ('"1"1,2\n', "line 2: is not CSV: ',' expected after '\"'"),
-        ("1," + "1" * 200_000, "line 2: is not CSV: field larger than field limit (131072)"),
+        ("1,1 2\n", "line 2, 'b': '1 2': expected 1 number, got 2"),
+        ("1,2\n101,2\n", "line 3, 'a': '101' is too large; the maximum magnitude is 100"),
+        ('1,2\n"open,2\n3,4\n', "line 3: not valid CSV: unexpected end of data"),
+        ('"1"1,2\n', "line 2: not valid CSV: ',' expected after '\"'"),
+        ("1," + "1" * 200_000, "line 2: not valid CSV: field larger than field limit (131072)"),
     ],
 )
 def test_mistakes_have_a_place(below, message):
@@ -80,9 +80,9 @@ def test_mistakes_have_a_place(below, message):
 def test_cells_with_line_breaks_may_be_refused():
     text = 'a,b\n1,2\n3,"x\ny"\n'
     assert Table.of(text).numbers([0]).tolist() == [[1.0], [3.0]]
-    with pytest.raises(InputError, match=r"^line 3: a cell goes on in the next line$"):
+    with pytest.raises(InputError, match=r"^line 3: a cell continues on the next line$"):
         Table.of(text, one_line=True).numbers([0])
-    with pytest.raises(InputError, match=r"^line 1: a cell goes on"):
+    with pytest.raises(InputError, match=r"^line 1: a cell continues on"):
         Table.of('"a\n",b\n', one_line=True)
 
 
@@ -106,9 +106,9 @@ def test_columns_are_found_by_name():
     units = {"j1": POSITION_UNITS["rad"], "x [m]": POSITION_UNITS["m"]}
     degree = math.pi / 180.0
     assert find_columns(("t", "x [m]", "j1 [deg]"), units) == {"x [m]": (1, 1.0), "j1": (2, degree)}
-    with pytest.raises(UnknownNameError, match="no column 't' is expected; there is: j1, j2"):
+    with pytest.raises(UnknownNameError, match="unknown column 't'; available: j1, j2"):
         find_columns(("t", "j1"), units, ("j1", "j2"))
-    with pytest.raises(InputError, match="column 'j1' is there twice"):
+    with pytest.raises(InputError, match="column 'j1' appears twice"):
         find_columns(("j1", "j1 [deg]"), units)
-    with pytest.raises(InputError, match=r"column 'j1 \[m\]': its unit can be rad or deg"):
+    with pytest.raises(InputError, match=r"column 'j1 \[m\]': unknown unit; use rad or deg"):
         find_columns(("j1 [m]",), units)

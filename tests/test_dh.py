@@ -80,13 +80,13 @@ def test_a_table_cannot_be_changed():
 
 def test_tables_built_in_python_are_checked_too():
     row = DHRow(0.1, 0, 0, 0, "revolute", -1, 1)
-    with pytest.raises(InputError, match="no convention 'craig'"):
+    with pytest.raises(InputError, match="unknown convention 'craig'"):
         DHTable("x", "craig", (row,), BAR)
     with pytest.raises(InputError, match="alpha needs a finite number"):
         replace(row, alpha=math.inf)
-    with pytest.raises(InputError, match="no type 'screw'"):
+    with pytest.raises(InputError, match="unknown type 'screw'"):
         replace(row, type="screw")
-    with pytest.raises(InputError, match="radius needs to be positive"):
+    with pytest.raises(InputError, match="radius must be positive"):
         MassModel("thin rod", radius=-1)
     with pytest.raises(DimensionError, match="posture 'p' needs 1 number"):
         DHTable("x", "standard", (row,), BAR, {"p": [0, 0]})

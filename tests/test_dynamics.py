@@ -234,8 +234,8 @@ def test_links_beyond_the_last_joint_without_mass():
     with pytest.raises(InputError) as caught:
         mass_matrix(arm, np.array([0.1, 0.2, 0.3]))
     assert str(caught.value) == (
-        "the mass matrix of 'arm' is not positive definite: masses or inertias of its URDF are "
-        "missing or impossible"
+        "the mass matrix of 'arm' is not positive definite: masses or inertias in its URDF are "
+        "missing or unphysical"
     )
     assert mass_matrix(arm, np.array([0.1, 0.2, 0.3]), POINT).shape == (3, 3)
 
@@ -275,8 +275,8 @@ def test_payloads_say_what_they_are():
         (math.inf, (0, 0, 0), "the payload's mass must be 0 kg or more, got inf"),
         ([2.0], (0, 0, 0), r"the payload needs a mass in kg, got \[2.0\]"),
         ("2", (0, 0, 0), "the payload needs a mass in kg, got '2'"),
-        (1.0, 5, "the payload's place needs 3 numbers, got a single number: x, y, z in m"),
-        (1.0, (0, math.nan, 0), "the payload's place holds nan at position 2"),
+        (1.0, 5, "the payload's position needs 3 numbers, got a single number: x, y, z in m"),
+        (1.0, (0, math.nan, 0), "the payload's position contains nan at position 2"),
     ],
 )
 def test_what_no_payload_is(mass, offset, message):

@@ -79,6 +79,9 @@ def assert_as_analyzed(report, alone):
     assert report.rank_lost == alone.reduced.rank - alone.reduced.rank_after
     assert_close(report.margin, alone.margin, scale=1.0)
     assert_close(report.sigma_min_after, alone.reduced.damaged.s[-1], scale=1.0)
+    K = alone.reduced.K
+    lost = report.rank_after < len(K)
+    assert report.condition_number == pytest.approx(math.inf if lost else np.linalg.cond(K))
     rho = alone.relative_manipulability
     assert_close(report.relative_manipulability, rho, scale=1.0, tol=1e-7)
     assert report.capability is None
@@ -133,7 +136,7 @@ def test_every_capability_is_what_capability_says(panda, mode, options):
         assert_close(result.direction, np.array(asked) / size)
     else:
         assert result.direction is None
-    same = {k: v for k, v in options.items() if k not in {"direction", "faults"}}
+    same = {k: v for k, v in options.items() if k not in {"direction", "faults", "force"}}
     if result.limits is None:
         same["limits"] = "none"
     for report in result.sets:
@@ -348,9 +351,9 @@ def test_progress_is_told_after_every_set(dh5):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mode": "weak"}, "many sets at once take locked or free joints; ask analyze about weak"),
-        ({"mode": None}, "no fault mode None; there is: locked, free"),
-        ({"rank_by": "force"}, "no ranking 'force'; there is: jump, capability"),
+        ({"mode": "weak"}, "many fault sets are either locked or free; weak joints need a factor"),
+        ({"mode": None}, "unknown fault mode None; available: locked, free"),
+        ({"rank_by": "force"}, "unknown ranking 'force'; available: jump, capability"),
         ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
         *(
             ({"faults": size}, f"faults must be a number from 1 to 7, got {size!r}")

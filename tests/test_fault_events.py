@@ -99,6 +99,7 @@ def test_what_is_not_locked_can_fail_once_more(dh5, events, last):
 # ---- texts that are none ---------------------------------------------------------------------
 
 SUCH = "3,4@50, free:2@10 or weak:3:0.5@5"
+MODES = f"available: locked, free, weak, e.g. {SUCH}"
 NEEDS = f"a fault event needs joints and a time, e.g. {SUCH}; got"
 BAD = {
     "": f"{NEEDS} ''",
@@ -106,23 +107,23 @@ BAD = {
     "@5": f"{NEEDS} '@5'",
     " @5": f"{NEEDS} ' @5'",
     "3@": "a fault event needs joints and a time, e.g. ",
-    "3@soon": "the time of the fault '3@soon': 'soon' is not a number; it is in s",
-    "3@nan": "the time of the fault '3@nan': 'nan' is not finite; it is in s",
+    "3@soon": "the time of the fault '3@soon': 'soon' is not a number; give it in s",
+    "3@nan": "the time of the fault '3@nan': 'nan' is not finite; give it in s",
     "3@1e300": "the time of the fault '3@1e300': '1e300' is too large",
-    "3@-1": "a fault happens at 0 s or later, got -1 s",
-    "bogus:3@1": f"a fault is locked, free or weak, got 'bogus' in 'bogus:3@1'; e.g. {SUCH}",
-    ":3@1": f"a fault is locked, free or weak, got '' in ':3@1'; e.g. {SUCH}",
-    "3:0.5@1": f"a fault is locked, free or weak, got '3' in '3:0.5@1'; e.g. {SUCH}",
-    "weak:3@1": "a weak joint needs its factor behind a colon, e.g. 3:0.5 for half of its torque",
-    "weak:3:@1": "the factor of weak joint '3': '': 1 number needed, got 0",
+    "3@-1": "the time of a fault must be 0 s or later, got -1 s",
+    "bogus:3@1": f"unknown fault mode 'bogus' in 'bogus:3@1'; {MODES}",
+    ":3@1": f"unknown fault mode '' in ':3@1'; {MODES}",
+    "3:0.5@1": f"unknown fault mode '3' in '3:0.5@1'; {MODES}",
+    "weak:3@1": "a weak joint needs a factor after a colon, e.g. 3:0.5 for half of its torque",
+    "weak:3:@1": "the factor of weak joint '3': '': expected 1 number, got 0",
     "weak:3:1.5@1": "the factor of weak joint 3 must lie between 0 (no torque) and 1 (full torque)",
-    "weak::0.5@1": "a factor needs its weak joint, e.g. 3:0.5",
-    "free:3:0.5@1": "no joint '3:0.5' in the chain of 'dh5'; there is: joint1, joint2, joint3, joi",
-    "jont3@1": "no joint 'jont3' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, "
-    "joint5; did you mean 'joint3'?",
-    "3,3@1": "joint 3 (joint3) is named twice",
-    "free:@1": f"no joint fails at 1 s; give one, e.g. {SUCH}",
-    "3@1,4@2": "no joint '3@1' in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, ",
+    "weak::0.5@1": "no joint before ':0.5'; give the weak joint, e.g. 3:0.5",
+    "free:3:0.5@1": "unknown joint '3:0.5' in the chain of 'dh5'; available: joint1, joint2, ",
+    "jont3@1": "unknown joint 'jont3' in the chain of 'dh5'; available: joint1, joint2, joint3, "
+    "joint4, joint5; did you mean 'joint3'?",
+    "3,3@1": "joint 3 (joint3) appears twice",
+    "free:@1": f"the fault at 1 s has no joints; give one, e.g. {SUCH}",
+    "3@1,4@2": "unknown joint '3@1' in the chain of 'dh5'; available: joint1, joint2, ",
 }
 
 
@@ -135,9 +136,9 @@ def test_texts_that_are_no_events(dh5, text, message):
         read_events(dh5, ["2@0", text])
 
 
-TEXTUAL = f"a fault event is a text such as {SUCH}, got"
-EVENTS = f"fault events are texts such as {SUCH}, got"
-LATER = "a fault happens at 0 s or later, got"
+TEXTUAL = f"a fault event is a string such as {SUCH}; got"
+EVENTS = f"fault events are strings such as {SUCH}; got"
+LATER = "the time of a fault must be 0 s or later, got"
 BAD_OBJECTS = {
     "nothing": (None, f"{EVENTS} None"),
     "a number": (3, f"{EVENTS} 3"),
@@ -158,8 +159,8 @@ BAD_OBJECTS = {
     "joints": (FaultEvent(1.0, [3]), "a fault event needs a FaultSet, got [3]"),
     "text": (FaultEvent(1.0, "3"), "a fault event needs a FaultSet, got '3'"),
     "one fault": (FaultEvent(1.0, Fault(2)), "a fault event needs a FaultSet, got Fault("),
-    "no joints": (FaultEvent(1.0, NOTHING), "no joint fails at 1 s; give one, e.g."),
-    "beyond": (FaultEvent(1.0, locked(5)), "a fault at 1 s names a joint beyond 1 joint1, 2 joi"),
+    "no joints": (FaultEvent(1.0, NOTHING), "the fault at 1 s has no joints; give one, e.g."),
+    "beyond": (FaultEvent(1.0, locked(5)), "a joint of the fault at 1 s is out of range; the"),
 }  # fmt: skip
 
 
@@ -170,15 +171,15 @@ def test_objects_that_are_no_events(dh5, events, message):
     assert str(caught.value).startswith(message)
 
 
-ONCE = "only joints that are free or weak can fail once more, in another way"
+ONCE = "only a free or weak joint can fail again, in another mode"
 TWICE = [
-    (["3@5", "3@6"], "joint 3 (joint3) is locked already at 6 s"),
-    (["3@6", "3@5"], "joint 3 (joint3) is locked already at 6 s"),
-    (["3@5", "3@5"], "joint 3 (joint3) is locked already at 5 s"),
-    (["3@5", "free:2,3@6"], "joint 3 (joint3) is locked already at 6 s"),
-    (["3@5", "weak:3:0.5@6"], "joint 3 (joint3) is locked already at 6 s"),
-    (["free:3@5", "free:3@6"], "joint 3 (joint3) is free already at 6 s"),
-    (["weak:3:0.5@5", "weak:3:0.5@6"], "joint 3 (joint3) is weak 0.5 already at 6 s"),
+    (["3@5", "3@6"], "joint 3 (joint3) has already failed (locked) by 6 s"),
+    (["3@6", "3@5"], "joint 3 (joint3) has already failed (locked) by 6 s"),
+    (["3@5", "3@5"], "joint 3 (joint3) has already failed (locked) by 5 s"),
+    (["3@5", "free:2,3@6"], "joint 3 (joint3) has already failed (locked) by 6 s"),
+    (["3@5", "weak:3:0.5@6"], "joint 3 (joint3) has already failed (locked) by 6 s"),
+    (["free:3@5", "free:3@6"], "joint 3 (joint3) has already failed (free) by 6 s"),
+    (["weak:3:0.5@5", "weak:3:0.5@6"], "joint 3 (joint3) has already failed (weak 0.5) by 6 s"),
 ]
 
 

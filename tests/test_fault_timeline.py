@@ -245,7 +245,7 @@ def test_progress_goes_up_to_the_end(dh5):
     [
         ({"faults": 6}, "faults must be a number from 1 to 5, got 6"),
         ({"faults": True}, "faults must be a number from 1 to 5, got True"),
-        ({"mode": "weak"}, "many sets at once take locked or free joints; ask analyze about weak"),
+        ({"mode": "weak"}, "many fault sets are either locked or free; weak joints need a factor"),
         ({"direction": (0, 0, 0)}, "the direction needs a component that is not zero"),
         ({"force": (1, 2)}, ""),
         ({"rate": -1}, ""),
@@ -264,7 +264,7 @@ def test_values_that_make_no_sense(dh5, options, message):
 def test_too_many_cells(panda):
     with pytest.raises(InputError) as caught:
         timeline(panda, straight(panda), faults=3, rate=3e5)
-    assert "of 63 fault sets are more than 20,000,000 in all; ask for a lower rate or sm" in str(
+    assert "of 63 fault sets exceed the maximum of 20,000,000 cells; ask for a lower rate" in str(
         caught.value
     )
 

@@ -43,9 +43,13 @@ def test_modes_by_name(mode):
 
 @pytest.mark.parametrize("mode", ["Locked", "broken", "", None, 3])
 def test_a_mode_that_does_not_exist(mode):
-    with pytest.raises(UnknownNameError, match=r"no fault mode .*there is: locked, free, weak"):
+    with pytest.raises(
+        UnknownNameError, match=r"unknown fault mode .*available: locked, free, weak"
+    ):
         FaultMode.parse(mode)
-    with pytest.raises(UnknownNameError, match=r"no fault mode .*there is: locked, free, weak"):
+    with pytest.raises(
+        UnknownNameError, match=r"unknown fault mode .*available: locked, free, weak"
+    ):
         Fault(0, mode)
 
 
@@ -86,16 +90,16 @@ def test_factors_out_of_range(factor):
 
 @pytest.mark.parametrize("mode", [FaultMode.LOCKED, FREE])
 def test_only_a_weak_joint_has_a_factor(mode):
-    with pytest.raises(InputError, match=f"only a weak joint has a factor, joint 3 is {mode}"):
+    with pytest.raises(InputError, match=f"only a weak joint has a factor; joint 3 is {mode}"):
         Fault(2, mode, 0.5)
 
 
 def test_a_joint_fails_in_one_mode():
     with pytest.raises(InputError, match="joint 2 cannot be both locked and free; a joint fails"):
         FaultSet((Fault(1), Fault(0), Fault(1, FREE)))
-    with pytest.raises(InputError, match="joint 2 is named twice in one fault set"):
+    with pytest.raises(InputError, match="joint 2 appears twice in the fault set"):
         FaultSet((Fault(1, WEAK, 0.5), Fault(1, WEAK, 0.25)))
-    with pytest.raises(InputError, match="joint 2 is named twice"):
+    with pytest.raises(InputError, match="joint 2 appears twice"):
         FaultSet.locked([1, 0, 1])
 
 
@@ -117,7 +121,7 @@ def test_all_sets_of_a_mode(mode):
 
 
 def test_negative_indices_are_refused():
-    with pytest.raises(InputError, match="count from 0"):
+    with pytest.raises(InputError, match="start at 0, got -1"):
         FaultSet.locked([-1])
 
 

@@ -56,7 +56,7 @@ def forces_of(problem, reading=LockModel.COMMANDED):
 def test_readings_by_name(name):
     for reading in LockModel:
         assert LockModel.parse(reading.value) is LockModel.parse(reading) is reading
-    with pytest.raises(UnknownNameError, match=r"no reading of a lock .*: commanded, held"):
+    with pytest.raises(UnknownNameError, match=r"unknown lock model .*: commanded, held"):
         LockModel.parse(name)
 
 
@@ -81,7 +81,7 @@ def test_forces_of_the_plane_keep_the_equations_of_the_theory(seed):
     for reading in LockModel:
         feasible = forces_of(problem, reading)
         space = space_of(problem, held=reading is LockModel.HELD)
-        assert feasible.stands_still == (space is not None)
+        assert feasible.is_balanced == (space is not None)
         F0, Z = feasible.F0, feasible.Z
         assert_close(Z.T @ Z, np.eye(Z.shape[1]))
         assert_close(Z.T @ F0, np.zeros(Z.shape[1]), scale=norm(F0) or 1.0, tol=1e-8)
@@ -120,7 +120,7 @@ def test_what_is_left_unbalanced_is_judged_by_the_weight(left, stands):
     flat = np.array([[1.0, 0.0, 1.0]])
     feasible = forces(flat, None, free=(2,), rnea=[1.0, left, 0.0])
     assert feasible.unbalanced == pytest.approx(left)
-    assert feasible.stands_still is stands
+    assert feasible.is_balanced is stands
     assert reach(feasible, np.ones(1)).is_empty is not stands
 
 
@@ -203,7 +203,7 @@ def test_rays_beside_highs():
         d = rng.normal(size=len(problem.J))
         if rng.random() < 0.7 and feasible.Z.any():
             d = feasible.Z @ rng.normal(size=feasible.Z.shape[1])
-        if feasible.F0.any() and feasible.stands_still:
+        if feasible.F0.any() and feasible.is_balanced:
             d = feasible.F0 + rng.choice([0.0, 0.3]) * d
         found = reach(feasible, d)
         wanted = ray_by_highs(problem, d, held=reading is LockModel.HELD)

@@ -320,7 +320,7 @@ def test_payloads_without_masses():
     arms_length = 0.3 + 0.11 * math.cos(1.0) + 0.03 * math.sin(1.0)
     assert_close(result.payload[0].maximum, 10.0 / (9.81 * arms_length))
     assert result.analysis.warnings == (
-        "the URDF has no masses: weight of the arm is missing from the torques",
+        "the URDF has no masses: gravity torques of the arm are not included",
     )
 
 

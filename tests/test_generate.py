@@ -135,7 +135,7 @@ def rods_of(table, i):
 )
 def test_sizes_that_no_body_has(mass, length):
     with pytest.raises(
-        DHTableError, match=r"arm: link 'link1': no body .* m, radius .*longer than"
+        DHTableError, match=r"arm: link 'link1': the inertia of .* m, radius .*longer than"
     ):
         to_urdf(table_of(row(a=length), mass=mass))
 
@@ -283,7 +283,7 @@ def test_any_source_name_fits_into_the_comment(name):
 
 def test_a_text_that_yourdfpy_refuses_is_not_returned(monkeypatch):
     monkeypatch.setattr(yourdfpy.Limit, "__init__", _limit_without_upper)
-    with pytest.raises(URDFError, match=r"arm\.urdf: yourdfpy refuses it: .*upper"):
+    with pytest.raises(URDFError, match=r"arm\.urdf: yourdfpy rejects it: .*upper"):
         to_urdf(table_of(row(0.1)))
 
 
@@ -293,7 +293,7 @@ def _limit_without_upper(self, effort=None, velocity=None, lower=None, upper=Non
 
 def test_a_text_with_another_tip_is_not_returned(monkeypatch):
     monkeypatch.setattr(dh_to_urdf.Body, "end", dh_to_urdf.Origin((0.1, 0.2, 0.3)))
-    with pytest.raises(URDFError, match="its tip is not where the DH table has it"):
+    with pytest.raises(URDFError, match="its tip position differs from that of the DH table"):
         to_urdf(table_of(row(0.1)))
 
 
@@ -371,8 +371,8 @@ def test_a_failure_half_way_leaves_the_old_files(tmp_path, monkeypatch, existing
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("arm.xml", "needs to end in .urdf"),
-        ("arm", "needs to end in .urdf"),
+        ("arm.xml", "must end in .urdf"),
+        ("arm", "must end in .urdf"),
         ("none/arm.urdf", "No such file or directory"),
         (300 * "x" + ".urdf", "name too long"),
     ],

@@ -37,13 +37,13 @@ def test_a_path_out_of_reach(dh5):
     assert abrupt.startswith("joint velocities change abruptly at ")  # 10 Hz are few
     error = history.healthy.path_error_norm
     i = error.argmax()
-    assert found.startswith("even the healthy arm leaves its path, by ")
+    assert found.startswith("even the healthy arm deviates from its path, by ")
     assert f"{1e3 * error[i]:.3g} mm at {history.t[i]:g} s" in found
     missing = np.linalg.norm(PUSH["force"] - history.healthy.force, axis=1)
     worst = missing.argmax()
     assert lacking == (
         f"even the healthy arm cannot exert {missing[worst]:.3g} N of the force at "
-        f"{history.t[worst]:g} s: it has no such direction there"
+        f"{history.t[worst]:g} s: its Jacobian is rank deficient there"
     )
     assert missing[worst] > 10.0
 
@@ -57,11 +57,11 @@ def test_positions_beyond_the_limits_and_too_fast(dh5, sign):
     found = warnings(dh5, Recording.of(dh5, t, q), rate=None)
     span = "0 to 4" if sign > 0 else "-4 to 0"
     assert any(
-        re.match(rf"joint 2 joint2 goes from {span} rad, outside its limits -3\.14", w)
+        re.match(rf"joint 2 joint2 moves from {span} rad, outside its limits -3\.14", w)
         for w in found
     )
     assert any(
-        w.startswith("joint 2 joint2 moves with up to 4 rad/s; its limit is 1.57") for w in found
+        w.startswith("joint 2 joint2 reaches 4 rad/s; its velocity limit is 1.57") for w in found
     )
     assert not any("joint1" in w for w in found)
 
@@ -76,16 +76,16 @@ def test_torques_beyond_the_urdf_s(dh5):
     first = over[0]
     share = motor[:, first.number - 1].max() / first.effort
     assert f"joint {first.number} {first.name} would need {100 * share:.4g}% of" in named[0]
-    assert "(limits are not counted)" in named[0]
+    assert "(limits are not enforced)" in named[0]
     assert not any("effort" in w for w in warnings(dh5, LINE, limits="urdf", **strong))
 
 
 def test_weak_joints_without_a_limit(dh5):
     (found,) = warnings(dh5, LINE, faults="weak:3:0.5@1", limits="none")
-    assert found == "joint 3 joint3 is weak, but no limits are counted: it counts as healthy"
+    assert found == "joint 3 joint3 is weak, but no limits are enforced: it is treated as healthy"
     unknown = ftforce.core.limits.Limits.of([150, 150, np.nan, 40, 20])
     (found,) = warnings(dh5, LINE, faults="weak:3:0.5@1", limits=unknown)
-    assert found == "joint 3 joint3 is weak, but its limit is unknown: it counts as none"
+    assert found == "joint 3 joint3 is weak, but its torque limit is unknown and is not enforced"
 
 
 def test_masses_that_are_missing(dh5, tmp_path):

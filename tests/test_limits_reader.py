@@ -144,7 +144,9 @@ def test_limits_are_taken_as_they_are(dh5):
 
 @pytest.mark.parametrize("limits", ["", 3, 2.5, [1, 2, 3, 4, 5], b"urdf", True], ids=repr)
 def test_what_no_limits_are(dh5, limits):
-    wanted = "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits, got "
+    wanted = (
+        "limits must be 'urdf', 'none', a TOML or CSV file, or ftforce.core.limits.Limits; got "
+    )
     with pytest.raises(InputError) as caught:
         choose_limits(dh5, limits)
     assert str(caught.value) == wanted + repr(limits)
@@ -161,61 +163,67 @@ def test_limits_of_a_file_bind(dh5, file):
 
 # ---- what cannot be used ---------------------------------------------------------------------
 
-POSITIVE = "needs a positive number, N·m or N, got"
-HEADER = "needs the header joint,effort,brake (brake may be missing), got"
-KIND = "a TOML or CSV file of limits (joint, effort, brake) was expected"
-THERE_IS = "in the chain of 'dh5'; there is: joint1, joint2, joint3, joint4, joint5"
+POSITIVE = "must be a positive number, N·m or N, got"
+HEADER = "expected the header joint,effort,brake (brake is optional), got"
+KIND = "expected a TOML or CSV file of limits (joint, effort, brake)"
+THERE_IS = "in the chain of 'dh5'; available: joint1, joint2, joint3, joint4, joint5"
 CHAIN = "the chain has: 1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
 BAD_CSV = {
     "unknown joint": (
         "joint,effort\njoint1,5\nJont3,10\n",
-        f"line 3: no joint 'Jont3' {THERE_IS}; did you mean 'joint3'?",
+        f"line 3: unknown joint 'Jont3' {THERE_IS}; did you mean 'joint3'?",
     ),
     "unknown number": ("joint,effort\n9,1\n", f"line 2: joint number 9 is out of range; {CHAIN}"),
-    "no name": ("joint,effort\n,10\n", f"line 2: no joint '' {THERE_IS}"),
+    "no name": ("joint,effort\n,10\n", f"line 2: unknown joint '' {THERE_IS}"),
     "joint twice": (
         "joint,effort\njoint3,10\n\n 3,12\n",
-        "line 4: joint 3 (joint3) was given in line 2",
+        "line 4: joint 3 (joint3) already appears in line 2",
     ),
     "negative": (
         "joint,effort\n3,-10\n",
-        f"line 2: effort of joint3 {POSITIVE} -10; limits count both ways",
+        f"line 2: effort of joint3 {POSITIVE} -10; limits apply in both directions",
     ),
     "zero": (
         "joint,effort\n3,0\n",
-        f"line 2: effort of joint3 {POSITIVE} 0; leave it out if it is unknown",
+        f"line 2: effort of joint3 {POSITIVE} 0; omit it if unknown",
     ),
     "tiny": (
         "joint,effort\n3,1e-320\n",
-        f"line 2: effort of joint3 {POSITIVE} 9.99989e-321; limits below 1e-09 are not read",
+        f"line 2: effort of joint3 {POSITIVE} 9.99989e-321; limits below 1e-09 are not accepted",
     ),
-    "huge": ("joint,effort\n3,1e300\n", "line 2: effort of joint3: '1e300' is too large; numbers"),
+    "huge": (
+        "joint,effort\n3,1e300\n",
+        "line 2: effort of joint3: '1e300' is too large; the maximum",
+    ),
     "NaN": (
         "joint,effort\n3,nan\n",
-        "line 2: effort of joint3: 'nan' is not finite; leave it out if it is unknown",
+        "line 2: effort of joint3: 'nan' is not finite; omit it if unknown",
     ),
     "text": ("joint,effort\n3,strong\n", "line 2: effort of joint3: 'strong' is not a number"),
     "line break in a cell": (
         'joint,effort\n3,"1\n0"\n',
-        "line 3: effort of joint3: '1\\n0': 1 number needed, got 2",
+        "line 3: effort of joint3: '1\\n0': expected 1 number, got 2",
     ),
-    "open quotes": ('joint,effort\n"3,1\n', "line 2: is not CSV: unexpected end of data"),
+    "open quotes": ('joint,effort\n"3,1\n', "line 2: not valid CSV: unexpected end of data"),
     "semicolons": (
         "joint;effort;brake\n3;10,5;12\n",
-        f"{HEADER} joint;effort;brake; commas separate cells",
+        f"{HEADER} joint;effort;brake; cells are separated by commas",
     ),
-    "comment first": ("# mine\njoint,effort\n3,1\n", f"{HEADER} # mine; commas separate cells"),
+    "comment first": (
+        "# mine\njoint,effort\n3,1\n",
+        f"{HEADER} # mine; cells are separated by commas",
+    ),
     "more columns": ("joint,effort,brake,speed\n3,1,2,3\n", f"{HEADER} joint,effort,brake,speed"),
     "column twice": ("joint,effort,effort\n3,1,2\n", f"{HEADER} joint,effort,effort"),
-    "short line": ("joint,effort,brake\n3,10\n", "line 2: needs 3 cells, got 2"),
+    "short line": ("joint,effort,brake\n3,10\n", "line 2: expected 3 cells, got 2"),
     "header only": (
         "joint,effort,brake\n",
-        "holds no limit; it needs joint, effort, brake for each joint",
+        "contains no limits; expected joint, effort, brake for each joint",
     ),
-    "no numbers": ("joint,effort,brake\n3,,\n4, ,\n", "holds no limit; it needs"),
+    "no numbers": ("joint,effort,brake\n3,,\n4, ,\n", "contains no limits; expected"),
     "commas only": (",,,\n,,,\n", f"{HEADER} "),
     "empty": ("", f"is empty; {KIND}"),
-    "escapes": ("joint,effort\n\x1b[31mred,1\n", "line 2: no joint '\\x1b[31mred'"),
+    "escapes": ("joint,effort\n\x1b[31mred,1\n", "line 2: unknown joint '\\x1b[31mred'"),
 }
 
 
@@ -224,12 +232,12 @@ def test_csv_files_that_cannot_be_used(dh5, file, content, message):
     assert refused(dh5, file(content)).startswith(message)
 
 
-TABLE = "give each joint one, e.g. [elbow] with effort = 87 and brake = 120 (N·m) below it"
-KEYS = "there is: joint, effort, brake"
+TABLE = "use one per joint, e.g. [elbow] followed by effort = 87 and brake = 120 (N·m)"
+KEYS = "available: joint, effort, brake"
 BAD_TOML = {
     "unknown joint": (
         "[join3]\neffort = 1\n",
-        f"[join3]: no joint 'join3' {THERE_IS}; did you mean 'joint3'?",
+        f"[join3]: unknown joint 'join3' {THERE_IS}; did you mean 'joint3'?",
     ),
     "unknown number": (
         "[[joint]]\njoint = 9\neffort = 1\n",
@@ -237,41 +245,44 @@ BAD_TOML = {
     ),
     "name and number": (
         "[joint3]\neffort = 1\n[3]\neffort = 2\n",
-        "[3]: joint 3 (joint3) was given in [joint3]",
+        "[3]: joint 3 (joint3) already appears in [joint3]",
     ),
     "table and list": (
         "[joint3]\neffort = 1\n[[joint]]\njoint = 1\n[[joint]]\njoint = 3\n",
-        "[[joint]] number 2: joint 3 (joint3) was given in [joint3]",
+        "[[joint]] number 2: joint 3 (joint3) already appears in [joint3]",
     ),
-    "table twice": ("[joint3]\n[joint3]\n", "is not TOML: Cannot declare ('joint3',) twice"),
+    "table twice": ("[joint3]\n[joint3]\n", "is not valid TOML: Cannot declare ('joint3',) twice"),
     "joint in a table": (
         "[elbow]\njoint = 'joint3'\neffort = 1\n",
-        "[elbow]: names a joint twice, 'elbow' and 'joint3'; give each joint one table with its ",
+        "[elbow]: names two joints, 'elbow' and 'joint3'; use one table named after each joint",
     ),
-    "no joint": ("[[joint]]\neffort = 1\n", "[[joint]] number 1: names no joint"),
+    "no joint": ("[[joint]]\neffort = 1\n", "[[joint]] number 1: no joint given"),
     "truth as joint": (
         "[[joint]]\njoint = true\n",
-        "[[joint]] number 1: a joint is a number from 1 to 5 or a name, got True",
+        "[[joint]] number 1: a joint is given by number (1 to 5) or name, got True",
     ),
-    "list as joint": ("[[joint]]\njoint = [3]\n", "[[joint]] number 1: a joint is a number "),
-    "misspelt": ("[joint3]\nefort = 1\n", f"[joint3]: unknown entry 'efort'; {KEYS}"),
-    "capitals": ("[joint3]\nEffort = 1\n", f"[joint3]: unknown entry 'Effort'; {KEYS}"),
+    "list as joint": (
+        "[[joint]]\njoint = [3]\n",
+        "[[joint]] number 1: a joint is given by number ",
+    ),
+    "misspelt": ("[joint3]\nefort = 1\n", f"[joint3]: unknown key 'efort'; {KEYS}"),
+    "capitals": ("[joint3]\nEffort = 1\n", f"[joint3]: unknown key 'Effort'; {KEYS}"),
     "nested": (
         "[left.joint3]\neffort = 1\n",
-        f"[left]: unknown entry 'joint3'; {KEYS}; a name with a dot needs quotes",
+        f"[left]: unknown key 'joint3'; {KEYS}; a name with a dot needs quotes",
     ),
-    "number": ("joint3 = 10\n", f"'joint3' is no table; {TABLE}"),
-    "numbers": ("effort = [1, 2, 3, 4, 5]\n", f"'effort' is no table; {TABLE}"),
-    "NaN": ("[joint3]\neffort = nan\n", "[joint3]: effort of joint3: 'nan' is not finite; leave"),
+    "number": ("joint3 = 10\n", f"'joint3' is not a table; {TABLE}"),
+    "numbers": ("effort = [1, 2, 3, 4, 5]\n", f"'effort' is not a table; {TABLE}"),
+    "NaN": ("[joint3]\neffort = nan\n", "[joint3]: effort of joint3: 'nan' is not finite; omit"),
     "long number": (f"[joint3]\neffort = {'9' * 400}\n", "[joint3]: effort of joint3: '9999"),
-    "longer number": (f"[joint3]\neffort = {'9' * 5000}\n", "is not TOML: Exceeds the limit"),
+    "longer number": (f"[joint3]\neffort = {'9' * 5000}\n", "is not valid TOML: Exceeds the limit"),
     "text": ("[joint3]\neffort = 'ten'\n", "[joint3]: effort of joint3: 'ten' is not a number"),
     "truth": ("[joint3]\neffort = true\n", f"[joint3]: effort of joint3 {POSITIVE} True"),
     "date": ("[joint3]\neffort = 2020-01-01\n", f"[joint3]: effort of joint3 {POSITIVE} datetime"),
-    "comment only": ("# nothing\n", "holds no limit; it needs joint, effort, brake for each"),
-    "empty tables": ("[joint3]\n[joint4]\n", "holds no limit"),
-    "deep": ("a = " + "[" * 5000, "is not TOML: "),
-    "line break in a name": ('["a\\nb"]\neffort = 1\n', "[a\\nb]: no joint 'a\\nb'"),
+    "comment only": ("# nothing\n", "contains no limits; expected joint, effort, brake for each"),
+    "empty tables": ("[joint3]\n[joint4]\n", "contains no limits"),
+    "deep": ("a = " + "[" * 5000, "is not valid TOML: "),
+    "line break in a name": ('["a\\nb"]\neffort = 1\n', "[a\\nb]: unknown joint 'a\\nb'"),
     "empty": ("", f"is empty; {KIND}"),
 }
 
@@ -283,7 +294,7 @@ def test_toml_files_that_cannot_be_used(dh5, file, content, message):
 
 @pytest.mark.parametrize("name", ["limits", "limits.txt", "limits.csv.bak", ".csv", "urdf.json"])
 def test_other_endings(dh5, file, name):
-    wanted = "needs 'urdf', 'none' or a TOML or CSV file of limits (joint, effort, brake), with "
+    wanted = "expected 'urdf', 'none' or a TOML or CSV file of limits (joint, effort, brake) ending"
     assert refused(dh5, file("joint,effort\n3,1\n", name)).startswith(wanted)
 
 

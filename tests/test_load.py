@@ -9,7 +9,7 @@ import pytest
 
 from ftforce import known_robots, load_robot
 from ftforce.errors import InputError, UnknownNameError, URDFError
-from ftforce.robot.chain import MOST_JOINTS
+from ftforce.robot.chain import MAX_JOINTS
 from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from ftforce.robot.posture import choose_posture
 from helpers import differences, load_text, srdf_of
@@ -88,11 +88,11 @@ def test_floating_and_planar_joints_are_held_fixed(tmp_path, kind, number):
 
 
 def test_a_chain_of_too_many_joints_is_refused(tmp_path):
-    links = [link(f"l{i}", "") for i in range(MOST_JOINTS + 2)]
-    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(MOST_JOINTS + 1)]
+    links = [link(f"l{i}", "") for i in range(MAX_JOINTS + 2)]
+    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(MAX_JOINTS + 1)]
     path = write(tmp_path, robot(*links, *joints))
-    assert load_robot(path, base="l1").n == MOST_JOINTS
-    with pytest.raises(InputError, match=f"{MOST_JOINTS + 1} joints move between 'l0' and 'l101'"):
+    assert load_robot(path, base="l1").n == MAX_JOINTS
+    with pytest.raises(InputError, match=f"{MAX_JOINTS + 1} joints move between 'l0' and 'l101'"):
         load_robot(path)
     rays = [joint(f"j{i}", "l0", f"l{i + 1}", more=mimic("j0") if i else "") for i in range(101)]
     with pytest.raises(InputError, match="101 joints move"):
@@ -149,7 +149,7 @@ def test_joints_outside_are_held_at_the_posture(tmp_path):
     assert held(posture="open") == {**open_, "f3_joint": 2.0}
     assert held(posture="wide") == {"f1_joint": 1.5, "f2_joint": 0.0, "f3_joint": 4.0}
     with pytest.raises(
-        UnknownNameError, match=r"no posture 'opn'; there is: home, open, mid-range"
+        UnknownNameError, match=r"unknown posture 'opn'; available: home, open, mid-range"
     ):
         held(posture="opn")
 
@@ -306,7 +306,7 @@ def test_a_posture_is_not_given_to_another_arm():
 
 
 def test_corrections_are_told_for_the_joints_of_the_chain():
-    note = "effort limit of shoulder_pan_joint, shoulder_lift_joint: 56 N·m; the URDF carries"
+    note = "effort limit of shoulder_pan_joint, shoulder_lift_joint: 56 N·m; the URDF has"
     assert any(one.startswith(note) for one in load_robot("ur3").notes)
     short = load_robot("ur3", tip="upper_arm_link")
     assert [joint.effort for joint in short.joints] == [56.0, 56.0]
@@ -318,7 +318,7 @@ def test_corrections_are_told_for_the_joints_of_the_chain():
 
 def test_a_path_that_does_not_exist_is_no_name(tmp_path):
     for source in ("panda.urdf", "./panda", tmp_path / "panda"):
-        with pytest.raises(URDFError, match="no such file; a URDF was expected"):
+        with pytest.raises(URDFError, match="no such file; expected a URDF"):
             load_robot(source)
 
 

@@ -1,4 +1,4 @@
-"""How an arm follows its course: SciPy and NumPy written out, limits, singularities, delays."""
+"""How an arm follows its reference: SciPy and NumPy written out, limits, singularities, delays."""
 
 import math
 from itertools import product
@@ -65,13 +65,13 @@ def follow(robot, trajectory, q=None, *, faults=(), delay=0.0, rate=50, t=None):
     times = start.times if t is None else np.array(t, dtype=float)
     all_phases = phases(read_events(robot, faults), delay)
     met = tuple(phase for phase in all_phases if phase.start <= times[-1])
-    return start, advance(robot, start.course, start.q, times, met, tick=silent)
+    return start, advance(robot, start.reference, start.q, times, met, tick=silent)
 
 
 def path_error(robot, start, motion, times=None):
-    """Return the distance of the tip from its course at each instant."""
+    """Return the distance of the tip from its reference at each instant."""
     times = start.times if times is None else times
-    targets = [start.course.at(t).x for t in times.tolist()]
+    targets = [start.reference.at(t).x for t in times.tolist()]
     return np.array(
         [math.dist(x, tip(robot, q)[0]) for x, q in zip(targets, motion.q, strict=True)]
     )
@@ -158,11 +158,11 @@ def test_an_arm_that_starts_beside_its_path_returns_to_it():
     q = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 1e-3]
     t = np.linspace(0.0, 1.0, 21)
     (phase,) = phases((), 0.0)
-    motion, _ = advance(robot, start.course, q, t, (phase,), tick=silent)
+    motion, _ = advance(robot, start.reference, q, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error, error[0] * np.exp(-GAIN * t), tol=1e-3)
     far = start.q + np.linalg.pinv(differences(robot, start.q)[:3]) @ [0.0, 0.0, 0.05]
-    motion, _ = advance(robot, start.course, far, t, (phase,), tick=silent)
+    motion, _ = advance(robot, start.reference, far, t, (phase,), tick=silent)
     error = path_error(robot, start, motion, t)
     assert_close(error[0] - error[1:9], 0.1 * t[1:9], tol=1e-3)
     assert error[-1] < 0.1 * error[0]
@@ -175,7 +175,7 @@ def test_an_orientation_that_is_off_is_corrected():
     twist = np.array([0.0, 0.0, 0.0, 0.0, 3e-3, 4e-3])
     q = start.q + np.linalg.pinv(differences(PANDA, start.q)) @ twist
     t, (phase,) = np.linspace(0.0, 0.5, 21), phases((), 0.0)
-    motion, _ = advance(PANDA, start.course, q, t, (phase,), tick=silent)
+    motion, _ = advance(PANDA, start.reference, q, t, (phase,), tick=silent)
     R = tip(PANDA, start.q)[1]
     angles = np.array([np.linalg.norm(pin.log3(R.T @ tip(PANDA, q)[1])) for q in motion.q])
     assert angles[0] == pytest.approx(5e-3, rel=1e-2)
@@ -276,7 +276,7 @@ def test_the_law_after_a_lock_is_appendix_a(seed):
     q = robot.lower + rng.uniform(0.1, 0.9, size=7) * (robot.upper - robot.lower)
     x = tip(robot, q)[0]
     path = Path.through([x, x + rng.normal(scale=0.2, size=3)], speed=0.02)
-    course, t = PathReference(robot, path, q), float(rng.uniform(0.0, 0.2))
+    reference, t = PathReference(robot, path, q), float(rng.uniform(0.0, 0.2))
     locked = rng.choice(7, size=rng.integers(1, 3), replace=False).tolist()
     J = differences(robot, q)[:3]
     H = [i for i in range(7) if i not in locked]
@@ -287,11 +287,11 @@ def test_the_law_after_a_lock_is_appendix_a(seed):
     v_healthy = np.linalg.pinv(J) @ asked
     wanted = np.zeros(7)
     wanted[H] = v_healthy[H] + np.linalg.pinv(J[:, H]) @ (asked - J[:, H] @ v_healthy[H])
-    got = rates_law(robot, course, FaultSet.locked(locked))(t, q)
+    got = rates_law(robot, reference, FaultSet.locked(locked))(t, q)
     assert_close(got, wanted, scale=np.linalg.norm(asked), tol=1e-6)
     assert not got[locked].any()
     assert_close(J @ got, asked, tol=1e-6)
-    assert_close(rates_law(robot, course, FaultSet())(t, q), v_healthy, tol=1e-6)
+    assert_close(rates_law(robot, reference, FaultSet())(t, q), v_healthy, tol=1e-6)
 
 
 PANDA = ftforce.load_robot("panda")
@@ -304,7 +304,7 @@ def test_a_joint_that_swings_is_not_asked_to_help():
     t = 0.5 * path.duration
     q = follow(PANDA, path, t=[0.0, t])[1].motion.q[1]
     faults = phases(read_events(PANDA, ["3@0", "free:5@0"]), 0.0)[0].known
-    got = rates_law(PANDA, start.course, faults)(t, q)
+    got = rates_law(PANDA, start.reference, faults)(t, q)
     J, asked = differences(PANDA, q)[:3], path.at(t)[1]
     v = np.linalg.pinv(J) @ asked
     kept, M = [i for i in range(7) if i != 2], [0, 1, 3, 5, 6]
@@ -434,7 +434,7 @@ def test_after_a_lock_a_recorded_tip_keeps_to_its_path(velocities, rate):
     assert np.ptp(motion.q[late, 2]) == 0.0
     # The others stay close to what was recorded: Appendix A with its velocities.
     i = int(np.flatnonzero(late)[0])
-    J, target = differences(PANDA, motion.q[i])[:3], start.course.at(start.times[i])
+    J, target = differences(PANDA, motion.q[i])[:3], start.reference.at(start.times[i])
     v_H = target.nominal_velocity.copy()
     place = tip(PANDA, motion.q[i])[0]
     v_H += np.linalg.pinv(J) @ (target.x_dot + GAIN * (target.x - place) - J @ v_H)

@@ -160,7 +160,7 @@ def test_replication_fails_for_another_arm(step):
 
 
 def test_replication_needs_the_posture_of_the_paper():
-    with pytest.raises(ftforce.FtforceError, match="no posture 'paper'"):
+    with pytest.raises(ftforce.FtforceError, match="unknown posture 'paper'"):
         replicate(ftforce.load_robot("panda"))
 
 

@@ -133,15 +133,15 @@ def test_the_caller_s_points_are_left_alone():
 BAD_POINTS = {
     "one point": ([START], "a path needs two or more points x, y, z in m, got an array of shape"),
     "two numbers each": ([(1, 2), (3, 4)], "a path needs two or more points x, y, z in m"),
-    "ragged": ([(1, 2, 3), (4, 5)], "the path's points needs numbers, got"),
-    "truth": ([[True] * 3, [False] * 3], "the path's points needs numbers"),
-    "NaN": ([START, (0, NAN, 0)], "the path's points holds nan at position 2, 2; numbers must"),
-    "too large": ([START, (1e200, 0, 0)], "the path's points holds numbers too large"),
-    "far": ([START, (-1e12, 0, 0)], "the path's points lie within 1e+09 m, got 1e+12 m"),
-    "equal": ([START, START], "points 1 and 2 of the path are the same; leave one out"),
+    "ragged": ([(1, 2, 3), (4, 5)], "the path needs numbers, got"),
+    "truth": ([[True] * 3, [False] * 3], "the path needs numbers"),
+    "NaN": ([START, (0, NAN, 0)], "the path contains nan at position 2, 2; numbers must"),
+    "too large": ([START, (1e200, 0, 0)], "the path contains numbers too large"),
+    "far": ([START, (-1e12, 0, 0)], "the path's points must lie within 1e+09 m, got 1e+12 m"),
+    "equal": ([START, START], "points 1 and 2 of the path coincide; omit one"),
     "closer than numbers are": (
         [(0, 0, 0), (10, 0, 0), (10, 1e-17, 0)],
-        "points 2 and 3 of the path are too close; leave one out",
+        "points 2 and 3 of the path are too close together; omit one",
     ),
 }
 
@@ -155,11 +155,11 @@ def test_points_that_make_no_path(points, message):
 
 @pytest.mark.parametrize("speed", [0, 0.0, -1.0, NAN, INF, -INF, "1", None, True, [1.0], 10**400])
 def test_speeds_that_are_none(speed):
-    with pytest.raises(InputError, match="the speed must be positive, m/s, got"):
+    with pytest.raises(InputError, match="the speed in m/s must be positive, got"):
         Path.through([START, END], speed=speed)
 
 
 @pytest.mark.parametrize("speed", [1e-310, 5e-324])
 def test_a_path_without_end(speed):
-    with pytest.raises(InputError, match="the path takes for ever at a speed of"):
+    with pytest.raises(InputError, match="the path takes infinitely long at a speed of"):
         Path.through([START, END], speed=speed)

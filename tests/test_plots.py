@@ -144,8 +144,8 @@ def test_a_line_has_a_gap_where_nothing_holds_the_arm(history):
     broken = replaced(history, remapped=replaced(history.remapped, motor=motor))
     ax = plots.torques(broken)
     assert np.isnan(lines_of(ax, len(history.t))[0].get_ydata()[5:9]).all()
-    assert legend_of(ax)[-1] == "gap: nothing holds the arm"
-    assert "gap: nothing holds the arm" not in legend_of(plots.torques(history))
+    assert legend_of(ax)[-1] == "gap: the arm cannot be held"
+    assert "gap: the arm cannot be held" not in legend_of(plots.torques(history))
 
 
 def test_units_of_a_prismatic_joint_stand_in_the_legend(wrench_history):
@@ -259,7 +259,7 @@ def test_a_heat_map_shows_every_cell(timeline, quantity):
     assert ax.get_ylabel() == "free joints"
     notes = legend_of(ax)
     assert notes[0] == "worst instant"
-    assert ("nothing holds the arm" in notes) == np.isnan(values).any()
+    assert ("the arm cannot be held" in notes) == np.isnan(values).any()
     assert np.isnan(timeline.jump).any()  # or this would test nothing
     marks = np.asarray(ax.collections[-1].get_offsets())
     name = "capability_time" if quantity == "capability" else "time"
@@ -467,7 +467,9 @@ def test_what_has_no_outline_is_said():
     assert strip > 10.0 * np.abs([*ax.get_xlim(), *ax.get_ylim()]).max()
     panda = ftforce.load_robot("panda")
     heavy = ftforce.capability(panda, locked=[4], payload=200)
-    assert "before, after, with locks: nothing holds the arm" in plots.capability(heavy).get_title()
+    assert (
+        "before, after, with locks: the arm cannot be held" in plots.capability(heavy).get_title()
+    )
     lost = ftforce.capability(panda, locked=[1, 2, 3, 4, 5, 6, 7])
     assert "after: no force" in plots.capability(lost).get_title()
 
@@ -625,24 +627,26 @@ def test_a_later_title_takes_the_place_of_ours_above_the_faults(history):
 
 
 def test_wrong_names_are_refused(history, wrench_history, timeline, capability):
-    with pytest.raises(UnknownNameError, match=r"no run 'helthy'.*did you mean 'healthy'"):
+    with pytest.raises(UnknownNameError, match=r"unknown run 'helthy'.*did you mean 'healthy'"):
         plots.torques(history, "helthy")
-    with pytest.raises(UnknownNameError, match="no run 'remapped'; there is: healthy, unremapped;"):
+    with pytest.raises(
+        UnknownNameError, match="unknown run 'remapped'; available: healthy, unremapped;"
+    ):
         plots.torques(wrench_history)
-    with pytest.raises(UnknownNameError, match="no torque 'speed'"):
+    with pytest.raises(UnknownNameError, match="unknown torque 'speed'"):
         plots.torques(history, quantity="speed")
-    with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; there is: force"):
+    with pytest.raises(UnknownNameError, match="'moment' in the task 'force'; available: force"):
         plots.force(history, kind="moment")
-    with pytest.raises(UnknownNameError, match="no quantity 'heat'; there is: jump, margin"):
+    with pytest.raises(UnknownNameError, match="unknown quantity 'heat'; available: jump, margin"):
         plots.heat_map(timeline, quantity="heat")
     with pytest.raises(InputError, match="without a force there is no jump"):
-        plots.heat_map(replaced(timeline, force=None))
-    with pytest.raises(UnknownNameError, match="no component 'mx' in the task 'force'"):
+        plots.heat_map(replaced(timeline, question=replaced(timeline.question, force=None)))
+    with pytest.raises(UnknownNameError, match="unknown component 'mx' in the task 'force'"):
         plots.capability(capability, ["fx", "mx"])
     for components in (["fx"], ["fx", "fx"], ["fx", "fy", "fz"], []):
         with pytest.raises(InputError, match="two different components of the task"):
             plots.capability(capability, components)
-    with pytest.raises(InputError, match="no figure of Robot, but of: History, Timeline"):
+    with pytest.raises(InputError, match="no figure for Robot; available for: History, Timeline"):
         figures.figure(ftforce.load_robot("dh5"))
     with pytest.raises(InputError, match="two different components"):
         figures.figure(ftforce.capability(ftforce.load_robot("dh5"), locked=[1], task="fx"))

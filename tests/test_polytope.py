@@ -361,8 +361,8 @@ def test_too_many_joints_are_refused_at_once():
     with pytest.raises(InputError) as caught:
         result.polytope(after=False)
     assert str(caught.value) == (
-        f"21 joints with limits make {planes:,} intersections in 6 dimensions; "
-        "a polytope takes 2,000,000 at most; ask for a smaller task"
+        f"the polytope has {planes:,} candidate vertices (21 joints with limits, 6 dimensions); "
+        "at most 2,000,000 are supported: choose a smaller task"
     )
     smaller = ftforce.capability(arm, np.linspace(-1.0, 1.0, 21), gravity=[0, 0, 0])
     assert smaller.polytope(after=False).dimension == 3

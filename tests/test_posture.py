@@ -102,7 +102,9 @@ def test_named_and_built_in_postures(arm, name, q, source, warnings):
 
 
 def test_unknown_postures_are_answered_with_the_known_ones(arm):
-    message = "no posture 'bend'; there is: bent, far, mid-range, zero, sample; did you mean 'bent'"
+    message = (
+        "unknown posture 'bend'; available: bent, far, mid-range, zero, sample; did you mean 'bent'"
+    )
     with pytest.raises(UnknownNameError, match=message):
         choose_posture(arm, name="bend")
 
@@ -185,7 +187,7 @@ def test_degrees_given_as_radians_are_noticed(arm, q, mixed_up):
     ("q", "name", "message"),
     [
         ([0, 0], None, "q needs 3 numbers, got 2 numbers: one per joint, 1 j1, 2 j2"),
-        ([0, np.nan, 0], None, "q holds nan at position 2"),
+        ([0, np.nan, 0], None, "q contains nan at position 2"),
         ([0, 0, 0], "bent", r"either q or a posture, not both \(q and 'bent'\)"),
         (Posture(np.zeros(3), "given"), "bent", "not both"),
     ],

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
+from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without_columns
 from ftforce.core.svd import Svd
 from helpers import assert_close, campaign, jacobians, seeds, with_singular_values
 
@@ -124,7 +124,7 @@ def test_what_no_joint_can_give_is_lost():
 
 
 def test_joints_that_cannot_be_commanded_keep_their_velocity():
-    K = without(J, np.array([False, True, False])).A
+    K = without_columns(J, np.array([False, True, False])).A
     assert_close(K, [[1, 0, 0], [0, 0, 1]])
     assert J[0, 1] == 1.0  # the caller's own stays
     got = rates(K, [5.0, 0.5], [0.0, 9.0, 0.0], bound=1.0)

@@ -168,7 +168,7 @@ def test_lists_and_integers_will_do(slider):
     assert recording.q.dtype == np.float64
 
 
-FOUR = "a trajectory needs 4 or more times, got the shape"
+FOUR = "a recording needs 4 or more times, got an array of shape"
 BAD_ARRAYS = {
     "no times": ({"t": []}, FOUR),
     "a number": ({"t": 1.0}, FOUR),
@@ -177,34 +177,37 @@ BAD_ARRAYS = {
     "times are None": ({"t": None}, "t needs numbers, got None"),
     "times are texts": ({"t": list("01234")}, "t needs numbers"),
     "times are truths": ({"t": [True] * 5}, "t needs numbers"),
-    "NaN time": ({"t": [0, 1, NAN, 3, 4]}, "t holds nan at position 3"),
-    "infinite time": ({"t": [0, 1, 2, 3, INF]}, "t holds inf at position 5"),
+    "NaN time": ({"t": [0, 1, NAN, 3, 4]}, "t contains nan at position 3"),
+    "infinite time": ({"t": [0, 1, 2, 3, INF]}, "t contains inf at position 5"),
     "falling": ({"t": [0.0, 0.1, 0.05, 0.3, 0.4]}, "sample 3: the time 0.05 s comes after 0.1 s"),
-    "repeated": ({"t": [0.0, 0.1, 0.1, 0.3, 0.4]}, "sample 3: the time 0.1 s is there twice; time"),
-    "tiny steps": ({"t": 1e-300 * T}, "sample 2: the time 1e-301 s comes after 0 s; steps need"),
+    "repeated": ({"t": [0.0, 0.1, 0.1, 0.3, 0.4]}, "sample 3: the time 0.1 s appears twice; time"),
+    "tiny steps": (
+        {"t": 1e-300 * T},
+        "sample 2: the time 1e-301 s comes after 0 s; times must incr",
+    ),
     "gap": (
         {"t": LATER},
-        "sample 4: a gap of 5.1 s after 0.2 s, where the usual step is 0.1 s and gaps up to 1 s",
+        "sample 4: a gap of 5.1 s after 0.2 s; the median step is 0.1 s, and gaps up to 1 s",
     ),
     "own gap": (
         {"t": 2.0 * np.arange(5), "max_gap": 0.5},
-        "sample 2: a gap of 2 s after 0 s, where the usual step is 2 s and gaps up to 0.5 s are br",
+        "sample 2: a gap of 2 s after 0 s; the median step is 2 s, and gaps up to 0.5 s are",
     ),
-    "gap 0": ({"max_gap": 0}, "the longest gap must be positive and finite, s, got 0"),
-    "gap -1": ({"max_gap": -1.0}, "the longest gap must be positive and finite, s, got -1.0"),
-    "gap NaN": ({"max_gap": NAN}, "the longest gap must be positive and finite, s, got nan"),
-    "gap as text": ({"max_gap": "1"}, "the longest gap must be positive and finite, s, got '1'"),
-    "gap as truth": ({"max_gap": True}, "the longest gap must be positive and finite, s, got Tr"),
+    "gap 0": ({"max_gap": 0}, "the longest gap in s must be positive and finite, got 0"),
+    "gap -1": ({"max_gap": -1.0}, "the longest gap in s must be positive and finite, got -1.0"),
+    "gap NaN": ({"max_gap": NAN}, "the longest gap in s must be positive and finite, got nan"),
+    "gap as text": ({"max_gap": "1"}, "the longest gap in s must be positive and finite, got '1'"),
+    "gap as truth": ({"max_gap": True}, "the longest gap in s must be positive and finite, got Tr"),
     "no positions": ({"q": None}, "q needs numbers, got None"),
     "transposed": (
         {"q": Q.T},
         "q needs an array of shape 5 x 2, got an array of shape 2 x 5: one row per time, one colu",
     ),
     "flat": ({"q": Q.ravel()}, "q needs an array of shape 5 x 2, got 10 numbers"),
-    "NaN position": ({"q": Q * NAN}, "q holds nan at position 1, 1; numbers must be finite"),
+    "NaN position": ({"q": Q * NAN}, "q contains nan at position 1, 1; numbers must be finite"),
     "ragged": ({"q": [[1], [1, 2]]}, "q needs numbers"),
     "few velocities": ({"v": V[:4]}, "v needs an array of shape 5 x 2"),
-    "infinite velocity": ({"v": V * INF}, "v holds inf at position 1, 1"),
+    "infinite velocity": ({"v": V * INF}, "v contains inf at position 1, 1"),
 }
 
 
@@ -224,78 +227,78 @@ def test_a_wrong_shape_is_there_as_data(slider):
 
 # ---- files that cannot be used ---------------------------------------------------------------
 
-KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z) was expected"
-HEADER = "needs the header t,JOINT,… or x,y,z, got"
-LACKS = "a trajectory needs t and every joint: 1 j1, 2 j2"
+KIND = "expected a CSV file of a trajectory (columns t and joint names, or x,y,z)"
+HEADER = "expected the header t,JOINT,… or x,y,z, got"
+LACKS = "a recording needs t and every joint: 1 j1, 2 j2"
 BAD_FILES = {
     "unknown column": (
         csv_of("t,j1,j22", T, Q),
-        "no column 'j22' is expected; there is: t, j1, j2; did you mean 'j2'?",
+        "unknown column 'j22'; available: t, j1, j2; did you mean 'j2'?",
     ),
-    "capitals": (csv_of("T,j1,j2", T, Q), "no column 'T' is expected; there is: t, j1, j2; did"),
-    "number as a name": (csv_of("t,1,2", T, Q), "no column '1' is expected; there is: t, j1, j2"),
-    "no header": ("\n".join(PLAIN.splitlines()[1:]), "no column '0.0' is expected; there is: t, "),
-    "velocity of no joint": (csv_of("t,j1,j2,v_j3", T, Q, T), "no column 'v_j3' is expected"),
-    "semicolons": (PLAIN.replace(",", ";"), f"{HEADER} 't;j1;j2'; commas separate cells"),
-    "no time": (csv_of("j1,j2", Q), f"lacks the columns t; {LACKS}"),
-    "joint missing": (csv_of("t,j2", T, T), f"lacks the columns j1; {LACKS}"),
-    "joints missing": (csv_of("t", T), f"{HEADER} 't'; commas"),
-    "column twice": (csv_of("t,j1,j2,j1", T, Q, T), "column 'j1' is there twice"),
-    "time twice": (csv_of("t,t,j1,j2", T, T, Q), "column 't' is there twice"),
+    "capitals": (csv_of("T,j1,j2", T, Q), "unknown column 'T'; available: t, j1, j2; did"),
+    "number as a name": (csv_of("t,1,2", T, Q), "unknown column '1'; available: t, j1, j2"),
+    "no header": ("\n".join(PLAIN.splitlines()[1:]), "unknown column '0.0'; available: t, "),
+    "velocity of no joint": (csv_of("t,j1,j2,v_j3", T, Q, T), "unknown column 'v_j3'"),
+    "semicolons": (PLAIN.replace(",", ";"), f"{HEADER} 't;j1;j2'; cells are separated by commas"),
+    "no time": (csv_of("j1,j2", Q), f"missing columns: t; {LACKS}"),
+    "joint missing": (csv_of("t,j2", T, T), f"missing columns: j1; {LACKS}"),
+    "joints missing": (csv_of("t", T), f"{HEADER} 't'; cells"),
+    "column twice": (csv_of("t,j1,j2,j1", T, Q, T), "column 'j1' appears twice"),
+    "time twice": (csv_of("t,t,j1,j2", T, T, Q), "column 't' appears twice"),
     "velocity of one": (
         csv_of("t,j1,j2,v_j1", T, Q, T),
-        "holds velocities of some joints only; give those of all, or of none",
+        "contains velocities of some joints only; give those of all joints or of none",
     ),
-    "milliseconds": (csv_of("t [ms],j1,j2", T, Q), "column 't [ms]': its unit can be s"),
-    "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': its unit can be rad or deg"),
-    "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': its unit can be m"),
+    "milliseconds": (csv_of("t [ms],j1,j2", T, Q), "column 't [ms]': unknown unit; use s"),
+    "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': unknown unit; use rad or deg"),
+    "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': unknown unit; use m"),
     "velocity as angle": (
         csv_of("t,j1,j2,v_j1 [deg],v_j2", T, Q, V),
-        "column 'v_j1 [deg]': its unit can be rad/s or deg/s",
+        "column 'v_j1 [deg]': unknown unit; use rad/s or deg/s",
     ),
     "empty cell": (
         PLAIN.replace("0.1,0.1,0.12", "0.1,,0.12"),
-        "line 3, 'j1': the cell is empty; every row needs every joint",
+        "line 3, 'j1': empty cell; every row needs a value for every joint",
     ),
     "too large": (
         PLAIN.replace("0.12", "1e300"),
-        "line 3, 'j2': '1e300' is too large; numbers up to",
+        "line 3, 'j2': '1e300' is too large; the maximum",
     ),
     "text": (PLAIN.replace("0.12", "far"), "line 3, 'j2': 'far' is not a number"),
-    "short line": (PLAIN.replace("0.1,0.1,0.12", "0.1,0.1"), "line 3: needs 3 cells, got 2"),
-    "lines cut off": (PLAIN[:-6], "line 6: needs 3 cells, got 2"),
+    "short line": (PLAIN.replace("0.1,0.1,0.12", "0.1,0.1"), "line 3: expected 3 cells, got 2"),
+    "lines cut off": (PLAIN[:-6], "line 6: expected 3 cells, got 2"),
     "falling": (
         csv_of("t,j1,j2", T[[0, 2, 1, 3, 4]], Q),
-        "line 4: the time 0.1 s comes after 0.2 s; times must rise",
+        "line 4: the time 0.1 s comes after 0.2 s; times must increase",
     ),
     "repeated": (
         csv_of("t,j1,j2", T[[0, 1, 2, 2, 3]], Q),
-        "line 5: the time 0.2 s is there twice; times must rise",
+        "line 5: the time 0.2 s appears twice; times must increase",
     ),
     "repeated, since 1970": (
         csv_of("t,j1,j2", 1.7e9 + T[[0, 1, 2, 2, 3]], Q),
-        "line 5: the time 1700000000.2 s is there twice",
+        "line 5: the time 1700000000.2 s appears twice",
     ),
     "gap": (
         csv_of("t,j1,j2", LATER, Q),
-        "line 5: a gap of 5.1 s after 0.2 s, where the usual step is 0.1 s",
+        "line 5: a gap of 5.1 s after 0.2 s; the median step is 0.1 s",
     ),
     "gap behind blank lines": (
         "\n" + csv_of("t,j1,j2", LATER, Q, end="\n\n"),
         "line 10: a gap of 5.1 s",
     ),
-    "three samples": (csv_of("t,j1,j2", T[:3], Q[:3]), "a trajectory needs 4 or more samples, got"),
-    "two lacking": (csv_of("t,v_j1", T, T), f"lacks the columns j1, j2; {LACKS}"),
-    "header only": ("t,j1,j2\n", "needs a header and numbers below it"),
+    "three samples": (csv_of("t,j1,j2", T[:3], Q[:3]), "a recording needs 4 or more samples, got"),
+    "two lacking": (csv_of("t,v_j1", T, T), f"missing columns: j1, j2; {LACKS}"),
+    "header only": ("t,j1,j2\n", "expected a header followed by rows of numbers"),
     "empty": ("", f"is empty; {KIND}"),
-    "commas": (",,\n,,\n", "needs a header and numbers below it"),
+    "commas": (",,\n,,\n", "expected a header followed by rows of numbers"),
     "line break in the header": (
         csv_of('t,"j\n1",j2', T, Q),
-        "no column 'j\\n1' is expected; there is: t, j1, j2",
+        "unknown column 'j\\n1'; available: t, j1, j2",
     ),
     "line break in a cell": (
         PLAIN.replace("0.12", '"0\n1"'),
-        "line 4, 'j2': '0\\n1': 1 number needed, got 2",
+        "line 4, 'j2': '0\\n1': expected 1 number, got 2",
     ),
     "escapes in the header": (
         csv_of("t,j1,j2,\x1b[31m", T, Q, T).replace("0.12", "red"),
@@ -305,7 +308,7 @@ BAD_FILES = {
         csv_of("t,j1,\x1b[31m", T, Q).replace("0.12", "x"),
         "line 3, '\\x1b[31m': 'x' is not a number",
     ),
-    "comment": ("# mine\n" + PLAIN, f"{HEADER} '# mine'; commas separate cells"),
+    "comment": ("# mine\n" + PLAIN, f"{HEADER} '# mine'; cells are separated by commas"),
 }
 
 
@@ -315,12 +318,12 @@ def test_files_that_cannot_be_used(slider, file, content, message):
 
 
 def test_a_gap_of_ones_own_in_a_file(slider, file):
-    assert "gaps up to 0.05 s are bridged" in refused(slider, file(PLAIN), max_gap=0.05)
+    assert "gaps up to 0.05 s are interpolated" in refused(slider, file(PLAIN), max_gap=0.05)
 
 
 @pytest.mark.parametrize("max_gap", [0, NAN, "1", True])
 def test_a_longest_gap_that_is_none(slider, file, max_gap):
-    with pytest.raises(FtforceError, match="the longest gap must be positive and finite, s, got"):
+    with pytest.raises(FtforceError, match="the longest gap in s must be positive and finite, got"):
         Recording.read(slider, file(PLAIN), max_gap=max_gap)
 
 
@@ -332,7 +335,7 @@ def test_paths_that_are_no_files(slider, tmp_path):
 
 def test_a_long_header_is_read_quickly(slider, file):
     """Blanks inside a name cost no more than others."""
-    assert "is expected" in refused(slider, file(f"t,j1,a{' ' * 50_000}[b\n0,0,0\n"))
+    assert "unknown column" in refused(slider, file(f"t,j1,a{' ' * 50_000}[b\n0,0,0\n"))
 
 
 # ---- waypoints -------------------------------------------------------------------------------
@@ -364,11 +367,11 @@ def test_waypoints_are_in_metres(file, unit):
     path = file(csv_of(f"x,y [{unit}],z", POINTS))
     with pytest.raises(TrajectoryError) as caught:
         Sheet.read(path).points()
-    assert str(caught.value) == f"{path}: column 'y [{unit}]': points are in m"
+    assert str(caught.value) == f"{path}: column 'y [{unit}]': waypoints must be in m"
 
 
 def test_a_file_of_waypoints_is_no_recording(slider, file):
-    assert refused(slider, file(csv_of("x,y,z", POINTS))).startswith("no column 'x' is expected")
+    assert refused(slider, file(csv_of("x,y,z", POINTS))).startswith("unknown column 'x'")
 
 
 def test_velocities_that_do_not_fit_are_doubtful():
@@ -376,13 +379,13 @@ def test_velocities_that_do_not_fit_are_doubtful():
     t = np.linspace(0.0, 2.0, 41)
     q = np.outer(np.sin(t), [0.3, 0.2, 0.0, -0.4, 0.1])
     v = np.outer(np.cos(t), [0.3, 0.2, 0.0, -0.4, 0.1])
-    assert not list(Recording.of(dh5, t, q, v).doubts(dh5.names))
-    assert not list(Recording.of(dh5, t, q).doubts(dh5.names))
+    assert not list(Recording.of(dh5, t, q, v).warnings(dh5.names))
+    assert not list(Recording.of(dh5, t, q).warnings(dh5.names))
     noisy = v * (1.0 + np.random.default_rng(1).normal(0.0, 0.05, v.shape))
-    assert not list(Recording.of(dh5, t, q, noisy).doubts(dh5.names))
+    assert not list(Recording.of(dh5, t, q, noisy).warnings(dh5.names))
     wrong = v.copy()
     wrong[:, 3] = np.rad2deg(v[:, 3])  # deg/s for rad/s
-    (found,) = Recording.of(dh5, t, q, wrong).doubts(dh5.names)
-    assert found.startswith("the recorded velocities of joint4 do not fit its positions")
+    (found,) = Recording.of(dh5, t, q, wrong).warnings(dh5.names)
+    assert found.startswith("the recorded velocities of joint4 do not match its positions")
     off = np.abs(np.rad2deg(q[:, 3]) - q[:, 3]).max()
-    assert float(found.split("integral is ")[1].split(" off")[0]) == pytest.approx(off, rel=2e-2)
+    assert float(found.split("is off by ")[1].split(";")[0]) == pytest.approx(off, rel=2e-2)

@@ -139,7 +139,9 @@ def test_a_mask_is_named():
     mask = check_mask([True, False], 2, "free")
     assert mask.tolist() == [True, False]
     assert not mask.flags.writeable
-    with pytest.raises(InputError, match=r"^free needs a boolean mask of shape \(2,\), .*got '1'"):
+    with pytest.raises(
+        InputError, match=r"^free must be a boolean mask of shape \(2,\), .*got '1'"
+    ):
         check_mask("1", 2, "free")
     with pytest.raises(
         DimensionError, match=r"^free needs 3 numbers, got 2 numbers: one entry per"
@@ -151,7 +153,7 @@ def test_a_mask_is_named():
     "given", [3.0, [1.0, 2.0], np.ones((2, 2, 2)), np.ones((3, 0)), np.ones((0, 3)), []]
 )
 def test_a_jacobian_is_a_matrix(given):
-    with pytest.raises(InputError, match=r"J needs the shape \(m, n\), got \("):
+    with pytest.raises(InputError, match=r"J must have the shape \(m, n\), got \("):
         check_core_input(given, [True])
 
 
@@ -160,7 +162,7 @@ def test_a_jacobian_is_made_of_finite_numbers():
     assert (checked.dtype, mask.dtype) == (np.float64, np.bool_)
     given = J.copy()
     given[1, 3] = -np.inf
-    with pytest.raises(InputError, match="J holds -inf at position 2, 4"):
+    with pytest.raises(InputError, match="J contains -inf at position 2, 4"):
         check_core_input(given, MASK)
     for words in ([["a", "b"]], [[1j, 2]]):
         with pytest.raises(InputError, match="J needs numbers"):
@@ -169,7 +171,7 @@ def test_a_jacobian_is_made_of_finite_numbers():
 
 @pytest.mark.parametrize("given", [[0, 1, 0, 0, 1, 0], [2, 5], "2,5", None, 2, [1.0] * 6, [None]])
 def test_a_mask_is_boolean(given):
-    with pytest.raises(InputError, match=r"boolean mask of shape \(6,\).*for analyze"):
+    with pytest.raises(InputError, match=r"boolean mask of shape \(6,\).*; analyze\(\)"):
         check_core_input(J, given)
 
 

@@ -60,13 +60,13 @@ def test_entries_are_complete_and_hold_nothing_else():
 def test_an_unknown_name_lists_the_known_ones(name):
     with pytest.raises(UnknownNameError, match=r"did you mean 'panda'\?") as caught:
         find_robot(name)
-    assert str(caught.value).startswith(f"no known robot or file {name!r}; there is: ")
+    assert str(caught.value).startswith(f"unknown robot or file {name!r}; available: ")
     assert set(caught.value.available) == set(known_robots())
 
 
 @pytest.mark.parametrize("name", ["", " ", "-", "a\0b", "x" * 5000, "\udcff"])
 def test_names_that_nobody_has(name):
-    with pytest.raises(UnknownNameError, match="no known robot or file"):
+    with pytest.raises(UnknownNameError, match="unknown robot or file"):
         load_robot(name)
 
 

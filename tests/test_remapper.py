@@ -426,7 +426,7 @@ def test_numbers_that_are_none(robots, bad, place):
     kept = remapper(q, tau).copy()
     spoiled = np.zeros(7)
     spoiled[place] = bad
-    words = "numbers too large" if bad == 1e200 else f"holds {bad} at position {place + 1}"
+    words = "numbers too large" if bad == 1e200 else f"contains {bad} at position {place + 1}"
     with pytest.raises(InputError, match=f"^q {words}|{words}"):
         remapper(spoiled, tau)
     with pytest.raises(InputError, match=words):
@@ -478,7 +478,7 @@ def test_fault_sets_of_every_form(robots):
         *((faults, InputError, "from 1 to 7") for faults in (True, 0, 8)),
         ([], InputError, "at least one set"),
         ([[9]], InputError, "joint"),
-        ([["elbow"]], UnknownNameError, "no joint 'elbow'"),
+        ([["elbow"]], UnknownNameError, "unknown joint 'elbow'"),
         ([FaultSet.locked([7])], InputError, "joint 8 is out of range"),
         ([FaultSet((Fault(1, FaultMode.WEAK, 0.5),))], InputError, "ask analyze"),
         ([FaultSet((Fault(1, FaultMode.WEAK, 0.0),))], InputError, "ask analyze"),

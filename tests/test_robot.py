@@ -58,19 +58,19 @@ def test_a_joint_is_a_number_or_a_name(four, joint, index):
         (0, "joint number 0 is out of range; the chain has: 1 j1, 2 j2, 3 j4"),
         ("-1", "joint number -1 is out of range"),
         (np.int64(9), "joint number 9 is out of range"),
-        ("j5", r"no joint 'j5' in the chain of 'arm'; there is: j1, j2, j4"),
+        ("j5", r"unknown joint 'j5' in the chain of 'arm'; available: j1, j2, j4"),
         ("J4", r"did you mean 'j4'\?"),
-        ("j3", "joint 'j3' mimics 'j1'; name that one instead"),
+        ("j3", "joint 'j3' mimics 'j1'; give 'j1' instead"),
         ("left_joint", "joint 'left_joint' lies outside the chain from 'base' to 'tool' and is he"),
-        ("mount", "joint 'mount' is held fixed: it has no motor that could fail; the chain has: 1"),
-        ("free", "joint 'free' is held fixed: it has no motor that could fail"),
-        ("", "no joint ''"),
-        ("--2", "no joint '--2'"),
-        ("٢", "no joint '٢'"),
-        ("1_0", "no joint '1_0'"),
-        ("9" * 5000, "no joint '9999"),
-        (True, "a joint is a number from 1 to 3 or a name, got True"),
-        (None, "a joint is a number from 1 to 3 or a name, got None"),
+        ("mount", "joint 'mount' is held fixed and has no motor that could fail; the chain has: 1"),
+        ("free", "joint 'free' is held fixed and has no motor that could fail"),
+        ("", "unknown joint ''"),
+        ("--2", "unknown joint '--2'"),
+        ("٢", "unknown joint '٢'"),
+        ("1_0", "unknown joint '1_0'"),
+        ("9" * 5000, "unknown joint '9999"),
+        (True, r"a joint is given by number \(1 to 3\) or name, got True"),
+        (None, r"a joint is given by number \(1 to 3\) or name, got None"),
     ],
 )
 def test_what_is_no_joint_of_the_chain(four, joint, message):
@@ -106,15 +106,15 @@ def test_joints_may_be_given_in_many_ways(four, joints, indices):
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
-        ("1,1", r"joint 1 \(j1\) is named twice"),
-        ([2, "j2"], r"joint 2 \(j2\) is named twice"),
-        ("1;2", "no joint '1;2'"),
-        ([True, False], "a mask needs 3 values, one per joint, got 2"),
-        (True, "a mask needs 3 values"),
+        ("1,1", r"joint 1 \(j1\) appears twice"),
+        ([2, "j2"], r"joint 2 \(j2\) appears twice"),
+        ("1;2", "unknown joint '1;2'"),
+        ([True, False], "a joint mask needs 3 entries, one per joint, got 2"),
+        (True, "a joint mask needs 3 entries"),
         ([True, 2, False], "got True"),
         (None, "got None"),
         ([[1, 2]], r"got \[1, 2\]"),
-        (np.eye(3), "a joint is a number"),
+        (np.eye(3), "a joint is given by number"),
     ],
 )
 def test_sets_that_are_none(four, joints, message):
@@ -127,7 +127,7 @@ def test_a_name_that_is_a_number_must_be_unambiguous(tmp_path):
     assert arm_.index("1") == 0
     assert arm_.index(2) == 1
     assert arm_.index(3) == 2
-    message = "'2' could be joint number 2 or the joint of that name, which is number 3; the chain"
+    message = "'2' is ambiguous: it is the name of joint 3 and a joint number; the chain"
     with pytest.raises(InputError, match=message):
         arm_.index("2")
 

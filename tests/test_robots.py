@@ -224,8 +224,8 @@ def test_every_urdf_loads_or_fails_clearly(path):
     [
         ("alex_psyonic_hands", "'Left_index_q2' mimics 'index_q1', which does not exist; did you"),
         ("baxter", "several moving parts at the link 'torso'; choose a tip"),
-        ("iris_simple", "no joint moves below the link 'iris__base_link'"),
-        ("ur3", "holds no <link>"),
+        ("iris_simple", "no movable joint below the link 'iris__base_link'"),
+        ("ur3", "contains no <link>"),
     ],
 )
 def test_why_some_urdfs_do_not_load(name, reason):

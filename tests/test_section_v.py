@@ -76,7 +76,7 @@ def test_torques_are_those_of_inverse_dynamics_with_the_force_at_the_tip(history
 
 def test_what_the_paper_leaves_open_is_stated(history):
     notes = " ".join(history.setting.notes)
-    for word in ("masses", "starting posture", "timing law", "shape, not in digits"):
+    for word in ("masses", "initial posture", "timing law", "shape, not in every digit"):
         assert word in notes
 
 

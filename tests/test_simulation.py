@@ -532,9 +532,9 @@ BAD = [  # the words of errors that others make are theirs
     ({"delay": 10**400, "faults": "3@1"}, "the delay must be 0 s or more, got 1"),
     ({"faults": ["3@1", "4@99"]}, "the fault at 99 s comes after the end of the trajectory"),
     ({"faults": ["3@0.1", "3@0.2"]}, ""),
-    ({"rate": 1e12}, "5.63e+12 samples are more than 5,000,000"),
+    ({"rate": 1e12}, "5.63e+12 samples exceed the maximum of 5,000,000"),
     ({"force": (1, 2)}, "force needs 3 numbers, got 2 numbers: fx, fy, fz"),
-    ({"force": None}, "force needs numbers, got None"),
+    ({"force": None}, "the force is missing; e.g. force=[80, 50, 10]"),
     ({"axes": "tip"}, ""),
     ({"gravity": (0, 0)}, ""),
     ({"limits": "what"}, ""),
@@ -552,7 +552,7 @@ def test_values_that_make_no_sense(dh5, options, message):
 
 
 def test_a_trajectory_that_is_none(dh5, tmp_path):
-    with pytest.raises(InputError, match="a trajectory is a Path, a Recording or a CSV file"):
+    with pytest.raises(InputError, match="a trajectory must be a Path, a Recording or a CSV file"):
         simulate(dh5, [(0, 0, 0), (1, 0, 0)], force=PUSH)
     with pytest.raises(TrajectoryError, match="no such file"):
         simulate(dh5, tmp_path / "none.csv", force=PUSH)

@@ -60,18 +60,18 @@ def test_states_cannot_be_changed(read):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is empty; an SRDF was expected"),
+        (b"", "is empty; expected an SRDF"),
         (b"\xff", "is not UTF-8 text"),
         ("<robot>", "is not well-formed XML"),
         ("<!DOCTYPE a><robot/>", "contains a DTD"),
-        ("<srdf/>", "is no SRDF: its root element is <srdf>, not <robot>"),
+        ("<srdf/>", "is not an SRDF: its root element is <srdf>, not <robot>"),
         (robot(state("a", j1="x")), "state 'a', joint 'j1': value 'x' is not a number"),
         (robot(state("a", j1="nan")), "state 'a', joint 'j1': value 'nan' is not finite"),
         (robot(state("a", j9="inf")), "state 'a', joint 'j9': value 'inf' is not finite"),
         (robot(state("a", j1="1e30")), "state 'a', joint 'j1': value '1e30' is too large"),
-        (robot(state("a", j1="")), "state 'a', joint 'j1': value '': 1 number needed, got 0"),
+        (robot(state("a", j1="")), "state 'a', joint 'j1': value '': expected 1 number, got 0"),
         (robot(state("a", j1="1,5")), "state 'a', joint 'j1': value '1,5' is not a number"),
-        (robot(state("a&#10;b")), r"the state name 'a\\nb' holds characters that cannot be print"),
+        (robot(state("a&#10;b")), r"the state name 'a\\nb' contains unprintable characters"),
     ],
 )
 def test_malformed_srdfs(read, tmp_path, content, message):
@@ -111,4 +111,4 @@ def test_a_state_for_part_of_the_chain_is_left_out_and_told(tmp_path):
     srdf = robot(state("part", j1=1, j3=1), state("other", finger=1), state("home", **HOME, x=9))
     found = load(tmp_path, arm(), srdf)
     assert tuple(found.postures) == ("home",)
-    assert found.notes == ("posture 'part' is left out: it does not place j2, j4",)
+    assert found.notes == ("posture 'part' is ignored: it has no position for j2, j4",)

@@ -174,7 +174,7 @@ def test_all_or_nothing_has_the_whole_scale(pairs, share):
     text = map_sentence(workspace_map(every))
     assert text.startswith(("None of 4,096", "All of 4,096")[share])
     shown = to_text(map_view(workspace_map(every)))
-    assert ("surely worst first" in shown) is not bool(share)
+    assert ("m, worst first" in shown) is not bool(share)
     plots.survival_3d(every)
     figures.figure(every)
 
@@ -424,7 +424,7 @@ def test_a_sweep_that_is_not_complete_says_so(pairs):
 def test_what_is_not_there_is_refused(pairs, sliding):
     for wrong, error, words in (
         ({"joints": [1, 2, 3]}, InputError, r"no fault set \{1, 2, 3\}; available: \{1\}"),
-        ({"plane": "zx"}, UnknownNameError, "no plane 'zx'; there is: xy, xz, yz"),
+        ({"plane": "zx"}, UnknownNameError, "unknown plane 'zx'; available: xy, xz, yz"),
         (
             {"plane": "xz", "at": 4.0},
             InputError,
@@ -432,7 +432,7 @@ def test_what_is_not_there_is_refused(pairs, sliding):
         ),
         ({"at": 4.0}, InputError, "a slice needs a plane"),
         ({"plane": "xy", "solid": True}, InputError, "three-dimensional plot has no plane"),
-        ({"quantities": ["sigma"]}, UnknownNameError, "no quantity 'sigma'; there is: rho"),
+        ({"quantities": ["sigma"]}, UnknownNameError, "unknown quantity 'sigma'; available: rho"),
         ({"quantities": ["jump"]}, InputError, "no jump: it was run without a force"),
     ):
         with pytest.raises(error, match=words):

@@ -113,11 +113,14 @@ def test_tasks_are_frozen_and_can_be_pickled():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"task": "thrust"}, "no task component 'thrust'; there is: force, moment, wrench, fx"),
+        (
+            {"task": "thrust"},
+            "unknown task component 'thrust'; available: force, moment, wrench, fx",
+        ),
         ({"task": "forces"}, "did you mean 'force'"),
-        ({"task": ""}, "no task component ''; there is: force"),
-        ({"axes": "base"}, "no axes 'base'; there is: tool, world"),
-        ({"axes": None}, "no axes 'None'; there is: tool, world"),
+        ({"task": ""}, "unknown task component ''; available: force"),
+        ({"axes": "base"}, "unknown axes 'base'; available: tool, world"),
+        ({"axes": None}, "unknown axes 'None'; available: tool, world"),
     ],
 )
 def test_unknown_words_are_answered_with_the_known_ones(given, message):
@@ -128,9 +131,9 @@ def test_unknown_words_are_answered_with_the_known_ones(given, message):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"task": "fx,fx"}, "'fx,fx' needs each component once"),
-        ({"task": "force,fy"}, "needs each component once"),
-        ({"task": []}, "needs each component once"),
+        ({"task": "fx,fx"}, "the task 'fx,fx' must have one or more components"),
+        ({"task": "force,fy"}, "must have one or more components, each only once"),
+        ({"task": []}, "must have one or more components, each only once"),
         ({"length": 0}, r"must lie between 1e-06 and 1e\+06 m, got 0"),
         ({"length": 0.99e-6}, "must lie between"),
         ({"length": 1.01e6}, "must lie between"),

@@ -9,7 +9,7 @@ import ftforce
 from ftforce.errors import FtforceError, InputError, TrajectoryError
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.reference import PathReference, RecordedReference
-from ftforce.trajectory.start import MOST_SAMPLES, Path, Recording, start_of, tip_at
+from ftforce.trajectory.start import MAX_SAMPLES, Path, Recording, start_of, tip_at
 from helpers import assert_close
 
 NAN, INF = math.nan, math.inf
@@ -54,15 +54,15 @@ def csv_of(robot, recording):
 
 def test_a_path(dh5, path):
     start = start_of(dh5, path)
-    assert isinstance(start.course, PathReference)
+    assert isinstance(start.reference, PathReference)
     assert_close(tip_at(dh5, start.q, None), POINTS[0], tol=1e-9)
     assert start.words == "(0.9, 0.3, 0.2) → (0.8, 0.4, 0.25) m, at most 0.05 m/s, 5.625 s"
     assert "with the tip at the start of the path" in start.source
-    assert start.course.duration == pytest.approx(T)
-    assert_close(start.course.at(1.0).x, path.at(1.0)[0])
-    assert_close(start.course.at(1.0).x_dot, path.at(1.0)[1])
-    assert start.course.orientation is None
-    assert start.course.top_speed == 0.05
+    assert start.reference.duration == pytest.approx(T)
+    assert_close(start.reference.at(1.0).x, path.at(1.0)[0])
+    assert_close(start.reference.at(1.0).x_dot, path.at(1.0)[1])
+    assert start.reference.orientation is None
+    assert start.reference.top_speed == 0.05
     assert not start.q.flags.writeable
     assert not start.times.flags.writeable
 
@@ -80,12 +80,12 @@ def test_an_orientation_that_is_kept(dh5):
     kept = Path.through(POINTS, speed=0.05, keep_orientation=True)
     start = start_of(dh5, kept)
     R = ftforce.robot.kinematics.tip_pose(dh5, start.q)[0]
-    assert_close(start.course.orientation, R)
+    assert_close(start.reference.orientation, R)
     assert start.words.endswith("5.625 s, orientation kept")
     # Later postures leave it alone.
-    before = start.course.orientation.copy()
+    before = start.reference.orientation.copy()
     ftforce.robot.kinematics.tip_pose(dh5, np.zeros(5))
-    assert_close(start.course.orientation, before)
+    assert_close(start.reference.orientation, before)
 
 
 @pytest.mark.parametrize("rate", [1, 3.7, 50, None, np.float32(10), np.int64(20)])
@@ -107,13 +107,13 @@ def test_a_rate_that_divides_the_duration(dh5):
 
 def test_a_recording(dh5, recording):
     start = start_of(dh5, recording)
-    assert isinstance(start.course, RecordedReference)
+    assert isinstance(start.reference, RecordedReference)
     assert_close(start.times, recording.t - 3.0)
     assert_close(start.q, recording.q[0])
     assert start.words == "a recorded motion of 2 s"
     assert start.source == "recorded"
     for i in (0, 7, 20):
-        assert_close(start.course.at(start.times[i]).x, tip_at(dh5, recording.q[i], None))
+        assert_close(start.reference.at(start.times[i]).x, tip_at(dh5, recording.q[i], None))
 
 
 @pytest.mark.parametrize(("rate", "count"), [(10, 21), (3.0, 7), (100, 201), (0.5, 2)])
@@ -125,13 +125,13 @@ def test_samples_of_a_recording_at_another_rate(dh5, recording, rate, count):
 
 
 def test_the_speed_of_a_recorded_tip_by_differences(dh5, recording):
-    course, h = start_of(dh5, recording).course, 1e-6
+    reference, h = start_of(dh5, recording).reference, 1e-6
     fastest = 0.0
     for t in np.linspace(0.1, 1.9, 19):
-        quotient = (course.at(t + h).x - course.at(t - h).x) / (2.0 * h)
-        assert_close(course.at(t).x_dot, quotient, scale=1.0, tol=1e-7)
+        quotient = (reference.at(t + h).x - reference.at(t - h).x) / (2.0 * h)
+        assert_close(reference.at(t).x_dot, quotient, scale=1.0, tol=1e-7)
         fastest = max(fastest, np.linalg.norm(quotient))
-    assert fastest <= course.top_speed * (1.0 + 1e-6)
+    assert fastest <= reference.top_speed * (1.0 + 1e-6)
 
 
 # ---- files -----------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_a_file_of_waypoints(dh5, file, path):
     assert_close(start.q, wanted.q)
     assert start_of(dh5, str(file(WAYPOINTS)), speed=0.05).words == wanted.words
     kept = start_of(dh5, file(WAYPOINTS), speed=0.05, keep_orientation=True)
-    assert kept.course.orientation is not None
+    assert kept.reference.orientation is not None
 
 
 def test_a_file_of_a_recording(dh5, file, recording):
@@ -151,7 +151,7 @@ def test_a_file_of_a_recording(dh5, file, recording):
     start = start_of(dh5, place)
     assert_close(start.times, recording.t - 3.0, tol=1e-12)
     assert start.words == f"the recorded motion of {place}, 2 s"
-    assert_close(start.course.motion(start.times).q, recording.q)
+    assert_close(start.reference.motion(start.times).q, recording.q)
 
 
 def test_a_gap_that_is_allowed(dh5, file, recording):
@@ -168,27 +168,31 @@ def test_a_gap_that_is_allowed(dh5, file, recording):
 def test_waypoints_need_a_speed(dh5, file):
     place = file(WAYPOINTS)
     for speed in (0, "fast"):
-        with pytest.raises(InputError, match="the speed must be positive, m/s, got"):
+        with pytest.raises(InputError, match="the speed in m/s must be positive, got"):
             start_of(dh5, place, speed=speed)
     with pytest.raises(InputError) as caught:
         start_of(dh5, place)
-    assert str(caught.value) == f"{place} holds waypoints; give a speed too, m/s (--speed)"
+    assert str(caught.value) == f"{place} contains waypoints; give a speed in m/s (--speed)"
 
 
 @pytest.mark.parametrize("rate", [0, NAN, "5", True, 10**400])
 def test_rates_that_are_none(dh5, path, recording, rate):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match="the rate must be positive, samples per second, got"):
+        with pytest.raises(
+            InputError, match="the rate in samples per second must be positive, got"
+        ):
             start_of(dh5, trajectory, rate=rate)
 
 
 def test_rates_that_are_too_high_or_too_low(dh5, path, recording):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match=f"samples are more than {MOST_SAMPLES:,}; ask for a"):
+        with pytest.raises(
+            InputError, match=f"samples exceed the maximum of {MAX_SAMPLES:,}; choose a"
+        ):
             start_of(dh5, trajectory, rate=1e9)
-        with pytest.raises(InputError, match="samples are more than"):
+        with pytest.raises(InputError, match="samples exceed the maximum of"):
             start_of(dh5, trajectory, rate=1e308)
-        with pytest.raises(InputError, match="farther apart than the trajectory is long; ask for"):
+        with pytest.raises(InputError, match="shorter than one sampling interval; choose"):
             start_of(dh5, trajectory, rate=1e-9)
 
 
@@ -197,7 +201,7 @@ def test_what_no_trajectories_are(dh5, trajectory):
     with pytest.raises(InputError) as caught:
         start_of(dh5, trajectory)
     assert str(caught.value) == (
-        f"a trajectory is a Path, a Recording or a CSV file, got {trajectory!r}"
+        f"a trajectory must be a Path, a Recording or a CSV file, got {trajectory!r}"
     )
 
 
@@ -217,14 +221,14 @@ def test_what_cannot_be_followed(dh5, trajectory, options):
 
 
 def test_a_recording_begins_where_it_begins(dh5, recording):
-    wanted = "a recorded motion begins where it begins; leave out q and posture"
+    wanted = "a recorded motion defines its own initial posture; omit q and posture"
     for given in ({"q": np.zeros(5)}, {"posture": "paper"}):
         with pytest.raises(InputError, match=wanted):
             start_of(dh5, recording, **given)
 
 
 def test_a_recording_of_another_robot(dh5, recording):
-    with pytest.raises(InputError, match="the recording has 5 joints, and the chain: 1 panda_join"):
+    with pytest.raises(InputError, match="the recording has 5 joints; the chain has: 1 panda_join"):
         start_of(ftforce.load_robot("panda"), recording)
 
 
@@ -233,8 +237,8 @@ def test_a_recording_of_another_robot(dh5, recording):
 )
 def test_options_of_files_are_refused_elsewhere(dh5, file, path, recording, options):
     for trajectory in (path, recording):
-        with pytest.raises(InputError, match="a Path or a Recording says its own when it is made"):
+        with pytest.raises(InputError, match="a Path or a Recording defines its own"):
             start_of(dh5, trajectory, **options)
     if "max_gap" in options:
-        with pytest.raises(InputError, match="max_gap to one of a recorded motion"):
+        with pytest.raises(InputError, match="max_gap to a file of a recorded motion"):
             start_of(dh5, file(WAYPOINTS), speed=0.05, **options)

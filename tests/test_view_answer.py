@@ -15,8 +15,8 @@ from ftforce.core.faults import FaultMode
 from ftforce.errors import InputError
 from ftforce.report.files import to_dict
 from ftforce.view.model.answer import answer
-from ftforce.view.model.state import Origin, initial_state
-from helpers import assert_close
+from ftforce.view.model.state import Origin
+from helpers import assert_close, initial_state
 from urdfs import arm
 
 
@@ -159,7 +159,7 @@ def test_what_the_census_cannot_take_leaves_the_answer(panda, monkeypatch):
     def refuse(*_arguments, **_options):
         raise InputError("too many sets")
 
-    monkeypatch.setattr("ftforce.view.model.answer.census", refuse)
+    monkeypatch.setattr("ftforce.view.model.answer.census_of", refuse)
     found = answer(panda, initial_state(panda))
     assert (found.census, found.census_problem) == (None, "too many sets")
     assert found.analysis.verdict.value == "tolerated"

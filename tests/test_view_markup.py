@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 import ftforce
 from ftforce.report.analysis import verdict_sentence
 from ftforce.view.model.answer import answer
-from ftforce.view.model.state import Origin, command_line, initial_state
+from ftforce.view.model.state import Origin, command_line
 from ftforce.view.page.answer import (
     answer_part,
     banner,
@@ -30,6 +30,7 @@ from ftforce.view.page.curves import Curve, chart
 from ftforce.view.page.html import element
 from ftforce.view.page.tables import bar, share_text
 from ftforce.view.scene.picture import picture
+from helpers import initial_state
 
 BAD = "<img src=x onerror=\"alert('1')\">&amp;"
 TABLES = {"table", "thead", "tbody", "tr", "th", "td"}

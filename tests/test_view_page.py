@@ -21,11 +21,11 @@ from ftforce.errors import InputError
 from ftforce.report.analysis import verdict_sentence
 from ftforce.view.geometry.meshes import Geometry, Part
 from ftforce.view.model.answer import answer
-from ftforce.view.model.state import Origin, command_line, initial_state
+from ftforce.view.model.state import Origin, command_line
 from ftforce.view.modes import Mode, View
 from ftforce.view.scene.picture import picture, rotation, scene_size
 from ftforce.view.session import Session
-from helpers import KNOWN, assert_close
+from helpers import KNOWN, assert_close, initial_state
 from urdfs import arm, joint
 
 

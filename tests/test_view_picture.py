@@ -13,7 +13,6 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.task import Task
 from ftforce.robot.kinematics import tip_pose
 from ftforce.view.model.answer import answer
-from ftforce.view.model.state import initial_state
 from ftforce.view.scene.arrow_nodes import along
 from ftforce.view.scene.arrows import (
     ARROW_KINDS,
@@ -36,7 +35,7 @@ from ftforce.view.scene.picture import (
     scene_size,
 )
 from ftforce.view.scene.stage import viewpoint
-from helpers import KNOWN, assert_close
+from helpers import KNOWN, assert_close, initial_state
 from urdfs import arm, followed
 
 

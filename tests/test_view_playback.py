@@ -21,7 +21,6 @@ from ftforce.trajectory import Path
 from ftforce.trajectory.history import JointInfo
 from ftforce.view.animation import frame_times
 from ftforce.view.geometry.meshes import Geometry, Part
-from ftforce.view.model.state import initial_state
 from ftforce.view.page.history import charts
 from ftforce.view.playback import Playback, _mark, check_fits, playback
 from ftforce.view.scene.colours import FAULT_COLOURS, colour_of
@@ -29,7 +28,7 @@ from ftforce.view.scene.picture import joint_poses, rotation
 from ftforce.view.scene.snapshots import faults_at, first_with, sentence, snapshot
 from ftforce.view.server.export import PANEL_WIDTH
 from ftforce.view.session import Session
-from helpers import assert_close
+from helpers import assert_close, initial_state
 
 pytestmark = pytest.mark.thorough
 
@@ -242,7 +241,7 @@ def test_nothing_is_analysed_while_it_plays(page, monkeypatch):
         raise AssertionError
 
     monkeypatch.setattr("ftforce.view.session.answer", fail)
-    monkeypatch.setattr("ftforce.view.model.answer.analyze", fail)
+    monkeypatch.setattr("ftforce.view.model.answer.analyze_question", fail)
     for at in np.linspace(0.0, 1.5, 20):
         mode.seek(float(at))
         session.settle()

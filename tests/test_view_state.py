@@ -21,10 +21,10 @@ from ftforce.view.model.state import (
     FIRST_FORCE,
     Origin,
     command_line,
-    initial_state,
     meant_position,
     shown_position,
 )
+from helpers import initial_state
 from urdfs import arm, joint
 
 
@@ -103,7 +103,7 @@ def test_limits_of_a_file_are_named_in_the_command(panda, tmp_path):
     assert shlex.quote(f"--limits={path}") in command_line(panda, state)
     assert_same_by_command(panda, state)
     assert "--limits=none" in command_line(panda, state.limited(False))
-    assert state.limited(False).limited(True).asked_limits is state.limits
+    assert state.limited(False).limited(True).question(panda).limits is state.limits
 
 
 def test_joints_called_by_numbers_are_named_so_that_the_right_one_fails(tmp_path):
@@ -200,7 +200,7 @@ def test_a_start_that_cannot_be_is_refused_as_by_analyze(panda):
 
 def test_the_census_depends_on_what_it_says(panda):
     state = asked(panda)
-    assert state.failing(1, "locked").census_question() == state.census_question()
+    assert state.failing(1, "locked").census_essence() == state.census_essence()
     for other in (
         state.with_joint(0, 0.1),
         state.pushing(np.ones(6)),
@@ -213,7 +213,7 @@ def test_the_census_depends_on_what_it_says(panda):
         state.showing(census=2),
         state.loaded("every direction"),
     ):
-        assert other.census_question() != state.census_question()
+        assert other.census_essence() != state.census_essence()
 
 
 def test_positions_are_shown_in_degrees_or_metres():

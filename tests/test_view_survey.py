@@ -14,11 +14,10 @@ from browser import chromium, watched
 from ftforce import cli
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.core.verdict import VERDICTS
-from ftforce.view.model.state import initial_state
 from ftforce.view.scene.stage import linear
 from ftforce.view.session import Session
 from ftforce.view.survey import RAMP, VERDICT_POINTS, choices, read_points, share_colours, survey
-from helpers import assert_close
+from helpers import assert_close, initial_state
 
 pytestmark = pytest.mark.thorough
 

@@ -70,7 +70,7 @@ def test_a_mesh_has_a_scale_and_a_file(tmp_path, read):
     ("shape", "words"),
     [
         ("", "it has no box, cylinder, sphere or mesh"),
-        ('<box size="1 2"/>', "3 numbers needed"),
+        ('<box size="1 2"/>', "expected 3 numbers"),
         ('<box size="1 1e9 2"/>', "too large"),
         ('<box size="1 -1 2"/>', "must be positive"),
         ('<cylinder radius="1"/>', "length"),

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.conditions import Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.analysis.fault_names import named_faults
-from ftforce.analysis.limits_files import choose_limits
-from ftforce.analysis.question import limits_for
+from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
     beyond_limits,
     lacking_rank,
@@ -33,22 +32,19 @@ from ftforce.core.changes import (
     changes_of_unit_forces,
     impact_of_lock,
 )
-from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import (
     BORDERLINE_RTOL,
     RTOL,
     ReducedJacobian,
-    check_tolerances,
     reduce,
 )
 from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
-from ftforce.core.task import Axes, Task
 from ftforce.core.verdict import judge
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload, mass_matrix
 from ftforce.robot.kinematics import task_jacobian
-from ftforce.robot.posture import Posture, choose_posture
+from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -58,25 +54,25 @@ if TYPE_CHECKING:
     from ftforce.analysis.fault_names import Joints, WeakJoints
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.bounded_remap import BoundedRemap
-    from ftforce.core.limits import Limits
+    from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
+    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis(Displayed):
+class Analysis(Answered):
     """Effect of one fault set on an arm in one posture.
 
     Attributes
     ----------
-    robot, task, posture, faults, conditions, limits, inverse :
-        The inputs; ``limits`` is ``None`` if no torque limits are in force.
+    question :
+        What was asked. Its parts are attributes too: robot, task, posture, faults, conditions,
+        limits, inverse, rtol and wary.
     J :
         Task Jacobian, unweighted, in task axes, shape (m, n).
     reduced :
         Weighted Jacobians before and after the fault, with their ranks.
-    wary :
-        Largest tolerance considered for the verdict.
     rnea :
         Torques for weight and motion.
     force, torque :
@@ -96,16 +92,9 @@ class Analysis(Displayed):
         Verdict for the given force, or for all forces if none was given.
     """
 
-    robot: Robot
-    task: Task
-    posture: Posture
-    faults: FaultSet
-    conditions: Conditions
-    limits: Limits | None
-    inverse: Inverse
+    question: Question
     J: Matrix
     reduced: ReducedJacobian
-    wary: float
     rnea: RneaChange
     force: ForceChange | None
     torque: TorqueChange | None
@@ -114,6 +103,21 @@ class Analysis(Displayed):
     velocity: VelocityChange | None
     impact: Impact | None
     verdict: Verdict
+
+    @property
+    def posture(self) -> Posture:
+        """The posture, with its source."""
+        return self.question.place
+
+    @property
+    def faults(self) -> FaultSet:
+        """The fault set."""
+        return self.question.faults
+
+    @property
+    def inverse(self) -> Inverse:
+        """Inverse that splits given torques into force and self-motion."""
+        return self.question.inverse
 
     @property
     def locked(self) -> tuple[str, ...]:
@@ -141,6 +145,11 @@ class Analysis(Displayed):
     def margin(self) -> float:
         """σ_min(K)/σ_max(J)."""
         return measures.margin(self.reduced)
+
+    @property
+    def condition_number(self) -> float:
+        """σ_max(K)/σ_min(K); infinite if K does not have full rank."""
+        return measures.condition_number(self.reduced)
 
     @property
     def relative_manipulability(self) -> float:
@@ -319,70 +328,78 @@ def analyze(
     >>> result.verdict.value, round(result.force.jump_norm, 2)
     ('not tolerated', 80.0)
     """
-    check_tolerances(rtol, wary)
-    wanted = Task.parse(task, axes, length)
-    place = choose_posture(robot, q, posture)
-    faults = named_faults(robot, locked, free, weak)
-    conditions = Conditions.of(
-        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
+    return analyze_question(
+        Question.parse(
+            robot,
+            posture=choose_posture(robot, q, posture),
+            faults=named_faults(robot, locked, free, weak),
+            force=force,
+            torque=torque,
+            velocity=velocity,
+            acceleration=acceleration,
+            gravity=gravity,
+            payload=payload,
+            limits=limits,
+            inverse=inverse,
+            task=task,
+            length=length,
+            axes=axes,
+            rtol=rtol,
+            wary=wary,
+        )
     )
-    counted = choose_limits(robot, limits_for(faults, limits))
-    J = task_jacobian(robot, place.q, wanted)
-    mask, free_mask = faults.mask(robot.n), faults.free_mask(robot.n)
-    reduced = reduce(read_only(wanted.weigh_jacobian(J)), mask, rtol, free_mask)
-    rnea = rnea_change(robot, place.q, conditions, mask)
-    M = mass_matrix_for(robot, place.q, conditions, inverse)
-    load = tip_load(robot, reduced, wanted, force, torque, M=M)
+
+
+def analyze_question(question: Question) -> Analysis:
+    """Return the analysis of one fault set in one posture.
+
+    Raises
+    ------
+    InputError
+        The dynamic inverse needs masses, and the URDF has none.
+    """
+    robot, task, q, wary = question.robot, question.task, question.q, question.wary
+    faults, conditions, limits = question.faults, question.conditions, question.limits
+    J = task_jacobian(robot, q, task)
+    locked, free = faults.mask(robot.n), faults.free_mask(robot.n)
+    reduced = reduce(read_only(task.weigh_jacobian(J)), locked, question.rtol, free)
+    rnea = rnea_change(robot, q, conditions, locked)
+    M = mass_matrix_for(robot, q, conditions, question.inverse)
+    load = tip_load(reduced, task, question.force, question.torque, M=M)
     F = None if load is None else load.F
     bounded, verdict = None, None
-    if counted is not None or free_mask is not None:
+    if limits is not None or free is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
-        largest = None if counted is None else counted.largest_torques(faults)
-        asked = np.zeros(wanted.m) if F is None else F
-        bounded = remap_inside(reduced, asked, rnea.after, largest)
+        largest = None if limits is None else limits.largest_torques(faults)
+        bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea.after, largest)
         verdict = judge(reduced, F, wary, bounded, largest)
-    change = None if load is None else change_of_load(reduced, wanted, load, rnea, bounded)
+    change = None if load is None else change_of_load(reduced, task, load, rnea, bounded)
     v = conditions.velocity
     return Analysis(
-        robot=robot,
-        task=wanted,
-        posture=place,
-        faults=faults,
-        conditions=conditions,
-        limits=counted,
-        inverse=inverse,
+        question=question,
         J=read_only(J),
         reduced=reduced,
-        wary=wary,
         rnea=rnea,
         force=change[0] if change else None,
         torque=change[1] if change else None,
-        unit_forces=() if change else changes_of_unit_forces(reduced, wanted),
+        unit_forces=() if change else changes_of_unit_forces(reduced, task),
         bounded=bounded,
-        velocity=None if v is None else change_of_velocity(reduced, wanted, v),
-        impact=_impact(robot, place.q, conditions, reduced=reduced, task=wanted, J=J),
+        velocity=None if v is None else change_of_velocity(reduced, task, v),
+        impact=_impact(question, reduced, J),
         verdict=verdict or judge(reduced, F, wary),
     )
 
 
-def _impact(
-    robot: Robot,
-    q: Vector,
-    conditions: Conditions,
-    *,
-    reduced: ReducedJacobian,
-    task: Task,
-    J: Matrix,
-) -> Impact | None:
-    v = conditions.velocity
+def _impact(question: Question, reduced: ReducedJacobian, J: Matrix) -> Impact | None:
+    robot, v = question.robot, question.conditions.velocity
     if v is None or robot.mass == 0.0 or not reduced.locked.any():
         return None
     try:
-        M = mass_matrix(robot, q, conditions.payload)
+        M = mass_matrix(robot, question.q, question.conditions.payload)
     except InputError:
         return None  # only the impact needs M; a warning reports it
-    return impact_of_lock(reduced, task, J, M, v)
+    return impact_of_lock(reduced, question.task, J, M, v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

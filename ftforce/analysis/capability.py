@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.analyze import Analysis, analyze
-from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.analysis.analyze import Analysis, analyze_question
+from ftforce.analysis.fault_names import named_faults
+from ftforce.analysis.limits_files import URDF
+from ftforce.analysis.question import Question, unit_direction
+from ftforce.core.arrays import Vector, read_only
 from ftforce.core.bounded_remap import overloaded
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultSet
@@ -19,21 +22,26 @@ from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
     Reach,
-    end_of,
     feasible_forces,
+    limiting_factor,
     reach,
     weakest_direction,
 )
 from ftforce.core.limits import Limits
 from ftforce.core.polytope import Polytope, force_polytope
-from ftforce.core.reduced_jacobian import reduce, reduce_decomposed
-from ftforce.errors import InputError
+from ftforce.core.reduced_jacobian import RTOL, reduce, reduce_decomposed
 from ftforce.robot.dynamics import Payload, payload_acceleration, payload_jacobian
+from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.reduced_jacobian import ReducedJacobian
+    from ftforce.core.task import Axes, Task
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -100,6 +108,11 @@ class Capability(Displayed):
 
     analysis: Analysis
     direction: Vector | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the result."""
+        return self.analysis.warnings
 
     @cached_property
     def directions(self) -> tuple[DirectionReport, ...]:
@@ -243,7 +256,7 @@ class Capability(Displayed):
 def _amount(
     feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
 ) -> CapabilityRange:
-    end, stops = end_of(feasible, ray), ray.limiting_joints
+    end, stops = limiting_factor(feasible, ray), ray.limiting_joints
     if end is LimitingFactor.WEIGHT:
         stops = overloaded(feasible)
     elif end is LimitingFactor.FAULT:
@@ -256,23 +269,33 @@ def capability(
     robot: Robot,
     q: ArrayLike | Posture | None = None,
     *,
+    locked: Joints = (),
+    free: Joints = (),
+    weak: WeakJoints = (),
     direction: ArrayLike | None = None,
-    limits: Any = "urdf",
-    **case: Any,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    limits: LimitsLike = URDF,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    axes: Axes = "tool",
+    posture: str | None = None,
+    rtol: float = RTOL,
 ) -> Capability:
     """Compute the force and payload an arm can hold before and after a fault.
 
     Parameters
     ----------
-    robot, q :
+    robot, q, locked, free, weak, velocity, acceleration, gravity, payload :
+        As in `ftforce.analyze`.
+    task, length, axes, posture, rtol :
         As in `ftforce.analyze`.
     direction :
         Additional direction of force, in task axes, shape (m,).
     limits :
         As in `ftforce.analyze`; by default those of the URDF.
-    case :
-        ``locked``, ``free``, ``weak``, ``velocity``, ``acceleration``, ``gravity``, ``payload``,
-        ``task``, ``length``, ``axes``, ``posture`` and ``rtol`` as in `ftforce.analyze`.
 
     Raises
     ------
@@ -293,22 +316,44 @@ def capability(
     >>> round(after.maximum, 1), [arm.names[j] for j in after.limiting_joints]
     (11.3, ['panda_joint6'])
     """
-    return capability_of(analyze(robot, q, limits=limits, **case), direction)
+    question = Question.parse(
+        robot,
+        posture=choose_posture(robot, q, posture),
+        faults=named_faults(robot, locked, free, weak),
+        direction=direction,
+        velocity=velocity,
+        acceleration=acceleration,
+        gravity=gravity,
+        payload=payload,
+        limits=limits,
+        task=task,
+        length=length,
+        axes=axes,
+        rtol=rtol,
+    )
+    return capability_to(question)
+
+
+def capability_to(question: Question) -> Capability:
+    """Return the capability that a question asks for, along its direction too if it has one."""
+    return Capability(analyze_question(question), question.direction)
 
 
 def capability_of(analysis: Analysis, direction: ArrayLike | None = None) -> Capability:
     """Return the capability of an analysis.
+
+    Parameters
+    ----------
+    analysis :
+        The analysis.
+    direction :
+        Additional direction of force, in task axes, shape (m,).
 
     Raises
     ------
     InputError
         The direction is zero or has the wrong length.
     """
-    task = analysis.task
     if direction is None:
         return Capability(analysis)
-    names = ", ".join(task.components)
-    vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
-    if not vector.any():
-        raise InputError("the direction needs a component that is not zero")
-    return Capability(analysis, task.direction_of(vector))
+    return Capability(analysis, unit_direction(analysis.task, direction))

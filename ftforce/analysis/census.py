@@ -8,30 +8,27 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from ftforce.analysis.conditions import Conditions, Inverse, mass_matrix_for, rnea_change, tip_load
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
-from ftforce.analysis.limits_files import URDF, choose_limits
-from ftforce.analysis.question import Progress, check_size, checked_mode, direction_or_force
+from ftforce.analysis.limits_files import URDF
+from ftforce.analysis.question import AllFaultSets, AnsweredForAll, Progress, Question
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
-from ftforce.core.display import Displayed
-from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce_decomposed
-from ftforce.core.svd import Svd
-from ftforce.core.task import Axes, Task
+from ftforce.core.faults import FaultMode
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import Verdict
 from ftforce.errors import InputError, UnknownNameError, listed
-from ftforce.robot.kinematics import task_jacobian
-from ftforce.robot.posture import Posture, choose_posture
+from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import Inverse
     from ftforce.analysis.limits_files import LimitsLike
-    from ftforce.core.limits import Limits
+    from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
+    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
 RankBy = Literal["jump", "capability"]
@@ -69,26 +66,20 @@ class JointReport:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Census(Displayed):
+class Census(AnsweredForAll):
     """All fault sets of one posture, worst first.
 
     Attributes
     ----------
-    robot, task, posture, conditions, limits :
-        The inputs; ``limits`` is ``None`` if no torque limits are in force.
-    mode :
-        Fault mode of the joints.
-    largest :
-        Size of the largest sets.
+    question, all_sets :
+        What was asked, and of which sets. Their parts are attributes too: robot, task, posture,
+        conditions, limits, rtol and wary; mode and largest.
     rank_by :
         Ranking criterion.
     direction :
         Direction of the capability, in task axes, shape (m,); ``None`` for the weakest.
-    rtol, wary :
-        Tolerances.
-    requested, before :
-        Requested force and force that the healthy arm exerts, N and N·m, shape (m,); ``None`` if no
-        force was given.
+    before :
+        Force that the healthy arm exerts, N and N·m, shape (m,); ``None`` if no force was given.
     rank :
         Rank of the healthy arm.
     sets :
@@ -97,35 +88,37 @@ class Census(Displayed):
         Reports of all joints, most critical first.
     """
 
-    robot: Robot
-    task: Task
-    posture: Posture
-    conditions: Conditions
-    limits: Limits | None
-    mode: FaultMode
-    largest: int
+    question: Question
+    all_sets: AllFaultSets
     rank_by: RankBy
     direction: Vector | None
-    rtol: float
-    wary: float
-    requested: Vector | None
     before: Vector | None
     rank: int
     sets: tuple[SetReport, ...]
     joints: tuple[JointReport, ...]
 
     @property
+    def posture(self) -> Posture:
+        """The posture, with its source."""
+        return self.question.place
+
+    @property
+    def requested(self) -> Vector | None:
+        """Requested force, N and N·m, shape (m,); ``None`` if none was given."""
+        return self.question.force
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the result."""
-        doubts = list(self.posture.warnings)
+        found = list(self.posture.warnings)
         matters = self.limits is not None or self.mode is FaultMode.FREE
         if matters and not self.is_weight_known:
-            doubts.append("the URDF has no masses: the weight of the arm is missing")
+            found.append("the URDF has no masses: the weight of the arm is missing")
         if self.limits is not None:
             unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
             if unknown:
-                doubts.append(f"unknown effort limits count as none: {listed(unknown)}")
-        return tuple(doubts)
+                found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
+        return tuple(found)
 
     @property
     def is_weight_known(self) -> bool:
@@ -211,53 +204,67 @@ def census(
     >>> print(result.sets[0].faults, result.sets[0].verdict.value)
     {3} not tolerated
     """
-    check_tolerances(rtol, wary)
-    check_size(robot, faults)
-    how = checked_mode(mode)
-    if rank_by not in _RANKINGS:
-        raise UnknownNameError("ranking", rank_by, _RANKINGS)
-    wanted = Task.parse(task, axes, length)
-    place = choose_posture(robot, q, posture)
-    conditions = Conditions.of(
-        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
-    )
-    by_capability = rank_by == "capability"
-    counted = choose_limits(robot, URDF if limits is None and by_capability else limits)
-    healthy = Svd(wanted.weigh_jacobian(task_jacobian(robot, place.q, wanted)))
-    nothing = FaultSet().mask(robot.n)
-    whole = reduce_decomposed(healthy, nothing, rtol)
-    M = mass_matrix_for(robot, place.q, conditions, inverse)
-    load = tip_load(robot, whole, wanted, force, torque, M=M)
-    F = None if load is None else load.F
-    ray = direction_or_force(wanted, direction, F)
-    if direction is not None and not by_capability:
-        raise InputError("a direction is that of the capability: give it with rank_by='capability'")
-    rnea = rnea_change(robot, place.q, conditions, nothing)
-    asked = (F, by_capability, ray, rtol, wary)
-    case = SharedCase(robot, wanted, place, conditions, counted, healthy, whole, rnea, *asked)
-    total = count_fault_sets(robot.n, faults)
-    reports = []
-    for done, fault_set in enumerate(fault_sets(robot.n, faults, how), start=1):
-        reports.append(report_set(case, fault_set))
-        if progress is not None:
-            progress(done, total)
-    return Census(
-        robot=robot,
-        task=wanted,
-        posture=place,
-        conditions=conditions,
-        limits=counted,
-        mode=how,
-        largest=faults,
-        rank_by=rank_by,
-        direction=ray if by_capability else None,
+    question = Question.parse(
+        robot,
+        posture=choose_posture(robot, q, posture),
+        force=force,
+        torque=torque,
+        direction=direction,
+        velocity=velocity,
+        acceleration=acceleration,
+        gravity=gravity,
+        payload=payload,
+        limits=URDF if limits is None and rank_by == "capability" else limits,
+        inverse=inverse,
+        task=task,
+        length=length,
+        axes=axes,
         rtol=rtol,
         wary=wary,
-        requested=None if load is None else load.requested,
-        before=None if F is None else read_only(wanted.unweigh_force(F)),
-        rank=whole.rank,
+    )
+    return census_of(question, AllFaultSets.parse(robot, faults, mode), rank_by, progress)
+
+
+def census_of(
+    question: Question,
+    all_sets: AllFaultSets,
+    rank_by: RankBy = "jump",
+    progress: Progress | None = None,
+) -> Census:
+    """Return the census of a posture.
+
+    Parameters
+    ----------
+    question, all_sets :
+        What is asked, and of which sets.
+    rank_by, progress :
+        As in `census`.
+
+    Raises
+    ------
+    InputError
+        The ranking is unknown, or the dynamic inverse needs masses, and the URDF has none.
+    """
+    if rank_by not in _RANKINGS:
+        raise UnknownNameError("ranking", rank_by, _RANKINGS)
+    by_capability = rank_by == "capability"
+    if question.direction is not None and not by_capability:
+        raise InputError("a direction is that of the capability: give it with rank_by='capability'")
+    case = SharedCase.of(question)
+    reports = []
+    for done, faults in enumerate(all_sets, start=1):
+        reports.append(report_set(case, faults, case.reduce(faults), by_capability=by_capability))
+        if progress is not None:
+            progress(done, len(all_sets))
+    return Census(
+        question=question,
+        all_sets=all_sets,
+        rank_by=rank_by,
+        direction=case.direction if by_capability else None,
+        before=None if case.F is None else read_only(question.task.unweigh_force(case.F)),
+        rank=case.healthy.rank,
         sets=tuple(sorted(reports, key=_by_capability if by_capability else _by_severity)),
-        joints=_rank_joints(robot, reports, by_capability),
+        joints=_rank_joints(question.robot, reports, by_capability),
     )
 
 

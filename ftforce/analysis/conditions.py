@@ -9,7 +9,7 @@ import numpy as np
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.changes import RneaChange, TipLoad
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, supported_force
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError
 from ftforce.io.text import LARGEST_NUMBER, read_numbers
 from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 
@@ -79,14 +79,13 @@ class Conditions(NamedTuple):
         InputError
             An argument is invalid.
         """
-        hint = f"one per joint, {robot.numbered()}"
-        v = None if velocity is None else as_vector(velocity, robot.n, "velocity", hint)
-        a = None if acceleration is None else as_vector(acceleration, robot.n, "acceleration", hint)
+        v = None if velocity is None else robot.vector(velocity, "velocity")
+        a = None if acceleration is None else robot.vector(acceleration, "acceleration")
         own = gravity is None
         if gravity is not None:
-            gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in the root's axes")
+            gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in root axes")
             if np.abs(gravity).max() > LARGEST_NUMBER:
-                raise InputError(f"gravity up to {LARGEST_NUMBER:g} m/s² is taken, got {gravity}")
+                raise InputError(f"gravity must not exceed {LARGEST_NUMBER:g} m/s², got {gravity}")
         else:
             gravity = robot.gravity
         return cls(gravity, own, read_payload(payload), v, a)
@@ -110,7 +109,9 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
         return payload
     if isinstance(payload, tuple):
         if len(payload) != 2:
-            raise InputError(f"a payload is a mass and a place, (mass, (x, y, z)); got {payload!r}")
+            raise InputError(
+                f"a payload is a mass and a position, (mass, (x, y, z)), got {payload!r}"
+            )
         return Payload.of(*payload)
     if not isinstance(payload, str):
         return Payload.of(payload)
@@ -167,11 +168,10 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
 
 
 def tip_load(
-    robot: Robot,
     reduced: ReducedJacobian,
     task: Task,
-    force: ArrayLike | None,
-    torque: ArrayLike | None,
+    force: Vector | None,
+    torque: Vector | None,
     *,
     M: Matrix | None = None,
 ) -> TipLoad | None:
@@ -179,48 +179,50 @@ def tip_load(
 
     Parameters
     ----------
-    robot, reduced, task :
-        The arm, its decomposed Jacobians and the task.
-    force, torque :
-        As in `ftforce.analyze`.
+    reduced, task :
+        The decomposed Jacobians of the arm, and the task.
+    force :
+        Force the tool exerts, N and N·m, in task axes, shape (m,).
+    torque :
+        In place of a force, motor torques for it, N·m (N), shape (n,).
     M :
-        Mass matrix; if given, the dynamically consistent inverse replaces the Euclidean one.
-
-    Raises
-    ------
-    InputError
-        Both force and torque are given, or a vector is malformed.
+        Mass matrix, shape (n, n); if given, the dynamically consistent inverse replaces the
+        Euclidean one.
     """
-    if force is not None and torque is not None:
-        raise InputError("give either a force or torques, not both")
     if force is not None:
-        names = ", ".join(task.components)
-        requested = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
-        wanted = task.weigh_force(requested)
+        wanted = task.weigh_force(force)
         F = supported_force(reduced, wanted)
-        return TipLoad(without_rounding(F, F, wanted), requested, None)
-    if torque is not None:
-        tau = as_vector(torque, robot.n, "torque", f"one per joint, {robot.numbered()}")
-        F = exerted_force(reduced, tau) if M is None else dynamically_exerted_force(reduced, tau, M)
-        return TipLoad(without_rounding(F, F.dot(reduced.J), tau), None, tau)
-    return None
+        return TipLoad(without_rounding(F, F, wanted), force, None)
+    if torque is None:
+        return None
+    F = exerted_force(reduced, torque)
+    if M is not None:
+        F = dynamically_exerted_force(reduced, torque, M)
+    return TipLoad(without_rounding(F, F.dot(reduced.J), torque), None, torque)
 
 
-def mass_matrix_for(robot: Robot, q: Vector, conditions: Conditions, inverse: str) -> Matrix | None:
-    """Return the mass matrix that an inverse needs; ``None`` for the Euclidean one.
+def mass_matrix_for(
+    robot: Robot, q: Vector, conditions: Conditions, inverse: Inverse
+) -> Matrix | None:
+    """Return the mass matrix that an inverse needs, shape (n, n); ``None`` for the Euclidean one.
+
+    Parameters
+    ----------
+    robot, q, conditions :
+        The arm, its joint positions, rad or m, shape (n,), and its payload.
+    inverse :
+        ``euclidean`` or ``dynamic``.
 
     Raises
     ------
     InputError
-        The inverse is unknown, or the URDF has no masses.
+        The inverse needs masses, and the URDF has none.
     """
-    if inverse not in INVERSES:
-        raise UnknownNameError("inverse", inverse, INVERSES)
     if inverse == "euclidean":
         return None
     if robot.mass == 0.0:
         raise InputError(
-            f"the dynamic inverse needs masses, and the URDF of {robot.name!r} has none; "
+            f"the dynamic inverse needs masses, but the URDF of {robot.name!r} has none; "
             "use the euclidean one"
         )
     return mass_matrix(robot, q, conditions.payload)

@@ -48,7 +48,7 @@ def named_faults(
         if fault.joint in modes:
             raise InputError(
                 f"joint {fault.joint + 1} ({robot.names[fault.joint]}) cannot be both "
-                f"{modes[fault.joint]} and {fault.mode}; a joint fails in one mode"
+                f"{modes[fault.joint]} and {fault.mode}; a joint fails in only one mode"
             )
         modes[fault.joint] = fault.mode
     return FaultSet(tuple(faults))
@@ -69,11 +69,13 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
         joint, colon, factor = word.rpartition(":")
         if not colon:
             raise InputError(
-                "a weak joint needs its factor behind a colon, e.g. 3:0.5 for half of its torque, "
+                "a weak joint needs a factor after a colon, e.g. 3:0.5 for half of its torque, "
                 f"got {word.strip()!r}"
             )
         if not joint.strip():
-            raise InputError(f"a factor needs its weak joint, e.g. 3{word.strip()}")
+            raise InputError(
+                f"no joint before {word.strip()!r}; give the weak joint, e.g. 3{word.strip()}"
+            )
         try:
             found.append((joint, read_numbers(factor, 1)[0]))
         except ValueError as problem:

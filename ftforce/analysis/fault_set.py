@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.conditions import Conditions, rnea_change
+from ftforce.analysis.conditions import mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.question import HEALTHY
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.bounded_remap import BoundedRemap, overloaded, remap_inside
@@ -16,24 +17,22 @@ from ftforce.core.changes import RneaChange, split_norms
 from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
-    end_of,
     feasible_forces,
+    limiting_factor,
     reach,
     weakest_direction,
 )
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce_decomposed
 from ftforce.core.remap import force_jump
+from ftforce.core.svd import Svd
 from ftforce.core.verdict import judge
+from ftforce.robot.kinematics import task_jacobian
 
 if TYPE_CHECKING:
+    from ftforce.analysis.question import Question
     from ftforce.core.faults import FaultSet
     from ftforce.core.feasible_forces import FeasibleForces, Reach
-    from ftforce.core.limits import Limits
-    from ftforce.core.svd import Svd
-    from ftforce.core.task import Task
     from ftforce.core.verdict import Verdict
-    from ftforce.robot.posture import Posture
-    from ftforce.robot.robot import Robot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,8 +80,9 @@ class SetReport:
         cannot stand still.
     rank_after, rank_lost :
         Rank of K, and rank of J minus rank of K.
-    sigma_min_after, margin, relative_manipulability :
-        σ_min(K); σ_min(K)/σ_max(J); ρ = w(K)/w(J), NaN where w(J) = 0.
+    sigma_min_after, margin, condition_number, relative_manipulability :
+        σ_min(K); σ_min(K)/σ_max(J); σ_max(K)/σ_min(K), infinite if K does not have full
+        rank; ρ = w(K)/w(J), NaN where w(J) = 0.
     can_stand_still :
         Whether motors, brakes and some tip force can hold the arm.
     share :
@@ -106,6 +106,7 @@ class SetReport:
     rank_lost: int
     sigma_min_after: float
     margin: float
+    condition_number: float
     relative_manipulability: float
     can_stand_still: bool
     share: float | None
@@ -115,41 +116,81 @@ class SetReport:
 
 
 class SharedCase(NamedTuple):
-    """Data shared by all fault sets in a posture."""
+    """Data shared by all fault sets in a posture.
 
-    robot: Robot
-    task: Task
-    posture: Posture
-    conditions: Conditions
-    limits: Limits | None
-    healthy: Svd
-    whole: ReducedJacobian
+    Attributes
+    ----------
+    question :
+        What is asked, in this posture.
+    healthy :
+        Weighted Jacobian of the healthy arm, decomposed and reduced by no fault.
+    rnea :
+        Torques for weight and motion of the healthy arm.
+    F :
+        Weighted force that the healthy arm exerts, shape (m,); ``None`` without a force.
+    direction :
+        Direction of the capability, shape (m,); ``None`` for the weakest of each set.
+    """
+
+    question: Question
+    healthy: ReducedJacobian
     rnea: RneaChange
     F: Vector | None
-    by_capability: bool
     direction: Vector | None
-    rtol: float
-    wary: float
+
+    @classmethod
+    def of(cls, question: Question) -> SharedCase:
+        """Return the data of a posture, with eq. (8) for a force and (Jᵀ)† τ for torques.
+
+        Raises
+        ------
+        InputError
+            The dynamic inverse needs masses, and the URDF has none.
+        """
+        robot, task, q, conditions = question.robot, question.task, question.q, question.conditions
+        no_joint = HEALTHY.mask(robot.n)
+        svd = Svd(task.weigh_jacobian(task_jacobian(robot, q, task)))
+        healthy = reduce_decomposed(svd, no_joint, question.rtol)
+        M = mass_matrix_for(robot, q, conditions, question.inverse)
+        load = tip_load(healthy, task, question.force, question.torque, M=M)
+        F = None if load is None else load.F
+        rnea = rnea_change(robot, q, conditions, no_joint)
+        return cls(question, healthy, rnea, F, question.direction_or_that_of(F))
+
+    def reduce(self, faults: FaultSet) -> ReducedJacobian:
+        """Return the Jacobians before and after a fault set."""
+        n, whole = self.question.robot.n, self.healthy
+        return reduce_decomposed(whole.healthy, faults.mask(n), whole.rtol, faults.free_mask(n))
 
     def rnea_after(self, faults: FaultSet) -> Vector:
-        """Return the torques for weight and motion after these faults, shape (n,)."""
-        if not self.conditions.moves:
+        """Return the torques for weight and motion after a fault set, N·m (N), shape (n,)."""
+        robot, q, conditions = self.question.robot, self.question.q, self.question.conditions
+        if not conditions.moves:
             return self.rnea.after
-        mask = faults.mask(self.robot.n)
-        return rnea_change(self.robot, self.posture.q, self.conditions, mask).after
+        return rnea_change(robot, q, conditions, faults.mask(robot.n)).after
 
 
-def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
-    """Return the report of one fault set."""
-    n, task, F = case.robot.n, case.task, case.F
-    free = faults.free_mask(n)
-    reduced = reduce_decomposed(case.healthy, faults.mask(n), case.rtol, free)
-    largest = None if case.limits is None else case.limits.largest_torques(faults)
+def report_set(
+    case: SharedCase, faults: FaultSet, reduced: ReducedJacobian, *, by_capability: bool = False
+) -> SetReport:
+    """Return the report of one fault set.
+
+    Parameters
+    ----------
+    case :
+        Data shared by all sets.
+    faults, reduced :
+        The fault set, and its Jacobians, `SharedCase.reduce`.
+    by_capability :
+        Whether the report includes the capability.
+    """
+    question, F = case.question, case.F
+    task, limits = question.task, question.limits
+    largest = None if limits is None else limits.largest_torques(faults)
     bounded, rnea = None, case.rnea.after
-    if largest is not None or free is not None:
+    if largest is not None or reduced.free is not None:
         rnea = case.rnea_after(faults)
-        asked = np.zeros(task.m) if F is None else F
-        bounded = remap_inside(reduced, asked, rnea, largest)
+        bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea, largest)
     after, jump = _outcome(reduced, F, bounded)
     can_stand_still = bounded is None or bounded.F_after is not None
     linear, angular = (None, None) if jump is None else split_norms(task, task.unweigh_force(jump))
@@ -164,12 +205,13 @@ def report_set(case: SharedCase, faults: FaultSet) -> SetReport:
         rank_lost=reduced.rank - reduced.rank_after,
         sigma_min_after=reduced.damaged.s[-1],
         margin=measures.margin(reduced),
+        condition_number=measures.condition_number(reduced),
         relative_manipulability=measures.relative_manipulability(reduced),
         can_stand_still=can_stand_still,
         share=None if bounded is None or F is None else bounded.share,
         binding=() if bounded is None else bounded.binding,
-        capability=set_capability(case, reduced, rnea, largest) if case.by_capability else None,
-        verdict=judge(reduced, F, case.wary, bounded, largest),
+        capability=set_capability(case, reduced, rnea, largest) if by_capability else None,
+        verdict=judge(reduced, F, question.wary, bounded, largest),
     )
 
 
@@ -210,7 +252,7 @@ def set_capability(
     for reading in LockModel:
         feasible = feasible_forces(reduced, rnea, largest, reading)
         ray, size = _ray(case, feasible)
-        end = end_of(feasible, ray)
+        end = limiting_factor(feasible, ray)
         rays.append(ray)
         ends.append(end)
         stops.append(
@@ -228,14 +270,21 @@ def set_capability(
 def commanded_force(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> float:
-    """Return the commanded capability of a fault set alone."""
+    """Return the commanded capability of a fault set, N (N·m); NaN if the arm cannot be held.
+
+    Parameters
+    ----------
+    case, reduced, rnea, largest :
+        As in `set_capability`.
+    """
     ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
     return math.nan if ray.is_empty else ray.maximum * size
 
 
 def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
     """Return the reach in the case's direction, or else the weakest one, and its unit factor."""
+    task = case.question.task
     if case.direction is not None:
-        return reach(feasible, case.task.weigh_force(case.direction)), 1.0
-    space = case.whole.healthy.U[:, : case.whole.rank]
-    return weakest_direction(feasible, space).reach, case.task.weighted_unit
+        return reach(feasible, task.weigh_force(case.direction)), 1.0
+    space = case.healthy.healthy.U[:, : case.healthy.rank]
+    return weakest_direction(feasible, space).reach, task.weighted_unit

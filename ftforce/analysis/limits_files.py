@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 URDF, NONE = "urdf", "none"
-COLUMNS = ("joint", "effort", "brake")
-SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
+_COLUMNS = ("joint", "effort", "brake")
+_SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
 _KIND = "a TOML or CSV file of limits (joint, effort, brake)"
 
 LimitsLike: TypeAlias = "Limits | str | os.PathLike[str] | None"
@@ -57,7 +57,7 @@ def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
         return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
     if not isinstance(limits, (str, os.PathLike)) or not str(limits):
         raise InputError(
-            f"limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits, "
+            f"limits must be 'urdf', 'none', a TOML or CSV file, or ftforce.core.limits.Limits; "
             f"got {limits!r}"
         )
     return read_limits(robot, limits)
@@ -82,7 +82,7 @@ def read_limits(robot: Robot, path: str | os.PathLike[str]) -> Limits:
     """
     ending = Path(path).suffix.lower()
     if ending not in {".toml", ".csv"}:
-        raise LimitsError(path, f"needs 'urdf', 'none' or {_KIND}, with the ending .toml or .csv")
+        raise LimitsError(path, f"expected 'urdf', 'none' or {_KIND} ending in .toml or .csv")
     text = read_text(path, LimitsError, _KIND)
     try:
         entries = _toml_entries(text) if ending == ".toml" else _csv_entries(text)
@@ -101,23 +101,25 @@ def _fill(robot: Robot, entries: Iterable[_Entry], source: str) -> Limits:
         except InputError as problem:
             raise InputError(f"{where}: {problem}") from None
         if i in seen:
-            raise InputError(f"{where}: joint {i + 1} ({robot.names[i]}) was given in {seen[i]}")
+            raise InputError(
+                f"{where}: joint {i + 1} ({robot.names[i]}) already appears in {seen[i]}"
+            )
         seen[i] = where
         effort[i] = _limit(entry.get("effort"), f"{where}: effort of {robot.names[i]}")
         brake[i] = _limit(entry.get("brake"), f"{where}: brake of {robot.names[i]}")
     if np.isnan(effort).all() and np.isnan(brake).all():
-        raise InputError(f"holds no limit; it needs {', '.join(COLUMNS)} for each joint")
+        raise InputError(f"contains no limits; expected {', '.join(_COLUMNS)} for each joint")
     return Limits(read_only(effort), read_only(brake), source)
 
 
 def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
     for key, value in entry.items():
-        if key not in COLUMNS:
+        if key not in _COLUMNS:
             quotes = "; a name with a dot needs quotes" if isinstance(value, dict) else ""
-            known = ", ".join(COLUMNS)
-            raise InputError(f"{where}: unknown entry {key!r}; there is: {known}{quotes}")
+            known = ", ".join(_COLUMNS)
+            raise InputError(f"{where}: unknown key {key!r}; available: {known}{quotes}")
     if "joint" not in entry:
-        raise InputError(f"{where}: names no joint")
+        raise InputError(f"{where}: no joint given")
 
 
 def _limit(value: object, what: str) -> float:
@@ -125,16 +127,16 @@ def _limit(value: object, what: str) -> float:
     if value is None or (isinstance(value, str) and not value.strip()):
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise InputError(f"{what} needs a positive number, N·m or N, got {value!r}")
+        raise InputError(f"{what} must be a positive number, N·m or N, got {value!r}")
     try:
         limit = read_numbers(str(value), 1)[0]
     except ValueError as problem:
-        raise InputError(f"{what}: {problem}; leave it out if it is unknown") from None
-    if limit < SMALLEST:
-        hint = f"limits below {SMALLEST:g} are not read"
+        raise InputError(f"{what}: {problem}; omit it if unknown") from None
+    if limit < _SMALLEST:
+        hint = f"limits below {_SMALLEST:g} are not accepted"
         if limit <= 0.0:
-            hint = "limits count both ways" if limit < 0.0 else "leave it out if it is unknown"
-        raise InputError(f"{what} needs a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
+            hint = "limits apply in both directions" if limit < 0.0 else "omit it if unknown"
+        raise InputError(f"{what} must be a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
     return limit
 
 
@@ -145,22 +147,22 @@ def _toml_entries(text: str) -> list[_Entry]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
-        raise InputError(f"is not TOML: {problem}") from None
+        raise InputError(f"is not valid TOML: {problem}") from None
     entries: list[_Entry] = []
     for key, value in content.items():
         if isinstance(value, dict):
             if "joint" in value and key != "joint":
                 raise InputError(
-                    f"[{key}]: names a joint twice, {key!r} and {value['joint']!r}; give each "
-                    "joint one table with its name, or a [[joint]] that names it"
+                    f"[{key}]: names two joints, {key!r} and {value['joint']!r}; use one table "
+                    "named after each joint, or [[joint]] tables with the key joint"
                 )
             entries.append((f"[{key}]", {"joint": key, **value}))
         elif isinstance(value, list) and all(isinstance(one, dict) for one in value):
             entries += [(f"[[{key}]] number {i}", one) for i, one in enumerate(value, start=1)]
         else:
             raise InputError(
-                f"{key!r} is no table; give each joint one, e.g. [elbow] with effort = 87 and "
-                "brake = 120 (N·m) below it"
+                f"{key!r} is not a table; use one per joint, e.g. [elbow] followed by effort = 87 "
+                "and brake = 120 (N·m)"
             )
     return entries
 
@@ -168,10 +170,10 @@ def _toml_entries(text: str) -> list[_Entry]:
 def _csv_entries(text: str) -> list[_Entry]:
     table = Table.of(text)
     header = [cell.lower() for cell in table.header] if table else []
-    if not table or "joint" not in header or len(set(header) & set(COLUMNS)) < len(header):
-        hint = "; commas separate cells" if len(header) == 1 else ""
+    if not table or "joint" not in header or len(set(header) & set(_COLUMNS)) < len(header):
+        hint = "; cells are separated by commas" if len(header) == 1 else ""
         raise InputError(
-            f"needs the header {','.join(COLUMNS)} (brake may be missing), got {','.join(header)}"
+            f"expected the header {','.join(_COLUMNS)} (brake is optional), got {','.join(header)}"
             f"{hint}"
         )
     return [(f"line {line}", dict(zip(header, cells, strict=True))) for line, cells in table.rows()]

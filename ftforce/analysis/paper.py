@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
     from ftforce.robot.robot import Robot
 
-FORCE = (80.0, 50.0, 10.0)  # N, section IV
-VELOCITY = (0.05, 0.40, 0.20, 0.10, 0.30)  # rad/s, Table 2
-AXES = ("x", "y", "z")
+_FORCE = (80.0, 50.0, 10.0)  # N, section IV
+_VELOCITY = (0.05, 0.40, 0.20, 0.10, 0.30)  # rad/s, Table 2
+_AXES = ("x", "y", "z")
 
-PRINTED_J = (
+_PRINTED_J = (
     ("-0.00", "-0.00", "0.16", "0.00", "0.00"),
     ("-0.57", "-0.15", "0.28", "0.20", "0.08"),
     ("-0.64", "-0.48", "0.00", "0.00", "0.00"),
 )
 PRINTED_TORQUE = ("-35.01", "-12.33", "26.85", "10.00", "4.00")
-PRINTED_FORCE_SHARE = ("3.18", "1.12", "2.44", "0.91", "0.36")
-PRINTED_VELOCITY_SHARE = ("0.19", "0.89", "0.28", "0.09", "0.11")
-PRINTED_TIP_VELOCITY = ("0.033", "0.01", "-0.23")
+_PRINTED_FORCE_SHARE = ("3.18", "1.12", "2.44", "0.91", "0.36")
+_PRINTED_VELOCITY_SHARE = ("0.19", "0.89", "0.28", "0.09", "0.11")
+_PRINTED_TIP_VELOCITY = ("0.033", "0.01", "-0.23")
 # Locked joints, torques to command, force jump.
-PRINTED_SETS = {
+_PRINTED_SETS = {
     "Eq. (42)": (((1,), ("0", "-12.33", "26.85", "10.00", "4.00"), "0"),),
     "Table 3": (
         ((2,), ("-35.01", "0", "26.85", "10.00", "4.00"), "0.00"),
@@ -79,8 +79,8 @@ ERRATA = (
 )
 """Location, printed form, correct form."""
 
-_SHARE_ERRATUM = "Table 2: printed are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
-_UNIT_ERRATUM = "section IV: printed are m/s, not cm/s"
+_SHARE_ERRATUM = "Table 2: the printed numbers are ‖(Jᵀ)†‖₂·|τ_k|/‖F‖"
+_UNIT_ERRATUM = "section IV: the printed numbers are in m/s, not cm/s"
 
 
 class Outcome(StrEnum):
@@ -165,17 +165,17 @@ def replicate(robot: Robot | None = None) -> Replication:
     arm = load_robot("dh5") if robot is None else robot
 
     def with_locked(locked: Sequence[int]) -> Analysis:
-        return analyze(arm, posture="paper", locked=locked, force=FORCE, velocity=VELOCITY)
+        return analyze(arm, posture="paper", locked=locked, force=_FORCE, velocity=_VELOCITY)
 
     healthy = with_locked(())
     checks = [*_jacobian(healthy), *_table_2(healthy), *_tip_velocity(healthy)]
-    for table, columns in PRINTED_SETS.items():
+    for table, columns in _PRINTED_SETS.items():
         checks += _remaps(table, columns, with_locked)
     return Replication(tuple(checks))
 
 
 def _jacobian(healthy: Analysis) -> Iterator[Check]:
-    for axis, printed, computed in zip(AXES, PRINTED_J, healthy.J.tolist(), strict=True):
+    for axis, printed, computed in zip(_AXES, _PRINTED_J, healthy.J.tolist(), strict=True):
         for joint, (text, value) in enumerate(zip(printed, computed, strict=True), start=1):
             yield Check("J, eq. (34)", axis, f"joint {joint}", text, value)
 
@@ -190,8 +190,8 @@ def _table_2(healthy: Analysis) -> Iterator[Check]:
         as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
     columns: tuple[tuple[str, Sequence[str], Vector | None], ...] = (
         ("torque", PRINTED_TORQUE, torque.before),
-        ("share of force", PRINTED_FORCE_SHARE, healthy.force_contributions),
-        ("share of velocity", PRINTED_VELOCITY_SHARE, healthy.velocity_contributions),
+        ("share of force", _PRINTED_FORCE_SHARE, healthy.force_contributions),
+        ("share of velocity", _PRINTED_VELOCITY_SHARE, healthy.velocity_contributions),
     )
     for column, printed, computed in columns:
         is_share = column == "share of force"
@@ -211,7 +211,7 @@ def _tip_velocity(healthy: Analysis) -> Iterator[Check]:
     if healthy.velocity is None:
         return
     for axis, text, v in zip(
-        AXES, PRINTED_TIP_VELOCITY, healthy.velocity.tip_before.tolist(), strict=True
+        _AXES, _PRINTED_TIP_VELOCITY, healthy.velocity.tip_before.tolist(), strict=True
     ):
         yield Check("Ẋ, section IV", axis, "cm/s", text, 100.0 * v, _UNIT_ERRATUM, v)
 

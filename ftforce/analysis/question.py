@@ -1,22 +1,37 @@
-"""Validation and defaults of arguments that several analyses share."""
+"""The question that a caller asks, parsed once; every analysis takes it from here.
+
+A public function parses its arguments into a `Question` and hands it on. Whatever takes a
+`Question` reads typed, checked values and never parses again.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
-from ftforce.analysis.limits_files import URDF
-from ftforce.core.arrays import Vector, as_vector
-from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets
-from ftforce.errors import InputError
+from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
+from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.core.display import Displayed
+from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
+from ftforce.core.task import Axes, Task
+from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from numpy.typing import ArrayLike
 
     from ftforce.analysis.limits_files import LimitsLike
-    from ftforce.core.task import Task
+    from ftforce.core.arrays import Vector
+    from ftforce.core.limits import Limits
+    from ftforce.robot.dynamics import Payload
+    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
-MOST_SETS = 1_000_000  # about a minute and a gigabyte; a sweep stores no individual sets
+MAX_SETS = 1_000_000  # about a minute and a gigabyte; a sweep stores no individual sets
+HEALTHY = FaultSet()
 
 
 class Progress(Protocol):
@@ -26,8 +41,258 @@ class Progress(Protocol):
         """Report progress."""
 
 
-def checked_mode(mode: FaultMode | str) -> FaultMode:
-    """Return the fault mode for the analysis of many fault sets.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked about an arm.
+
+    Attributes
+    ----------
+    robot, task, conditions :
+        The arm; components and axes of the force; gravity, payload and motion.
+    force :
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,); ``None`` if
+        none was given.
+    torque :
+        Motor torques for the tip force, N·m (N), shape (n,), given in place of a force.
+    direction :
+        Direction of the force capability, in task axes, scaled as by
+        `ftforce.Task.direction_of`, shape (m,); ``None`` if none was given.
+    limits :
+        Torque limits in force; ``None`` if none are.
+    inverse :
+        Inverse that splits ``torque`` into force and self-motion.
+    rtol, wary :
+        Rank tolerance, and the largest tolerance considered for a borderline verdict.
+    posture :
+        The posture; ``None`` if many are asked about.
+    faults :
+        The fault set; empty if the arm is healthy, or many sets are asked about.
+    """
+
+    robot: Robot
+    task: Task
+    conditions: Conditions
+    force: Vector | None
+    torque: Vector | None
+    direction: Vector | None
+    limits: Limits | None
+    inverse: Inverse
+    rtol: float
+    wary: float
+    posture: Posture | None = None
+    faults: FaultSet = HEALTHY
+
+    @classmethod
+    def parse(
+        cls,
+        robot: Robot,
+        *,
+        posture: Posture | None = None,
+        faults: FaultSet = HEALTHY,
+        force: ArrayLike | None = None,
+        torque: ArrayLike | None = None,
+        direction: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        limits: LimitsLike = None,
+        inverse: Inverse = "euclidean",
+        task: str | Iterable[str] | Task = "force",
+        length: float | None = None,
+        axes: Axes = "tool",
+        rtol: float = RTOL,
+        wary: float = BORDERLINE_RTOL,
+    ) -> Question:
+        """Return the question that the arguments of `ftforce.analyze` ask.
+
+        Parameters
+        ----------
+        robot, posture, faults :
+            The arm; posture and fault set, chosen by `ftforce.robot.posture.choose_posture` and
+            `ftforce.analysis.fault_names.named_faults`.
+        direction :
+            Direction of the force capability, in task axes, shape (m,).
+        force, torque, velocity, acceleration, gravity, payload, limits, inverse :
+            As in `ftforce.analyze`.
+        task, length, axes, rtol, wary :
+            As in `ftforce.analyze`.
+
+        Raises
+        ------
+        InputError
+            An argument is invalid; the message says what is expected.
+        LimitsError
+            The limits file cannot be read or does not fit the robot.
+        """
+        check_tolerances(rtol, wary)
+        wanted = Task.parse(task, axes, length)
+        if inverse not in INVERSES:
+            raise UnknownNameError("inverse", inverse, INVERSES)
+        if force is not None and torque is not None:
+            raise InputError("give either a force or torques, not both")
+        return cls(
+            robot,
+            wanted,
+            Conditions.of(
+                robot,
+                velocity=velocity,
+                acceleration=acceleration,
+                gravity=gravity,
+                payload=payload,
+            ),
+            force=None if force is None else wanted.vector(force, "force"),
+            torque=None if torque is None else robot.vector(torque, "torque"),
+            direction=None if direction is None else unit_direction(wanted, direction),
+            limits=choose_limits(robot, limits_for(faults, limits)),
+            inverse=inverse,
+            rtol=rtol,
+            wary=wary,
+            posture=posture,
+            faults=faults,
+        )
+
+    @property
+    def place(self) -> Posture:
+        """The posture of a question about a single one."""
+        assert self.posture is not None
+        return self.posture
+
+    @property
+    def q(self) -> Vector:
+        """Joint positions of that posture, rad or m, shape (n,)."""
+        return self.place.q
+
+    @cached_property
+    def F(self) -> Vector | None:
+        """The force, weighted, shape (m,); ``None`` if none was given."""
+        return None if self.force is None else self.task.weigh_force(self.force)
+
+    def at(
+        self,
+        posture: Posture,
+        velocity: Vector,
+        acceleration: Vector,
+        faults: FaultSet = HEALTHY,
+    ) -> Question:
+        """Return the same question at one instant of a motion.
+
+        Parameters
+        ----------
+        posture, velocity, acceleration :
+            Joint positions, velocities and accelerations, rad or m, per s and s², shape (n,).
+        faults :
+            The fault set.
+        """
+        conditions = self.conditions._replace(velocity=velocity, acceleration=acceleration)
+        return replace(self, posture=posture, conditions=conditions, faults=faults)
+
+    def direction_or_that_of(self, F: Vector | None) -> Vector | None:
+        """Return the direction of the capability, shape (m,); ``None`` for the weakest direction.
+
+        Parameters
+        ----------
+        F :
+            Weighted force that supplies the direction if none was given, shape (m,).
+        """
+        if self.direction is not None or F is None or not F.any():
+            return self.direction
+        return self.task.direction_of(self.task.unweigh_force(F))
+
+
+@dataclass(frozen=True, slots=True)
+class AllFaultSets:
+    """All sets of up to ``largest`` of ``n`` joints that fail in one mode (eq. 12-13)."""
+
+    n: int
+    largest: int
+    mode: FaultMode
+
+    @classmethod
+    def parse(cls, robot: Robot, faults: int, mode: FaultMode | str) -> AllFaultSets:
+        """Return the sets of up to ``faults`` joints of an arm.
+
+        Raises
+        ------
+        InputError
+            The size does not lie between 1 and n, there are too many sets, or the mode is unknown
+            or ``weak``, which needs a factor per joint.
+        """
+        if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
+            raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
+        found = cls(robot.n, faults, single_mode(mode))
+        if len(found) > MAX_SETS:
+            raise InputError(
+                f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
+                f"maximum of {MAX_SETS:,}; ask for smaller sets"
+            )
+        return found
+
+    def __iter__(self) -> Iterator[FaultSet]:
+        """Yield the sets, small ones first."""
+        return fault_sets(self.n, self.largest, self.mode)
+
+    def __len__(self) -> int:
+        """Return the number of sets."""
+        return count_fault_sets(self.n, self.largest)
+
+
+class Answered(Displayed):
+    """Base of results that keep their question, with its parts as attributes."""
+
+    __slots__ = ()
+    question: Question
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.question.robot
+
+    @property
+    def task(self) -> Task:
+        """Components and axes of the force."""
+        return self.question.task
+
+    @property
+    def conditions(self) -> Conditions:
+        """Gravity, payload and motion."""
+        return self.question.conditions
+
+    @property
+    def limits(self) -> Limits | None:
+        """Torque limits in force; ``None`` if none are."""
+        return self.question.limits
+
+    @property
+    def rtol(self) -> float:
+        """Rank tolerance."""
+        return self.question.rtol
+
+    @property
+    def wary(self) -> float:
+        """Largest tolerance considered for a borderline verdict."""
+        return self.question.wary
+
+
+class AnsweredForAll(Answered):
+    """Base of results for all fault sets up to a size."""
+
+    __slots__ = ()
+    all_sets: AllFaultSets
+
+    @property
+    def mode(self) -> FaultMode:
+        """Fault mode of the joints."""
+        return self.all_sets.mode
+
+    @property
+    def largest(self) -> int:
+        """Size of the largest sets."""
+        return self.all_sets.largest
+
+
+def single_mode(mode: FaultMode | str) -> FaultMode:
+    """Return the fault mode shared by all joints of many fault sets.
 
     Raises
     ------
@@ -37,57 +302,33 @@ def checked_mode(mode: FaultMode | str) -> FaultMode:
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
         raise InputError(
-            "many sets at once take locked or free joints; ask analyze about weak ones"
+            "many fault sets are either locked or free; weak joints need a factor each: ask "
+            "analyze about them"
         )
     return how
 
 
-def direction_or_force(task: Task, direction: ArrayLike | None, F: Vector | None) -> Vector | None:
-    """Return the unit direction of a capability, unweighted; ``None`` for the weakest direction.
+def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
+    """Return the limits to apply; weak joints default to those of the URDF."""
+    return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits
+
+
+def unit_direction(task: Task, direction: ArrayLike) -> Vector:
+    """Return a direction scaled as by `ftforce.Task.direction_of`, shape (m,).
 
     Parameters
     ----------
     task :
         The task.
     direction :
-        Requested direction in task axes, shape (m,).
-    F :
-        Weighted force that supplies the direction if none is requested.
+        Direction in task axes, shape (m,).
 
     Raises
     ------
     InputError
         The direction is malformed or zero.
     """
-    if direction is not None:
-        names = ", ".join(task.components)
-        vector = as_vector(direction, task.m, "direction", f"{names} of the task '{task}'")
-        if not vector.any():
-            raise InputError("the direction needs a component that is not zero")
-        return task.direction_of(vector)
-    if F is None or not F.any():
-        return None
-    return task.direction_of(task.unweigh_force(F))
-
-
-def check_size(robot: Robot, faults: int) -> None:
-    """Check the size of the largest fault sets.
-
-    Raises
-    ------
-    InputError
-        The size is not between 1 and n, or there are too many sets.
-    """
-    if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
-        raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
-    total = count_fault_sets(robot.n, faults)
-    if total > MOST_SETS:
-        raise InputError(
-            f"{total:,} fault sets of up to {faults} of {robot.n} joints are more than one census "
-            f"takes ({MOST_SETS:,}); ask for smaller sets"
-        )
-
-
-def limits_for(faults: FaultSet, limits: LimitsLike) -> LimitsLike:
-    """Return the limits to apply; weak joints default to those of the URDF."""
-    return URDF if limits is None and faults.in_mode(FaultMode.WEAK) else limits
+    vector = task.vector(direction, "direction")
+    if not vector.any():
+        raise InputError("the direction needs a component that is not zero")
+    return task.direction_of(vector)

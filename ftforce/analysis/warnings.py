@@ -19,38 +19,56 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
-_SLACK = 1e-9  # relative: ignores rounding errors
+_SLACK = 1e-9  # relative; allows for rounding error
 
 
 def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
-    """Warn if the task Jacobian of the healthy arm is rank deficient."""
+    """Warn if the task Jacobian of the healthy arm is rank deficient.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    task :
+        The task.
+    """
     if reduced.rank < reduced.m:
         yield (
-            f"even the healthy arm has only rank {reduced.rank} of {reduced.m} for the task "
-            f"'{task}' in this posture"
+            f"the Jacobian of the healthy arm has only rank {reduced.rank} of {reduced.m} for the "
+            f"task '{task}' in this posture"
         )
 
 
 def missing_masses(rnea: RneaChange) -> Iterator[str]:
-    """Warn if the torques for weight, or for weight and motion, are unknown."""
+    """Warn if gravity torques, or gravity and motion torques, are unknown."""
     if not rnea.is_known:
-        what = "weight and motion of the arm are"
-        if rnea.motion_before is not None:
-            what = "weight of the arm is"
-        yield f"the URDF has no masses: {what} missing from the torques"
+        what = "gravity torques"
+        if rnea.motion_before is None:
+            what = "gravity and motion torques"
+        yield f"the URDF has no masses: {what} of the arm are not included"
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:
-    """Warn that velocities right after the lock are unknown without valid masses."""
+    """Warn that velocities immediately after locking are unknown without valid masses."""
     if faults.in_mode(FaultMode.LOCKED):
         yield (
-            "masses or inertias of the URDF are missing or impossible: velocities right after the "
-            "lock are unknown"
+            "masses or inertias in the URDF are missing or unphysical: the velocities immediately "
+            "after locking are unknown"
         )
 
 
 def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
-    """Warn about weak joints and overloaded motors when no limits are in force."""
+    """Warn about weak joints and overloaded motors when no limits are in force.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    faults :
+        The fault set.
+    torque :
+        Motor torques before and after the fault; ``None`` without a force.
+    """
     yield from unjudged(robot, faults, None)
     if torque is None or torque.after is None:
         return
@@ -60,26 +78,44 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
             yield (
                 f"joint {joint.number} {joint.name} would need "
                 f"{abs(value) / joint.effort:.0%} of its effort limit of "
-                f"{joint.effort:g} {joint.torque_unit} (limits are not counted)"
+                f"{joint.effort:g} {joint.torque_unit} (limits are not enforced)"
             )
 
 
 def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[str]:
-    """Warn about weak joints whose limit is unknown or not in force."""
+    """Warn about weak joints whose limit is unknown or not in force.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    faults :
+        The fault set.
+    limits :
+        Torque limits in force; ``None`` if none.
+    """
     for fault in faults.faults:
         if fault.mode is not FaultMode.WEAK or fault.is_free:
             continue
         name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
         if limits is None:
-            yield f"{name} no limits are counted: it counts as healthy"
+            yield f"{name} no limits are enforced: it is treated as healthy"
         elif np.isnan(limits.effort[fault.joint]):
-            yield f"{name} its limit is unknown: it counts as none"
+            yield f"{name} its torque limit is unknown and is not enforced"
 
 
 def overload(robot: Robot, joints: Iterable[int]) -> Iterator[str]:
-    """Warn about the joints (indices) that weight and motion alone overload."""
+    """Warn about joints that gravity and motion torques alone overload.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    joints :
+        Indices of the overloaded joints, from 0.
+    """
     if names := [robot.names[j] for j in joints]:
         yield (
-            f"weight and motion alone overload {listed(names)}: only the force at the tip keeps "
-            "the arm still"
+            f"gravity and motion torques alone overload {listed(names)}: only the tip force keeps "
+            "the arm in equilibrium"
         )

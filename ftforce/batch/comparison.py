@@ -11,21 +11,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-import numpy as np
-
-from ftforce.analysis.conditions import Conditions
-from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
 from ftforce.batch.job import PIECE, Job
+from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
-from ftforce.batch.runner import threads_of
+from ftforce.batch.runner import in_threads, threads_of
 from ftforce.batch.summary.bins import Bins, Workspace
-from ftforce.batch.sweep import plan_of
+from ftforce.batch.sweep import sweep_of, sweep_question
 from ftforce.core.arrays import is_number
 from ftforce.core.display import Displayed
-from ftforce.core.faults import FaultSet
-from ftforce.core.task import Task
+from ftforce.core.faults import FaultMode
 from ftforce.errors import InputError, listed, printable
+from ftforce.robot.kinematics import reach_bound
 from ftforce.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -37,8 +35,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.question import Progress
     from ftforce.batch.postures.drawn import Drawn
     from ftforce.batch.summary.criticality import Estimate
-    from ftforce.core.faults import FaultMode
-    from ftforce.core.task import Axes
+    from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
 
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
@@ -172,20 +169,22 @@ def compare(
     """
     if not (is_number(enough) and 0.0 < enough <= 1.0):
         raise InputError(f"enough is a share above 0 and up to 1, got {enough!r}")
-    options = {
-        "n": n, "method": method, "seed": seed, "faults": faults, "mode": mode, "force": force,
-        "direction": direction, "limits": limits, "gravity": gravity, "payload": payload,
-        "task": task, "length": length, "axes": axes, "rtol": rtol, "wary": wary, "cell": cell,
-    }  # fmt: skip
-    asked = {key: value for key, value in options.items() if value is not None}
+    asked = _Asked.of(
+        {"count": n, "method": method, "seed": seed},
+        {"faults": faults, "mode": mode},
+        {"force": force, "direction": direction, "limits": limits, "gravity": gravity,
+         "payload": payload, "task": task, "length": length, "axes": axes, "rtol": rtol,
+         "wary": wary},
+        {"cell": cell},
+    )  # fmt: skip
     entries = _named(_loaded(arms, tip, base))
     stored = [one for one in entries if isinstance(one.arm, Sweep)]
     loading = {"tip": tip, "base": base}
-    idle = [*asked, *(key for key, value in loading.items() if value is not None)]
-    if len(stored) == len(entries) and idle:
+    unused = [*asked.names, *(key for key, value in loading.items() if value is not None)]
+    if len(stored) == len(entries) and unused:
         raise InputError(
-            "every arm is a sweep that was asked already; leave out "
-            f"{', '.join('n (--samples)' if key == 'n' else key for key in idle)}"
+            "every arm is a stored sweep with a question of its own; leave out "
+            f"{', '.join('n (--samples)' if key == 'count' else key for key in unused)}"
         )
     for one in stored:
         _check_same(stored[0], one)
@@ -261,28 +260,73 @@ def _apart(hints: Sequence[tuple[str, ...]], i: int) -> str:
     return f"#{i + 1}"
 
 
+class _Asked(NamedTuple):
+    """The arguments that were given, `None` left out: they are parsed for each arm."""
+
+    drawing: dict[str, Any]
+    sets: dict[str, Any]
+    question: dict[str, Any]
+    cells: dict[str, Any]
+
+    @classmethod
+    def of(cls, *options: dict[str, Any]) -> _Asked:
+        """Return those of the arguments that are not ``None``."""
+        return cls(*({k: v for k, v in some.items() if v is not None} for some in options))
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the given arguments."""
+        return [key for options in self for key in options]
+
+    def about(self, robot: Robot) -> _Case:
+        """Return the question about one arm.
+
+        Raises
+        ------
+        InputError
+            A malformed value, or one that does not suit the arm.
+        """
+        from ftforce.batch.postures.drawn import Drawn
+
+        return _Case(
+            sweep_question(robot, **self.question),
+            AllFaultSets.parse(
+                robot, self.sets.get("faults", 1), self.sets.get("mode", FaultMode.LOCKED)
+            ),
+            Drawn.of(robot, **{"count": SAMPLES} | self.drawing),
+        )
+
+
+class _Case(NamedTuple):
+    """Question, fault sets and postures of one arm."""
+
+    question: Question
+    all_sets: AllFaultSets
+    postures: Drawn
+
+
 class _Reports:
     """Builds the reports of arms, sweeping those that are robots."""
 
     def __init__(
-        self, asked: dict[str, Any], enough: float, threads: int | None, progress: Progress | None
+        self, asked: _Asked, enough: float, threads: int | None, progress: Progress | None
     ) -> None:
         self.asked, self.enough = asked, enough
-        self.threads, self.progress = threads, progress
+        self.threads, self.progress = threads_of(threads), progress
         self.done = self.total = 0
 
     def of(self, entries: Sequence[_Entry]) -> list[ArmReport]:
         """Return one report per arm."""
-        # Draw the postures of all arms before the first sweep: most errors surface here.
+        # Parse the question for all arms before the first sweep: most errors surface here.
         robots = {one.name: one.arm for one in entries if isinstance(one.arm, Robot)}
-        drawn = {name: self._drawn(name, robot) for name, robot in robots.items()}
-        self.total = sum(postures.count for postures in drawn.values())
+        cases = {name: self._case(name, robot) for name, robot in robots.items()}
+        self.total = sum(case.postures.count for case in cases.values())
         found: list[ArmReport] = []
         first = next((one for one in entries if isinstance(one.arm, Sweep)), None)
         for one in entries:
             swept, healthy = one, None
             if isinstance(one.arm, Robot):
-                swept, healthy = self._swept(one, one.arm, drawn[one.name])
+                swept, healthy = self._swept(one, cases[one.name])
             first = swept if first is None else first
             _check_same(first, swept)
             assert isinstance(swept.arm, Sweep)
@@ -291,22 +335,11 @@ class _Reports:
             )
         return found
 
-    def _drawn(self, name: str, robot: Robot) -> Drawn:
-        """Return the postures of an arm, and check the options that depend on the arm."""
-        from ftforce.analysis.limits_files import choose_limits
-        from ftforce.analysis.question import check_size
-        from ftforce.batch.postures.drawn import Drawn
-
-        asked = {key: self.asked[key] for key in ("method", "seed") if key in self.asked}
+    def _case(self, name: str, robot: Robot) -> _Case:
         with _naming(name):
-            check_size(robot, self.asked.get("faults", 1))
-            choose_limits(robot, self.asked.get("limits"))
-            return Drawn.of(robot, self.asked.get("n", SAMPLES), **asked)
+            return self.asked.about(robot)
 
-    def _swept(self, one: _Entry, robot: Robot, postures: Drawn) -> tuple[_Entry, Any]:
-        from ftforce.batch.sweep import sweep
-        from ftforce.robot.kinematics import reach_bound
-
+    def _swept(self, one: _Entry, case: _Case) -> tuple[_Entry, Any]:
         before = self.done
 
         def progress(done: int, _: int, /) -> None:
@@ -314,15 +347,17 @@ class _Reports:
             if self.progress is not None:
                 self.progress(self.done, self.total)
 
-        reach = reach_bound(robot)[1]
-        asked = {k: v for k, v in self.asked.items() if k not in {"n", "method", "seed"}}
-        asked.setdefault("cell", 2.0 * reach / CELLS if 0.0 < reach < math.inf else None)
-        loads = {"limits": asked.get("limits"), "payload": asked.get("payload")}
+        reach = reach_bound(case.question.robot)[1]
+        cell = 2.0 * reach / CELLS if 0.0 < reach < math.inf else None
         with _naming(one.name):
-            result = sweep(robot, postures, **asked, threads=self.threads, progress=progress)
-            healthy = healthy_capability(
-                robot, result.setting, postures, **loads, threads=self.threads
+            result = sweep_of(
+                *case,
+                keep="summary",
+                cell=self.asked.cells.get("cell", cell),
+                runner=in_threads(self.threads),
+                progress=progress,
             )
+            healthy = healthy_capability(case.question, case.postures, self.threads)
         return one._replace(arm=result), healthy
 
 
@@ -454,49 +489,25 @@ _ANYWHERE = Workspace((0.0, 0.0, 0.0), 1.0, (1, 1, 1))
 
 
 def healthy_capability(
-    robot: Robot,
-    setting: SweepSetting,
-    postures: Drawn,
-    *,
-    limits: LimitsLike = None,
-    payload: Any = None,
-    threads: int | None = None,
+    question: Question, postures: Drawn, threads: int
 ) -> tuple[Estimate, Estimate] | None:
     """Return 5 % and 50 % quantiles of the capability, N (N·m); ``None`` without a direction.
 
     Parameters
     ----------
-    robot :
-        The arm.
-    setting :
-        Setting of its sweep.
-    postures :
-        Postures of the sweep.
-    limits, payload :
-        As passed to the sweep.
+    question, postures :
+        Question and postures of the sweep.
     threads :
-        Number of threads; default one per processor.
+        Number of threads.
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    if setting.direction is None:
+    if question.direction is None:
         return None
-    axes: Any = setting.axes
-    plan = plan_of(
-        robot,
-        (FaultSet(),),
-        Task.parse(setting.components, axes, setting.length),
-        Conditions.of(robot, gravity=setting.gravity, payload=payload),
-        weighs=True,
-        force=None,
-        direction=np.array(setting.direction),
-        limits=choose_limits(robot, URDF if limits is None else limits),
-        rtol=setting.rtol,
-        wary=setting.wary,
-    )
+    plan = Plan.of(replace(question, force=None), (HEALTHY,), weighs=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
     summary = job.empty_summary()
-    with ThreadPoolExecutor(threads_of(threads)) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         for part, _ in pool.map(job.run, range(job.chunks)):
             summary.merge(part)
     return capability_of(summary)

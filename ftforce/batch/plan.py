@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, Question, aligned
+from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, aligned
+from ftforce.batch.kernels.layout import Question as KernelQuestion
 from ftforce.core.arrays import read_only
 from ftforce.errors import InputError
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from ftforce.analysis.question import Question
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
@@ -152,9 +154,44 @@ class Plan:
 
     mechanism: Mechanism
     faults: Faults
-    question: Question
+    question: KernelQuestion
     n: int
     has_moment_jump: bool
+
+    @classmethod
+    def of(cls, question: Question, sets: Sequence[FaultSet], *, weighs: bool) -> Plan:
+        """Return what the kernels compute for a question.
+
+        Parameters
+        ----------
+        question, sets :
+            What is asked, and of which sets.
+        weighs :
+            Whether gravity torques are needed.
+
+        Raises
+        ------
+        InputError
+            As for `mechanism_of`.
+        """
+        robot, task, conditions = question.robot, question.task, question.conditions
+        own = None if conditions.is_model_gravity else conditions.gravity
+        return cls(
+            mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
+            faults_of(sets, robot.n),
+            question_of(
+                task,
+                robot.n,
+                force=question.force,
+                direction=question.direction,
+                limits=question.limits,
+                rtol=question.rtol,
+                wary=question.wary,
+                weighs=weighs,
+            ),
+            robot.n,
+            bool(task.force_rows and task.moment_rows),
+        )
 
     def evaluator(self) -> Evaluator:
         """Return an evaluator; use one per thread, since it owns a workspace."""
@@ -274,7 +311,7 @@ def question_of(
     rtol: float,
     wary: float,
     weighs: bool,
-) -> Question:
+) -> KernelQuestion:
     """Return the question as arrays.
 
     Parameters
@@ -296,7 +333,7 @@ def question_of(
     unknown = np.full(n, np.nan)
     nothing = np.zeros(0)
     weights = np.ones(task.m) if task.weights is None else task.weights
-    return Question(
+    return KernelQuestion(
         rows=read_only(rows),
         weights=read_only(weights.copy()),
         in_tool=task.axes == "tool",

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ftforce.analysis.conditions import Conditions
-from ftforce.analysis.question import check_size, checked_mode
-from ftforce.batch.plan import faults_of, mechanism_of, question_of
-from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
-from ftforce.core.faults import FaultMode, FaultSet, fault_sets
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
-from ftforce.core.task import Axes, Task
+from ftforce.analysis.question import AllFaultSets, Question, single_mode
+from ftforce.batch.plan import Plan
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import FtforceError, InputError
 
@@ -22,7 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from ftforce.analysis.fault_names import Joints
-    from ftforce.batch.kernels.layout import Faults, Mechanism, Question, Whole
+    from ftforce.batch.kernels.layout import Whole
+    from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
@@ -153,23 +152,26 @@ class Remapper:
         rtol: float = RTOL,
         wary: float = BORDERLINE_RTOL,
     ) -> None:
-        check_tolerances(rtol, wary)
-        self._robot = robot
-        self._task = Task.parse(task, axes, length)
-        self._sets = _fault_sets(robot, faults, checked_mode(mode))
-        conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-        tolerances: dict[str, Any] = {"rtol": rtol, "wary": wary}
-        loads: dict[str, Any] = {"gravity": gravity, "payload": payload}
-        self._options = {**loads, "task": self._task, **tolerances}
+        question = Question.parse(
+            robot,
+            gravity=gravity,
+            payload=payload,
+            task=task,
+            length=length,
+            axes=axes,
+            rtol=rtol,
+            wary=wary,
+        )
+        self._robot, self._task = robot, question.task
+        self._sets = _fault_sets(robot, faults, mode)
+        self._options: dict[str, Any] = {
+            "gravity": gravity, "payload": payload, "task": self._task, "rtol": rtol, "wary": wary,
+        }  # fmt: skip
         answer = _kernel()
-        failed = faults_of(self._sets, robot.n)
-        weighs = bool(failed.has_free.any())
-        own = None if conditions.is_model_gravity else conditions.gravity
-        mechanism = mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs)
-        asked: dict[str, Any] = dict.fromkeys(("force", "direction", "limits"))
-        question = question_of(self._task, robot.n, **asked, **tolerances, weighs=weighs)
-        constants = _constants(mechanism, question, failed)
-        work, self._result = _workspace(len(mechanism.parent), self._task, robot.n, len(self._sets))
+        has_free = any(faults.free for faults in self._sets)
+        plan = Plan.of(question, self._sets, weighs=has_free)
+        constants = _constants(plan)
+        work, self._result = _workspace(plan, self._task)
         self._by_torque = partial(answer, False, *constants, *work)
         self._by_force = partial(answer, True, *constants, *work)
 
@@ -249,15 +251,11 @@ class Remapper:
 
     def _converted(self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None) -> Remapped:
         """Convert the arguments to arrays and try again, with clear errors for invalid ones."""
-        robot, task = self._robot, self._task
-        hint = f"one per joint, {robot.numbered()}"
-        q = as_vector(q, robot.n, "q", hint)
+        q = self._robot.vector(q, "q")
         if force is not None:
-            names = ", ".join(task.components)
-            F = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
-            is_malformed = self._by_force(q, F)
+            is_malformed = self._by_force(q, self._task.vector(force, "force"))
         elif tau is not None:
-            is_malformed = self._by_torque(q, as_vector(tau, robot.n, "tau", hint))
+            is_malformed = self._by_torque(q, self._robot.vector(tau, "tau"))
         else:
             raise InputError("give torques or a force")
         if is_malformed:
@@ -285,18 +283,18 @@ def _kernel() -> Any:
     return answer
 
 
-def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[FaultSet, ...]:
+def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode | str) -> tuple[FaultSet, ...]:
     if isinstance(faults, int):  # True too, which is rejected below
-        check_size(robot, faults)
-        return tuple(fault_sets(robot.n, faults, mode))
+        return tuple(AllFaultSets.parse(robot, faults, mode))
     if isinstance(faults, FaultSet):
         faults = [faults]
     if isinstance(faults, str) or not isinstance(faults, Iterable):
         raise InputError(
             f"faults needs a number, or a list of sets such as [[2], [2, 4]], got {faults!r}"
         )
+    how = single_mode(mode)
     sets = tuple(
-        one if isinstance(one, FaultSet) else FaultSet.all_of(mode, robot.indices(one))
+        one if isinstance(one, FaultSet) else FaultSet.all_of(how, robot.indices(one))
         for one in faults
     )
     if not sets:
@@ -309,13 +307,12 @@ def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode) -> tuple[Fault
     return sets
 
 
-def _constants(
-    mechanism: Mechanism, question: Question, faults: Faults
-) -> tuple[NDArray[Any], ...]:
+def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     """Return ``tree``, ``body``, ``task``, ``locked`` and ``free`` of `single.answer`."""
     from ftforce.batch.kernels import single
 
-    E, m, n = len(mechanism.parent), len(question.rows), faults.locked.shape[1]
+    mechanism, faults, question = plan.mechanism, plan.faults, plan.question
+    E, m, n = len(mechanism.parent), len(question.rows), plan.n
     tree = np.zeros((E + 1, 4), dtype=np.int64)
     tree[:E] = np.column_stack(
         [mechanism.parent, mechanism.driver, mechanism.slides, mechanism.moves_tip]
@@ -334,13 +331,11 @@ def _constants(
     return tree, body, task, faults.locked.copy(), faults.free.copy(), failed
 
 
-def _workspace(
-    joints: int, task: Task, n: int, sets: int
-) -> tuple[tuple[NDArray[Any], ...], Remapped]:
+def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapped]:
     """Return the output arrays of `single.answer`, and the views of them that are the result."""
     from ftforce.batch.kernels import single
 
-    m = task.m
+    m, n, sets = task.m, plan.n, len(plan.faults.locked)
     square = np.zeros((single.SQUARES, m, m))
     square[0] = np.eye(m)  # in its own left singular basis, the left vectors of J are unit vectors
     torque = np.full((single.TORQUES + sets, n), np.nan)
@@ -349,7 +344,7 @@ def _workspace(
     number = np.full((4, sets), np.nan)
     code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
     work = (
-        np.zeros((joints + 1, single.FRAME)),
+        np.zeros((len(plan.mechanism.parent) + 1, single.FRAME)),
         np.zeros((single.MATRICES, m, n)),
         square,
         np.zeros((single.VECTORS, m)),

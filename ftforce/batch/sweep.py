@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,25 +14,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.__version__ import __version__
-from ftforce.analysis.conditions import Conditions
-from ftforce.analysis.limits_files import NONE, URDF, choose_limits
-from ftforce.analysis.question import check_size, checked_mode, direction_or_force
+from ftforce.analysis.limits_files import URDF
+from ftforce.analysis.question import AllFaultSets, Question
 from ftforce.batch.job import PIECE, Job
-from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
+from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
+from ftforce.batch.runner import in_threads, run, threads_of
+from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
-from ftforce.core.arrays import Vector, as_vector, read_only
-from ftforce.core.faults import FaultMode, fault_sets
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
-from ftforce.core.task import Axes, Task
+from ftforce.core.arrays import read_only
+from ftforce.core.faults import FaultMode
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import FtforceError, InputError, UnknownNameError
 from ftforce.robot.kinematics import reach_bound, tip_pose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
     from os import PathLike
 
     from numpy.typing import ArrayLike
@@ -38,8 +40,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.runner import Runner
-    from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
+    from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
@@ -134,32 +135,105 @@ def sweep(
     >>> result.joints[0].joint + 1  # the critical one
     2
     """
+    question = sweep_question(
+        robot,
+        force=force,
+        direction=direction,
+        limits=limits,
+        gravity=gravity,
+        payload=payload,
+        task=task,
+        length=length,
+        axes=axes,
+        rtol=rtol,
+        wary=wary,
+    )
+    all_sets = AllFaultSets.parse(robot, faults, mode)
+    return sweep_of(
+        question,
+        all_sets,
+        _postures(robot, q, n, method, seed),
+        keep=_checked_keep(keep, output),
+        cell=cell,
+        output=output,
+        chunk=chunk,
+        runner=_runner(threads, workers, scheduler, output),
+        progress=progress,
+    )
+
+
+def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> Question:
+    """Return the question of a sweep: without limits no capability, and conversely.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    limits :
+        As in `ftforce.sweep`; by default those of the URDF.
+    asked :
+        Further arguments of `Question.parse`.
+
+    Raises
+    ------
+    InputError
+        A malformed value, or a force of zero.
+    FtforceError
+        The extra ``sweep`` is not installed.
+    """
     needs_numba()
-    check_tolerances(rtol, wary)
-    check_size(robot, faults)
-    how = checked_mode(mode)
-    wanted = Task.parse(task, axes, length)
-    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-    F = _force(wanted, force)
-    ray = direction_or_force(wanted, direction, None if F is None else wanted.weigh_force(F))
-    counted = None
-    if ray is not None and limits != NONE:
-        counted = choose_limits(robot, URDF if limits is None else limits)
-    ray = None if counted is None else ray
-    postures = _postures(robot, q, n, method, seed)
-    sets = tuple(fault_sets(robot.n, faults, how))
-    weighs = ray is not None or how is FaultMode.FREE
-    asked: dict[str, Any] = {"force": F, "direction": ray, "rtol": rtol, "wary": wary}
-    plan = plan_of(robot, sets, wanted, conditions, weighs=weighs, limits=counted, **asked)
-    kept = _checked_keep(keep, output)
-    size = _chunk_of(chunk, len(sets), postures.count)
-    bins = Bins(_size_of(wanted, F), ray is not None)
-    job = Job(plan, postures, bins, _workspace(robot, postures, cell), kept, size)
-    asked |= {"mode": how.value, "largest": faults, "keep": kept, "chunk": size}
-    setting = _setting(robot, wanted, conditions, counted, postures, **asked)
-    runner = _runner(threads, workers, scheduler, output)
-    path = None if output is None else Path(output)
-    return _run(job, setting, sets, path=path, runner=runner, progress=progress)
+    question = Question.parse(robot, limits=URDF if limits is None else limits, **asked)
+    if question.force is not None and not question.force.any():
+        raise InputError("the force needs a component that is not zero, or leave it out")
+    direction = question.direction_or_that_of(question.F)
+    if direction is None or question.limits is None:
+        return replace(question, direction=None, limits=None)
+    return replace(question, direction=direction)
+
+
+def sweep_of(
+    question: Question,
+    all_sets: AllFaultSets,
+    postures: Postures,
+    *,
+    keep: str,
+    cell: float | None,
+    output: str | PathLike[str] | None = None,
+    chunk: int | None = None,
+    runner: Runner,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Return the sweep of a question over postures.
+
+    Parameters
+    ----------
+    question, all_sets, postures :
+        What is asked, of which sets, and where.
+    keep, cell, output, chunk, progress :
+        As in `ftforce.sweep`.
+    runner :
+        What runs the chunks.
+
+    Raises
+    ------
+    InputError
+        The chunk is malformed or too large, or the cell is malformed.
+    FileError
+        A file cannot be read or written, or the output holds another sweep.
+    """
+    sets = tuple(all_sets)
+    weighs = question.direction is not None or all_sets.mode is FaultMode.FREE
+    job = Job(
+        Plan.of(question, sets, weighs=weighs),
+        postures,
+        Bins(_size_of(question), question.direction is not None),
+        _workspace(question.robot, postures, cell),
+        keep,
+        _chunk_of(chunk, len(sets), postures.count),
+    )
+    setting = _setting(question, all_sets, job)
+    request = store.SweepRequest(job, setting, sets, _identity(job, setting))
+    return _run(request, None if output is None else Path(output), runner, progress)
 
 
 def needs_numba() -> None:
@@ -181,37 +255,9 @@ def needs_numba() -> None:
         ) from None
 
 
-def plan_of(
-    robot: Robot,
-    sets: Sequence[FaultSet],
-    task: Task,
-    conditions: Conditions,
-    *,
-    weighs: bool,
-    **question: Any,
-) -> Plan:
-    """Return the plan of a sweep; ``question`` holds further arguments of `question_of`."""
-    own = None if conditions.is_model_gravity else conditions.gravity
-    return Plan(
-        mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
-        faults_of(sets, robot.n),
-        question_of(task, robot.n, weighs=weighs, **question),
-        robot.n,
-        bool(task.force_rows and task.moment_rows),
-    )
-
-
-def _force(task: Task, force: ArrayLike | None) -> Vector | None:
-    if force is None:
-        return None
-    F = as_vector(force, task.m, "force", f"{', '.join(task.components)} of the task '{task}'")
-    if not F.any():
-        raise InputError("the force needs a component that is not zero, or leave it out")
-    return F
-
-
-def _size_of(task: Task, F: Vector | None) -> float | None:
+def _size_of(question: Question) -> float | None:
     """Return the norm of the force relative to which jumps are measured, N (N·m)."""
+    F, task = question.force, question.task
     if F is None:
         return None
     rows = list(task.force_rows or task.moment_rows)
@@ -278,17 +324,9 @@ def _round_length(x: float) -> float:
     return float(f"{step * power:.6g}")
 
 
-def _setting(
-    robot: Robot,
-    task: Task,
-    conditions: Conditions,
-    limits: Limits | None,
-    postures: Postures,
-    *,
-    force: Vector | None,
-    direction: Vector | None,
-    **plain: Any,
-) -> SweepSetting:
+def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetting:
+    robot, task, limits = question.robot, question.task, question.limits
+    force, direction, payload = question.force, question.direction, question.conditions.payload
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
     return SweepSetting(
         robot=robot.name,
@@ -300,29 +338,32 @@ def _setting(
         components=task.components,
         axes=task.axes,
         length=task.length,
+        mode=all_sets.mode.value,
+        largest=all_sets.largest,
         force=None if force is None else tuple(force.tolist()),
         direction=None if direction is None else tuple(direction.tolist()),
         limits=None if limits is None else limits.source,
         unknown_limits=tuple(robot.names[i] for i in unknown),
-        gravity=tuple(conditions.gravity.tolist()),
-        payload=None if conditions.payload is None else str(conditions.payload),
-        postures=str(postures),
-        count=postures.count,
-        is_random=isinstance(postures, Drawn),
+        gravity=tuple(question.conditions.gravity.tolist()),
+        payload=None if payload is None else str(payload),
+        rtol=question.rtol,
+        wary=question.wary,
+        keep=job.keep,
+        chunk=job.chunk,
+        postures=str(job.postures),
+        count=job.postures.count,
+        is_random=isinstance(job.postures, Drawn),
         version=__version__,
-        **plain,
     )
 
 
 def _runner(
     threads: int | None, workers: int | None, scheduler: str | None, output: object
 ) -> Runner:
-    from ftforce.batch.runner import in_threads, threads_of
-
     if workers is None and scheduler is None:
         return in_threads(threads_of(threads))
     if threads is not None:
-        raise InputError("threads are this process's; give either threads or workers")
+        raise InputError("give either threads of this process or workers, not both")
     from ftforce.batch.cluster import on_cluster
 
     return on_cluster(workers, scheduler, output)
@@ -352,23 +393,12 @@ def _as_json(value: Any) -> Any:
 
 
 def _run(
-    job: Job,
-    setting: SweepSetting,
-    sets: tuple[FaultSet, ...],
-    *,
-    path: Path | None,
-    runner: Runner,
-    progress: Progress | None,
+    request: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
 ) -> Sweep:
-    from contextlib import closing
-
-    from ftforce.batch.runner import run
-    from ftforce.batch.store import store
-
-    asked = store.SweepRequest(job, setting, sets, _identity(job, setting))
-    with closing(store.create(path, asked)) as opened:
+    with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
-            run(job, opened, runner, progress)
+            run(request.job, opened, runner, progress)
             store.finish(opened)
     opening = partial(store.dataset_of, opened.store)
-    return Sweep(setting, sets, opened.summary, None if path is None else str(path), opening)
+    at = None if path is None else str(path)
+    return Sweep(request.setting, request.sets, opened.summary, at, opening)

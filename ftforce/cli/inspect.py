@@ -1,24 +1,11 @@
 """``ftforce inspect``: the chain of a URDF."""
 
-from ftforce.cli.options import Base, FormatOption, Output, RobotArgument, Tip, load
-from ftforce.cli.output import emit
+from ftforce.cli.options import ChainOptions, Outputs, RobotArgument
 
 
-def inspect(
-    robot: RobotArgument,
-    base: Base = None,
-    tip: Tip = None,
-    form: FormatOption = None,
-    output: Output = None,
-) -> None:
+def inspect(robot: RobotArgument, chain: ChainOptions, outputs: Outputs) -> None:
     """Show the chain: joints, limits, effort, mass, tip candidates and postures."""
     from ftforce.show.tables.robot import robot_view
 
-    arm = load(robot, tip, base, None)
-    emit(
-        robot_view(arm),
-        arm,
-        form=form,
-        output=output,
-        title=f"ftforce inspect {arm.name}",
-    )
+    arm = chain.load(robot)
+    outputs.emit(robot_view(arm), arm, f"ftforce inspect {arm.name}")

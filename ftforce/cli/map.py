@@ -5,14 +5,14 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.options import FormatOption, Output, PlotOption
-from ftforce.cli.output import emit
+from ftforce.cli.options import PlotOutputs
 
 
 def map(  # noqa: A001 # the command's name
     sweep: Annotated[
-        Path, typer.Argument(metavar="SWEEP.zarr", help="What `ftforce sweep -o` has written.")
+        Path, typer.Argument(metavar="SWEEP.zarr", help="A sweep stored by `ftforce sweep -o`.")
     ],
+    outputs: PlotOutputs,
     joints: Annotated[
         str | None,
         typer.Option(
@@ -23,18 +23,18 @@ def map(  # noqa: A001 # the command's name
     ] = None,
     plane: Annotated[
         str | None,
-        typer.Option(metavar="xy|xz|yz", help="Plane of the root's axes.", show_default="xz"),
+        typer.Option(metavar="xy|xz|yz", help="Plane of the root axes.", show_default="xz"),
     ] = None,
     at: Annotated[
         float | None,
         typer.Option(
             metavar="M",
-            help="Slice of --plane at this place along the third axis, m.",
-            show_default="the whole depth is pooled",
+            help="Position of the slice along the third axis, m.",
+            show_default="all cells along that axis are pooled",
         ),
     ] = None,
     solid: Annotated[
-        bool, typer.Option("--solid", help="--plot draws the cells in three dimensions.")
+        bool, typer.Option("--solid", help="Draw the cells of --plot in three dimensions.")
     ] = False,
     quantity: Annotated[
         str,
@@ -42,12 +42,9 @@ def map(  # noqa: A001 # the command's name
             metavar="rho,margin,jump,capability", help="Which histograms and quantiles to show."
         ),
     ] = "rho,margin",
-    top: Annotated[int, typer.Option(min=1, help="How many of the worst cells to show.")] = 8,
-    plot: PlotOption = None,
-    form: FormatOption = None,
-    output: Output = None,
+    top: Annotated[int, typer.Option(min=1, help="Number of worst cells to show.")] = 8,
 ) -> None:
-    """Look at where in the workspace a sweep's postures tolerate a fault.
+    """Show where in the workspace a sweep's postures tolerate a fault.
 
     Shows the share of postures per cell, the worst cells, the critical joints, and quantiles.
     """
@@ -64,15 +61,7 @@ def map(  # noqa: A001 # the command's name
         solid=solid,
         quantities=_words(quantity),
     )
-    emit(
-        map_view(found, most=top),
-        found,
-        form=form,
-        output=output,
-        plot=plot,
-        title=f"ftforce map {sweep.name}",
-        warnings=found.warnings,
-    )
+    outputs.emit(map_view(found, most=top), found, f"ftforce map {sweep.name}")
 
 
 def _words(text: str) -> list[str]:

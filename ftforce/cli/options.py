@@ -1,4 +1,7 @@
-"""Common options, parsing of vectors, and handling of errors.
+"""Options shared by commands, each declared once; parsing of vectors; handling of errors.
+
+Options that belong together form a `Group`. A command names the group as a parameter; `guarded`
+replaces it by the options of the group.
 
 Exit status: 0 success, 1 invalid input, 2 invalid command line, 130 interrupted.
 """
@@ -6,17 +9,22 @@ Exit status: 0 success, 1 invalid input, 2 invalid command line, 130 interrupted
 import functools
 import inspect
 import math
-from collections.abc import Callable, Container
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ftforce.cli.output import Format, check_outputs
+from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
 from ftforce.errors import FtforceError, InputError
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from ftforce.core.faults import FaultSet
+    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
 RobotArgument = Annotated[
@@ -25,137 +33,346 @@ RobotArgument = Annotated[
         metavar="ROBOT", help="A URDF file, or a known name such as panda (see `ftforce robots`)."
     ),
 ]
-Tip = Annotated[str | None, typer.Option(help="Tip link; without it the robot's own.")]
-Base = Annotated[
-    str | None, typer.Option(help="Base link; without it the robot's own, or the root.")
+_LIMITS_HELP = "Torque limits to enforce: the URDF's, or a TOML or CSV file's (joint,effort,brake)."
+TopOption = Annotated[
+    int, typer.Option("--top", min=1, help="Number of fault sets shown in the table.")
 ]
-Positions = Annotated[
-    str | None,
-    typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
+ThreadsOption = Annotated[
+    int | None,
+    typer.Option("--threads", help="Threads on this machine.", show_default="all processors"),
 ]
-PostureName = Annotated[
-    str | None,
-    typer.Option("--posture", help="A named posture; also mid-range, zero, sample."),
+MethodOption = Annotated[
+    str,
+    typer.Option(
+        "--method", metavar="sobol|uniform", help="How postures are drawn within the joint limits."
+    ),
 ]
-Degrees = Annotated[
-    bool, typer.Option("--deg", help="--q is in degrees (metres stay metres); shown so too.")
+SeedOption = Annotated[
+    int, typer.Option("--seed", help="Seed of the draw; the same seed gives the same postures.")
 ]
-Force = Annotated[
+
+# Options of the question that hold numbers separated by commas.
+_VECTORS = {"force", "torque", "direction", "velocity", "acceleration", "gravity"}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Options that several commands share; the fields are their declarations."""
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the options as arguments of the functions behind the commands.
+
+        Raises
+        ------
+        InputError
+            A vector is malformed.
+        """
+        return {
+            name: numbers(value, f"--{name}") if name in _VECTORS else value
+            for name, value in vars(self).items()
+        }
+
+
+@dataclass(frozen=True)
+class ChainOptions(Group):
+    """Ends of the chain."""
+
+    base: Annotated[
+        str | None,
+        typer.Option(help="Base link; by default the robot's own, otherwise the root."),
+    ] = None
+    tip: Annotated[str | None, typer.Option(help="Tip link; by default the robot's own.")] = None
+
+    def load(self, robot: str, posture: str | None = None) -> "Robot":
+        """Load a robot with this chain.
+
+        Parameters
+        ----------
+        robot :
+            URDF file or known name.
+        posture :
+            Named posture at which joints outside the chain are held.
+        """
+        from ftforce.robot.load import load_robot
+
+        return load_robot(robot, tip=self.tip, base=self.base, posture=posture)
+
+
+@dataclass(frozen=True)
+class PostureOptions(Group):
+    """Posture."""
+
+    q: Annotated[
+        str | None,
+        typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
+    ] = None
+    posture: Annotated[
+        str | None, typer.Option(help="Named posture; also mid-range, zero, sample.")
+    ] = None
+    deg: Annotated[
+        bool,
+        typer.Option("--deg", help="Angles in --q and in the tables are in degrees."),
+    ] = False
+
+    def of(self, robot: "Robot") -> "Posture":
+        """Return the given, the named or the default posture of a robot."""
+        from ftforce.robot.posture import choose_posture
+
+        return choose_posture(robot, numbers(self.q, "--q"), self.posture, degrees=self.deg)
+
+    @property
+    def is_given(self) -> bool:
+        """Whether positions or a name are given."""
+        return self.q is not None or self.posture is not None
+
+
+@dataclass(frozen=True)
+class FaultOptions(Group):
+    """One fault set."""
+
+    locked: Annotated[
+        list[str] | None,
+        typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names."),
+    ] = None
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="4", help="Free-swinging joints: neither motor nor brake applies torque."
+        ),
+    ] = None
+    weak: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="3:0.5", help="Weak joints, with the remaining fraction of their torque limit."
+        ),
+    ] = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the options as arguments; each may be given several times."""
+        return {name: ",".join(words or ()) for name, words in vars(self).items()}
+
+    def of(self, robot: "Robot") -> "FaultSet":
+        """Return the fault set of a robot."""
+        from ftforce.analysis.fault_names import named_faults
+
+        return named_faults(robot, **self.arguments())
+
+
+@dataclass(frozen=True)
+class SetOptions(Group):
+    """All fault sets up to a size."""
+
+    faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1
+    mode: Annotated[str, typer.Option(metavar="locked|free", help="How the joints fail.")] = (
+        "locked"
+    )
+
+
+_Force = Annotated[
     str | None,
     typer.Option(metavar="FX,FY,FZ", help="Force the tool exerts on its environment, N (and N·m)."),
 ]
-Torque = Annotated[
+
+
+@dataclass(frozen=True)
+class LoadOptions(Group):
+    """Force at the tip, or the motor torques for it."""
+
+    force: _Force = None
+    torque: Annotated[
+        str | None,
+        typer.Option(
+            metavar="T1,T2,…",
+            help="Instead of a force: the motor torques for it, N·m, without weight and motion.",
+        ),
+    ] = None
+    inverse: Annotated[
+        str,
+        typer.Option(
+            metavar="euclidean|dynamic",
+            help="Inverse that splits --torque into force and self-motion.",
+        ),
+    ] = "euclidean"
+
+    def __post_init__(self) -> None:
+        """Reject --force together with --torque."""
+        if self.force is not None and self.torque is not None:
+            raise typer.BadParameter("give either --force or --torque, not both")
+
+
+_Direction = Annotated[
     str | None,
+    typer.Option(metavar="X,Y,Z", help="Direction of the force capability, in task axes."),
+]
+
+
+@dataclass(frozen=True)
+class DirectionOption(Group):
+    """Direction of the capability."""
+
+    direction: _Direction = None
+
+
+@dataclass(frozen=True)
+class ForceOptions(Group):
+    """Force at the tip, and direction of the capability."""
+
+    force: _Force = None
+    direction: _Direction = None
+
+
+@dataclass(frozen=True)
+class MotionOptions(Group):
+    """Motion before the fault."""
+
+    velocity: Annotated[
+        str | None,
+        typer.Option(metavar="V1,V2,…", help="Joint velocities before the fault, rad/s or m/s."),
+    ] = None
+    acceleration: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A1,A2,…", help="Joint accelerations before the fault, rad/s² or m/s²."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class WeightOptions(Group):
+    """Gravity and payload."""
+
+    gravity: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GX,GY,GZ",
+            help="Gravity in root axes, m/s²; by default the model's. 0,0,0 in free fall.",
+        ),
+    ] = None
+    payload: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KG[@X,Y,Z]", help="Mass at the tip, kg, and its position in tip axes, m."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class LimitsOption(Group):
+    """Torque limits, by default none unless the analysis needs them."""
+
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            metavar="urdf|FILE|none", help=_LIMITS_HELP, show_default="none; urdf where needed"
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class CapabilityLimits(Group):
+    """Torque limits of the capability."""
+
+    limits: Annotated[str | None, typer.Option(metavar="urdf|FILE|none", help=_LIMITS_HELP)] = (
+        "urdf"
+    )
+
+
+@dataclass(frozen=True)
+class TaskOptions(Group):
+    """Components and axes of the force."""
+
+    task: Annotated[
+        str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
+    ] = "force"
+    length: Annotated[
+        float | None,
+        typer.Option(
+            help="Characteristic length that weighs moments against forces, m.", show_default="1"
+        ),
+    ] = None
+    axes: Annotated[
+        str,
+        typer.Option(help="tool: axes of the tip frame; world: root axes, at the tip point."),
+    ] = "tool"
+
+
+@dataclass(frozen=True)
+class RankTolerance(Group):
+    """Tolerance of ranks."""
+
+    rtol: Annotated[
+        float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
+    ] = 1e-6
+
+
+@dataclass(frozen=True)
+class Tolerances(RankTolerance):
+    """Tolerances of ranks and of the verdict."""
+
+    wary: Annotated[
+        float,
+        typer.Option(help="Borderline if some tolerance up to this value changes the verdict."),
+    ] = 1e-2
+
+
+_Form = Annotated[
+    Format | None,
     typer.Option(
-        metavar="T1,T2,…",
-        help="Instead of a force: motor torques meant for it, N·m, without weight and motion.",
+        "--format",
+        help="table, json or csv.",
+        show_default="that of --output's extension, otherwise table",
     ),
 ]
-Locked = Annotated[
-    list[str] | None,
-    typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names, by commas."),
-]
-Free = Annotated[
-    list[str] | None,
-    typer.Option(metavar="4", help="Free-swinging joints: neither motor nor brake gives torque."),
-]
-Weak = Annotated[
-    list[str] | None,
-    typer.Option(metavar="3:0.5", help="Weak joints, with the share of their torque that is left."),
-]
-Velocity = Annotated[
-    str | None,
-    typer.Option(metavar="V1,V2,…", help="Joint velocities before the fault, rad/s or m/s."),
-]
-Acceleration = Annotated[
-    str | None,
-    typer.Option(metavar="A1,A2,…", help="Joint accelerations before the fault, rad/s² or m/s²."),
-]
-Gravity = Annotated[
-    str | None,
-    typer.Option(
-        metavar="GX,GY,GZ",
-        help="Gravity in the root's axes, m/s²; without it the model's. 0,0,0 in space.",
-    ),
-]
-PayloadOption = Annotated[
-    str | None,
-    typer.Option(
-        "--payload",
-        metavar="KG[@X,Y,Z]",
-        help="Mass at the tip, kg, and its place in tool axes, m.",
-    ),
-]
-_LIMITS_HELP = "Torque limits that count: the URDF's or a TOML or CSV file's (joint,effort,brake)."
-LimitsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--limits",
-        metavar="urdf|FILE|none",
-        help=_LIMITS_HELP,
-        show_default="none; urdf where they are needed",
-    ),
-]
-LimitsOfCapability = Annotated[
-    str | None,
-    typer.Option("--limits", metavar="urdf|FILE|none", help=_LIMITS_HELP),
-]
-InverseOption = Annotated[
-    str,
-    typer.Option(
-        "--inverse",
-        metavar="euclidean|dynamic",
-        help="How --torque is split into force and self-motion.",
-    ),
-]
-Direction = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,Z", help="A direction of force, in the task's axes."),
-]
-TaskOption = Annotated[
-    str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
-]
-Length = Annotated[
-    float | None,
-    typer.Option(help="Characteristic length in m that weighs moments; 1 if not given."),
-]
-AxesOption = Annotated[
-    str, typer.Option(help="tool: axes of the tip frame; world: axes of the root, at the tip.")
-]
-Rtol = Annotated[
-    float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
-]
-Wary = Annotated[
-    float, typer.Option(help="Borderline if a tolerance up to this changes the verdict.")
-]
-FormatOption = Annotated[
-    Format | None, typer.Option("--format", help="table, json or csv; from --output's ending.")
-]
-Output = Annotated[
-    Path | None,
-    typer.Option(
-        "--output",
-        "-o",
-        help="Write to this file (.json .csv .txt .svg .html), whole or not at all.",
-    ),
-]
-HistoryOutput = Annotated[
-    Path | None,
-    typer.Option(
-        "--output",
-        "-o",
-        help="Write to this file, whole or not at all: every instant (.csv .npz .parquet), a "
-        "summary (.json), the tables (.txt .svg .html).",
-    ),
-]
-PlotOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--plot",
-        metavar="FILE",
-        help="Draw the result into this file (.png .pdf .svg); needs the extra plot.",
-    ),
-]
+
+
+@dataclass(frozen=True)
+class Outputs(Group):
+    """Where the result goes."""
+
+    form: _Form = None
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="File to write, completely or not at all (.json .csv .txt .svg .html).",
+        ),
+    ] = None
+
+    def emit(self, shown: "RenderableType", result: Any, title: str) -> None:
+        """Print the result or write it; see `ftforce.cli.output.emit`."""
+        warnings = getattr(result, "warnings", ())
+        emit(shown, result, **vars(self), title=title, warnings=warnings)
+
+
+@dataclass(frozen=True)
+class PlotOutputs(Outputs):
+    """Where the result and its plot go."""
+
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Plot the result to this file (.png .pdf .svg); needs the extra plot.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class HistoryOutputs(PlotOutputs):
+    """Where a history and its plot go."""
+
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="File to write, completely or not at all: all instants (.csv .npz .parquet), a "
+            "summary (.json), or the tables (.txt .svg .html).",
+        ),
+    ] = None
+
+
 _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 
@@ -163,11 +380,11 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     """Report errors as one line on stderr and an exit status, and add the option ``--debug``."""
 
     @functools.wraps(command)
-    def run(*args: Any, debug: bool = False, **kwargs: Any) -> None:
+    def run(debug: bool = False, **given: Any) -> None:
         try:
-            if "form" in kwargs:
-                check_outputs(command.__name__, **kwargs)
-            command(*args, **kwargs)
+            if "form" in given:
+                check_outputs(command.__name__, **given)
+            command(**_grouped(command, given))
         except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
             silence()
         except KeyboardInterrupt:
@@ -181,12 +398,49 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             typer.echo(f"error: {_reason(error)}", err=True)
             raise typer.Exit(1) from None
 
-    signature = inspect.signature(command)
-    option = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False)
-    parameters = [*signature.parameters.values(), option.replace(annotation=_Debug)]
-    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {**command.__annotations__, "debug": _Debug}
+    parameters = [
+        *_expanded(command),
+        inspect.Parameter("debug", _KEYWORD, default=False, annotation=_Debug),
+    ]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
+
+
+def _groups(command: Callable[..., None]) -> dict[str, type[Group]]:
+    """Return the parameters of a command that are groups of options."""
+    found = inspect.signature(command).parameters.items()
+    return {
+        name: parameter.annotation
+        for name, parameter in found
+        if isinstance(parameter.annotation, type) and issubclass(parameter.annotation, Group)
+    }
+
+
+def _expanded(command: Callable[..., None]) -> Iterator[inspect.Parameter]:
+    """Yield the parameters of a command: its own, then the options of each group."""
+    groups = _groups(command)
+    for name, parameter in inspect.signature(command).parameters.items():
+        if name not in groups:
+            yield parameter.replace(kind=_KEYWORD)
+    for group in groups.values():
+        for option in fields(group):
+            assert option.default is not MISSING
+            yield inspect.Parameter(
+                option.name, _KEYWORD, default=option.default, annotation=option.type
+            )
+
+
+def _grouped(command: Callable[..., None], given: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a command, its options collected in groups."""
+    collected = {
+        name: group(**{option.name: given.pop(option.name) for option in fields(group)})
+        for name, group in _groups(command).items()
+    }
+    return given | collected
 
 
 def _reason(error: Exception) -> str:
@@ -217,34 +471,24 @@ def numbers(text: str | None, option: str) -> list[float] | None:
         raise InputError(f"{wanted}; {problem}") from None
 
 
-def refuse_force_and_torque(force: str | None, torque: str | None) -> None:
-    """Reject --force together with --torque."""
-    if force is not None and torque is not None:
-        raise typer.BadParameter("give either --force or --torque, not both")
+def merged(*groups: Group) -> dict[str, Any]:
+    """Return the arguments of several groups."""
+    return {name: value for group in groups for name, value in group.arguments().items()}
 
 
-def load(robot: str, tip: str | None, base: str | None, posture: str | None) -> "Robot":
-    """Load the robot specified on the command line."""
-    from ftforce.robot.load import load_robot
-
-    return load_robot(robot, tip=tip, base=base, posture=posture)
-
-
-def given_options(context: typer.Context, among: Container[str]) -> list[str]:
-    """Return the options given on the command line, spelled as typed there.
+def given_options(context: typer.Context) -> dict[str, str]:
+    """Return the options given on the command line by parameter, spelled as typed there.
 
     Parameters
     ----------
     context :
         Context of the running command.
-    among :
-        Names of the parameters to consider.
     """
-    named = []
+    named = {}
     for parameter in context.command.params:
         name = parameter.name or ""
         source = context.get_parameter_source(name)
-        if name in among and source is not None and source.name == "COMMANDLINE":
+        if source is not None and source.name == "COMMANDLINE":
             is_argument = parameter.param_type_name == "argument"
-            named.append(name.upper() if is_argument else parameter.opts[0])
+            named[name] = name.upper() if is_argument else parameter.opts[0]
     return named

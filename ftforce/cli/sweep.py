@@ -1,30 +1,28 @@
 """``ftforce sweep``: many postures, all fault sets."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ftforce.cli.options import (
-    AxesOption,
-    Base,
-    Direction,
-    Force,
-    FormatOption,
-    Gravity,
-    Length,
-    LimitsOfCapability,
-    PayloadOption,
-    PlotOption,
+    CapabilityLimits,
+    ChainOptions,
+    ForceOptions,
+    MethodOption,
+    PlotOutputs,
     RobotArgument,
-    Rtol,
-    TaskOption,
-    Tip,
-    Wary,
-    load,
+    SeedOption,
+    SetOptions,
+    TaskOptions,
+    ThreadsOption,
+    Tolerances,
+    TopOption,
+    WeightOptions,
+    merged,
     numbers,
 )
-from ftforce.cli.output import emit
 from ftforce.cli.progress import rate_bar
 
 if TYPE_CHECKING:
@@ -32,15 +30,37 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 
+@dataclass(frozen=True)
+class SweepOutputs(PlotOutputs):
+    """Where the sweep, its tables and its plot go."""
+
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR.zarr|FILE",
+            help="Store the sweep in DIR.zarr; the same command resumes it if interrupted. Or "
+            "write the tables to a file (.json .csv .txt .svg .html).",
+        ),
+    ] = None
+
+
 def sweep(
     robot: RobotArgument,
+    sets: SetOptions,
+    forces: ForceOptions,
+    weight: WeightOptions,
+    limits: CapabilityLimits,
+    task_options: TaskOptions,
+    chain: ChainOptions,
+    tolerances: Tolerances,
+    outputs: SweepOutputs,
     samples: Annotated[
-        float | None, typer.Option(metavar="N", help="How many postures to draw, e.g. 1e6.")
+        float | None, typer.Option(metavar="N", help="Number of postures to draw, e.g. 1e6.")
     ] = None,
-    method: Annotated[
-        str, typer.Option(metavar="sobol|uniform", help="How they are drawn within the limits.")
-    ] = "sobol",
-    seed: Annotated[int, typer.Option(help="The same seed draws the same postures.")] = 0,
+    method: MethodOption = "sobol",
+    seed: SeedOption = 0,
     postures: Annotated[
         Path | None,
         typer.Option(
@@ -51,29 +71,15 @@ def sweep(
     deg: Annotated[bool, typer.Option("--deg", help="--postures is in degrees.")] = False,
     grid: Annotated[
         str | None,
-        typer.Option(metavar="K|K1,K2,…", help="Instead: K positions of every joint, combined."),
+        typer.Option(
+            metavar="K|K1,K2,…", help="Instead: all combinations of K positions of every joint."
+        ),
     ] = None,
-    faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1,
-    mode: Annotated[
-        str, typer.Option(metavar="locked|free", help="How the joints fail.")
-    ] = "locked",
-    force: Force = None,
-    direction: Direction = None,
-    limits: LimitsOfCapability = "urdf",
-    gravity: Gravity = None,
-    payload: PayloadOption = None,
-    task: TaskOption = "force",
-    length: Length = None,
-    axes: AxesOption = "tool",
-    base: Base = None,
-    tip: Tip = None,
-    rtol: Rtol = 1e-6,
-    wary: Wary = 1e-2,
     keep: Annotated[
         str | None,
         typer.Option(
             metavar="all|worst|summary",
-            help="What a .zarr keeps of each posture: every set, its worst set, or nothing.",
+            help="Samples stored in a .zarr: of every set, of each posture's worst set, or none.",
             show_default="all",
         ),
     ] = None,
@@ -81,53 +87,42 @@ def sweep(
         float | None,
         typer.Option(
             metavar="M",
-            help="Edge of the workspace's cells, m.",
+            help="Edge length of the workspace cells, m.",
             show_default="about a twentieth of the reach",
         ),
     ] = None,
     chunk: Annotated[
         int | None,
         typer.Option(
-            help="Postures that are done, and stored, at a time.",
+            help="Postures processed and stored at a time.",
             show_default="65,536; fewer for many fault sets",
         ),
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option(help="Threads on this machine.", show_default="all processors")
-    ] = None,
+    threads: ThreadsOption = None,
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Instead: N processes under Dask.")
+        int | None, typer.Option(metavar="N", help="Instead of threads: N Dask processes.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="tcp://…", help="Instead: a Dask cluster's scheduler.")
+        str | None,
+        typer.Option(metavar="tcp://…", help="Instead: the scheduler of a Dask cluster."),
     ] = None,
-    top: Annotated[int, typer.Option(min=1, help="How many sets the table shows.")] = 20,
-    plot: PlotOption = None,
-    form: FormatOption = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR.zarr|FILE",
-            help="Keep the sweep in DIR.zarr: the same command goes on if it was stopped. Or write "
-            "the tables to a file (.json .csv .txt .svg .html).",
-        ),
-    ] = None,
+    top: TopOption = 20,
 ) -> None:
     """Analyse every set of up to --faults failed joints at many postures.
 
-    Draws postures within the joint limits, or takes recorded ones or a grid; says how much of the
-    workspace survives, and which joint is the critical one.
+    Draws postures within the joint limits, or takes recorded ones or a grid.
+    Says how much of the workspace survives, and which joint is the critical one.
     """
     from ftforce.batch import sweep as batch
     from ftforce.show.tables.sweep import sweep_view
 
-    arm = load(robot, tip, base, None)
+    arm = chain.load(robot)
     source = _source(arm, samples, postures, grid, deg=deg)
+    output = outputs.output
     stored = output is not None and output.suffix.lower() == ".zarr"
     if keep not in {None, "summary"} and not stored:
         raise typer.BadParameter(f"--keep {keep} needs an --output that ends in .zarr")
+    kept: Any = keep  # checked by the function, with a message that lists what is valid
     try:
         with rate_bar("postures") as progress:
             result = batch.sweep(
@@ -136,19 +131,7 @@ def sweep(
                 n=samples,
                 method=method,
                 seed=seed,
-                faults=faults,
-                mode=mode,
-                force=numbers(force, "--force"),
-                direction=numbers(direction, "--direction"),
-                limits=limits,
-                gravity=numbers(gravity, "--gravity"),
-                payload=payload,
-                task=task,
-                length=length,
-                axes=axes,  # type: ignore[arg-type] # checked there, with a message
-                rtol=rtol,
-                wary=wary,
-                keep=keep,  # type: ignore[arg-type] # likewise
+                keep=kept,
                 cell=cell,
                 output=output if stored else None,
                 chunk=chunk,
@@ -156,22 +139,17 @@ def sweep(
                 workers=workers,
                 scheduler=scheduler,
                 progress=progress,
+                **merged(sets, forces, weight, limits, task_options, tolerances),
             )
     except KeyboardInterrupt:
-        kept = "nothing was kept (--output DIR.zarr would)"
+        kept = "nothing was kept (--output DIR.zarr stores finished chunks)"
         if stored:
-            kept = "what is finished is kept: the same command goes on from there"
+            kept = "finished chunks are kept; the same command resumes the sweep"
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
-    emit(
-        sweep_view(result, most=top),
-        result,
-        form=form,
-        output=None if stored else output,
-        plot=plot,
-        title=f"ftforce sweep {arm.name}",
-        warnings=result.warnings,
-    )
+    if stored:
+        outputs = replace(outputs, output=None)
+    outputs.emit(sweep_view(result, most=top), result, f"ftforce sweep {arm.name}")
 
 
 def _source(
@@ -188,7 +166,7 @@ def _source(
     if len(given) != 1:
         raise typer.BadParameter("give one of --samples, --postures and --grid")
     if deg and postures is None:
-        raise typer.BadParameter("--deg is about --postures")
+        raise typer.BadParameter("--deg requires --postures")
     if postures is not None:
         from ftforce.batch.postures.files import postures_from_file
 

@@ -1,101 +1,121 @@
-"""Options of the commands that follow a trajectory, and their interpretation."""
+"""Options of the commands that follow a trajectory."""
 
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ftforce.cli.options import numbers
+from ftforce.cli.options import Group, PostureOptions, numbers
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.start import Trajectory
-
-TrajectoryArgument = Annotated[
-    str | None,
-    typer.Argument(
-        metavar="[TRAJECTORY]",
-        help="A CSV file: t and the joints' positions, or waypoints x,y,z. Or give --to.",
-        show_default=False,
-    ),
-]
-From = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        metavar="X,Y,Z",
-        help="Where the tip starts, m, in the root's axes; without it where the posture has it.",
-    ),
-]
-To = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="X,Y,Z", help="Where it goes in a straight line, m; repeat it for more corners."
-    ),
-]
-Speed = Annotated[
-    float | None, typer.Option(metavar="M/S", help="Largest speed of the tip along its lines.")
-]
-KeepOrientation = Annotated[
-    bool, typer.Option("--keep-orientation", help="The tip must not turn along its lines.")
-]
-Rate = Annotated[
-    float | None,
-    typer.Option(metavar="HZ", help="Samples per second; without it 100, and a recording's own."),
-]
-MaxGap = Annotated[
-    float | None,
-    typer.Option(
-        metavar="S", help="Longest gap of a recording; without it ten times its usual step."
-    ),
-]
 
 
-def place_of(
-    robot: "Robot", file: str | None, q: str | None, posture: str | None, *, degrees: bool
-) -> "Posture | None":
-    """Return the posture near which a path starts; ``None`` if a file may determine it."""
-    if file is not None and q is None and posture is None:
-        return None
-    from ftforce.robot.posture import choose_posture
+@dataclass(frozen=True)
+class TrajectoryOptions(Group):
+    """Trajectory from a file, or straight lines of the tip."""
 
-    return choose_posture(robot, numbers(q, "--q"), posture, degrees=degrees)
+    trajectory: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[TRAJECTORY]",
+            help="A CSV file: t and joint positions, or waypoints x,y,z. Or give --to.",
+            show_default=False,
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="X,Y,Z",
+            help="Start of the tip, m, in root axes; by default where the posture has it.",
+        ),
+    ] = None
+    to: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="End of a straight line of the tip, m; repeat it for further waypoints.",
+        ),
+    ] = None
+    speed: Annotated[
+        float | None,
+        typer.Option(metavar="M/S", help="Maximum speed of the tip along its lines."),
+    ] = None
+    keep_orientation: Annotated[
+        bool,
+        typer.Option("--keep-orientation", help="Keep the orientation of the tip along its lines."),
+    ] = False
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", help="Samples per second; by default 100, or those of the recording."
+        ),
+    ] = None
+    max_gap: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Longest gap allowed in a recording; by default ten times its median step.",
+        ),
+    ] = None
 
+    def arguments_for(self, robot: "Robot", posture_options: PostureOptions) -> dict[str, Any]:
+        """Return trajectory and posture as arguments of the functions behind the commands.
 
-def trajectory_of(
-    robot: "Robot",
-    file: str | None,
-    start: str | None,
-    corners: list[str] | None,
-    *,
-    speed: float | None,
-    keep_orientation: bool,
-    place: "Posture | None",
-) -> "Trajectory":
-    """Return the trajectory specified on the command line.
+        Parameters
+        ----------
+        robot :
+            The arm.
+        posture_options :
+            Posture near which a path starts; a recording has its own.
 
-    Raises
-    ------
-    InputError
-        No trajectory is specified, or more than one.
-    """
-    if file is not None:
-        if start is not None or corners:
+        Raises
+        ------
+        InputError
+            No trajectory is given, or more than one.
+        """
+        is_file = self.trajectory is not None
+        place = None
+        if posture_options.is_given or not is_file:
+            place = posture_options.of(robot)
+        return {
+            "trajectory": self.trajectory if is_file else self._lines(robot, place),
+            "q": place,
+            "rate": self.rate,
+            "speed": self.speed if is_file else None,
+            "keep_orientation": self.keep_orientation and is_file,
+            "max_gap": self.max_gap,
+        }
+
+    def _lines(self, robot: "Robot", place: "Posture | None") -> Any:
+        if not self.to:
+            raise InputError(
+                "the trajectory is missing: give --to X,Y,Z --speed M/S, or a CSV file"
+            )
+        if self.speed is None:
+            raise InputError("--speed is missing, the maximum speed of the tip in m/s")
+        from ftforce.trajectory.path import Path
+        from ftforce.trajectory.start import tip_at
+
+        first = tip_at(robot, place, None).tolist()
+        if self.start is not None:
+            first = _point(self.start, "--from")
+        points = [first, *(_point(corner, "--to") for corner in self.to)]
+        return Path.through(points, speed=self.speed, keep_orientation=self.keep_orientation)
+
+    def __post_init__(self) -> None:
+        """Reject a file together with lines.
+
+        Raises
+        ------
+        InputError
+            Both are given.
+        """
+        if self.trajectory is not None and (self.start is not None or self.to):
             raise InputError("give either a file of a trajectory or --from and --to, not both")
-        return file
-    if not corners:
-        raise InputError(
-            "where does the tip go? Give --to X,Y,Z --speed M/S, or a CSV file of a trajectory"
-        )
-    if speed is None:
-        raise InputError("how fast? Give --speed, the largest speed of the tip in m/s")
-    from ftforce.trajectory.path import Path
-    from ftforce.trajectory.start import tip_at
-
-    points = [_point(corner, "--to") for corner in corners]
-    first = tip_at(robot, place, None).tolist() if start is None else _point(start, "--from")
-    return Path.through([first, *points], speed=speed, keep_orientation=keep_orientation)
 
 
 def _point(text: str, option: str) -> list[float]:

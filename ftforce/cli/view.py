@@ -6,143 +6,105 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ftforce.cli.options import (
-    Acceleration,
-    AxesOption,
-    Base,
-    Degrees,
-    Force,
-    Free,
-    Gravity,
-    InverseOption,
-    Length,
+    ChainOptions,
+    FaultOptions,
     LimitsOption,
-    Locked,
-    PayloadOption,
-    Positions,
-    PostureName,
+    LoadOptions,
+    MotionOptions,
+    PostureOptions,
     RobotArgument,
-    Rtol,
-    TaskOption,
-    Tip,
-    Torque,
-    Velocity,
-    Wary,
-    Weak,
+    TaskOptions,
+    Tolerances,
+    WeightOptions,
     given_options,
-    load,
-    numbers,
-    refuse_force_and_torque,
+    merged,
 )
 from ftforce.cli.printing import say
 from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
-    from ftforce.view.model.state import Origin
     from ftforce.view.session import Session
 
 
 _LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
 _OF_A_SWEEP = _LOAD | {"limits", "inverse", "task", "length", "axes", "rtol", "wary"}
+_OF_A_HISTORY = _OF_A_SWEEP | {"q", "payload"}
 
 
 def view(
     context: typer.Context,
     robot: RobotArgument,
-    locked: Locked = None,
-    free: Free = None,
-    weak: Weak = None,
-    q: Positions = None,
-    posture: PostureName = None,
-    deg: Degrees = False,
-    force: Force = None,
-    torque: Torque = None,
-    velocity: Velocity = None,
-    acceleration: Acceleration = None,
-    gravity: Gravity = None,
-    payload: PayloadOption = None,
-    limits: LimitsOption = None,
-    inverse: InverseOption = "euclidean",
-    task: TaskOption = "force",
-    length: Length = None,
-    axes: AxesOption = "tool",
-    base: Base = None,
-    tip: Tip = None,
-    rtol: Rtol = 1e-6,
-    wary: Wary = 1e-2,
+    fault_options: FaultOptions,
+    posture_options: PostureOptions,
+    load: LoadOptions,
+    motion: MotionOptions,
+    weight: WeightOptions,
+    limits: LimitsOption,
+    task_options: TaskOptions,
+    chain: ChainOptions,
+    tolerances: Tolerances,
     history: Annotated[
         Path | None,
-        typer.Option(metavar="RUN.npz", help="Play what `ftforce simulate` wrote (.npz .csv …)."),
+        typer.Option(
+            metavar="RUN.npz", help="Play a history stored by `ftforce simulate` (.npz .csv …)."
+        ),
     ] = None,
     sweep: Annotated[
         Path | None,
-        typer.Option(metavar="SWEEP.zarr", help="Show the points of a stored `ftforce sweep`."),
+        typer.Option(metavar="SWEEP.zarr", help="Show the postures of a stored `ftforce sweep`."),
     ] = None,
     at: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Time of the history to begin with; 0 if not given."),
+        typer.Option(metavar="SECONDS", help="Time at which the history begins.", show_default="0"),
     ] = None,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address, open no browser.")
+        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
     ] = False,
     host: Annotated[
         str,
         typer.Option(
-            help="Address to listen on; any but loopback lets other machines move the arm."
+            help="Address to listen on; with any but loopback, other machines can change the page."
         ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
-        typer.Option(min=1, max=65535, help="Port to listen on; without it the first free one."),
+        typer.Option(min=1, max=65535, help="Port to listen on; by default the first free one."),
     ] = None,
     export: Annotated[
         Path | None,
-        typer.Option(metavar="SCENE.html", help="Write the page into one file, and end."),
+        typer.Option(metavar="SCENE.html", help="Write the page to one file and exit."),
     ] = None,
     screenshot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Write the scene as a picture, and end."),
+        typer.Option(metavar="FILE.png", help="Write the scene as a picture and exit."),
     ] = None,
 ) -> None:
     """See and touch the arm in the browser: drag the force, move joints, fail them with a click.
 
     Without --force or --torque: 20 N along each axis to begin with.
     """
-    refuse_force_and_torque(force, torque)
     if history is not None and sweep is not None:
         raise typer.BadParameter("give either --history or --sweep, not both")
     if history is not None or sweep is not None:
-        _refuse_question(context)
+        _refuse_question(context, is_history=history is not None)
     if at is not None and history is None:
-        raise typer.BadParameter("--at is a time of a --history; give one")
+        raise typer.BadParameter("--at requires --history")
     _check_outputs(export, screenshot)
-    from ftforce.robot.posture import choose_posture
+    from ftforce.analysis.question import Question
     from ftforce.view.model.state import Origin, initial_state
     from ftforce.view.session import Session
 
-    arm = load(robot, tip, base, posture)
-    place = numbers(q, "--q")
-    start = initial_state(
+    posture = posture_options.posture
+    arm = chain.load(robot, posture)
+    question = Question.parse(
         arm,
-        None if place is None else choose_posture(arm, place, posture, degrees=deg),
-        origin=_doubted(arm, Origin(robot, base, tip, posture)),
-        locked=",".join(locked or ()),
-        free=",".join(free or ()),
-        weak=",".join(weak or ()),
-        force=numbers(force, "--force"),
-        torque=numbers(torque, "--torque"),
-        velocity=numbers(velocity, "--velocity"),
-        acceleration=numbers(acceleration, "--acceleration"),
-        gravity=numbers(gravity, "--gravity"),
-        payload=payload,
-        limits=limits,
-        inverse=inverse,  # type: ignore[arg-type] # checked there, with a message that lists them
-        task=task,
-        length=length,
-        axes=axes,  # type: ignore[arg-type] # likewise
-        rtol=rtol,
-        wary=wary,
+        posture=posture_options.of(arm),
+        faults=fault_options.of(arm),
+        **merged(load, motion, weight, limits, task_options, tolerances),
     )
+    origin = Origin(robot, chain.base, chain.tip, posture, note=_note(arm, robot, chain, posture))
+    start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None
     if history is not None:
         from ftforce.view.playback import playback
@@ -169,12 +131,11 @@ def _announce(name: str, address: str, no_browser: bool) -> None:
         _open(address)
 
 
-def _refuse_question(context: typer.Context) -> None:
+def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
     """Reject options of the question that a history or sweep determines itself."""
-    of, own = "sweep", _OF_A_SWEEP
-    if context.params["history"] is not None:
-        of, own = "history", _OF_A_SWEEP | {"q", "payload"}
-    if named := given_options(context, own):
+    of, own = ("history", _OF_A_HISTORY) if is_history else ("sweep", _OF_A_SWEEP)
+    given = given_options(context)
+    if named := [given[name] for name in given if name in own]:
         raise InputError(f"a {of} has a question of its own; leave out {', '.join(named)}")
 
 
@@ -186,20 +147,19 @@ def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
         if path.suffix.lower() not in endings:
             raise InputError(f"{printable(path)}: the name must end in {' or '.join(endings)}")
         if not path.parent.is_dir():
-            raise OutputError(path, "cannot be written (there is no such folder)")
+            raise OutputError(path, "cannot be written (no such folder)")
 
 
-def _doubted(arm: "Robot", origin: "Origin") -> "Origin":
-    """Note if ``analyze --q`` would use different positions for the joints outside the chain."""
-    if origin.posture is None or not arm.held:
-        return origin
-    if dict(load(origin.robot, origin.tip, origin.base, None).held) == dict(arm.held):
-        return origin
-    note = (
-        f"The page holds the joints outside the chain as posture {origin.posture!r} has them; "
-        "with --q the command holds them as the default posture has them."
+def _note(arm: "Robot", robot: str, chain: ChainOptions, posture: str | None) -> str:
+    """Return a note if ``analyze --q`` would hold the joints outside the chain elsewhere."""
+    if posture is None or not arm.held:
+        return ""
+    if dict(chain.load(robot).held) == dict(arm.held):
+        return ""
+    return (
+        f"The page holds the joints outside the chain as in posture {posture!r}; with --q the "
+        "command holds them as in the default posture."
     )
-    return origin._replace(note=note)
 
 
 def _write(session: "Session", export: Path | None, screenshot: Path | None) -> None:

@@ -56,6 +56,13 @@ def as_vector(value: ArrayLike, size: int | None, name: str, hint: str = "") -> 
 def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
     """Return a float copy of an array of real numbers; complex, text and boolean are rejected.
 
+    Parameters
+    ----------
+    value :
+        Anything NumPy can convert to an array.
+    name :
+        Name of the value, for error messages.
+
     Raises
     ------
     InputError
@@ -75,6 +82,13 @@ def as_floats(value: ArrayLike, name: str) -> NDArray[np.float64]:
 def check_finite(array: NDArray[np.float64], name: str) -> None:
     """Check that all elements are finite.
 
+    Parameters
+    ----------
+    array :
+        The array, of any shape.
+    name :
+        Name of the array, for error messages.
+
     Raises
     ------
     InputError
@@ -84,10 +98,10 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
         return
     bad = np.argwhere(~np.isfinite(array))
     if not len(bad):  # finite elements whose squares overflow
-        raise InputError(f"{name} holds numbers too large to compute with")
+        raise InputError(f"{name} contains numbers too large to compute with")
     place = ", ".join(str(i + 1) for i in bad[0])
     raise InputError(
-        f"{name} holds {array[tuple(bad[0])]} at position {place}; numbers must be finite"
+        f"{name} contains {array[tuple(bad[0])]} at position {place}; numbers must be finite"
     )
 
 
@@ -96,8 +110,18 @@ def norm(x: Vector) -> float:
     return math.hypot(*x.tolist())
 
 
-def over(x: _Size, scale: float, otherwise: _Size) -> _Size:
-    """Return x / scale, or ``otherwise`` if the scale is zero."""
+def safe_divide(x: _Size, scale: float, otherwise: _Size) -> _Size:
+    """Return x / scale, or ``otherwise`` if the scale is zero.
+
+    Parameters
+    ----------
+    x :
+        A number or a vector.
+    scale :
+        Divisor, 0 or more.
+    otherwise :
+        Result if the divisor is zero.
+    """
     return x / scale if scale > 0.0 else otherwise
 
 

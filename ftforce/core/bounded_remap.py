@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, as_vector, norm, over, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, norm, read_only, safe_divide
 from ftforce.core.feasible_forces import (
     NOTHING,
     FeasibleForces,
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
+_SLACK = 1e-9  # relative to a limit: a torque closer than this is at its limit
 _INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
-_CLAIM = 1e-6  # of the unit: a solution farther beyond a limit is rejected
+_MAX_VIOLATION = 1e-6  # of the unit: solutions that violate a limit by more are rejected
 _FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
 _THIN = 4e-11  # of the unit; daqp treats bounds closer than a quarter of it as equal
 _ROUNDING = 1e-15  # relative to the terms of a sum
@@ -92,9 +92,9 @@ class Nearest(NamedTuple):
         idle = np.abs(y * np.maximum(slack, 0.0)) * feasible.scale
         steepest = max(norm(gradient), float(idle.max(initial=0.0)))
         return {
-            "equality": over(norm(off), size, norm(off)),
+            "equality": safe_divide(norm(off), size, norm(off)),
             "limit": max(0.0, float(beyond.max(initial=0.0))),
-            "optimality": over(steepest, size, steepest),
+            "optimality": safe_divide(steepest, size, steepest),
         }
 
     def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:
@@ -102,7 +102,7 @@ class Nearest(NamedTuple):
         if self.F_after is None:
             return ()
         torque, width, rounding = self._torques(feasible)
-        near = 2.0 * SLACK * width + rounding
+        near = 2.0 * _SLACK * width + rounding
         at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
         return tuple(
             j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound
@@ -129,23 +129,23 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
     F :
         Desired force F̂, shape (m,).
     """
-    none = np.zeros(len(feasible.joints))
-    if not feasible.stands_still:
-        return Nearest(F, None, none)
+    multipliers = np.zeros(len(feasible.joints))
+    if not feasible.is_balanced:
+        return Nearest(F, None, multipliers)
     wanted = F.dot(feasible.Z)
-    whole = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
-    closed = F if whole else feasible.F0 + feasible.Z.dot(wanted)
+    unrestricted = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
+    closed = F if unrestricted else feasible.F0 + feasible.Z.dot(wanted)
     if not feasible.joints or _is_within(feasible, closed):
-        return Nearest(F, closed, none)  # no limit is active: the closed form holds
-    z = _solve(feasible, wanted, none)
-    return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), none)
+        return Nearest(F, closed, multipliers)  # no limit is active: the closed form holds
+    z = _solve(feasible, wanted, multipliers)
+    return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), multipliers)
 
 
 def _is_within(feasible: FeasibleForces, F: Vector) -> bool:
     torque = feasible.rows.dot(F)
     # For a handful of joints, lists are faster than NumPy reductions.
-    over = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
-    return True not in over
+    beyond = (torque > feasible.upper).tolist() + (torque < feasible.lower).tolist()
+    return True not in beyond
 
 
 def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vector | None:
@@ -181,7 +181,7 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
     if z is None:
         if max(low) <= 0.0 <= min(high):  # z = 0 is within all limits
-            raise SolverError("the quadratic program was called infeasible, which it is not")
+            raise SolverError("daqp reported a feasible quadratic program as infeasible")
         return None
     np.multiply(y, unit / lengths, out=multipliers)
     solution: Vector = z * unit
@@ -202,10 +202,10 @@ def _quadratic_program(
         return None, np.zeros(len(A))
     torque = A.dot(z)
     beyond = max((torque - upper).tolist() + (lower - torque).tolist())
-    if flag <= 0 or not beyond <= _CLAIM:  # some daqp versions report success wrongly
+    if flag <= 0 or not beyond <= _MAX_VIOLATION:  # some daqp versions report success wrongly
         raise SolverError(
-            f"the quadratic program was not solved (daqp's exit flag {flag}, {beyond:.1g} beyond "
-            "the limits)"
+            f"daqp did not solve the quadratic program (exit flag {flag}, limits exceeded by "
+            f"{beyond:.1g})"
         )
     return z, info["lam"]
 
@@ -259,7 +259,7 @@ class BoundedRemap:
 
     @property
     def share(self) -> float | None:
-        """Largest s ≤ 1 for which s·F̂ can be held (direction preserved); ``None`` if none."""
+        """Largest s ≤ 1 for which s·F̂ can be held; ``None`` if there is none."""
         return share_of(self.feasible, self.nearest.F)
 
     @property
@@ -269,7 +269,7 @@ class BoundedRemap:
 
     @property
     def overloaded(self) -> tuple[int, ...]:
-        """Indices of the joints that gravity and motion alone overload (with F₀ at the tip)."""
+        """Indices of the joints that gravity and motion torques alone overload (F₀ at the tip)."""
         return overloaded(self.feasible)
 
     def residuals(self) -> Mapping[str, float]:
@@ -317,7 +317,7 @@ def bounded_remap(
     --------
     >>> import numpy as np
     >>> J = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
-    >>> unknown = float("nan")  # here of the brake
+    >>> unknown = float("nan")  # limit of the brake
     >>> tau, locked = J.T @ [10.0, 5.0], [False, True, False]
     >>> result = bounded_remap(J, tau, locked, limits=[6.0, unknown, 9.0])
     >>> result.U, result.binding, round(result.share, 12)
@@ -329,8 +329,8 @@ def bounded_remap(
         free_mask = check_mask(free, J.shape[1], "free")
         if (mask & free_mask).any():
             raise InputError(
-                f"a joint cannot be both locked and free: column {(mask & free_mask).argmax() + 1} "
-                "of J; a joint fails in one mode"
+                f"the joint of column {(mask & free_mask).argmax() + 1} of J cannot be both locked "
+                "and free; a joint fails in only one mode"
             )
     check_tolerances(rtol, max(rtol, 1e-2))
     n = J.shape[1]
@@ -350,13 +350,34 @@ def bounded_remap(
 def remap_inside(
     reduced: ReducedJacobian, F: Vector, rnea: Vector, largest: Vector | None
 ) -> BoundedRemap:
-    """Remap within limits, given the weighted force F̂; arguments are not validated."""
+    """Remap within limits, given the weighted force F̂; arguments are not validated.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Force F̂ that the healthy arm exerts, shape (m,).
+    rnea :
+        Gravity and motion torques after the fault, shape (n,).
+    largest :
+        Maximum torques of motors and brakes, NaN where unknown, shape (n,); ``None`` applies no
+        limits.
+    """
     feasible = feasible_forces(reduced, rnea, largest, LockModel.COMMANDED)
     return BoundedRemap(reduced, rnea, feasible, nearest_force(feasible, F))
 
 
 def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
-    """Return the largest s ≤ 1 for which s·F is feasible, or ``None`` if there is none."""
+    """Return the largest s ≤ 1 for which s·F is feasible, or ``None`` if there is none.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    F :
+        Desired force, weighted, shape (m,).
+    """
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
     if ray.is_empty or ray.minimum > 1.0:
         return None
@@ -365,13 +386,15 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
 
 def _at_rest(feasible: FeasibleForces) -> Reach:
     """Return an unbounded range if zero force is feasible: any multiple of zero is zero."""
-    bare = not feasible.F0.any() and feasible.stands_still
+    bare = not feasible.F0.any() and feasible.is_balanced
     inside = bool((feasible.lower <= 0.0).all() and (feasible.upper >= 0.0).all())
     return Reach(0.0, math.inf) if bare and inside else NOTHING
 
 
 def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
-    """Return the joints that gravity and motion overload, with only F₀ at the tip."""
+    """Return the joints that gravity and motion torques overload, with only F₀ at the tip."""
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
-    return tuple(j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over)
+    return tuple(
+        j for j, exceeded in zip(feasible.joints, beyond.tolist(), strict=True) if exceeded
+    )

@@ -81,7 +81,7 @@ class ForceChange:
     before :
         Force that the healthy arm exerts, F̂.
     after :
-        Force that can still be held; ``None`` if the arm cannot hold still under any tip force.
+        Force that can still be held; ``None`` if no tip force keeps the arm in equilibrium.
     jump :
         ΔF = before - after; ``None`` if ``after`` is.
     jump_norm :
@@ -103,8 +103,8 @@ class ForceChange:
 class TorqueChange:
     """Motor torques, N·m (N for prismatic joints), shape (n,).
 
-    Torques after the fault are ``None`` if the arm cannot hold still; totals are also ``None`` if
-    the URDF has no masses.
+    Torques after the fault are ``None`` if the arm cannot be held in static equilibrium; totals are
+    also ``None`` if the URDF has no masses.
 
     Attributes
     ----------
@@ -227,7 +227,13 @@ def change_of_load(
 def changes_of_unit_forces(
     reduced: ReducedJacobian, task: Task
 ) -> tuple[tuple[ForceChange, TorqueChange], ...]:
-    """Return the changes for 1 N (1 N·m) along each task axis, without gravity and limits."""
+    """Return the changes for 1 N (1 N·m) along each task axis, without gravity and limits.
+
+    Parameters
+    ----------
+    reduced, task :
+        The decomposed Jacobians and the task.
+    """
     changes = []
     nothing = read_only(np.zeros(reduced.n))
     rnea = RneaChange(None, None, None, nothing, nothing)
@@ -239,7 +245,15 @@ def changes_of_unit_forces(
 
 
 def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> VelocityChange:
-    """Return the velocities before the fault and after the velocity remap of Appendix A."""
+    """Return the velocities before the fault and after the velocity remap of Appendix A.
+
+    Parameters
+    ----------
+    reduced, task :
+        The decomposed Jacobians and the task.
+    v :
+        Joint velocities before the fault, rad/s or m/s, shape (n,).
+    """
     weighted = velocity_remap(reduced, v)
     jump = read_only(task.unweigh_velocity(weighted.jump))
     linear, angular = split_norms(task, jump)
@@ -255,7 +269,19 @@ def change_of_velocity(reduced: ReducedJacobian, task: Task, v: Vector) -> Veloc
 
 
 def impact_of_lock(reduced: ReducedJacobian, task: Task, J: Matrix, M: Matrix, v: Vector) -> Impact:
-    """Return the velocities immediately after joints lock; J is the unweighted task Jacobian."""
+    """Return the velocities immediately after joints lock; J is the unweighted task Jacobian.
+
+    Parameters
+    ----------
+    reduced, task :
+        The decomposed Jacobians and the task.
+    J :
+        Unweighted task Jacobian, shape (m, n).
+    M :
+        Mass matrix, shape (n, n).
+    v :
+        Joint velocities before the fault, rad/s or m/s, shape (n,).
+    """
     after = velocity_after_impact(M, reduced.locked, v)
     jump = read_only(J.dot(after - v))
     linear, angular = split_norms(task, jump)
@@ -295,7 +321,15 @@ def _unsupported(task: Task, requested: Vector | None, before: Vector) -> Vector
 
 
 def split_norms(task: Task, x: Vector) -> tuple[float | None, float | None]:
-    """Return the norms of the linear and the angular components; ``None`` if there are none."""
+    """Return the norms of the linear and the angular components; ``None`` if there are none.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    x :
+        Unweighted force or tip velocity, shape (m,).
+    """
     if not task.moment_rows:
         return math.sqrt(x.dot(x)), None
     linear = float(np.linalg.norm(x[list(task.force_rows)])) if task.force_rows else None

@@ -82,7 +82,7 @@ class Fault:
                 f"(full torque), got {self.factor}"
             )
         if self.mode is not FaultMode.WEAK and self.factor != 1.0:
-            raise InputError(f"only a weak joint has a factor, joint {self.joint + 1} is {self}")
+            raise InputError(f"only a weak joint has a factor; joint {self.joint + 1} is {self}")
 
     @property
     def is_free(self) -> bool:
@@ -121,15 +121,15 @@ class FaultSet:
         ordered = tuple(sorted(self.faults, key=_joint_of))
         object.__setattr__(self, "faults", ordered)
         if ordered[0].joint < 0:
-            raise InputError("joint indices count from 0")
+            raise InputError(f"joint indices start at 0, got {ordered[0].joint}")
         for one, other in zip(self.faults, self.faults[1:], strict=False):
             if one.joint == other.joint:
                 number = one.joint + 1
                 if one.mode is other.mode:
-                    raise InputError(f"joint {number} is named twice in one fault set")
+                    raise InputError(f"joint {number} appears twice in the fault set")
                 raise InputError(
                     f"joint {number} cannot be both {one.mode} and {other.mode}; "
-                    f"a joint fails in one mode"
+                    f"a joint fails in only one mode"
                 )
 
     @classmethod
@@ -193,7 +193,7 @@ class FaultSet:
         return _mask(n, self.in_mode(FaultMode.LOCKED))
 
     def free_mask(self, n: int) -> Mask | None:
-        """Return a mask that is True at free-swinging joints, shape (n,); ``None`` if none is.
+        """Return a mask that is True at free-swinging joints, shape (n,); ``None`` without any.
 
         Parameters
         ----------
@@ -243,14 +243,30 @@ class FaultSet:
 
 
 def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iterator[FaultSet]:
-    """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13)."""
+    """Yield every set of 1 to ``largest`` failed joints of n, small sets first (eq. 12-13).
+
+    Parameters
+    ----------
+    n :
+        Number of joints of the chain.
+    largest :
+        Size of the largest sets.
+    mode :
+        Fault mode of all failed joints.
+    """
     for size in range(1, largest + 1):
         for joints in combinations(range(n), size):
             yield FaultSet.all_of(mode, joints)
 
 
 def count_fault_sets(n: int, largest: int) -> int:
-    """Return the number of sets that `fault_sets` yields."""
+    """Return the number of sets that `fault_sets` yields.
+
+    Parameters
+    ----------
+    n, largest :
+        As in `fault_sets`.
+    """
     return sum(comb(n, size) for size in range(1, largest + 1))
 
 

@@ -38,12 +38,12 @@ class LockModel(StrEnum):
     """Also existing loads that the locked joints carry, up to their brake limits."""
 
     @classmethod
-    def parse(cls, reading: str) -> LockModel:
+    def parse(cls, lock_model: str) -> LockModel:
         """Return the lock model with the given name.
 
         Parameters
         ----------
-        reading :
+        lock_model :
             ``commanded`` or ``held``.
 
         Raises
@@ -52,9 +52,9 @@ class LockModel(StrEnum):
             There is no such lock model.
         """
         try:
-            return cls(reading)
+            return cls(lock_model)
         except ValueError:
-            raise UnknownNameError("reading of a lock", reading, list(cls)) from None
+            raise UnknownNameError("lock model", lock_model, list(cls)) from None
 
 
 class LimitingFactor(StrEnum):
@@ -65,7 +65,7 @@ class LimitingFactor(StrEnum):
     FAULT = "fault"
     """The fault itself: no motor acts in this direction, or a free-swinging joint yields."""
     WEIGHT = "weight"
-    """Gravity and motion torques alone exceed the limits: the arm cannot carry itself."""
+    """Gravity and motion torques alone exceed the limits: the arm cannot support itself."""
     UNLIMITED = "unlimited"
     """No known limit applies."""
 
@@ -105,8 +105,8 @@ class FeasibleForces(NamedTuple):
     scale: float
 
     @property
-    def stands_still(self) -> bool:
-        """Whether some tip force balances the free-swinging joints."""
+    def is_balanced(self) -> bool:
+        """Whether some tip force balances the free-swinging joints, so that the arm can be held."""
         return self.unbalanced <= self.rtol
 
 
@@ -154,7 +154,7 @@ def feasible_forces(
     reduced: ReducedJacobian,
     rnea: Vector,
     largest: Vector | None,
-    reading: LockModel = LockModel.COMMANDED,
+    lock_model: LockModel = LockModel.COMMANDED,
 ) -> FeasibleForces:
     """Return the set of forces that the arm can hold.
 
@@ -167,8 +167,8 @@ def feasible_forces(
     largest :
         Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
         (n,). ``None`` applies no limits.
-    reading :
-        Lock model.
+    lock_model :
+        How locked joints are modelled.
     """
     free = reduced.free
     F0, unbalanced = np.zeros(reduced.m), 0.0
@@ -177,7 +177,7 @@ def feasible_forces(
         if norm(rnea[free.joints]) > _ROUNDING * weight:
             F0 = free.support(rnea)
             unbalanced = norm(free.unbalanced(rnea)) / weight
-    if reading is LockModel.COMMANDED:
+    if lock_model is LockModel.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
         Z = np.eye(reduced.m) if free is None else free.U[:, free.rank :]
@@ -190,8 +190,8 @@ def feasible_forces(
     # NaN is unknown; 0 is a free-swinging joint, already accounted for in F0 and Z.
     joints = (largest > 0.0).nonzero()[0]
     weights, limit = rnea[joints], largest[joints]
-    rows, bounds, names = reduced.J.T[joints], (-limit - weights, limit - weights), joints.tolist()
-    return FeasibleForces(F0, Z, rows, *bounds, names, unbalanced, reduced.rtol, scale)
+    rows, bounds = reduced.J.T[joints], (-limit - weights, limit - weights)
+    return FeasibleForces(F0, Z, rows, *bounds, joints.tolist(), unbalanced, reduced.rtol, scale)
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
@@ -204,14 +204,14 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     d :
         Direction in weighted task coordinates, shape (m,).
     """
-    if not feasible.stands_still:
+    if not feasible.is_balanced:
         return NOTHING
-    least, most = _on_plane(feasible, d)
-    if most < least or not feasible.joints:
-        return Reach(least, most)
+    minimum, maximum = _on_plane(feasible, d)
+    if maximum < minimum or not feasible.joints:
+        return Reach(minimum, maximum)
     lever = feasible.rows.dot(d)
     size = feasible.rtol * feasible.scale * norm(d)
-    stops: tuple[int, ...] = ()
+    limiting_joints: tuple[int, ...] = ()
     ends = []
     bounds = (feasible.lower.tolist(), feasible.upper.tolist())
     rows = zip(feasible.joints, lever.tolist(), *bounds, strict=True)
@@ -221,20 +221,29 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
                 return NOTHING
             continue
         first, last = (lower / x, upper / x) if x > 0.0 else (upper / x, lower / x)
-        least = max(least, first)
+        minimum = max(minimum, first)
         ends.append((last, joint))
     if ends:
         nearest = min(end for end, _ in ends)
-        if nearest < most:
-            most = nearest
-            stops = tuple(j for end, j in ends if end <= nearest + 1e-9 * abs(nearest))
-    return Reach(least, most, stops)
+        if nearest < maximum:
+            maximum = nearest
+            limit = nearest + 1e-9 * abs(nearest)  # joints that reach their limits together
+            limiting_joints = tuple(joint for end, joint in ends if end <= limit)
+    return Reach(minimum, maximum, limiting_joints)
 
 
-def end_of(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
-    """Return what limits the force along a ray."""
+def limiting_factor(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
+    """Return what limits the force along a ray.
+
+    Parameters
+    ----------
+    feasible :
+        The feasible forces.
+    ray :
+        Their range along the ray, from `reach`.
+    """
     if ray.is_empty:
-        balanced = feasible.stands_still and not feasible.F0.any()
+        balanced = feasible.is_balanced and not feasible.F0.any()
         return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
     if ray.limiting_joints:
         return LimitingFactor.LIMIT
@@ -253,11 +262,11 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     """
     if not space.size:
         space = np.eye(len(space), 1)
-    if not feasible.stands_still or feasible.F0.any():  # zero force is not feasible
+    if not feasible.is_balanced or feasible.F0.any():  # zero force is not feasible
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
     _, s, Vt = np.linalg.svd(missing)
-    if s[0] > feasible.rtol:  # a direction that is lost, in both senses
+    if s[0] > feasible.rtol:  # a lost direction; its sign is arbitrary
         direction = space.dot(Vt[0])
         largest = direction[int(np.argmax(np.abs(direction)))]
         direction = math.copysign(1.0, largest) * direction
@@ -268,7 +277,7 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     if not loaded.any():
         return Weakest(space[:, 0], reach(feasible, space[:, 0]))
     # The nearest of the planes ``J_iᵀ F = bound``, over both bounds of every joint.
-    with np.errstate(over="ignore"):  # so far away that it overflows
+    with np.errstate(over="ignore"):  # distant planes may overflow
         distance = np.minimum(feasible.upper, -feasible.lower) / np.where(loaded, size, 1.0)
     i = int(np.argmin(np.where(loaded, distance, math.inf)))
     sign = 1.0 if feasible.upper[i] <= -feasible.lower[i] else -1.0

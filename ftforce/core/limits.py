@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ftforce.core.faults import FaultSet
 
-_LEAST = float(np.finfo(np.float64).tiny)
+_SMALLEST = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,18 +78,25 @@ class Limits:
         Raises
         ------
         InputError
-            A joint index lies beyond the chain.
+            A joint index is out of range.
         """
         n = len(self.effort)
         factors = faults.factors(n)
         # Avoid underflow to 0, which would mean a free-swinging joint.
-        motors = np.maximum(self.effort * factors, _LEAST)
+        motors = np.maximum(self.effort * factors, _SMALLEST)
         motors = np.where(factors > 0.0, motors, 0.0)  # also 0 where the limit is unknown
         return read_only(np.where(faults.mask(n), self.brake, motors))
 
 
 def checked_limits(limits: ArrayLike, name: str) -> Vector:
     """Return a validated copy of limits, NaN where unknown or infinite.
+
+    Parameters
+    ----------
+    limits :
+        Torque limits, N·m or N, shape (n,).
+    name :
+        Name of the limits, for error messages.
 
     Raises
     ------

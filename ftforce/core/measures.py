@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, over, read_only
+from ftforce.core.arrays import Matrix, Vector, read_only, safe_divide
 
 if TYPE_CHECKING:
     from ftforce.core.reduced_jacobian import ReducedJacobian
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def margin(reduced: ReducedJacobian) -> float:
     """Return σ_min(K) / σ_max(J); 0 if a direction is lost or J = 0."""
-    return over(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
+    return safe_divide(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
 
 
 def relative_manipulability(reduced: ReducedJacobian) -> float:
@@ -43,12 +43,18 @@ def force_error(reduced: ReducedJacobian) -> float:
 
 
 def worst_manipulability_bound(n: int, m: int, f: int) -> float:
-    """Return √(C(n-m, f)/C(n, f)), an upper bound on min ρ over f locked joints in any posture."""
+    """Return √(C(n-m, f)/C(n, f)), an upper bound on min ρ over f locked joints in any posture.
+
+    Parameters
+    ----------
+    n, m, f :
+        Numbers of joints, task rows and locked joints.
+    """
     return math.sqrt(comb(n - m, f) / comb(n, f)) if n >= m else 0.0
 
 
 def lost_directions(reduced: ReducedJacobian) -> Matrix:
-    """Return the force directions that the arm loses through the fault.
+    """Return the force directions that are lost through the fault.
 
     Returns
     -------
@@ -61,7 +67,7 @@ def lost_directions(reduced: ReducedJacobian) -> Matrix:
         return read_only(np.zeros((0, reduced.m)))
     lost = reduced.damaged.U[:, reduced.rank_after :]
     if reduced.rank < reduced.m:
-        # The complement of range(K) includes directions that the healthy arm lacks, too.
+        # The complement of range(K) also includes directions that the healthy arm lacks.
         lacking = lost.T @ reduced.healthy.U[:, reduced.rank :]
         lost = lost @ np.linalg.svd(lacking)[0][:, lacking.shape[1] :]
     return read_only(_along_axes(lost @ lost.T, count))
@@ -83,17 +89,35 @@ def _along_axes(projector: Matrix, count: int) -> Matrix:
 
 
 def force_contributions(reduced: ReducedJacobian, tau: Vector, F: Vector) -> Vector:
-    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, the contribution of each joint (Table 2), shape (n,)."""
+    """Return ‖(Jᵀ)†_k τ_k‖/‖F̂‖, the contribution of each joint (Table 2), shape (n,).
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    tau :
+        Motor torques that produce the tip force, shape (n,).
+    F :
+        Force F̂, weighted, shape (m,).
+    """
     units = np.eye(reduced.n)
     columns = [reduced.healthy.solve_transposed(unit, reduced.rtol) for unit in units]
     shares = _norms(np.array(columns), axis=1) * np.abs(tau)
-    return read_only(over(shares, float(_norms(F)), np.zeros_like(shares)))
+    return read_only(safe_divide(shares, float(_norms(F)), np.zeros_like(shares)))
 
 
 def velocity_contributions(J: Matrix, v: Vector) -> Vector:
-    """Return ‖J_k v_k‖/‖J v‖, the contribution of each joint (Table 2), shape (n,)."""
+    """Return ‖J_k v_k‖/‖J v‖, the contribution of each joint (Table 2), shape (n,).
+
+    Parameters
+    ----------
+    J :
+        Weighted task Jacobian, shape (m, n).
+    v :
+        Joint velocities, rad/s or m/s, shape (n,).
+    """
     shares = _norms(J * v, axis=0)
-    return read_only(over(shares, float(_norms(J @ v)), np.zeros_like(shares)))
+    return read_only(safe_divide(shares, float(_norms(J @ v)), np.zeros_like(shares)))
 
 
 def _norms(A: Matrix, axis: int | None = None) -> Vector:

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from ftforce.core.feasible_forces import FeasibleForces
 
-Indices: TypeAlias = "NDArray[np.intp]"
-Sides: TypeAlias = "NDArray[np.bool_]"
+_Indices: TypeAlias = "NDArray[np.intp]"
+_Sides: TypeAlias = "NDArray[np.bool_]"
 
-MOST_CORNERS = 2_000_000  # plane intersections; a few seconds and 500 MB
+_MAX_INTERSECTIONS = 2_000_000  # plane intersections; a few seconds and 500 MB
 _CHUNK = 20_000
 _NEAR = 1e-9  # of a limit: smaller violations are tolerated
 _AT_BOUND = 1e-7  # of a limit: a torque closer than this is at its limit
@@ -84,7 +84,7 @@ def force_polytope(feasible: FeasibleForces, weights: Vector | None = None) -> P
     """
     m = len(feasible.F0)
     nothing = Polytope(read_only(np.zeros((0, m))), (), 0, read_only(np.zeros((0, m))))
-    if not feasible.stands_still:
+    if not feasible.is_balanced:
         return nothing
     A = feasible.rows.dot(feasible.Z)
     offset = feasible.rows.dot(feasible.F0)
@@ -121,7 +121,7 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
     return Vt[:rank].T, Vt[rank:].T
 
 
-def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
+def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
     """Return the distinct vertices of ``lower ≤ A z ≤ upper`` and the bounds active at each.
 
     The rows of A are unit vectors. Distances to bounds are relative to each limit; whether planes
@@ -130,10 +130,10 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, Sides]:
     k, d = A.shape
     if d == 0:
         return np.zeros((1, 0)), np.zeros((1, 2 * k), dtype=np.bool_)
-    if comb(k, d) * 2**d > MOST_CORNERS:
+    if comb(k, d) * 2**d > _MAX_INTERSECTIONS:
         raise InputError(
-            f"{k} joints with limits make {comb(k, d) * 2**d:,} intersections in {d} dimensions; "
-            f"a polytope takes {MOST_CORNERS:,} at most; ask for a smaller task"
+            f"the polytope has {comb(k, d) * 2**d:,} candidate vertices ({k} joints with limits, "
+            f"{d} dimensions); at most {_MAX_INTERSECTIONS:,} are supported: choose a smaller task"
         )
     sides = np.array(list(product((False, True), repeat=d)))
     evened = np.linalg.svd(A, full_matrices=False)[0]
@@ -168,9 +168,9 @@ def _distances(
     return (torque - lower) / half, (upper - torque) / half, rounding
 
 
-def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
+def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: _Sides) -> Matrix:
     """Return vertex coordinates in their affine hull: the limits may flatten the set."""
-    always: Sides = np.logical_and.reduce(at_bounds, axis=0)
+    always: _Sides = np.logical_and.reduce(at_bounds, axis=0)
     normals = A[always[: len(A)] | always[len(A) :]]
     if not len(normals):
         return corners
@@ -179,7 +179,7 @@ def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: Sides) -> Matrix:
     return coordinates
 
 
-def _chunks(k: int, d: int) -> Iterator[Indices]:
+def _chunks(k: int, d: int) -> Iterator[_Indices]:
     rows: list[tuple[int, ...]] = []
     for chosen in combinations(range(k), d):
         rows.append(chosen)
@@ -190,7 +190,7 @@ def _chunks(k: int, d: int) -> Iterator[Indices]:
         yield np.array(rows)
 
 
-def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
+def _faces(corners: Matrix, at_bounds: _Sides) -> Iterator[tuple[int, ...]]:
     """Yield the faces: the maximal sets of vertices on a common bound."""
     d = corners.shape[1]
     if d <= 2:
@@ -199,15 +199,15 @@ def _faces(corners: Matrix, at_bounds: Sides) -> Iterator[tuple[int, ...]]:
         return
     members = np.unique(at_bounds.T, axis=0)
     members = members[(members.sum(axis=1) >= d) & ~members.all(axis=1)]
-    for one in members:
-        within = (members >= one).all(axis=1).sum() - 1  # not counting itself
-        if within:
+    for member in members:
+        others = (members >= member).all(axis=1).sum() - 1  # that contain all its vertices
+        if others:
             continue  # this bound touches the set in an edge or a vertex only
-        indices = np.flatnonzero(one)
+        indices = np.flatnonzero(member)
         yield _around(corners, indices) if d == 3 else tuple(indices.tolist())
 
 
-def _around(corners: Matrix, members: Indices) -> tuple[int, ...]:
+def _around(corners: Matrix, members: _Indices) -> tuple[int, ...]:
     """Return the vertices of a polygon in order around it."""
     points = corners[members] - corners[members].mean(axis=0)
     plane = np.linalg.svd(points, full_matrices=False)[2][:2]

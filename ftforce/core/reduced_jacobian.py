@@ -138,35 +138,55 @@ class ReducedJacobian(NamedTuple):
 def reduce(
     J: Matrix, locked: Mask, rtol: float = RTOL, free: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose J and K; arguments are not validated (see `check_core_input`)."""
+    """Decompose J and K; arguments are not validated (see `check_core_input`).
+
+    Parameters
+    ----------
+    J :
+        Weighted task Jacobian, read-only, shape (m, n).
+    locked :
+        True at locked joints, shape (n,).
+    rtol :
+        Rank tolerance, relative to σ_max(J).
+    free :
+        True at free-swinging joints, shape (n,); ``None`` if there are none.
+    """
     return reduce_decomposed(Svd(J), locked, rtol, free)
 
 
 def reduce_decomposed(
     healthy: Svd, locked: Mask, rtol: float, free: Mask | None = None
 ) -> ReducedJacobian:
-    """Decompose K for a fault set, given the decomposition of J."""
-    lost = rtol * healthy.s[0]  # ranks are relative to the healthy arm
+    """Decompose K for a fault set, given the decomposition of J.
+
+    Parameters
+    ----------
+    healthy :
+        Decomposition of J.
+    locked, rtol, free :
+        As in `reduce`.
+    """
+    threshold = rtol * healthy.s[0]  # ranks are relative to the healthy arm
     damaged, columns = healthy, None
     if True in locked.tolist():
         K = healthy.A.copy()
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
         damaged = Svd(read_only(K), left_only=True)
     if free is not None:
-        columns = _free_columns(healthy.A, free, lost)
+        columns = _free_columns(healthy.A, free, threshold)
         U = columns.U[:, columns.rank :]
         K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K
         np.copyto(K, 0.0, where=free)
         damaged = Svd(read_only(K), left_only=True)
     return ReducedJacobian(
-        healthy, damaged, locked, healthy.rank(lost), damaged.rank(lost), rtol, columns
+        healthy, damaged, locked, healthy.rank(threshold), damaged.rank(threshold), rtol, columns
     )
 
 
-def _free_columns(J: Matrix, mask: Mask, lost: float) -> FreeColumns:
+def _free_columns(J: Matrix, mask: Mask, threshold: float) -> FreeColumns:
     joints = np.flatnonzero(mask).tolist()
     U, s, Vt = np.linalg.svd(J[:, joints])
-    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > lost)))
+    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > threshold)))
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
@@ -188,13 +208,22 @@ def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:
     """
     J = as_floats(J, "J")  # a copy, because results keep it
     if J.ndim != 2 or not J.size:
-        raise InputError(f"J needs the shape (m, n), got {J.shape}")
+        raise InputError(f"J must have the shape (m, n), got {J.shape}")
     check_finite(J, "J")
     return read_only(J), check_mask(locked, J.shape[1], "locked")
 
 
 def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     """Validate a user-supplied joint mask, one entry per column of J.
+
+    Parameters
+    ----------
+    joints :
+        Boolean mask, shape (n,).
+    n :
+        Number of joints.
+    name :
+        Name of the mask, for error messages.
 
     Raises
     ------
@@ -204,8 +233,8 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     mask = np.array(joints)
     if mask.dtype != np.bool_:
         raise InputError(
-            f"{name} needs a boolean mask of shape ({n},), one entry per column of J, "
-            f"got {joints!r}; joint numbers and names are for analyze()"
+            f"{name} must be a boolean mask of shape ({n},), one entry per column of J, "
+            f"got {joints!r}; analyze() accepts joint numbers and names"
         )
     if mask.shape != (n,):
         raise DimensionError(name, (n,), mask.shape, "one entry per column of J")

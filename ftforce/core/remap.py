@@ -194,7 +194,15 @@ def remap(J: ArrayLike, tau: ArrayLike, locked: ArrayLike, *, rtol: float = RTOL
 
 
 def exerted_force(reduced: ReducedJacobian, tau: Vector) -> Vector:
-    """Return the tip force produced by joint torques, F̂ = (Jᵀ)† τ (eq. 18 with z = 0)."""
+    """Return the tip force produced by joint torques, F̂ = (Jᵀ)† τ (eq. 18 with z = 0).
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    tau :
+        Motor torques without gravity and motion torques, shape (n,).
+    """
     return reduced.healthy.solve_transposed(tau, reduced.rtol)
 
 
@@ -226,6 +234,15 @@ def velocity_after_impact(M: Matrix, locked: Mask, v: Vector) -> Vector:
 
     The impact is inelastic and conserves the generalized momentum of the other joints:
     ``v_H⁺ = v_H + M_HH⁻¹ M_HS v_S`` (docs/theory/velocity). Shape (n,), 0 at locked joints.
+
+    Parameters
+    ----------
+    M :
+        Mass matrix, shape (n, n).
+    locked :
+        True at locked joints, shape (n,).
+    v :
+        Joint velocities before the fault, rad/s or m/s, shape (n,).
     """
     after = np.where(locked, 0.0, v)
     if locked.any() and not locked.all():
@@ -235,20 +252,44 @@ def velocity_after_impact(M: Matrix, locked: Mask, v: Vector) -> Vector:
 
 
 def supported_force(reduced: ReducedJacobian, F: Vector) -> Vector:
-    """Return the part of F that the healthy arm can exert, F̂ = J J† F."""
+    """Return the part of F that the healthy arm can exert, F̂ = J J† F.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Requested force, weighted, shape (m,).
+    """
     return F if reduced.rank == reduced.m else reduced.healthy.project(F, reduced.rank)
 
 
 def force_jump(reduced: ReducedJacobian, F: Vector) -> Jump:
-    """Return the minimum force jump, ΔF = (I - K K†) F̂ (eq. 33, 40), for F̂ in range(J)."""
+    """Return the minimum force jump, ΔF = (I - K K†) F̂ (eq. 33, 40), for F̂ in range(J).
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Force F̂, weighted, shape (m,).
+    """
     if reduced.rank_after == reduced.m:  # K K† = I: exactly no jump
         return Jump(read_only(F), F, read_only(np.zeros(reduced.m)))
-    jump = reduced.damaged.beyond(F, reduced.rank_after)
+    jump = reduced.damaged.project_out(F, reduced.rank_after)
     return Jump(read_only(F), read_only(F - jump), read_only(jump))
 
 
 def remapped_torque(reduced: ReducedJacobian, F: Vector) -> Vector:
-    """Return U = ᔆJᵀ F̂ (eq. 24; 39 as used in 42), shape (n,), 0 at locked joints."""
+    """Return U = ᔆJᵀ F̂ (eq. 24; 39 as used in 42), shape (n,), 0 at locked joints.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    F :
+        Force F̂, weighted, shape (m,).
+    """
     U: Vector = F.dot(reduced.damaged.A)
     return U
 
@@ -258,6 +299,13 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
 
     ``Δv_H = K† x_S`` and ``ΔẊ = (K K† - I) x_S`` with ``x_S = Σ J_k v_k`` over the locked joints.
     H are the joints whose motors produce torque; free-swinging joints keep their velocities.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    v :
+        Joint velocities before the fault, rad/s or m/s, shape (n,).
     """
     damaged, r = reduced.damaged, reduced.rank_after
     if reduced.free is not None:
@@ -266,7 +314,7 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
     v_healthy = np.where(reduced.locked, 0.0, v)
     x_S = reduced.J.dot(v - v_healthy)
     after = v_healthy + np.where(reduced.commanding, damaged.solve(x_S, r), 0.0)
-    jump = np.zeros(reduced.m) if r == reduced.m else -damaged.beyond(x_S, r)
+    jump = np.zeros(reduced.m) if r == reduced.m else -damaged.project_out(x_S, r)
     tip = reduced.J.dot(v)
     return VelocityRemap(
         v, read_only(after), read_only(tip), read_only(tip + jump), read_only(jump)
@@ -274,7 +322,17 @@ def velocity_remap(reduced: ReducedJacobian, v: Vector) -> VelocityRemap:
 
 
 def force_residuals(reduced: ReducedJacobian, U: Vector, change: Jump | Remap) -> dict[str, float]:
-    """Return the force-related residuals of `Remap.residuals`."""
+    """Return the force-related residuals of `Remap.residuals`.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    U :
+        Motor torques after the fault, shape (n,).
+    change :
+        Tip force before and after the fault.
+    """
     F, F_after, jump = change.F, change.F_after, change.jump
     size = math.sqrt(float(F.dot(F)))
     torque = reduced.sigma_max * size

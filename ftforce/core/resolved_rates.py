@@ -56,7 +56,9 @@ def resolved_rates(
     while (worst := _worst(v, lower, upper, moving)) is not None:
         kept[worst] = upper[worst] if v[worst] > upper[worst] else lower[worst]
         moving[worst] = False
-        v = kept + damped_inverse(without(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below)
+        v = kept + damped_inverse(
+            without_columns(K.A, ~moving), missing - K.A.dot(kept - v0), damped_below
+        )
     return v
 
 
@@ -65,6 +67,15 @@ def damped_inverse(K: Svd, x: Vector, damped_below: float) -> Vector:
 
     There 1/σ is replaced by ``σ/(σ² + λ²)`` with ``λ² = (1 - (σ/ε)²) (ε/2)²``, which is continuous
     at σ = ε, never exceeds 1.16/ε, and vanishes with σ.
+
+    Parameters
+    ----------
+    K :
+        Decomposition of the Jacobian, shape (m, n).
+    x :
+        Tip velocity or displacement, shape (m,).
+    damped_below :
+        Singular values below this are damped.
     """
     weights = []
     for s in K.s:
@@ -77,8 +88,16 @@ def damped_inverse(K: Svd, x: Vector, damped_below: float) -> Vector:
     return v
 
 
-def without(J: Matrix, joints: Mask) -> Svd:
-    """Return the decomposition of J with the columns of the given joints zeroed."""
+def without_columns(J: Matrix, joints: Mask) -> Svd:
+    """Return the decomposition of J with the columns of the given joints zeroed.
+
+    Parameters
+    ----------
+    J :
+        Jacobian, shape (m, n).
+    joints :
+        True at the joints to remove, shape (n,).
+    """
     return Svd(np.where(joints, 0.0, J), left_only=True)
 
 

@@ -19,7 +19,7 @@ class Svd:
     Eigen's two-sided Jacobi SVD is used instead of LAPACK's divide and conquer because it computes
     small singular values, on which rank decisions depend, to high relative accuracy, and because a
     manipulator Jacobian takes 1.5 µs from Python instead of 8.5 µs. The decomposition is done in a
-    workspace cached per thread and shape; V stays there.
+    workspace cached per thread and shape, which keeps V.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Svd:
         self._workspace = workspace = _workspace(A.shape, left_only)
         self._count = workspace.decompose(A)
         U = workspace.left_vectors()
-        self.U = U if U.ndim == 2 else U.reshape(m, m)  # eigenpy returns a 1 x 1 as a vector
+        self.U = U if U.ndim == 2 else U.reshape(m, m)  # eigenpy returns a 1 x 1 matrix as a vector
         self.s: list[float] = workspace.solver.singularValues().tolist()
         if n < m:
             self.s += [0.0] * (m - n)
@@ -57,18 +57,34 @@ class Svd:
         return rank
 
     def solve_transposed(self, tau: Vector, rtol: float) -> Vector:
-        """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero."""
+        """Return (Aᵀ)† tau, shape (m,); singular values up to ``rtol · s[0]`` count as zero.
+
+        Parameters
+        ----------
+        tau :
+            Right-hand side, shape (n,).
+        rtol :
+            Tolerance, relative to the largest singular value.
+        """
         workspace = _workspace(self.A.shape, False)
         if workspace is not self._workspace or workspace.count != self._count:
-            workspace.decompose(self.A)  # reused for another matrix since
+            workspace.decompose(self.A)  # it has been used for another matrix since
         # Eigen keeps a singular value equal to the threshold; here it counts as zero.
         workspace.solver.setThreshold(rtol * (1.0 + 1e-15))
         F: Vector = workspace.solver.solve(tau)
         return F if F.ndim == 1 else F.reshape(-1)
 
     def solve(self, x: Vector, rank: int) -> Vector:
-        """Return A† x, using the first ``rank`` singular values, shape (n,)."""
-        # V comes from a decomposition of its own: Aᵀ U / s loses accuracy where s is small.
+        """Return A† x, using the first ``rank`` singular values, shape (n,).
+
+        Parameters
+        ----------
+        x :
+            Right-hand side, shape (m,).
+        rank :
+            Number of singular values to use.
+        """
+        # V comes from a separate decomposition: Aᵀ U / s loses accuracy where s is small.
         decomposition = ColPivHhJacobiSVD(self.A.T, _THIN_U_FULL_V)
         U, V = decomposition.matrixV(), decomposition.matrixU()
         y = x.dot(U.reshape(len(x), -1)[:, :rank]) / self.s[:rank]
@@ -76,13 +92,29 @@ class Svd:
         return v
 
     def project(self, x: Vector, rank: int) -> Vector:
-        """Return A A† x, the projection of x onto the first ``rank`` left singular vectors."""
+        """Return A A† x, the projection of x onto the first ``rank`` left singular vectors.
+
+        Parameters
+        ----------
+        x :
+            Vector, shape (m,).
+        rank :
+            Number of singular vectors to project onto.
+        """
         U = self.U[:, :rank]
         kept: Vector = U.dot(x.dot(U))
         return kept
 
-    def beyond(self, x: Vector, rank: int) -> Vector:
-        """Return (I - A A†) x, the projection of x onto the other left singular vectors."""
+    def project_out(self, x: Vector, rank: int) -> Vector:
+        """Return (I - A A†) x, the projection of x onto the other left singular vectors.
+
+        Parameters
+        ----------
+        x :
+            Vector, shape (m,).
+        rank :
+            Number of singular vectors to exclude.
+        """
         U = self.U[:, rank:]
         lost: Vector = U.dot(x.dot(U))
         return lost

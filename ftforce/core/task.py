@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike
 
 Axes = Literal["tool", "world"]
 
 AXES: tuple[str, ...] = get_args(Axes)
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")  # linear first, as in Pinocchio
 DEFAULT_LENGTH = 1.0
-SHORTEST, LONGEST = 1e-6, 1e6  # m; outside this range, forces or moments vanish in rounding error
+_SHORTEST, _LONGEST = 1e-6, 1e6  # m; outside this range, forces or moments vanish in rounding error
 _ROUNDING = 1e-12  # smaller forces, relative to the weighted norm, count as zero
 _SHORTHANDS = {"force": COMPONENTS[:3], "moment": COMPONENTS[3:], "wrench": COMPONENTS}
 
@@ -62,12 +64,13 @@ class Task:
             if name not in COMPONENTS:
                 raise UnknownNameError("task component", name, (*_SHORTHANDS, *COMPONENTS))
         if not self.components or len(set(self.components)) < len(self.components):
-            raise InputError(f"the task {','.join(self.components)!r} needs each component once")
+            given = ",".join(self.components)
+            raise InputError(f"the task {given!r} must have one or more components, each only once")
         if self.axes not in AXES:
             raise UnknownNameError("axes", str(self.axes), AXES)
-        if not SHORTEST <= self.length <= LONGEST:  # also rejects NaN
+        if not _SHORTEST <= self.length <= _LONGEST:  # also rejects NaN
             raise InputError(
-                f"the characteristic length must lie between {SHORTEST:g} and {LONGEST:g} m, "
+                f"the characteristic length must lie between {_SHORTEST:g} and {_LONGEST:g} m, "
                 f"got {self.length}"
             )
 
@@ -97,13 +100,19 @@ class Task:
         """
         if isinstance(task, Task):
             return task
-        words = task.split(",") if isinstance(task, str) else list(task)
+        length = DEFAULT_LENGTH if length is None else float(length)
+        if isinstance(task, str) and isinstance(axes, str):
+            return _parsed(task, axes, length)
+        return cls._of_words(task.split(",") if isinstance(task, str) else task, axes, length)
+
+    @classmethod
+    def _of_words(cls, words: Iterable[str], axes: Axes, length: float) -> Task:
         names: list[str] = []
         for word in words:
             if not isinstance(word, str):
                 raise UnknownNameError("task component", word, (*_SHORTHANDS, *COMPONENTS))
             names += _SHORTHANDS.get(word.strip().lower(), (word.strip().lower(),))
-        return cls(tuple(names), axes, DEFAULT_LENGTH if length is None else float(length))
+        return cls(tuple(names), axes, length)
 
     @property
     def m(self) -> int:
@@ -157,6 +166,23 @@ class Task:
         """Names of the power-conjugate velocity components: vx for fx, wx for mx."""
         return tuple(name.replace("f", "v").replace("m", "w") for name in self.components)
 
+    def vector(self, x: ArrayLike, name: str) -> Vector:
+        """Return a force or direction in task axes as a validated vector, shape (m,).
+
+        Parameters
+        ----------
+        x :
+            The components.
+        name :
+            Name of the value, for error messages.
+
+        Raises
+        ------
+        InputError
+            The value does not consist of m finite numbers.
+        """
+        return as_vector(x, self.m, name, f"{', '.join(self.components)} of the task '{self}'")
+
     def weigh_jacobian(self, J: Matrix) -> Matrix:
         """Return the weighted Jacobian J̃ of J, shape (m, n)."""
         return J if self.weights is None else J * self.weights[:, None]
@@ -202,3 +228,8 @@ class Task:
             if components == self.components:
                 return word
         return ",".join(self.components)
+
+
+@lru_cache(maxsize=64)  # a task and its weights are the same for millions of postures
+def _parsed(task: str, axes: Axes, length: float) -> Task:
+    return Task._of_words(task.split(","), axes, length)

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """Whether the force at the tip survives the fault."""
+    """Whether the tip force can be maintained after the fault."""
 
     TOLERATED = "tolerated"
     """The healthy joints can still exert the full force."""
     BORDERLINE = "borderline"
-    """The answer depends on the tolerance: the arm is close to losing, or to keeping, the force."""
+    """The verdict depends on the tolerance: the arm is close to losing or keeping the force."""
     NOT_TOLERATED = "not tolerated"
     """Part of the force can no longer be produced by the motors."""
 
@@ -44,20 +44,20 @@ def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
     """
     if reduced.damaged.s[-1] > wary * reduced.sigma_max:
         return Verdict.TOLERATED  # no direction is lost at any tolerance
-    answers = _answers_for_all(reduced, wary) if F is None else _answers(reduced, F, wary)
-    if len(answers) > 1:
+    outcomes = _outcomes_for_all_forces(reduced, wary) if F is None else _outcomes(reduced, F, wary)
+    if len(outcomes) > 1:
         return Verdict.BORDERLINE
-    return Verdict.TOLERATED if True in answers else Verdict.NOT_TOLERATED
+    return Verdict.TOLERATED if True in outcomes else Verdict.NOT_TOLERATED
 
 
-def _answers_for_all(reduced: ReducedJacobian, wary: float) -> set[bool]:
-    """Return whether all forces are kept at either end of the (monotonic) tolerance range."""
+def _outcomes_for_all_forces(reduced: ReducedJacobian, wary: float) -> set[bool]:
+    """Return whether all forces are kept, at the two ends of the (monotonic) tolerance range."""
     kept_at_wary = sum(s > wary * reduced.sigma_max for s in reduced.damaged.s)
     return {reduced.rank_after >= reduced.rank, kept_at_wary >= reduced.rank}
 
 
-def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
-    """Return the set of answers over the tolerances from rtol to wary, for one force."""
+def _outcomes(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
+    """Return whether one force is kept, as the set of outcomes for tolerances rtol to wary."""
     largest = max(map(abs, F.tolist()))
     if largest == 0.0:
         return {True}
@@ -68,22 +68,30 @@ def _answers(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
     scale = reduced.sigma_max
     # Between neighbouring σ_i the jump does not depend on t, so only the two ends of the
     # interval need checking.
-    doubtful = sorted(
+    losses = sorted(
         tolerance_that_loses(s, scale)
         for s in reduced.damaged.s
         if reduced.rtol * scale < s <= wary * scale
     )
-    starts = [reduced.rtol, *doubtful]
-    answers = set()
-    for start, end in zip(starts, [*doubtful, wary], strict=True):
+    starts = [reduced.rtol, *losses]
+    outcomes = set()
+    for start, end in zip(starts, [*losses, wary], strict=True):
         lost = sum(c for c, s in zip(share, reduced.damaged.s, strict=True) if s <= start * scale)
         relative_jump = math.sqrt(lost)
-        answers |= {relative_jump <= start, relative_jump <= end}
-    return answers
+        outcomes |= {relative_jump <= start, relative_jump <= end}
+    return outcomes
 
 
 def tolerance_that_loses(s: float, scale: float) -> float:
-    """Return the smallest tolerance t at which a singular value is lost, s ≤ t · scale."""
+    """Return the smallest tolerance t at which a singular value is lost, s ≤ t · scale.
+
+    Parameters
+    ----------
+    s :
+        Singular value.
+    scale :
+        σ_max(J).
+    """
     t = s / scale
     return t if s <= t * scale else math.nextafter(t, math.inf)  # the quotient may be rounded down
 
@@ -107,7 +115,7 @@ def judge(
         The decomposed Jacobians.
     F :
         Force F̂ that the healthy arm exerts, shape (m,); ``None`` for all forces, in which case
-        limits only decide whether the arm can carry itself.
+        limits only decide whether the arm can support itself.
     wary :
         Largest tolerance considered.
     bounded :
@@ -117,13 +125,13 @@ def judge(
     """
     if bounded is None:
         return verdict(reduced, F, wary)
-    answers = _answers_with_limits(reduced, F, wary, bounded, largest)
-    if len(answers) > 1:
+    outcomes = _outcomes_with_limits(reduced, F, wary, bounded, largest)
+    if len(outcomes) > 1:
         return Verdict.BORDERLINE
-    return Verdict.TOLERATED if True in answers else Verdict.NOT_TOLERATED
+    return Verdict.TOLERATED if True in outcomes else Verdict.NOT_TOLERATED
 
 
-def _answers_with_limits(
+def _outcomes_with_limits(
     reduced: ReducedJacobian,
     F: Vector | None,
     wary: float,
@@ -137,7 +145,7 @@ def _answers_with_limits(
     mask = None
     if reduced.free is not None:
         mask = ~(reduced.commanding | reduced.locked)
-    answers: set[bool] = set()
+    outcomes: set[bool] = set()
     here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
     start: float | None = reduced.rtol
     while start is not None:  # from one change of rank to the next
@@ -151,9 +159,9 @@ def _answers_with_limits(
         if F is None and here.rank_after < reduced.rank:
             jump = math.inf  # a direction is lost
         end = _next_change(here, wary)
-        answers |= {feasible.unbalanced <= t and jump <= t for t in (start, end or wary)}
+        outcomes |= {feasible.unbalanced <= t and jump <= t for t in (start, end or wary)}
         start = end
-    return answers
+    return outcomes
 
 
 def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
@@ -186,5 +194,5 @@ def _relative_jump(
     return jump * feasible.scale / weight if weight > 0.0 else math.inf
 
 
-VERDICTS = tuple(Verdict)  # a code is an index of this: the larger, the worse
+VERDICTS = tuple(Verdict)  # codes are indices into this tuple; larger is worse
 CODES = {verdict: code for code, verdict in enumerate(VERDICTS)}

@@ -48,7 +48,8 @@ def find_columns(
     header :
         Names of all columns, optionally with a unit in brackets, e.g. ``elbow [deg]``.
     units :
-        For each name, the accepted units and their conversion factors; ``""`` is no unit.
+        For each name, the accepted units and their conversion factors; ``""`` stands for a
+        missing unit.
     expected :
         Names to list in the error for an unknown column; if not given, unknown columns are
         ignored.
@@ -64,12 +65,12 @@ def find_columns(
         if name not in units:
             if expected is None:
                 continue
-            raise UnknownNameError("column", name, expected, "is expected")
+            raise UnknownNameError("column", name, expected)
         if name in found:
-            raise InputError(f"column {name!r} is there twice")
+            raise InputError(f"column {name!r} appears twice")
         if unit not in units[name]:
             known = " or ".join(filter(None, units[name]))
-            raise InputError(f"column {cell!r}: its unit can be {known}")
+            raise InputError(f"column {cell!r}: unknown unit; use {known}")
         found[name] = i, units[name][unit]
     return found
 
@@ -98,6 +99,13 @@ class Table(NamedTuple):
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
         """Return the table whose header is the first nonblank row, or ``None`` if text is blank.
 
+        Parameters
+        ----------
+        text :
+            The whole text.
+        one_line :
+            Whether cells with line breaks are rejected.
+
         Raises
         ------
         InputError
@@ -118,13 +126,22 @@ class Table(NamedTuple):
         """
         for line, cells in _rows(io.StringIO(self.text, newline=""), self.line, self.one_line):
             if len(cells) != len(self.header):
-                raise InputError(f"line {line}: needs {len(self.header)} cells, got {len(cells)}")
+                raise InputError(
+                    f"line {line}: expected {len(self.header)} cells, got {len(cells)}"
+                )
             yield line, cells
 
     def numbers(
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER
     ) -> NDArray[np.float64]:
         """Return selected columns as numbers, shape (rows, columns).
+
+        Parameters
+        ----------
+        columns :
+            Column indices, from 0.
+        largest :
+            Largest absolute value accepted.
 
         Raises
         ------
@@ -144,8 +161,8 @@ class Table(NamedTuple):
         if not self.text or self.text.isspace():
             return np.empty((0, len(columns)))
         if '"' in self.text:
-            raise ValueError("a cell could go on in the next line")
-        # The other columns are read as one character each, so that row lengths are checked.
+            raise ValueError("a quoted cell may continue on the next line")
+        # The other columns are read as one character each; thus row lengths are still checked.
         kinds = [(str(i), "f8" if i in columns else "U1") for i in range(len(self.header))]
         # NumPy would accept non-ASCII whitespace around a number.
         stream = io.StringIO(self.text.encode("ascii", "replace").decode(), newline="")
@@ -158,7 +175,7 @@ class Table(NamedTuple):
     def _number(self, line: int, column: int, cell: str, largest: float) -> float:
         where = f"line {line}, {shortened(self.header[column])}"
         if not cell.strip():
-            raise InputError(f"{where}: the cell is empty; every row needs every joint")
+            raise InputError(f"{where}: empty cell; every row needs a value for every joint")
         try:
             return read_numbers(cell, 1, largest)[0]
         except ValueError as problem:
@@ -172,9 +189,9 @@ def _rows(stream: TextIO, line: int, one_line: bool) -> Iterator[tuple[int, list
         for cells in reader:
             end = line + reader.line_num - 1
             if one_line and end > begin:
-                raise InputError(f"line {begin}: a cell goes on in the next line")
+                raise InputError(f"line {begin}: a cell continues on the next line")
             if any(map(str.strip, cells)):
                 yield end, cells
             begin = end + 1
     except csv.Error as problem:
-        raise InputError(f"line {begin}: is not CSV: {printable(problem)}") from None
+        raise InputError(f"line {begin}: not valid CSV: {printable(problem)}") from None

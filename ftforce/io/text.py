@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ftforce.errors import FileError
 
-LARGEST_FILE = 100_000_000  # bytes; a URDF with all its mesh names has some 100 kB
+LARGEST_FILE = 100_000_000  # bytes; a URDF typically has about 100 kB
 LARGEST_NUMBER = 1e9  # of a length, angle, mass …; results computed from them stay finite
 
 
@@ -44,7 +44,7 @@ def read_text(
     """
     data = read_bytes(path, error, kind, LARGEST_FILE if largest is None else largest)
     if flaw := _flaw(data):
-        raise error(path, f"{flaw}; {kind} was expected")
+        raise error(path, f"{flaw}; expected {kind}")
     return data.decode("utf-8-sig")
 
 
@@ -66,11 +66,11 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
     file = Path(path)
     try:
         if not str(path) or not file.exists():
-            raise error(path, f"no such file; {kind} was expected")
+            raise error(path, f"no such file; expected {kind}")
         if file.is_dir():
-            raise error(path, f"is a folder; {kind} was expected")
+            raise error(path, f"is a folder; expected {kind}")
         if not (file.is_file() or file.is_fifo()):  # reading a device might never end
-            raise error(path, f"is not a regular file; {kind} was expected")
+            raise error(path, f"is not a regular file; expected {kind}")
         # Opening a pipe blocks until it has a writer, possibly forever; non-blocking, it reads as
         # empty.
         descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -81,7 +81,7 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(path, f"cannot be read ({reason})") from None
     if len(data) > largest:
-        raise error(path, f"is larger than {largest // 1_000_000} MB; {kind} was expected")
+        raise error(path, f"is larger than {largest // 1_000_000} MB; expected {kind}")
     return data
 
 
@@ -114,7 +114,7 @@ def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> E
         As ``error``: the XML is malformed or contains a DTD.
     """
     try:
-        _refuse_dtd(text, path, error)
+        _reject_dtd(text, path, error)
         root = ElementTree.fromstring(text)
     except (expat.ExpatError, ElementTree.ParseError) as problem:
         raise error(path, f"is not well-formed XML ({problem})") from None
@@ -130,9 +130,9 @@ class _RootReachedError(Exception):
     """Stop parsing: a DTD can only precede the root element."""
 
 
-def _refuse_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
+def _reject_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
     def on_doctype(*_: object) -> None:
-        raise error(path, "contains a DTD (<!DOCTYPE …>), which is refused; remove it")
+        raise error(path, "contains a DTD (<!DOCTYPE …>), which is not allowed; remove it")
 
     def on_root(*_: object) -> None:
         raise _RootReachedError
@@ -170,21 +170,29 @@ def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tupl
         raise ValueError(f"{shortened(text)} is not a number")
     if len(numbers) != count:
         wanted = "1 number" if count == 1 else f"{count} numbers"
-        raise ValueError(f"{shortened(text)}: {wanted} needed, got {len(numbers)}")
+        raise ValueError(f"{shortened(text)}: expected {wanted}, got {len(numbers)}")
     if not all(map(math.isfinite, numbers)):
         raise ValueError(f"{shortened(text)} is not finite")
     if max(map(abs, numbers)) > largest:
-        raise ValueError(f"{shortened(text)} is too large; numbers up to {largest:g} are read")
+        raise ValueError(f"{shortened(text)} is too large; the maximum magnitude is {largest:g}")
     return numbers
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """Return a quoted text for a message, truncated to ``most`` characters."""
+    """Return a quoted text for a message, truncated to ``most`` characters.
+
+    Parameters
+    ----------
+    text :
+        The text.
+    most :
+        Number of characters to show.
+    """
     return repr(text) if len(text) <= most else f"{text[:most]!r}…"
 
 
 def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
-    """Write a file atomically: to a temporary file beside it, which then replaces it.
+    """Write a file atomically: to a temporary file next to it, which then replaces it.
 
     Devices and pipes are written to directly.
 
@@ -202,7 +210,7 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
         unchanged.
     """
     if not str(path) or "\0" in str(path):
-        raise OutputError(path, "cannot be written: this is no file name")
+        raise OutputError(path, "cannot be written: not a valid file name")
     try:
         file = Path(path)
         if file.is_dir():

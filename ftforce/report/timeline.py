@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from ftforce.core.verdict import VERDICTS, Verdict
-from ftforce.report import text
-from ftforce.report.parts import (
-    Document,
-    Row,
-    arm_part,
-    conventions_part,
-    finite,
-    limits_part,
-    limits_source,
-    listed,
-    modes_part,
-    task_columns,
-)
+from ftforce.report import parts, text
+from ftforce.report.fields import Document, Field, Row, columns, document, plain, whole
+from ftforce.report.measures import MARGIN
 from ftforce.report.text import joined, percent, ratio, size
 
 if TYPE_CHECKING:
-    from ftforce.core.arrays import Matrix
     from ftforce.core.faults import FaultSet
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.timeline import Timeline, WorstInstant
@@ -50,7 +41,7 @@ def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
     if timeline.force is None:
         return "a direction of force is lost"
     if math.isnan(worst.jump):
-        return "nothing holds the arm"
+        return "the arm cannot be held in static equilibrium"
     unit = timeline.task.size_unit
     return f"the force jumps by {size(worst.jump)} {unit}"
 
@@ -61,69 +52,86 @@ def faults_in_words(robot: Robot, faults: FaultSet) -> str:
     return f"{names} {faults.faults[0].mode}"
 
 
+# fmt: off
+_JUMP = Field("jump", "‖ΔF‖; `null` without a force, or if the arm cannot be held", parts.FORCE)
+_CAPABILITY = Field("capability", "largest force that can be commanded; `null` if no known limit "
+    "bounds it, or if the arm cannot be held", parts.FORCE)
+_OVER_TIME = tuple(replace(one, shape="N × S") for one in (_JUMP, MARGIN, _CAPABILITY))
+TIMELINE = (
+    replace(parts.ROBOT, shape="as of an analysis"),
+    Field("conventions", "as of an analysis", shape="as of an analysis",
+        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
+    Field("course", "description of the trajectory"),
+    Field("start", "initial posture", get=whole, parts=(
+        Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.q[0]),
+        Field("source", "where they come from", get="start"),
+    )),
+    Field("mode", "`locked` or `free`"),
+    Field("faults", "size of the largest sets", get="largest"),
+    Field("force", "requested force; `null` if none was given", parts.FORCE, "m"),
+    Field("direction", "of the capability; `null` for the weakest", "1", "m"),
+    Field("limits", "torque limits in force for jump and verdict; `null` if there are none",
+        shape="as of an analysis", parts=parts.LIMITS),
+    Field("capability_limits", "torque limits in force for the capability",
+        shape="as of an analysis", parts=parts.LIMITS),
+    Field("sets", "the worst instant of each set, worst set first", shape="list",
+        get=lambda timeline: timeline.worst(), parts=(
+        *parts.MODES,
+        Field("time", "time of the worst instant", "s"),
+        _JUMP,
+        MARGIN,
+        parts.VERDICT,
+        Field("not_tolerated", "fraction of the instants at which the set is not tolerated", "1"),
+        replace(_CAPABILITY, meaning=f"smallest {_CAPABILITY.meaning} over time"),
+        Field("capability_time", "time of the smallest capability", "s"),
+    )),
+    Field("times", "times of the instants", "s", "N", "t"),
+    Field("columns", "the fault set of each column of the following arrays", shape="list of S",
+        get=lambda timeline: [SimpleNamespace(faults=one) for one in timeline.sets],
+        parts=parts.MODES),
+    *_OVER_TIME,
+    replace(parts.SUMMARY, get=timeline_sentence),
+    parts.WARNINGS,
+)
+# fmt: on
+
+
 def timeline_document(timeline: Timeline) -> Document:
     """Return a timeline as a JSON document: each fault set at its worst, and all values."""
-    names, task = timeline.robot.names, timeline.task
-    limits = timeline.limits
-    bearing = timeline.capability_limits
-    return {
-        "robot": arm_part(timeline.robot),
-        "conventions": conventions_part(task, timeline.rtol, timeline.wary, timeline.conditions),
-        "course": timeline.course,
-        "start": {"q": timeline.q[0].tolist(), "source": timeline.start},
-        "mode": timeline.mode.value,
-        "faults": timeline.largest,
-        "force": listed(timeline.force),
-        "direction": listed(timeline.direction),
-        "limits": None if limits is None else limits_part(names, limits),
-        "capability_limits": None if bearing is None else limits_part(names, bearing),
-        "sets": [
-            {**modes_part(names, worst.faults), **_worst(worst)} for worst in timeline.worst()
-        ],
-        "times": timeline.t.tolist(),
-        "columns": [modes_part(names, faults) for faults in timeline.sets],
-        "jump": _rows(timeline.jump),
-        "margin": _rows(timeline.margin),
-        "capability": _rows(timeline.capability),
-        "summary": timeline_sentence(timeline),
-        "warnings": list(timeline.warnings),
-    }
+    return document(TIMELINE, timeline, timeline.robot.names)
 
 
-def _worst(worst: WorstInstant) -> Document:
-    return {
-        "time": worst.time,
-        "jump": finite(worst.jump),
-        "margin": worst.margin,
-        "verdict": worst.verdict.value,
-        "not_tolerated": worst.not_tolerated,
-        "capability": finite(worst.capability),
-        "capability_time": worst.capability_time,
-    }
-
-
-def _rows(values: Matrix) -> list[list[float | None]]:
-    return [[finite(x) for x in row] for row in values.tolist()]
+def timeline_columns(
+    force_unit: str = parts.FORCE, capability_unit: str = parts.FORCE
+) -> tuple[Field, ...]:
+    """Return the CSV columns, with the units of the task."""
+    capability_limits = "source of the limits of the capability, or `none`"
+    return (
+        Field("t", "time", "s"),
+        parts.FAULT_SET,
+        parts.FAILED,
+        replace(_JUMP, unit=force_unit),
+        MARGIN,
+        replace(_CAPABILITY, unit=capability_unit),
+        parts.VERDICT,
+        *parts.TASK_COLUMNS,
+        parts.LIMITS_SOURCE,
+        Field("capability_limits", capability_limits, get=lambda x: x.capability_limits.source),
+        parts.RTOL,
+        parts.WARY,
+    )
 
 
 def timeline_rows(timeline: Timeline) -> list[Row]:
     """Return a timeline as table rows, one per instant and fault set."""
     names, task = timeline.robot.names, timeline.task
-    unit = text.unit_of_size(task, timeline.direction)
-    conventions = {
-        **task_columns(task),
-        "limits": limits_source(timeline.limits),
-        "capability_limits": limits_source(timeline.capability_limits),
-        "rtol": timeline.rtol,
-        "wary": timeline.wary,
-    }
-    quantities = (f"jump [{task.size_unit}]", "margin", f"capability [{unit}]", "verdict")
-    rows: list[Row] = [("t [s]", "fault_set", "joints", *quantities, *conventions)]
+    fields = timeline_columns(task.size_unit, text.unit_of_size(task, timeline.direction))
+    about = tuple(columns(fields[7:], timeline).values())
+    rows: list[Row] = [tuple(field.heading for field in fields)]
     for j, faults in enumerate(timeline.sets):
-        about = (str(faults), " ".join(names[i] for i in faults.joints))
-        arrays = (timeline.jump, timeline.margin, timeline.capability)
-        columns = ([finite(x) for x in array[:, j].tolist()] for array in arrays)
+        joints = columns(fields[1:3], SimpleNamespace(faults=faults), names).values()
+        arrays = (plain(field.value(timeline)[:, j]) for field in fields[3:6])
         verdicts = (VERDICTS[code].value for code in timeline.verdict[:, j].tolist())
-        cells = zip(timeline.t.tolist(), *columns, verdicts, strict=True)
-        rows += [(t, *about, *values, *conventions.values()) for t, *values in cells]
+        cells = zip(timeline.t.tolist(), *arrays, verdicts, strict=True)
+        rows += [(t, *joints, *values, *about) for t, *values in cells]
     return rows

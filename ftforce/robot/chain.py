@@ -62,6 +62,15 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
 def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple[str, str]:
     """Return the base link and how it was chosen: given, from the SRDF chain, or the root.
 
+    Parameters
+    ----------
+    tree, srdf :
+        Contents of URDF and SRDF.
+    tip :
+        Tip link.
+    base :
+        Base link given by the caller, or ``None``.
+
     Raises
     ------
     InputError
@@ -72,7 +81,7 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
         if base not in above:
             raise InputError(
                 f"base link {base!r} does not lie between the root and the tip {tip!r}; "
-                f"there is: {listed(above)}"
+                f"available: {listed(above)}"
             )
         return base, GIVEN
     bases = [start for start, end in srdf.chains if end == tip and start in above]
@@ -80,12 +89,28 @@ def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple
 
 
 def links_above(tree: UrdfTree, tip: str) -> list[str]:
-    """Return the links that can be the base for a tip, root first."""
+    """Return the links that can be the base for a tip, root first.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    tip :
+        Tip link.
+    """
     return [joint.parent for joint in tree.path_to(tip)]
 
 
 def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
-    """Return the moving joints from base to tip, including followers."""
+    """Return the moving joints from base to tip, including followers.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    base, tip :
+        Base and tip link.
+    """
     joints = tree.path_to(tip)
     children = [joint.child for joint in joints]
     start = children.index(base) + 1 if base in children else 0
@@ -112,7 +137,7 @@ def tip_candidates(tree: UrdfTree) -> dict[str, int]:
 
 def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
     if tip not in tree.links:
-        return 0  # some SRDFs name links that their URDF lacks
+        return 0  # some SRDFs name links that are not in their URDF
     return len(moving_path(tree, base, tip)) if base in links_above(tree, tip) else 0
 
 
@@ -126,7 +151,7 @@ def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
         link = children[0].child
     if not moved:
         if not children:
-            raise InputError(f"{printable(tree.path)}: no joint moves below the link {start!r}")
+            raise InputError(f"{printable(tree.path)}: no movable joint below the link {start!r}")
         raise InputError(
             f"{printable(tree.path)}: the tree branches into several moving parts at the link "
             f"{link!r}; choose a tip (--tip): {_counted(tip_candidates(tree))}"
@@ -159,7 +184,7 @@ def _follow_fixed(tree: UrdfTree, link: str) -> str:
     return link
 
 
-MOST_JOINTS = 100  # Pinocchio's data grows with the cube: 70 MB for 100, 8 GB for 500
+MAX_JOINTS = 100  # Pinocchio's data grow with the cube of it: 70 MB for 100, 8 GB for 500
 
 
 class Follower(NamedTuple):
@@ -236,23 +261,31 @@ def choose_chain(
     leaders = leaders_of(tree, moving_path(tree, base_link, tip_link))
     if not leaders:
         raise InputError(
-            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} against the base "
-            f"{base_link!r}; tips to choose from: {listed(tip_candidates(tree))}"
+            f"{printable(tree.path)}: no joint moves the tip {tip_link!r} relative to the base "
+            f"{base_link!r}; available tips: {listed(tip_candidates(tree))}"
         )
     followers = _followers(tree, leaders)
-    moving = {*leaders, *(one.name for all_of in followers.values() for one in all_of)}
+    moving = {*leaders, *(joint.name for group in followers.values() for joint in group)}
     moving -= {joint.name for joint in tree.path_to(base_link)}
-    if len(moving) > MOST_JOINTS:
+    if len(moving) > MAX_JOINTS:
         raise InputError(
             f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and "
-            f"{tip_link!r}; at most {MOST_JOINTS} can be analysed"
+            f"{tip_link!r}; at most {MAX_JOINTS} can be analysed"
         )
     ends = (tip_link, tip_source, base_link, base_source)
     return Chain(tree, *ends, tuple(leaders.values()), followers, frozenset(moving))
 
 
 def leaders_of(tree: UrdfTree, joints: tuple[UrdfJoint, ...]) -> dict[str, UrdfJoint]:
-    """Return the distinct joints after replacing each follower by its leader."""
+    """Return the distinct joints after replacing each follower by its leader.
+
+    Parameters
+    ----------
+    tree :
+        Contents of the URDF.
+    joints :
+        Moving joints, from base to tip.
+    """
     names = (joint.mimic.leader if joint.mimic else joint.name for joint in joints)
     return {name: tree.joints[name] for name in names}
 
@@ -265,4 +298,4 @@ def _followers(
         if (mimic := joint.mimic) is not None and mimic.leader in found:
             follower = Follower(joint.name, mimic.multiplier, mimic.offset)
             found[mimic.leader].append(follower)
-    return MappingProxyType({name: tuple(all_of) for name, all_of in found.items()})
+    return MappingProxyType({name: tuple(group) for name, group in found.items()})

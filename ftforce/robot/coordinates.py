@@ -48,7 +48,13 @@ class Coordinates(NamedTuple):
     is_identity: bool
 
     def to_model(self, q: Vector) -> Vector:
-        """Return the model configuration, shape (nq,)."""
+        """Return the model configuration, shape (nq,).
+
+        Parameters
+        ----------
+        q :
+            Joint positions along the chain, rad or m, shape (n,).
+        """
         if self.is_identity:
             return q
         angles = self.G.dot(q) + self.offset
@@ -60,7 +66,13 @@ class Coordinates(NamedTuple):
         return configuration
 
     def fold(self, J: Matrix) -> Matrix:
-        """Map a Jacobian of the model to the chain, J G, shape (..., n)."""
+        """Map a Jacobian of the model to the chain, J G, shape (..., n).
+
+        Parameters
+        ----------
+        J :
+            Jacobian of the model, shape (..., nv).
+        """
         if len(self.G) == 1:
             J = J.reshape(-1, 1)  # Pinocchio returns a single column as a vector
         if self.is_identity:
@@ -69,12 +81,24 @@ class Coordinates(NamedTuple):
         return folded
 
     def fold_torque(self, torque: Vector) -> Vector:
-        """Map torques of the model to the chain, Gᵀ τ, shape (n,); followers load their leaders."""
+        """Map torques of the model to the chain, Gᵀ τ, shape (n,); followers load their leaders.
+
+        Parameters
+        ----------
+        torque :
+            Torques of the model, N·m or N, shape (nv,).
+        """
         if self.is_identity:
             return torque.copy()  # the input is a view of Pinocchio's data
         folded: Vector = torque.dot(self.G)
         return folded
 
     def rate(self, v: Vector) -> Vector:
-        """Map joint velocities or accelerations of the chain to the model, G v, shape (nv,)."""
+        """Map joint velocities or accelerations of the chain to the model, G v, shape (nv,).
+
+        Parameters
+        ----------
+        v :
+            Joint velocities or accelerations along the chain, shape (n,).
+        """
         return v if self.is_identity else self.G.dot(v)

@@ -60,7 +60,7 @@ class Payload:
             raise InputError(f"the payload needs a mass in kg, got {mass!r}")
         if not (math.isfinite(mass) and mass >= 0.0):
             raise InputError(f"the payload's mass must be 0 kg or more, got {mass:g}")
-        return cls(float(mass), as_vector(offset, 3, "the payload's place", "x, y, z in m"))
+        return cls(float(mass), as_vector(offset, 3, "the payload's position", "x, y, z in m"))
 
     def __str__(self) -> str:
         """Return the mass, and the position if it is not the tip."""
@@ -90,7 +90,7 @@ def weight_torque(
         torque = robot.coordinates.fold_torque(
             pin.computeGeneralizedGravity(model, data, configuration)
         )
-    elif robot.mass == 0.0:  # without mass there is no centre of mass
+    elif robot.mass == 0.0:  # the centre of mass is undefined
         torque = np.zeros(robot.n)
     else:
         J_com = pin.jacobianCenterOfMass(model, data, configuration)
@@ -156,6 +156,15 @@ def rnea_torque(
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
     """Return the mass matrix M(q), kg·m² (kg·m and kg for prismatic joints), shape (n, n).
 
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    payload :
+        Payload at the tip.
+
     Raises
     ------
     InputError
@@ -172,14 +181,24 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
         M = M + payload.mass * J.T @ J
     if not _is_positive_definite(M):
         raise InputError(
-            f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias of "
-            "its URDF are missing or impossible"
+            f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias in "
+            "its URDF are missing or unphysical"
         )
     return read_only(M)
 
 
 def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
-    """Return the linear Jacobian of the payload in root axes, shape (3, n)."""
+    """Return the linear Jacobian of the payload in root axes, shape (3, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    payload :
+        Payload at the tip.
+    """
     J = frame_jacobian(robot, q, "world")  # also updates the tip placement
     linear: Matrix = J[:3]
     if payload.offset.any():
@@ -189,7 +208,13 @@ def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
 
 
 def payload_acceleration(robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload) -> Vector:
-    """Return the acceleration of the payload in root axes, m/s², shape (3,)."""
+    """Return the acceleration of the payload in root axes, m/s², shape (3,).
+
+    Parameters
+    ----------
+    robot, q, v, a, payload :
+        As in `motion_torque`.
+    """
     model, data, frame, fold = robot.model, robot.data, robot.tip_frame, robot.coordinates
     axes = pin.LOCAL_WORLD_ALIGNED
     pin.forwardKinematics(model, data, robot.to_model(q), fold.rate(v), fold.rate(a))

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 REACHED = 1e-9  # m
-FAR = 2.0  # times the reach bound
+_FAR = 2.0  # times the reach bound
 _INSIDE = 1e-6  # rad or m: the solver starts this far inside the limits
-_MOST_STEPS = 60  # per search; successful ones need about ten
+_MAX_EVALUATIONS = 60  # of the residual per search; successful ones need about ten
 _DAMPED_BELOW = 1e-6  # of σ_max
 
 
@@ -46,7 +46,7 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
     if np.linalg.norm(tip_pose(robot, near)[1] - point) <= REACHED:
         return read_only(near)  # unchanged, even if outside the limits
     for seed in (near, *samples(robot)):
-        q = _polished(robot, point, _solve(robot, point, seed))
+        q = _refined(robot, point, _solve(robot, point, seed))
         there = tip_pose(robot, q)[1]
         error = float(np.linalg.norm(there - point))
         if error <= REACHED and _is_within(robot, q):
@@ -55,17 +55,17 @@ def posture_at(robot: Robot, point: Vector, near: Vector) -> Vector:
             closest, place = error, there
     here = tip_pose(robot, near)[1]
     raise InputError(
-        f"the tip cannot reach {_in_words(point)} m in the root's axes within the joint limits: "
-        f"{_in_words(place)} m is the nearest found, {closest:.3g} m away; in the posture that "
-        f"was tried first it is at {_in_words(here)} m"
+        f"the tip cannot reach {_in_words(point)} m in root axes within the joint limits: the "
+        f"closest position found is {_in_words(place)} m, {closest:.3g} m away; the search started "
+        f"from {_in_words(here)} m"
     )
 
 
 def check_reach(robot: Robot, points: Matrix) -> None:
     """Check that points are not far out of reach, usually millimetres given as metres.
 
-    A path may leave the reach slightly: the arm follows as closely as it can, and the tracking
-    error is reported.
+    A path may exceed the reach slightly: the arm then follows it as closely as possible, and the
+    tracking error is reported.
 
     Parameters
     ----------
@@ -82,25 +82,26 @@ def check_reach(robot: Robot, points: Matrix) -> None:
     first, length = reach_bound(robot)
     distances = np.linalg.norm(points - first, axis=1)
     far = int(distances.argmax())
-    if distances[far] > FAR * length:
+    if distances[far] > _FAR * length:
         raise InputError(
-            f"the tip cannot reach {_in_words(points[far])} m in the root's axes: that is "
-            f"{distances[far]:.4g} m from the first joint, and the stretched arm has {length:.4g} m"
+            f"the tip cannot reach {_in_words(points[far])} m in root axes: the point is "
+            f"{distances[far]:.4g} m from the first joint, and the stretched arm is {length:.4g} m "
+            "long"
         )
 
 
 def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
     from scipy.optimize import least_squares
 
-    room = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
-    start = np.clip(seed, robot.lower + room, robot.upper - room)
+    margin = np.minimum(_INSIDE, 0.25 * (robot.upper - robot.lower))
+    start = np.clip(seed, robot.lower + margin, robot.upper - margin)
     fixed = np.where(robot.lower == robot.upper, _INSIDE, 0.0)  # the solver rejects equal bounds
     found = least_squares(
         lambda q: tip_pose(robot, q)[1] - point,
         start,
         jac=lambda q: frame_jacobian(robot, q, "world")[:3],
         bounds=(robot.lower - fixed, robot.upper + fixed),
-        max_nfev=_MOST_STEPS,
+        max_nfev=_MAX_EVALUATIONS,
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,
@@ -109,12 +110,12 @@ def _solve(robot: Robot, point: Vector, seed: Vector) -> Vector:
     return q
 
 
-def _polished(robot: Robot, point: Vector, q: Vector) -> Vector:
-    """Return q refined by a few minimum-norm Newton steps, which avoid self-motion."""
+def _refined(robot: Robot, point: Vector, q: Vector) -> Vector:
+    """Return q refined by a few minimum-norm Newton steps, which cause no self-motion."""
     for _ in range(5):
         K = Svd(frame_jacobian(robot, q, "world")[:3], left_only=True)
         error = point - tip_pose(robot, q)[1]
-        if np.linalg.norm(error) > 1e-3:  # m; not converged, so there is nothing to polish
+        if np.linalg.norm(error) > 1e-3:  # m; not converged
             break
         q = q + damped_inverse(K, error, _DAMPED_BELOW * K.s[0])
     return q

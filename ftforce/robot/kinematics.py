@@ -35,7 +35,7 @@ def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
 def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
     """Return rotation matrix (3, 3) and position (3,), in m, of every joint of the model.
 
-    In root axes, root first; all joints of the model are included, also followers.
+    In root axes, root first; all joints of the model are included, followers too.
 
     Parameters
     ----------
@@ -68,13 +68,25 @@ def reach_bound(robot: Robot) -> tuple[Vector, float]:
 
 
 def quaternion(R: Matrix) -> Vector:
-    """Return the unit quaternion (x, y, z, w) of a rotation matrix; its sign is arbitrary."""
+    """Return the unit quaternion (x, y, z, w) of a rotation matrix; its sign is arbitrary.
+
+    Parameters
+    ----------
+    R :
+        Rotation matrix, shape (3, 3).
+    """
     coefficients: Vector = pin.Quaternion(R).coeffs()
     return coefficients
 
 
 def rotation_vector(R: Matrix) -> Vector:
-    """Return the rotation vector (axis times angle, rad) of a rotation matrix, shape (3,)."""
+    """Return the rotation vector (axis times angle, rad) of a rotation matrix, shape (3,).
+
+    Parameters
+    ----------
+    R :
+        Rotation matrix, shape (3, 3).
+    """
     vector: Vector = pin.log3(R)
     return vector
 
@@ -98,5 +110,15 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
 
 
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
-    """Return the unweighted task Jacobian (m/rad and rad/rad; m/m if prismatic), shape (m, n)."""
+    """Return the unweighted task Jacobian (m/rad and rad/rad; m/m if prismatic), shape (m, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    task :
+        The task.
+    """
     return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])

@@ -87,7 +87,7 @@ def find_robot(name: str) -> KnownRobot:
     try:
         return known_robots()[name]
     except KeyError:
-        raise UnknownNameError("known robot or file", name, known_robots()) from None
+        raise UnknownNameError("robot or file", name, known_robots()) from None
 
 
 def _known(name: str, entry: dict[str, Any]) -> KnownRobot:

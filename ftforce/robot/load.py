@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import UrdfJoint
     from ftforce.robot.known_robots import KnownRobot
 
-PLACEHOLDER = 1e4  # theory §5: limits this large or larger are placeholders
+_PLACEHOLDER = 1e4  # limits this large or larger are placeholders (docs/theory/limits)
 
-States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
+_States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
 
 def load_robot(
@@ -45,7 +45,7 @@ def load_robot(
     ----------
     source :
         Path of a URDF, or name of a known robot (``ftforce robots`` lists them). An SRDF of the
-        same name beside the URDF is read, too.
+        same name in the same folder is also read.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the last link before the tree branches into several moving parts.
@@ -156,17 +156,17 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
     """Return the position limits; infinite if there are none or both are placeholders."""
     if joint.lower is None or joint.upper is None:
         return -np.inf, np.inf
-    if joint.lower <= -PLACEHOLDER and joint.upper >= PLACEHOLDER:
+    if joint.lower <= -_PLACEHOLDER and joint.upper >= _PLACEHOLDER:
         return -np.inf, np.inf
-    return max(joint.lower, -PLACEHOLDER), min(joint.upper, PLACEHOLDER)
+    return max(joint.lower, -_PLACEHOLDER), min(joint.upper, _PLACEHOLDER)
 
 
 def _largest(limit: float | None) -> float | None:
     """Return an effort or velocity limit, or ``None`` if it is unknown."""
-    return limit if limit is not None and 0.0 < limit < PLACEHOLDER else None
+    return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
 
 
-def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
+def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> _States:
     """Return the named postures of SRDF and registry, by joint name."""
     states: dict[str, Mapping[str, float]] = dict(srdf.states)
     if known is not None and known.postures:
@@ -177,7 +177,7 @@ def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> States:
     return states
 
 
-def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str]]:
+def _postures(chain: Chain, states: _States) -> tuple[dict[str, Vector], list[str]]:
     """Return the named postures of the chain, and notes on those that are incomplete."""
     postures: dict[str, Vector] = {}
     notes = []
@@ -186,7 +186,7 @@ def _postures(chain: Chain, states: States) -> tuple[dict[str, Vector], list[str
         if not missing:
             postures[name] = read_only(np.array([state[joint] for joint in chain.names]))
         elif len(missing) < len(chain.names):
-            notes.append(f"posture {name!r} is left out: it does not place {listed(missing)}")
+            notes.append(f"posture {name!r} is ignored: it has no position for {listed(missing)}")
     return postures, notes
 
 
@@ -222,7 +222,7 @@ def _held_by_default(
         Posture to use for them if no preferred posture is a usable default.
     """
     if all(held == robot.held for held in places.values()):
-        return robot  # the usual case: nothing to decide
+        return robot  # the usual case: the choice makes no difference
     name, _ = usable_posture(robot)
     held = places[fallback if name is None else name]
     if held == robot.held:
@@ -245,7 +245,7 @@ def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str
             (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
         )
         if lost := [link for link in named if link not in chain.tree.links]:
-            notes.append(f"the SRDF names links that the URDF lacks: {listed(lost)}")
+            notes.append(f"the SRDF names links that are not in the URDF: {listed(lost)}")
     held = [joint.name for joint in chain.tree.path_to(chain.tip) if joint.type in HELD]
     notes += [f"joint {name!r} (floating or planar) is held fixed" for name in held]
     return notes

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
-    """Return the model with every joint outside the chain fixed, and with codes for names.
+    """Return the model with all joints outside the chain fixed, named by codes (`UrdfTree.to_xml`).
 
     Parameters
     ----------
@@ -45,23 +45,31 @@ def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
 
 
 def full_model(tree: UrdfTree) -> pin.Model:
-    """Return the Pinocchio model of the whole tree, with codes for names (`UrdfTree.to_xml`).
+    """Return the Pinocchio model of the whole tree, named by codes (`UrdfTree.to_xml`).
 
     Raises
     ------
     URDFError
-        Pinocchio rejects the URDF, although it passed our checks.
+        Pinocchio rejects the URDF although it passed the checks.
     """
     try:
         with captured_stderr() as printed:
             return pin.buildModelFromXML(tree.to_xml())
     except (ValueError, RuntimeError) as problem:
         reason = " ".join(f"{printed} {problem}".split())
-        raise URDFError(tree.path, f"Pinocchio cannot read it: {reason}") from None
+        raise URDFError(tree.path, f"Pinocchio rejects the URDF: {reason}") from None
 
 
 def restore_names(model: pin.Model, tree: UrdfTree) -> None:
-    """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place."""
+    """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place.
+
+    Parameters
+    ----------
+    model :
+        Pinocchio model named by codes.
+    tree :
+        Contents of the URDF.
+    """
     codes = (*tree.link_codes().items(), *tree.joint_codes().items())
     names = {code: name for name, code in codes}
     model.name = tree.name
@@ -72,7 +80,15 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
 
 
 def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
-    """Return the map from the chain's joint positions to a model with codes for names."""
+    """Return the map from the chain's joint positions to a model named by codes.
+
+    Parameters
+    ----------
+    chain :
+        The chain.
+    model :
+        Its Pinocchio model, from `reduced_model`.
+    """
     codes = chain.tree.joint_codes()
     G = np.zeros((model.nv, len(chain.leaders)))
     offset = np.zeros(model.nv)

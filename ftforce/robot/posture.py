@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
-SEED = 20_100  # fixed, so that samples are reproducible
+_SEED = 20_100  # fixed, so that samples are reproducible
 _defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
 
 
@@ -80,7 +80,7 @@ def choose_posture(
         raise InputError(f"give either q or a posture, not both (q and {name!r})")
     if isinstance(q, Posture):
         if len(q.q) != robot.n:
-            raise DimensionError("posture", (robot.n,), q.q.shape, "it is another arm's")
+            raise DimensionError("posture", (robot.n,), q.q.shape, "it belongs to another arm")
         return q
     if q is not None:
         values = as_vector(q, robot.n, "q", f"one per joint, {robot.numbered()}")
@@ -115,7 +115,7 @@ def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
     Returns
     -------
     :
-        Its name, or ``None`` if there is none; and a remark on each posture skipped before it.
+        Its name, or ``None`` if there is none; and a remark on each posture that was skipped.
     """
     skipped: list[str] = []
     for name in robot.preferred:
@@ -154,7 +154,15 @@ def mid_range(robot: Robot) -> Vector:
 
 
 def is_singular(robot: Robot, q: Vector) -> bool:
-    """Return whether the force or wrench Jacobian is rank-deficient relative to other postures."""
+    """Return whether the force or wrench Jacobian is rank-deficient relative to other postures.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
     J = frame_jacobian(robot, q)
     for rows in (3, 6):
         rank = _rank(J[:rows], BORDERLINE_RTOL)
@@ -177,7 +185,7 @@ def samples(robot: Robot) -> Vector:
     """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
     lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
     upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
-    drawn = np.random.default_rng(SEED).random((SAMPLES, robot.n))
+    drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
 
 
@@ -188,7 +196,7 @@ def best_sample(robot: Robot) -> Vector:
     def conditioning(q: Vector) -> tuple[float, ...]:
         s = np.linalg.svd(frame_jacobian(robot, q)[:3], compute_uv=False)
         # Rank first, then the smallest nonzero singular value, so that an arm without full rank
-        # (a planar one) is judged in the directions in which it can move.
+        # (e.g. a planar one) is rated in the directions in which it can move.
         ratios = [float(x / s[0]) if x > RTOL * s[0] else 0.0 for x in s]
         return (sum(x > 0.0 for x in ratios), min((x for x in ratios if x > 0.0), default=0.0))
 
@@ -210,7 +218,7 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
 
 
 def _outside(robot: Robot, q: Vector) -> list[int]:
-    slack = 1e-6  # printed limits are rounded
+    slack = 1e-6  # rad or m: limits are often rounded
     low, high = q < robot.lower - slack, q > robot.upper + slack
     return np.flatnonzero(low | high).tolist()
 

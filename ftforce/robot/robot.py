@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.core.arrays import Vector, read_only
+from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     import pinocchio as pin
+    from numpy.typing import ArrayLike
 
     from ftforce.robot.coordinates import Coordinates
 
@@ -106,8 +107,8 @@ class Robot(Displayed):
     held :
         Movable joints outside the chain, with the position at which they are fixed (rad, m).
     fixed :
-        Names of the joints without a single motor: fixed joints, and floating and planar joints,
-        which are held fixed.
+        Names of the joints that no single motor drives: fixed joints, and floating and planar
+        joints, which are held fixed.
     tips :
         Candidate tip links, with the number of moving joints above each.
     mass :
@@ -190,6 +191,23 @@ class Robot(Displayed):
         """
         return self.coordinates.to_model(q)
 
+    def vector(self, x: ArrayLike, name: str) -> Vector:
+        """Return one value per joint of the chain as a validated vector, shape (n,).
+
+        Parameters
+        ----------
+        x :
+            The values.
+        name :
+            Name of the values, for error messages.
+
+        Raises
+        ------
+        InputError
+            The values are not n finite numbers.
+        """
+        return as_vector(x, self.n, name, f"one per joint, {self.numbered()}")
+
     def index(self, joint: int | str) -> int:
         """Return the index (from 0) of a joint given by number or name.
 
@@ -210,7 +228,7 @@ class Robot(Displayed):
                 )
             return int(joint) - 1
         if not isinstance(joint, str):
-            raise InputError(f"a joint is a number from 1 to {self.n} or a name, got {joint!r}")
+            raise InputError(f"a joint is given by number (1 to {self.n}) or name, got {joint!r}")
         return self._index_of_word(joint if joint in self.names else joint.strip())
 
     def _index_of_word(self, word: str) -> int:
@@ -218,15 +236,17 @@ class Robot(Displayed):
         if (number := _as_number(word)) is not None:
             if named is not None and named + 1 != number:
                 raise InputError(
-                    f"{word!r} could be joint number {number} or the joint of that name, which is "
-                    f"number {named + 1}; the chain has: {self.numbered()}"
+                    f"{word!r} is ambiguous: it is the name of joint {named + 1} and a joint "
+                    f"number; the chain has: {self.numbered()}"
                 )
             return self.index(number)
         if named is not None:
             return named
         for joint in self.joints:
             if word in joint.followers:
-                raise InputError(f"joint {word!r} mimics {joint.name!r}; name that one instead")
+                raise InputError(
+                    f"joint {word!r} mimics {joint.name!r}; give {joint.name!r} instead"
+                )
         if word in self.held:
             raise InputError(
                 f"joint {word!r} lies outside the chain from {self.base!r} to {self.tip!r} and is "
@@ -234,7 +254,7 @@ class Robot(Displayed):
             )
         if word in self.fixed:
             raise InputError(
-                f"joint {word!r} is held fixed: it has no motor that could fail; "
+                f"joint {word!r} is held fixed and has no motor that could fail; "
                 f"the chain has: {self.numbered()}"
             )
         raise UnknownNameError("joint", word, self.names, f"in the chain of {self.name!r}")
@@ -264,12 +284,14 @@ class Robot(Displayed):
             given = [joints]
         if given and all(isinstance(joint, (bool, np.bool_)) for joint in given):
             if len(given) != self.n:
-                raise InputError(f"a mask needs {self.n} values, one per joint, got {len(given)}")
+                raise InputError(
+                    f"a joint mask needs {self.n} entries, one per joint, got {len(given)}"
+                )
             return tuple(i for i, failed in enumerate(given) if failed)
         indices = [self.index(joint) for joint in given]
         for i in indices:
             if indices.count(i) > 1:
-                raise InputError(f"joint {i + 1} ({self.names[i]}) is named twice")
+                raise InputError(f"joint {i + 1} ({self.names[i]}) appears twice")
         return tuple(sorted(indices))
 
     def numbered(self) -> str:

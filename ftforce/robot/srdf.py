@@ -46,7 +46,7 @@ def read_srdf(path: str | PathLike[str]) -> Srdf:
     """
     root = parse_xml(read_text(path, SRDFError, "an SRDF"), path, SRDFError)
     if root.tag != "robot":
-        raise SRDFError(path, f"is no SRDF: its root element is <{root.tag}>, not <robot>")
+        raise SRDFError(path, f"is not an SRDF: its root element is <{root.tag}>, not <robot>")
     ends = [e.get("parent_link", "") for e in root.iter("end_effector")]
     chains = [(e.get("base_link", ""), e.get("tip_link", "")) for e in root.iter("chain")]
     states: dict[str, dict[str, float]] = {}
@@ -62,7 +62,7 @@ def read_srdf(path: str | PathLike[str]) -> Srdf:
 
 def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:
     if not state.get("name", "").isprintable():
-        reason = f"the state name {state.get('name')!r} holds characters that cannot be printed"
+        reason = f"the state name {state.get('name')!r} contains unprintable characters"
         raise SRDFError(path, reason)
     values = {}
     for joint in state.iter("joint"):

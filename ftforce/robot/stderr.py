@@ -14,7 +14,7 @@ _STDERR = 2
 _lock = threading.Lock()  # the file descriptor belongs to the whole process
 
 
-class Printed:
+class _Printed:
     """The captured text; empty until the context exits."""
 
     text = ""
@@ -25,9 +25,9 @@ class Printed:
 
 
 @contextmanager
-def captured_stderr() -> Iterator[Printed]:
+def captured_stderr() -> Iterator[_Printed]:
     """Capture output to file descriptor 2, which bypasses ``sys.stderr``."""
-    printed = Printed()
+    printed = _Printed()
     with _lock, _scratch_file() as file:
         try:
             saved = os.dup(_STDERR)

@@ -72,7 +72,7 @@ def figure(result: Drawable) -> Figure:
     draw = next((draw for kind, draw in _LAYOUTS.items() if isinstance(result, kind)), None)
     if draw is None:
         names = ", ".join(kind.__name__ for kind in _LAYOUTS)
-        raise InputError(f"there is no figure of {type(result).__name__}, but of: {names}")
+        raise InputError(f"no figure for {type(result).__name__}; available for: {names}")
     with rc_context({**PRINT, "axes.titlelocation": "left"}):
         drawn = Figure(layout="constrained")
         draw(drawn, result)

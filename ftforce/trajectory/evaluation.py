@@ -1,8 +1,8 @@
 """Forces and torques of a moving arm at each instant, with and without the remap.
 
-With the remap, every instant is analysed as `ftforce.analyze` would. Without it, the controller
-measures positions and velocities and commands all motors for weight, motion and force as if they
-were healthy; the resulting force follows from mechanics.
+With the remap, every instant is analysed as by `ftforce.analyze`. Without it, the controller
+measures positions and velocities and commands all motors, for gravity, motion and force, as if they
+were healthy; the resulting tip force follows from the mechanics.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.analysis.conditions import without_rounding
 from ftforce.core import measures
-from ftforce.core.arrays import Vector, over, read_only
+from ftforce.core.arrays import Vector, read_only, safe_divide
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
@@ -27,43 +27,16 @@ from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ftforce.analysis.conditions import Conditions
+    from ftforce.analysis.question import Question
     from ftforce.core.arrays import Mask, Matrix
     from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
-    from ftforce.core.task import Task
-    from ftforce.robot.robot import Robot
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import Motion
 
 _CHUNK = 500  # instants per progress tick
 
 
-class Case(NamedTuple):
-    """Data shared by all instants of all runs.
-
-    Attributes
-    ----------
-    robot, task, conditions :
-        The arm, the task, gravity and payload.
-    F :
-        Requested force, weighted, shape (m,).
-    limits :
-        Torque limits in force; ``None`` if none.
-    rtol, wary :
-        Tolerances.
-    """
-
-    robot: Robot
-    task: Task
-    conditions: Conditions
-    F: Vector
-    limits: Limits | None
-    rtol: float
-    wary: float
-
-
-class Faults(NamedTuple):
+class _FaultConstraints(NamedTuple):
     """Masks and torque limits of a fault set.
 
     Attributes
@@ -72,25 +45,25 @@ class Faults(NamedTuple):
         True at locked joints, shape (n,).
     free :
         True at free-swinging joints; ``None`` if there are none.
-    counted :
-        Torque limits in force, NaN where unknown; ``None`` if none.
-    known_largest :
+    limits :
+        Torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
+    known_limits :
         The same; if no limits are in force, those of the URDF.
     """
 
     locked: Mask
     free: Mask | None
-    counted: Vector | None
-    known_largest: Vector
+    limits: Vector | None
+    known_limits: Vector
 
     @classmethod
-    def of(cls, case: Case, faults: FaultSet) -> Faults:
+    def of(cls, case: Question, faults: FaultSet) -> _FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
-        counted = None if case.limits is None else case.limits.largest_torques(faults)
-        shares = case.robot.effort * faults.factors(n)
-        largest = np.where(faults.mask(n), np.nan, shares) if counted is None else counted
-        return cls(faults.mask(n), faults.free_mask(n), counted, largest)
+        limits = None if case.limits is None else case.limits.largest_torques(faults)
+        motors = case.robot.effort * faults.factors(n)
+        known = np.where(faults.mask(n), np.nan, motors) if limits is None else limits
+        return cls(faults.mask(n), faults.free_mask(n), limits, known)
 
 
 class TipPath(NamedTuple):
@@ -101,14 +74,14 @@ class TipPath(NamedTuple):
     orientation: Matrix | None
 
 
-class Known(NamedTuple):
+class _FaultKnowledge(NamedTuple):
     """Actual faults, and those the controller assumes; ``None`` if it knows the actual ones."""
 
-    actual: Faults
-    taken_for: Faults | None
+    actual: _FaultConstraints
+    assumed: _FaultConstraints | None
 
 
-class Balance(NamedTuple):
+class _Balance(NamedTuple):
     """Weighted tip force and the matching torques; NaN if the arm cannot be held.
 
     Attributes
@@ -140,9 +113,9 @@ class Balance(NamedTuple):
 
 
 def run_of(
-    case: Case,
+    case: Question,
     motion: Motion,
-    course: TipPath,
+    reference: TipPath,
     times: Vector,
     phases: Sequence[Phase],
     *,
@@ -154,10 +127,10 @@ def run_of(
     Parameters
     ----------
     case :
-        Data shared by all instants.
+        What is asked at every instant, with a force.
     motion :
         The joint motion.
-    course :
+    reference :
         Reference of the tip.
     times, phases :
         Sample times, s, and the actual and known faults over time.
@@ -174,19 +147,21 @@ def run_of(
                 getattr(run, name)[first:last] = getattr(same, name)[first:last]
             tick(last - first)
             continue
-        actual, known = Faults.of(case, phase.actual), Faults.of(case, phase.known)
-        faults = Known(actual, None if phase.actual == phase.known else known)
+        actual, assumed = (
+            _FaultConstraints.of(case, faults) for faults in (phase.actual, phase.known)
+        )
+        knowledge = _FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
         for i in range(first, last):
-            _fill(run, i, case, course, faults)
+            _fill(run, i, case, reference, knowledge)
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
-        _finish(run, slice(first, last), case, course, actual)
+        _finish(run, slice(first, last), case, reference, actual)
     _without_sign_changes(run.orientation)
     return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
 
 
-def _empty_run(case: Case, motion: Motion) -> Run:
+def _empty_run(case: Question, motion: Motion) -> Run:
     count, n, m = len(motion.q), case.robot.n, case.task.m
     rest = [name for name in QUANTITIES if name not in {*MOTIONS, *SCALARS}]
     arrays = {name: np.zeros((count, width(name, n, m) or 1)) for name in rest}
@@ -194,7 +169,7 @@ def _empty_run(case: Case, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
+def _fill(run: Run, i: int, case: Question, reference: TipPath, knowledge: _FaultKnowledge) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
@@ -202,15 +177,15 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     pose = robot.data.oMf[robot.tip_frame]
     run.position[i], R = pose.translation, pose.rotation
     run.orientation[i] = quaternion(R)
-    if course.orientation is not None:
-        run.orientation_error[i] = rotation_vector(course.orientation @ R.T)
+    if reference.orientation is not None:
+        run.orientation_error[i] = rotation_vector(reference.orientation @ R.T)
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
     J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
-    found = _balance(case, q, J, rnea, faults)
+    found = _balance(case, q, J, rnea, knowledge)
     run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
     run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
     run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
@@ -218,39 +193,42 @@ def _fill(run: Run, i: int, case: Case, course: TipPath, faults: Known) -> None:
     run.verdict[i] = CODES[found.verdict]
 
 
-def _finish(run: Run, here: slice, case: Case, course: TipPath, actual: Faults) -> None:
+def _finish(
+    run: Run, here: slice, case: Question, reference: TipPath, actual: _FaultConstraints
+) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
-    run.path_error[here] = course.x[here] - run.position[here]
-    run.velocity_jump[here] -= course.x_dot[here]
+    run.path_error[here] = reference.x[here] - run.position[here]
+    run.velocity_jump[here] -= reference.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
     load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
-    limited = actual.known_largest > 0.0  # excludes unknown limits (NaN) and free joints (0)
-    run.used[here, limited] = load[:, limited] / actual.known_largest[limited]
+    limited = actual.known_limits > 0.0  # excludes unknown limits (NaN) and free joints (0)
+    run.used[here, limited] = load[:, limited] / actual.known_limits[limited]
     run.force[here] = case.task.unweigh_force(run.force[here])
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
-def _with_remap(case: Case, J: Matrix, rnea: Vector, faults: Faults) -> Balance:
+def _with_remap(case: Question, J: Matrix, rnea: Vector, faults: _FaultConstraints) -> _Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
-    locked, free, counted, _ = faults
+    locked, free, limits, _ = faults
     reduced = reduce(read_only(J), locked, case.rtol, free)
+    assert case.F is not None  # a simulation requires a force
     F = supported_force(reduced, case.F)
     if reduced.rank < reduced.m:
         F = without_rounding(F, F, case.F)
     bounded = None
-    if counted is None and free is None:
+    if limits is None and free is None:
         F_after: Vector | None = force_jump(reduced, F).F_after
     else:
-        bounded = remap_inside(reduced, F, rnea, counted)
+        bounded = remap_inside(reduced, F, rnea, limits)
         F_after = bounded.F_after
-    verdict = judge(reduced, F, case.wary, bounded, counted)
+    verdict = judge(reduced, F, case.wary, bounded, limits)
     if F_after is None:
         nothing = np.full(len(rnea), np.nan)
         lost = np.full(len(F), np.nan)
-        return Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
+        return _Balance(F, lost, nothing, nothing, nothing, reduced, verdict)
     U = np.where(reduced.commanding, F_after.dot(J), 0.0)
     motor = np.where(reduced.commanding, rnea + U, 0.0)
-    return Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
+    return _Balance(F, F_after, U, motor, np.zeros(len(rnea)), reduced, verdict)
 
 
 def _without_sign_changes(quaternions: Matrix) -> None:
@@ -259,48 +237,52 @@ def _without_sign_changes(quaternions: Matrix) -> None:
     quaternions[1:] *= np.cumprod(turned)[:, None]
 
 
-def _balance(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
-    actual, taken_for = faults
-    if taken_for is None:
+def _balance(
+    case: Question, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+) -> _Balance:
+    actual, assumed = knowledge
+    if assumed is None:
         return _with_remap(case, J, rnea, actual)
-    if case.limits is None and actual.free is None and taken_for.free is None:
+    if case.limits is None and actual.free is None and assumed.free is None:
         # Locks alone do not change the torques of the healthy joints.
         return _with_remap(case, J, rnea, actual)
-    return _without_remap(case, q, J, rnea, faults)
+    return _without_remap(case, q, J, rnea, knowledge)
 
 
-def _without_remap(case: Case, q: Vector, J: Matrix, rnea: Vector, faults: Known) -> Balance:
+def _without_remap(
+    case: Question, q: Vector, J: Matrix, rnea: Vector, knowledge: _FaultKnowledge
+) -> _Balance:
     """Return the force that results from torques commanded for the assumed faults."""
-    actual, known = faults
-    assert known is not None
-    meant = _with_remap(case, J, rnea, known)
+    actual, assumed = knowledge
+    assert assumed is not None
+    planned = _with_remap(case, J, rnea, assumed)
     reduced = reduce(read_only(J), actual.locked, case.rtol, actual.free)
-    if np.isnan(meant.motor).any():  # the arm cannot be held even with the assumed faults
-        return meant._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
-    motor = np.where(reduced.commanding, meant.motor, 0.0)
+    if np.isnan(planned.motor).any():  # the arm cannot be held even with the assumed faults
+        return planned._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
+    motor = np.where(reduced.commanding, planned.motor, 0.0)
     if case.limits is not None:  # motor torques saturate at their limits
-        most = np.where(np.isnan(actual.known_largest), np.inf, actual.known_largest)
-        motor = np.clip(motor, -most, most)
+        limits = np.where(np.isnan(actual.known_limits), np.inf, actual.known_limits)
+        motor = np.clip(motor, -limits, limits)
     moving = ~actual.locked
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
     F_after = _exerted(case, q, reduced, rest)
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
-    scale = math.hypot(*rnea, *meant.F.dot(J))
-    moved = over(math.hypot(*unbalanced), scale, 0.0)
+    scale = math.hypot(*rnea, *planned.F.dot(J))
+    moved = safe_divide(math.hypot(*unbalanced), scale, 0.0)
     if moved <= case.rtol:  # below the tolerance the arm does not move
         unbalanced = np.zeros_like(unbalanced)
-    verdict = _verdict(case, reduced, meant.F, F_after, moved)
-    return Balance(meant.F, F_after, U, motor, unbalanced, reduced, verdict)
+    verdict = _verdict(case, reduced, planned.F, F_after, moved)
+    return _Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
-def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
-    """Return the tip force that torques exert while the environment holds the tip in place.
+def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:
+    """Return the tip force that torques exert while the environment keeps the tip in place.
 
     If masses are known, the remaining torques accelerate the arm and the dynamically consistent
     inverse applies; otherwise the Euclidean one.
     """
-    # Ranks are decided relative to the healthy arm, as everywhere.
+    # As in all other modules, ranks are decided relative to the healthy arm.
     K = np.where(reduced.locked, 0.0, reduced.J)
     size = float(np.linalg.norm(K, 2))
     rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
@@ -319,11 +301,11 @@ def _exerted(case: Case, q: Vector, reduced: ReducedJacobian, rest: Vector) -> V
 
 
 def _verdict(
-    case: Case, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
+    case: Question, reduced: ReducedJacobian, F: Vector, F_after: Vector, moved: float
 ) -> Verdict:
     """Return the verdict without remap, from the force jump and the unbalanced torques."""
     jump = math.hypot(*(F - F_after))
-    off = max(over(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
+    off = max(safe_divide(jump, math.hypot(*F), math.inf if jump > 0.0 else 0.0), moved)
     if off > case.wary:
         return Verdict.NOT_TOLERATED
     if off > reduced.rtol:

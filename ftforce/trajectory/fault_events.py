@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
+_EXAMPLES = "3,4@50, free:2@10 or weak:3:0.5@5"
 
 
 class FaultEvent(NamedTuple):
@@ -64,7 +64,7 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
     robot :
         The arm.
     events :
-        Texts ``JOINTS@SECONDS`` with joints by number (from 1) or name, prefixed by ``free:`` or
+        Strings ``JOINTS@SECONDS`` with joints by number (from 1) or name, prefixed by ``free:`` or
         ``weak:`` if not locked: ``3,4@50``, ``free:2@10``, ``weak:3:0.5@5``; or `FaultEvent`.
 
     Raises
@@ -75,7 +75,7 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
     """
     given = [events] if isinstance(events, (str, FaultEvent)) else events
     if not isinstance(given, Iterable):
-        raise InputError(f"fault events are texts such as {EXAMPLES}, got {events!r}")
+        raise InputError(f"fault events are strings such as {_EXAMPLES}; got {events!r}")
     found = [one if isinstance(one, FaultEvent) else _read(robot, one) for one in given]
     for event in found:
         _check(robot, event)
@@ -87,8 +87,8 @@ def read_events(robot: Robot, events: Events) -> tuple[FaultEvent, ...]:
             if before is not None and (before == fault or before.mode is FaultMode.LOCKED):
                 name = f"{fault.joint + 1} ({robot.names[fault.joint]})"
                 raise InputError(
-                    f"joint {name} is {before} already at {event.time:g} s; only joints that "
-                    "are free or weak can fail once more, in another way"
+                    f"joint {name} has already failed ({before}) by {event.time:g} s; only a free "
+                    "or weak joint can fail again, in another mode"
                 )
             modes[fault.joint] = fault
     together: dict[float, list[FaultEvent]] = {}
@@ -129,21 +129,22 @@ def joined(events: Iterable[FaultEvent]) -> FaultSet:
 
 def _read(robot: Robot, text: object) -> FaultEvent:
     if not isinstance(text, str):
-        raise InputError(f"a fault event is a text such as {EXAMPLES}, got {text!r}")
+        raise InputError(f"a fault event is a string such as {_EXAMPLES}; got {text!r}")
     joints, at, time = text.rpartition("@")
     if not at or not joints.strip() or not time.strip():
-        raise InputError(f"a fault event needs joints and a time, e.g. {EXAMPLES}; got {text!r}")
+        raise InputError(f"a fault event needs joints and a time, e.g. {_EXAMPLES}; got {text!r}")
     try:
         seconds = read_numbers(time, 1)[0]
     except ValueError as problem:
-        raise InputError(f"the time of the fault {text!r}: {problem}; it is in s") from None
+        raise InputError(f"the time of the fault {text!r}: {problem}; give it in s") from None
     mode, colon, rest = joints.partition(":")
     word = mode.strip().lower()
     if not colon or joints.strip() in robot.names:  # a joint name may contain a colon
         return FaultEvent(seconds, named_faults(robot, locked=joints))
     if word not in set(FaultMode):
         raise InputError(
-            f"a fault is locked, free or weak, got {mode.strip()!r} in {text!r}; e.g. {EXAMPLES}"
+            f"unknown fault mode {mode.strip()!r} in {text!r}; available: locked, free, weak, "
+            f"e.g. {_EXAMPLES}"
         )
     return FaultEvent(seconds, named_faults(robot, **{word: rest}))
 
@@ -152,13 +153,15 @@ def _check(robot: Robot, event: FaultEvent) -> None:
     time, faults = event
     if not is_number(time) or time < 0.0:
         shown = f"{time:g} s" if isinstance(time, float) else repr(time)
-        raise InputError(f"a fault happens at 0 s or later, got {shown}")
+        raise InputError(f"the time of a fault must be 0 s or later, got {shown}")
     if not isinstance(faults, FaultSet):
         raise InputError(f"a fault event needs a FaultSet, got {faults!r}")
     if not faults:
-        raise InputError(f"no joint fails at {time:g} s; give one, e.g. {EXAMPLES}")
+        raise InputError(f"the fault at {time:g} s has no joints; give one, e.g. {_EXAMPLES}")
     if any(fault.joint >= robot.n for fault in faults.faults):
-        raise InputError(f"a fault at {time:g} s names a joint beyond {robot.numbered()}")
+        raise InputError(
+            f"a joint of the fault at {time:g} s is out of range; the chain has: {robot.numbered()}"
+        )
 
 
 def _time(event: FaultEvent) -> float:

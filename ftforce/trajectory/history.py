@@ -150,7 +150,7 @@ class Run:
     velocity_jump :
         Actual minus reference tip velocity, in root axes, m/s, shape (N, 3).
     rnea :
-        Torques for weight and motion, N·m (N), shape (N, n).
+        Gravity and motion torques, N·m (N), shape (N, n).
     force_part :
         Torques JᵀF̂ with which the healthy arm would exert the force here, shape (N, n).
     U :
@@ -161,7 +161,7 @@ class Run:
         Brake loads of locked joints, shape (N, n); 0 at other joints.
     unbalanced :
         Torques that are not balanced and accelerate the arm, shape (N, n); 0 where they are within
-        ``rtol`` of the torques for weight, motion and force.
+        ``rtol`` of the torques for gravity, motion and force.
     used :
         Load over torque limit, shape (N, n); NaN where the limit is unknown.
     force :

@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
 
 FORMATS = ("csv", "npz", "parquet")
-LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
-LARGEST_FILE = 20_000_000_000  # bytes
-_KIND = "a history that ftforce wrote (.csv, .npz or .parquet)"
+_LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
+_LARGEST_FILE = 20_000_000_000  # bytes
+_KIND = "a history written by ftforce (.csv, .npz or .parquet)"
 _VERSION = 1
 _ABOUT, _KEY = "about", b"ftforce"
 _WORDS = [verdict.value for verdict in VERDICTS]
@@ -149,8 +149,8 @@ def load_history(path: str | PathLike[str]) -> History:
     """
     form = Path(path).suffix.lower().removeprefix(".")
     if form not in FORMATS:
-        raise InputError(f"{printable(path)}: the name of a history ends in .csv, .npz or .parquet")
-    data = read_bytes(path, TrajectoryError, _KIND, LARGEST_FILE)
+        raise InputError(f"{printable(path)}: the name must end in .csv, .npz or .parquet")
+    data = read_bytes(path, TrajectoryError, _KIND, _LARGEST_FILE)
     read = {"csv": _from_csv, "npz": _from_npz, "parquet": _from_parquet}[form]
     try:
         return read(data)
@@ -160,7 +160,7 @@ def load_history(path: str | PathLike[str]) -> History:
         raise
     except Exception as problem:  # damaged files raise arbitrary errors in the readers
         raise TrajectoryError(
-            path, f"is no history of ftforce, or a damaged one ({printable(problem)})"
+            path, f"is not an ftforce history, or is damaged ({printable(problem)})"
         ) from None
 
 
@@ -186,9 +186,9 @@ def _about(history: History) -> str:
 def _read_about(text: str) -> tuple[Setting, list[str]]:
     about = json.loads(text)
     if about.get("format") != "ftforce history":
-        raise InputError("is no history of ftforce")
+        raise InputError("is not an ftforce history")
     if about["version"] != _VERSION:
-        raise InputError(f"has version {about['version']}; this ftforce reads {_VERSION}")
+        raise InputError(f"has format version {about['version']}; this ftforce reads {_VERSION}")
     content = about["setting"]
     content["effort"] = [math.nan if x is None else x for x in content["effort"]]
     content["delay"] = math.inf if content["delay"] is None else content["delay"]
@@ -204,7 +204,7 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
     )
     runs = about["runs"]
     if runs not in [list(RUNS), list(RUNS[:2])] or about["verdicts"] != _WORDS:
-        raise InputError("holds other runs or verdicts than this ftforce knows")
+        raise InputError("contains runs or verdicts unknown to this ftforce")
     return setting, runs
 
 
@@ -223,13 +223,13 @@ def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) ->
             wanted = (count,) if size is None else (count, size)
             kind = "int8" if quantity == "verdict" else "float64"
             if arrays[quantity].shape != wanted or arrays[quantity].dtype != kind:
-                raise InputError(f"holds {quantity} of another shape or type than it needs")
+                raise InputError(f"{quantity} has the wrong shape or type")
         codes = arrays["verdict"]
         if codes.size and not 0 <= codes.min() <= codes.max() < len(VERDICTS):
-            raise InputError("holds a verdict that does not exist")
+            raise InputError("contains an invalid verdict")
         found[name] = Run(**{quantity: read_only(arrays[quantity]) for quantity in QUANTITIES})
     if t.shape != (count,) or path.shape != (count, 3) or not count:
-        raise InputError("holds times or a path of another shape than it needs")
+        raise InputError("times or path have the wrong shape")
     healthy, unremapped = found["healthy"], found["unremapped"]
     assert healthy is not None
     assert unremapped is not None
@@ -251,7 +251,7 @@ def _npz_bytes(history: History) -> bytes:
 def _from_npz(data: bytes) -> History:
     with np.load(io.BytesIO(data), allow_pickle=False) as archive:
         if "about" not in archive:
-            raise InputError("is no history of ftforce: it does not say what was simulated")
+            raise InputError("is not an ftforce history: it does not describe the simulation")
         setting, names = _read_about(str(archive["about"]))
         runs = {
             name: {quantity: archive[f"{name}.{quantity}"] for quantity in QUANTITIES}
@@ -283,10 +283,10 @@ def _from_table(setting: Setting, names: list[str], table: dict[str, Any]) -> Hi
     columns = columns_of(setting)
     wanted = ["run", *_SHARED, *(column.header for column in columns)]
     if list(table) != wanted:
-        raise InputError("has other columns than a history of this arm")
+        raise InputError("has columns that do not match the simulation it describes")
     count, rest = divmod(len(table["run"]), len(names))
     if rest or list(table["run"]) != [name for name in names for _ in range(count)]:
-        raise InputError("has rows missing, or in another order")
+        raise InputError("has missing or reordered rows")
     codes = {word: code for code, word in enumerate(_WORDS)}
     table["verdict"] = np.array([codes[word] for word in table["verdict"]], dtype=np.int8)
     runs: dict[str, Any] = {}
@@ -320,13 +320,13 @@ def _cell(value: Any) -> Any:
 
 
 def _from_csv(data: bytes) -> History:
-    usual = csv.field_size_limit(LONGEST_CELL)  # process-wide, so it is restored
+    usual = csv.field_size_limit(_LONGEST_CELL)  # process-wide, so it is restored
     try:
         header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     finally:
         csv.field_size_limit(usual)
     if header[-1:] != [_ABOUT] or not rows:
-        raise InputError("is no history of ftforce: its last column is not 'about'")
+        raise InputError("is not an ftforce history: its last column is not 'about'")
     setting, names = _read_about(rows[0][-1])
     columns = zip(*rows, strict=True)
     texts = {"run", "verdict"}
@@ -350,7 +350,7 @@ def _from_parquet(data: bytes) -> History:
     # Single-threaded: reader threads can crash the interpreter at exit.
     table = parquet.read_table(arrow.BufferReader(data), use_threads=False, pre_buffer=False)
     if _KEY not in (about := table.schema.metadata or {}):
-        raise InputError("is no history of ftforce: it does not say what was simulated")
+        raise InputError("is not an ftforce history: it does not describe the simulation")
     setting, names = _read_about(about[_KEY].decode())
     columns = {
         name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)
@@ -364,6 +364,6 @@ def _pyarrow() -> tuple[Any, Any]:
         from pyarrow import parquet
     except ImportError:
         raise FtforceError(
-            "Parquet files need pyarrow: pip install 'ftforce[parquet]'; .npz and .csv need nothing"
+            "Parquet files need pyarrow: pip install 'ftforce[parquet]'; .npz and .csv do not"
         ) from None
     return parquet, pyarrow

@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
-from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without
+from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without_columns
 from ftforce.core.svd import Svd
 from ftforce.robot.kinematics import frame_jacobian, rotation_vector
 from ftforce.trajectory.reference import Motion
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 GAIN = 10.0  # 1/s: feedback gain on the position error of the tip
 LIMIT_GAIN = 5.0  # 1/s: a joint at distance d from its limit approaches it at no more than this · d
-SLOWEST = 1e-3  # m/s: least bound on the feedback velocity, for slow trajectories
+_SLOWEST = 1e-3  # m/s: least bound on the feedback velocity, for slow trajectories
 _AT_BOUND = 1e-9  # rad/s or m/s: a velocity this close to a bound counts as saturated
 _RTOL, _ATOL = 1e-8, 1e-9  # integration tolerances, rad or m
 _FINEST = 1e-4  # s: below this step size the adaptive method is abandoned
@@ -38,7 +38,7 @@ _SMALL_STEP = 1e-3  # s: fixed step size used instead
 _PATIENCE = 0.02  # s: initial duration of a run of fixed steps
 _DENSE = 0.02  # s: largest sample spacing at which velocities are splined
 _KINK = 0.01  # relative to the largest slope: a larger change of slope is a kink
-_REACH = 6  # samples beside a kink or an end where the spline is not used
+_MARGIN = 6  # samples next to a kink or an end, where the spline is not used
 _QUOTIENT = 1e-6  # s: step of a difference quotient
 
 Law: TypeAlias = "Callable[[float, Vector], Vector]"
@@ -70,7 +70,7 @@ class Progression(NamedTuple):
 
 def advance(
     robot: Robot,
-    course: ReferenceTrajectory,
+    reference: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     phases: Sequence[Phase],
@@ -85,7 +85,7 @@ def advance(
 
     Parameters
     ----------
-    robot, course :
+    robot, reference :
         The arm and its reference trajectory.
     q :
         Joint positions at the start, shape (n,).
@@ -107,49 +107,49 @@ def advance(
         locked = phase.known.mask(robot.n)
         if phase.known != known and locked.any():
             start = here
-        known, stuck = phase.known, phase.actual.mask(robot.n) & ~locked
+        known, undetected = phase.known, phase.actual.mask(robot.n) & ~locked
         last = i == len(phases) - 1
         rows = slice(*np.searchsorted(times, (phase.start, np.inf if last else end)))
         if planned is not None and not locked.any():
-            stretch = Motion(*(x[rows] for x in planned.motion))
-            tick(len(stretch.q))
+            segment = Motion(*(x[rows] for x in planned.motion))
+            tick(len(segment.q))
             state = None if last else planned.arrivals[end]
         else:
             span = (phase.start, end)
-            stretch, state = _stretch(
-                robot, course, start, times[rows], span=span, known=known, tick=tick
+            segment, state = _segment(
+                robot, reference, start, times[rows], span=span, known=known, tick=tick
             )
-        for x, samples, held in zip(whole, stretch, (here, nothing, nothing), strict=True):
-            x[rows] = np.where(stuck, held, samples)
+        for x, samples, held in zip(whole, segment, (here, nothing, nothing), strict=True):
+            x[rows] = np.where(undetected, held, samples)
         if state is not None and not last:
-            arrivals[end] = State(*map(np.where, [stuck] * 3, (here, nothing, nothing), state))
+            arrivals[end] = State(*map(np.where, [undetected] * 3, (here, nothing, nothing), state))
             start, here = state.q, arrivals[end].q
     return Progression(whole, arrivals)
 
 
-def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law:
+def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> Law:
     """Return the joint velocities that follow a trajectory, as a function of time and posture.
 
     Parameters
     ----------
-    robot, course :
+    robot, reference :
         The arm and its reference trajectory.
     known :
         Faults known to the controller.
     """
-    top, orientation = max(course.top_speed, SLOWEST), course.orientation
+    top, orientation = max(reference.top_speed, _SLOWEST), reference.orientation
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
     rates = _Rates(speeds, robot.lower, robot.upper)
     locked = known.mask(robot.n)
     free = known.free_mask(robot.n)
-    passive = locked if free is None else locked | free
-    nobody = np.zeros(robot.n, dtype=np.bool_)
+    uncommanded = locked if free is None else locked | free
+    none = np.zeros(robot.n, dtype=np.bool_)
     any_locked = bool(locked.any())
 
     def velocities(t: float, q: Vector) -> Vector:
         J = frame_jacobian(robot, q, "world")  # also updates the tip frame placement
         place = robot.data.oMf[robot.tip_frame]
-        target = course.at(t)
+        target = reference.at(t)
         x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
         turn = None  # angular velocity that corrects the orientation error
         if orientation is not None:
@@ -158,15 +158,15 @@ def rates_law(robot: Robot, course: ReferenceTrajectory, known: FaultSet) -> Law
             turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
         healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
         damped_below = BORDERLINE_RTOL * healthy.s[0]
-        v = rates.moved(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
+        v = rates.track_position(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
         if turn is not None:
-            v = rates.turned(J, turn, nobody, q, v)
+            v = rates.track_orientation(J, turn, none, q, v)
         if any_locked:  # Appendix A; a free-swinging joint keeps its planned velocity
             v = np.where(locked, 0.0, v)
-            K = without(healthy.A, passive)
-            v = rates.moved(K, x_dot - healthy.A.dot(v), q, v, damped_below)
+            K = without_columns(healthy.A, uncommanded)
+            v = rates.track_position(K, x_dot - healthy.A.dot(v), q, v, damped_below)
             if turn is not None:
-                v = rates.turned(J, turn, passive, q, v)
+                v = rates.track_orientation(J, turn, uncommanded, q, v)
         return v
 
     return velocities
@@ -185,7 +185,9 @@ class _Rates(NamedTuple):
         upper = np.minimum(self.speeds, LIMIT_GAIN * (self.high - q))
         return Bounds(np.minimum(lower, self.speeds), np.maximum(upper, -self.speeds))
 
-    def moved(self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float) -> Vector:
+    def track_position(
+        self, K: Svd, missing: Vector, q: Vector, v0: Vector, damped_below: float
+    ) -> Vector:
         """Return joint velocities that add the missing tip velocity to v0: `resolved_rates`."""
         v: Vector = v0 + damped_inverse(K, missing, damped_below)
         ahead = q + v / LIMIT_GAIN
@@ -193,7 +195,9 @@ class _Rates(NamedTuple):
             return v  # the usual case: no bound is active
         return resolved_rates(K, missing, v0, self.bounds(q), damped_below)
 
-    def turned(self, J: Matrix, turn: Vector, passive: Mask, q: Vector, v: Vector) -> Vector:
+    def track_orientation(
+        self, J: Matrix, turn: Vector, uncommanded: Mask, q: Vector, v: Vector
+    ) -> Vector:
         """Return velocities that also rotate the tip, as far as its position and the bounds allow.
 
         Position has priority: the rotation uses the null space of the position task (Nakamura
@@ -205,15 +209,15 @@ class _Rates(NamedTuple):
             Linear and angular rows, shape (6, n).
         turn :
             Angular velocity of the tip, rad/s, shape (3,).
-        passive :
+        uncommanded :
             Joints that cannot be commanded, shape (n,).
         q, v :
             Joint positions, and joint velocities that solve the position task, shape (n,).
         """
         lower, upper = self.bounds(q)
         full = (v >= upper - _AT_BOUND) | (v <= lower + _AT_BOUND)
-        fixed = passive | full
-        K = without(J[:3], fixed)
+        fixed = uncommanded | full
+        K = without_columns(J[:3], fixed)
         V = K.A.T.dot(K.U[:, [s > RTOL * K.s[0] for s in K.s]])
         V = np.linalg.qr(V)[0]
         angular = np.where(fixed, 0.0, J[3:])
@@ -226,9 +230,9 @@ class _Rates(NamedTuple):
         return v + max(float(share), 0.0) * change
 
 
-def _stretch(
+def _segment(
     robot: Robot,
-    course: ReferenceTrajectory,
+    reference: ReferenceTrajectory,
     q: Vector,
     times: Vector,
     *,
@@ -237,12 +241,12 @@ def _stretch(
     tick: Tick,
 ) -> tuple[Motion, State]:
     """Return the motion at the sample times within a time span, and the state at its end."""
-    if not known.in_mode(FaultMode.LOCKED) and (given := course.motion(times)) is not None:
-        last = course.motion(np.array([span[1]]))
+    if not known.in_mode(FaultMode.LOCKED) and (given := reference.motion(times)) is not None:
+        last = reference.motion(np.array([span[1]]))
         assert last is not None
         tick(len(times))
         return given, State(*(x[0] for x in last))
-    law = rates_law(robot, course, known)
+    law = rates_law(robot, reference, known)
     samples, q_end = _integrate(law, q, times, span, tick)
     v = np.empty_like(samples)
     for i, t in enumerate(times.tolist()):
@@ -310,13 +314,13 @@ def _accelerations(law: Law, t: Vector, q: Matrix, v: Matrix) -> Matrix:
     and near kinks of the law (a limit becomes active) a forward difference quotient is used.
     """
     a, rough = np.empty_like(v), np.ones(len(t), dtype=np.bool_)
-    if len(t) > 4 * _REACH and (steps := np.diff(t)).max() <= _DENSE:
+    if len(t) > 4 * _MARGIN and (steps := np.diff(t)).max() <= _DENSE:
         from scipy.interpolate import CubicSpline
 
         slopes = np.diff(v, axis=0) / steps[:, None]
         kinks = np.abs(np.diff(slopes, axis=0)).max(axis=1) > _KINK * np.abs(slopes).max()
-        rough[1:-1] = np.convolve(kinks, np.ones(2 * _REACH + 1), "same") > 0.0
-        rough[: _REACH + 1] = rough[-_REACH - 1 :] = True
+        rough[1:-1] = np.convolve(kinks, np.ones(2 * _MARGIN + 1), "same") > 0.0
+        rough[: _MARGIN + 1] = rough[-_MARGIN - 1 :] = True
         a = CubicSpline(t, v)(t, 1)
     for i in np.flatnonzero(rough).tolist():
         a[i] = (law(t[i] + _QUOTIENT, q[i] + _QUOTIENT * v[i]) - v[i]) / _QUOTIENT

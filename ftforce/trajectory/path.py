@@ -64,28 +64,30 @@ class Path:
             The points are not (k, 3) numbers, consecutive points coincide, or the speed is not
             positive.
         """
-        places = as_floats(points, "the path's points")
+        places = as_floats(points, "the path")
         if places.ndim != 2 or places.shape[1] != 3 or len(places) < 2:
             raise InputError(
                 f"a path needs two or more points x, y, z in m, got an array of shape "
                 f"{places.shape}"
             )
-        check_finite(places, "the path's points")
+        check_finite(places, "the path")
         if (far := float(np.abs(places).max())) > LARGEST_NUMBER:
-            raise InputError(f"the path's points lie within {LARGEST_NUMBER:g} m, got {far:g} m")
+            raise InputError(
+                f"the path's points must lie within {LARGEST_NUMBER:g} m, got {far:g} m"
+            )
         if not is_number(speed) or speed <= 0:
-            raise InputError(f"the speed must be positive, m/s, got {speed!r}")
+            raise InputError(f"the speed in m/s must be positive, got {speed!r}")
         lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
         if not lengths.all():
             i = int(lengths.argmin()) + 1
-            raise InputError(f"points {i} and {i + 1} of the path are the same; leave one out")
+            raise InputError(f"points {i} and {i + 1} of the path coincide; omit one")
         with np.errstate(over="ignore"):
             times = np.concatenate([[0.0], np.cumsum(PEAK * lengths / float(speed))])
         if not math.isfinite(times[-1]):
-            raise InputError(f"the path takes for ever at a speed of {speed:g} m/s")
+            raise InputError(f"the path takes infinitely long at a speed of {speed:g} m/s")
         if not np.diff(times).all():  # too short to have a duration in floating point
             i = int(np.diff(times).argmin()) + 1
-            raise InputError(f"points {i} and {i + 1} of the path are too close; leave one out")
+            raise InputError(f"points {i} and {i + 1} of the path are too close together; omit one")
         return cls(read_only(places), read_only(times), float(speed), bool(keep_orientation))
 
     @property
@@ -134,5 +136,13 @@ class Leg(NamedTuple):
 
 
 def leg_at(legs: Sequence[Leg], t: float) -> Leg:
-    """Return the leg at time t, s; the first or last one outside the path."""
+    """Return the leg at time t, s; the first or last one outside the path.
+
+    Parameters
+    ----------
+    legs :
+        Line segments of the path, in order.
+    t :
+        Time, s.
+    """
     return next((leg for leg in legs if t < leg.end), legs[-1])

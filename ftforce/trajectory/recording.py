@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-LARGEST_FILE = 2_000_000_000  # bytes
-GAP = 10.0  # times the median step: longer gaps are not interpolated
-_NO_NUMBERS = "needs a header and numbers below it"
-_KIND = "a CSV file of a trajectory (t and the joints' names, or x,y,z)"
-_SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding
+_LARGEST_FILE = 2_000_000_000  # bytes
+_GAP = 10.0  # times the median step; longer gaps are not interpolated
+_NO_NUMBERS = "expected a header followed by rows of numbers"
+_KIND = "a CSV file of a trajectory (columns t and joint names, or x,y,z)"
+_SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding error
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
-_MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity,
-_STILL = 1e-3  # rad or m: plus this, for encoder noise of joints at rest
+_MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
+_NOISE = 1e-3  # rad or m: added to it, for encoder noise of joints at rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,9 @@ class Recording:
         """
         times = as_floats(t, "t")
         if times.ndim != 1 or len(times) < 4:
-            raise InputError(f"a trajectory needs 4 or more times, got the shape {times.shape}")
+            raise InputError(
+                f"a recording needs 4 or more times, got an array of shape {times.shape}"
+            )
         check_finite(times, "t")
         _check_times(times, max_gap, lambda i: f"sample {i + 1}")
         positions = _samples(robot, q, "q", len(times))
@@ -118,7 +120,7 @@ class Recording:
         """
         return recording_of(robot, Sheet.read(path), max_gap)
 
-    def doubts(self, names: Sequence[str]) -> Iterator[str]:
+    def warnings(self, names: Sequence[str]) -> Iterator[str]:
         """Yield a warning for each joint whose recorded velocities do not match its positions.
 
         Parameters
@@ -132,10 +134,10 @@ class Recording:
         steps = 0.5 * (self.v[1:] + self.v[:-1]) * np.diff(self.t)[:, None]
         off = np.abs(moved[1:] - np.cumsum(steps, axis=0)).max(axis=0)
         size = np.maximum(np.abs(moved).max(axis=0), np.abs(steps).sum(axis=0))
-        for i in np.flatnonzero(off > _MISFIT * size + _STILL).tolist():
+        for i in np.flatnonzero(off > _MISFIT * size + _NOISE).tolist():
             yield (
-                f"the recorded velocities of {names[i]} do not fit its positions: their integral "
-                f"is {off[i]:.3g} off; are the units right?"
+                f"the recorded velocities of {names[i]} do not match its positions: their integral "
+                f"is off by {off[i]:.3g}; check the units"
             )
 
     @property
@@ -170,7 +172,7 @@ class Sheet(NamedTuple):
         TrajectoryError
             The file cannot be read, or a cell is empty or not a number.
         """
-        text = read_text(path, TrajectoryError, _KIND, LARGEST_FILE)
+        text = read_text(path, TrajectoryError, _KIND, _LARGEST_FILE)
         try:
             table = _table(text)
             values = table.numbers(range(len(table.header)), _LARGEST)
@@ -202,7 +204,7 @@ class Sheet(NamedTuple):
         for cell in self.table.header:
             name, unit = split_unit(cell)
             if unit not in {"", "m"}:
-                raise TrajectoryError(self.path, f"column {cell!r}: points are in m")
+                raise TrajectoryError(self.path, f"column {cell!r}: waypoints must be in m")
             names.append(name.lower())
         return self.values[:, [names.index(axis) for axis in "xyz"]]
 
@@ -213,17 +215,29 @@ def _table(text: str) -> Table:
         raise InputError(_NO_NUMBERS)
     if len(table.header) < 2:
         got = shortened(table.header[0])
-        raise InputError(f"needs the header t,JOINT,… or x,y,z, got {got}; commas separate cells")
+        raise InputError(
+            f"expected the header t,JOINT,… or x,y,z, got {got}; cells are separated by commas"
+        )
     return table
 
 
 def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Recording:
-    """Return the recorded motion in a file, see `Recording.read`."""
+    """Return the recorded motion in a file, see `Recording.read`.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    sheet :
+        The file.
+    max_gap :
+        As in `Recording.of`.
+    """
     try:
         columns = _columns(robot, sheet.table.header)
         t = read_only(sheet.values[:, columns["t"][0]].copy())
         if len(t) < 4:
-            raise InputError(f"a trajectory needs 4 or more samples, got {len(t)}")
+            raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
     except InputError as problem:
         raise TrajectoryError(sheet.path, str(problem)) from None
@@ -258,11 +272,13 @@ def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, floa
     columns = find_columns(header, units, needed)
     if missing := [name for name in needed if name not in columns]:
         raise InputError(
-            f"lacks the columns {', '.join(missing)}; a trajectory needs t and every joint: "
+            f"missing columns: {', '.join(missing)}; a recording needs t and every joint: "
             f"{robot.numbered()}"
         )
     if len(needed) < len(columns) < len(units):
-        raise InputError("holds velocities of some joints only; give those of all, or of none")
+        raise InputError(
+            "contains velocities of some joints only; give those of all joints or of none"
+        )
     return columns
 
 
@@ -277,16 +293,16 @@ def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) 
     steps = np.diff(t)
     if (steps < _SHORTEST).any():
         i = int((steps < _SHORTEST).argmax())
-        what = "is there twice" if steps[i] == 0.0 else f"comes after {t[i]:.12g} s"
-        least = "times must rise" if steps[i] <= 0.0 else f"steps need {_SHORTEST:g} s or more"
-        raise InputError(f"{place(i + 1)}: the time {t[i + 1]:.12g} s {what}; {least}")
+        what = "appears twice" if steps[i] == 0.0 else f"comes after {t[i]:.12g} s"
+        rule = "increase" if steps[i] <= 0.0 else f"increase by {_SHORTEST:g} s or more"
+        raise InputError(f"{place(i + 1)}: the time {t[i + 1]:.12g} s {what}; times must {rule}")
     usual = float(np.median(steps))
     if max_gap is not None and not (is_number(max_gap) and max_gap > 0.0):
-        raise InputError(f"the longest gap must be positive and finite, s, got {max_gap!r}")
-    longest = GAP * usual if max_gap is None else float(max_gap)
+        raise InputError(f"the longest gap in s must be positive and finite, got {max_gap!r}")
+    longest = _GAP * usual if max_gap is None else float(max_gap)
     if steps.max() > longest * (1.0 + 1e-9):
         i = int(steps.argmax())
         raise InputError(
-            f"{place(i + 1)}: a gap of {steps[i]:g} s after {t[i]:.12g} s, where the usual step "
-            f"is {usual:g} s and gaps up to {longest:g} s are bridged (--max-gap, max_gap)"
+            f"{place(i + 1)}: a gap of {steps[i]:g} s after {t[i]:.12g} s; the median step is "
+            f"{usual:g} s, and gaps up to {longest:g} s are interpolated (--max-gap, max_gap)"
         )

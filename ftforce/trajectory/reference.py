@@ -58,7 +58,13 @@ class ReferenceTrajectory(Protocol):
         """Return the target at time ``t``, s."""
 
     def motion(self, t: Vector) -> Motion | None:
-        """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed."""
+        """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed.
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
 
 
 class PathReference:
@@ -66,20 +72,22 @@ class PathReference:
 
     Parameters
     ----------
+    robot :
+        The arm.
     path :
         The path.
     q :
-        Joint positions at its start, shape (n,).
+        Joint positions at its start, rad or m, shape (n,).
     """
 
     def __init__(self, robot: Robot, path: Path, q: Vector) -> None:
-        self._legs, self._preferred = path.legs(), robot.at_rest
+        self._legs, self._nominal_velocity = path.legs(), robot.at_rest
         self.duration, self.top_speed = path.duration, path.speed
         self.orientation = tip_pose(robot, q)[0] if path.keeps_orientation else None
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s; the nominal joint velocity is zero."""
-        return Target(*leg_at(self._legs, t).at(t), self._preferred)
+        return Target(*leg_at(self._legs, t).at(t), self._nominal_velocity)
 
     def motion(self, t: Vector) -> None:
         """Return ``None``: inverse kinematics determines the motion."""
@@ -89,6 +97,13 @@ class RecordedReference:
     """Reference trajectory that interpolates a recorded motion; time starts at 0.
 
     Positions of continuous joints are unwrapped, because drivers may report them modulo 2π.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    recording :
+        The recorded motion.
     """
 
     orientation = None
@@ -119,5 +134,11 @@ class RecordedReference:
         return Target(x, J[:3].dot(v), v)
 
     def motion(self, t: Vector) -> Motion:
-        """Return the recorded joint motion at times ``t``."""
+        """Return the recorded joint motion at times ``t``.
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
         return Motion(self._q(t), self._v(t), self._a(t))

@@ -20,17 +20,23 @@ END = (0.781, 0.509, 0.280)  # R_d, m
 SPEED = 0.015  # m/s
 FORCE = (80.0, 50.0, 10.0)  # N
 FAULT = "3@50"
-POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
+_POSTURE = (-10.0, 18.0, -6.0, -5.0, -6.0)  # degrees; initial guess at the start of the path
 
-NOTES = (
-    "the paper gives no masses: those of robots/dh5.toml, round aluminium bars, 10.7 kg in all",
+_NOTES = (
     (
-        "the paper gives no starting posture: one near (-10°, 18°, -6°, -5°, -6°), from which "
-        "joint 3 can lock at 50 s and leave a margin; the start is close to full stretch"
+        "masses, not given in the paper: those of robots/dh5.toml, solid aluminium cylinders, "
+        "10.7 kg in total"
     ),
-    "the paper gives no timing law: 10u³ - 15u⁴ + 6u⁵, at rest at both ends, 15 mm/s in the middle",
-    "the force is constant in the axes of the tool, as in the paper's tables",
-    "so Figs. 2 to 4 are reproduced in shape, not in digits",
+    (
+        "initial posture, not given in the paper: one near (-10°, 18°, -6°, -5°, -6°), from which "
+        "joint 3 can lock at 50 s and leave a margin; the arm starts close to full extension"
+    ),
+    (
+        "timing law, not given in the paper: 10u³ - 15u⁴ + 6u⁵, at rest at both ends, peak speed "
+        "15 mm/s"
+    ),
+    "the force is constant in tool axes, as in the paper's tables",
+    "Figs. 2 to 4 are therefore reproduced in shape, not in every digit",
 )
 
 
@@ -61,7 +67,7 @@ def section_v(
     history = simulate(
         load_robot("dh5"),
         Path.through([START, END], speed=SPEED),
-        np.deg2rad(POSTURE),
+        np.deg2rad(_POSTURE),
         force=FORCE,
         faults=FAULT,
         rate=rate,
@@ -69,4 +75,4 @@ def section_v(
         remap=remap,
         progress=progress,
     )
-    return replace(history, setting=replace(history.setting, notes=NOTES))
+    return replace(history, setting=replace(history.setting, notes=_NOTES))

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.analyze import Analysis, analyze
-from ftforce.analysis.conditions import Conditions
-from ftforce.analysis.limits_files import NONE, choose_limits
-from ftforce.analysis.question import limits_for
-from ftforce.core.arrays import Vector, as_vector, is_number, read_only
+from ftforce.analysis.analyze import analyze_question
+from ftforce.analysis.limits_files import NONE, URDF
+from ftforce.analysis.question import Question
+from ftforce.core.arrays import is_number, read_only
 from ftforce.core.changes import change_of_velocity, impact_of_lock
 from ftforce.core.faults import FaultMode, FaultSet
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce
-from ftforce.core.task import Axes, Task
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
+from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix
 from ftforce.robot.kinematics import task_jacobian
-from ftforce.trajectory.evaluation import Case, TipPath, run_of
+from ftforce.robot.posture import Posture
+from ftforce.trajectory.evaluation import TipPath, run_of
 from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
 from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
-from ftforce.trajectory.warnings import history_doubts
+from ftforce.trajectory.warnings import history_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
+    from ftforce.core.task import Axes
     from ftforce.robot.dynamics import Payload
-    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Trajectory
 
-_LINEAR = Task.parse("force", "world")  # linear tip velocity, in root axes
+_LINEAR = Task(axes="world")  # linear tip velocity, in root axes
 NEVER = math.inf
 
 
@@ -124,16 +124,26 @@ def simulate(
     >>> history.answer.verdicts[-1].value
     'tolerated'
     """
-    check_tolerances(rtol, wary)
     endless = isinstance(delay, float) and math.isinf(delay)
     if not (endless or is_number(delay)) or delay < 0.0:
         raise InputError(f"the delay must be 0 s or more, got {delay!r}")
     if delay and not remap:
         raise InputError("a delay is until the remap acts; leave it out if it never does")
-    wanted = Task.parse(task, axes, length)
-    names = ", ".join(wanted.components)
-    asked = as_vector(force, wanted.m, "force", f"{names} of the task '{wanted}'")
     events = read_events(robot, faults)
+    if limits is None and any(event.faults.in_mode(FaultMode.WEAK) for event in events):
+        limits = URDF  # even if the joint locks later
+    question = Question.parse(
+        robot,
+        force=force,
+        gravity=gravity,
+        payload=payload,
+        limits=limits,
+        task=task,
+        length=length,
+        axes=axes,
+        rtol=rtol,
+        wary=wary,
+    )
     start = start_of(
         robot,
         trajectory,
@@ -144,32 +154,57 @@ def simulate(
         keep_orientation=keep_orientation,
         max_gap=max_gap,
     )
+    if question.force is None:
+        raise InputError("the force is missing; e.g. force=[80, 50, 10], zeros for free motion")
+    return history_of(question, start, events, float(delay) if remap else NEVER, progress)
+
+
+def history_of(
+    question: Question,
+    start: Start,
+    events: tuple[FaultEvent, ...],
+    delay: float,
+    progress: Progress | None = None,
+) -> History:
+    """Return the history of a motion with faults.
+
+    Parameters
+    ----------
+    question :
+        What is asked at every instant; it has a force.
+    start, events :
+        The trajectory, and the faults in the order of their times.
+    delay :
+        Time from a fault until the remap takes effect, s; infinite if it never does.
+    progress :
+        Called with the number of instants completed and their total.
+
+    Raises
+    ------
+    InputError
+        A fault comes after the end of the trajectory.
+    """
     _check_times(events, start)
-    weak = (event.faults for event in events if event.faults.in_mode(FaultMode.WEAK))
-    meant = limits_for(next(weak, FaultSet()), limits)  # even if the joint locks later
-    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-    F, counted = read_only(wanted.weigh_force(asked)), choose_limits(robot, meant)
-    case = Case(robot, wanted, conditions, F, counted, rtol, wary)
-    scene = _Scene(case, start, events, _tip_path(start), _counted(progress, start, remap=remap))
-    wait = float(delay) if remap else NEVER
-    healthy, unremapped, remapped, arrivals = _runs(scene, wait)
+    tick = _counted(progress, start, is_remapped=delay < NEVER)
+    scene = _Scene(question, start, events, _tip_path(start), tick)
+    healthy, unremapped, remapped, arrivals = _runs(scene, delay)
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
-    setting = _setting(scene, asked, reports, wait)
+    setting = _setting(scene, reports, delay)
     history = History(setting, start.times, scene.path.x, healthy, unremapped, remapped)
-    if wait == 0.0:  # keep the fault reports consistent with the samples
+    if delay == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
-    doubts = history_doubts(robot, case.limits, joined(events), history)
-    found = (*start.warnings, *doubts)
-    return replace(history, setting=replace(history.setting, warnings=found))
+    found = history_warnings(question.robot, question.limits, joined(events), history)
+    warnings = (*start.warnings, *found)
+    return replace(history, setting=replace(history.setting, warnings=warnings))
 
 
 class _Scene(NamedTuple):
     """Data shared by the runs; ``path`` holds the reference position and velocity of the tip."""
 
-    case: Case
+    question: Question
     start: Start
     events: tuple[FaultEvent, ...]
     path: TipPath
@@ -178,34 +213,36 @@ class _Scene(NamedTuple):
 
 def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[float, State]]:
     """Return the three runs, and the states just before the faults in the last of them."""
-    case, start, events, path, tick = scene
+    question, start, events, path, tick = scene
     last = float(start.times[-1])
     never, later = phases(events, NEVER), phases(events, delay)
     later = tuple(phase for phase in later if phase.start <= last)
     stops = sorted({phase.start for phase in (*never, *later)})
     whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
-    follow = partial(advance, case.robot, start.course, start.q, start.times, tick=tick)
-    evaluate = partial(run_of, case, course=path, times=start.times, tick=tick)
+    follow = partial(advance, question.robot, start.reference, start.q, start.times, tick=tick)
+    evaluate = partial(run_of, question, reference=path, times=start.times, tick=tick)
     planned = follow(whole)
     healthy = evaluate(planned.motion, phases=whole)
-    unaware = follow(never, planned=planned)
-    unremapped = evaluate(unaware.motion, phases=never, same=healthy)
+    without_remap = follow(never, planned=planned)
+    unremapped = evaluate(without_remap.motion, phases=never, same=healthy)
     if math.isinf(delay):
-        return healthy, unremapped, None, unaware.arrivals
-    aware = follow(later, planned=planned)
-    remapped = evaluate(aware.motion, phases=later, same=healthy)
-    return healthy, unremapped, remapped, aware.arrivals
+        return healthy, unremapped, None, without_remap.arrivals
+    with_remap = follow(later, planned=planned)
+    remapped = evaluate(with_remap.motion, phases=later, same=healthy)
+    return healthy, unremapped, remapped, with_remap.arrivals
 
 
 def _tip_path(start: Start) -> TipPath:
-    targets = [start.course.at(t) for t in start.times.tolist()]
+    targets = [start.reference.at(t) for t in start.times.tolist()]
     x, x_dot = (np.array([target[i] for target in targets]) for i in range(2))
-    return TipPath(read_only(x), read_only(x_dot), start.course.orientation)
+    return TipPath(read_only(x), read_only(x_dot), start.reference.orientation)
 
 
-def _counted(progress: Progress | None, start: Start, *, remap: bool) -> Callable[[int], None]:
+def _counted(
+    progress: Progress | None, start: Start, *, is_remapped: bool
+) -> Callable[[int], None]:
     """Return a progress callback; an instant of a run counts for its motion and its evaluation."""
-    total, done = 2 * len(start.times) * (3 if remap else 2), 0
+    total, done = 2 * len(start.times) * (3 if is_remapped else 2), 0
 
     def tick(count: int) -> None:
         nonlocal done
@@ -229,12 +266,12 @@ def _event_report(
     scene: _Scene, event: FaultEvent, arrival: State | None, healthy: Run
 ) -> EventReport:
     """Return the report of a fault; without an arrival it occurs at the first sample."""
-    case, events = scene.case, scene.events
-    robot, task = case.robot, case.task
+    robot, task = scene.question.robot, scene.question.task
     state = arrival or State(healthy.q[0], healthy.v[0], healthy.a[0])
-    so_far = joined([other for other in events if other.time <= event.time])
-    impact, velocity = _velocity_jumps(case, state, so_far)
-    found = _analysis(case, state, so_far)
+    so_far = joined([other for other in scene.events if other.time <= event.time])
+    impact, velocity = _velocity_jumps(scene.question, state, so_far)
+    place = Posture(state.q, "along the trajectory")
+    found = analyze_question(scene.question.at(place, state.v, state.a, so_far))
     force_jump: float | None = None
     if found.force is not None and found.force.jump is not None:
         force_jump = found.force.jump_norm if task.force_rows else found.force.moment_jump_norm
@@ -262,44 +299,19 @@ def _as_sampled(history: History, event: EventReport) -> EventReport:
     return replace(event, force_jump=known, verdict=VERDICTS[run.verdict[i]])
 
 
-def _analysis(case: Case, state: State, faults: FaultSet) -> Analysis:
-    """Return the analysis of one instant."""
-    robot, task, conditions, F, limits, rtol, wary = case
-    by_mode = {mode: [i + 1 for i in faults.in_mode(mode)] for mode in FaultMode}
-    weak: dict[int | str, float] = {
-        fault.joint + 1: fault.factor for fault in faults.faults if fault.mode is FaultMode.WEAK
-    }
-    return analyze(
-        robot,
-        state.q,
-        locked=by_mode[FaultMode.LOCKED],
-        free=by_mode[FaultMode.FREE],
-        weak=weak,
-        force=task.unweigh_force(F),
-        velocity=state.v,
-        acceleration=state.a,
-        gravity=None if conditions.is_model_gravity else conditions.gravity,
-        payload=conditions.payload,
-        limits=NONE if limits is None else limits,
-        task=task,
-        rtol=rtol,
-        wary=wary,
-    )
-
-
 def _velocity_jumps(
-    case: Case, state: State, faults: FaultSet
+    question: Question, state: State, faults: FaultSet
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the tip velocity jumps at impact and after the remap, in root axes."""
-    robot = case.robot
+    robot = question.robot
     locked = faults.mask(robot.n)
     if not locked.any():
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
-    reduced = reduce(J, locked, case.rtol, faults.free_mask(robot.n))
+    reduced = reduce(J, locked, question.rtol, faults.free_mask(robot.n))
     remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
     try:
-        M = mass_matrix(robot, state.q, case.conditions.payload) if robot.mass else None
+        M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
     except InputError:
         M = None
     if M is None:
@@ -311,18 +323,17 @@ def _in_words(robot: Robot, faults: FaultSet) -> str:
     return ", ".join(f"{f.joint + 1} {robot.names[f.joint]} {f}" for f in faults.faults)
 
 
-def _setting(
-    scene: _Scene, asked: Vector, reports: tuple[EventReport, ...], delay: float
-) -> Setting:
-    case, start = scene.case, scene.start
-    robot, conditions, limits = case.robot, case.conditions, case.limits
+def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> Setting:
+    question, start = scene.question, scene.start
+    robot, conditions, limits = question.robot, question.conditions, question.limits
+    assert question.force is not None
     return Setting(
         robot=robot.name,
         base=robot.base,
         tip=robot.tip,
         joints=tuple(JointInfo(joint.name, joint.type) for joint in robot.joints),
-        task=case.task,
-        force=tuple(asked.tolist()),
+        task=question.task,
+        force=tuple(question.force.tolist()),
         course=start.words,
         start=start.source,
         events=reports,
@@ -332,6 +343,6 @@ def _setting(
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
         has_masses=robot.mass > 0.0,
-        rtol=case.rtol,
-        wary=case.wary,
+        rtol=question.rtol,
+        wary=question.wary,
     )

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
 
-RATE = 100.0  # Hz
-MOST_SAMPLES = 5_000_000
+_RATE = 100.0  # Hz
+MAX_SAMPLES = 5_000_000
 _SAME = 1e-6  # rad or m: postures closer than this count as the same
 
 Trajectory: TypeAlias = "Path | Recording | str | PathLike[str]"
@@ -37,7 +37,7 @@ class Start(NamedTuple):
 
     Attributes
     ----------
-    course :
+    reference :
         The reference trajectory.
     q :
         Joint positions at the start, shape (n,).
@@ -51,7 +51,7 @@ class Start(NamedTuple):
         Warnings about the trajectory.
     """
 
-    course: ReferenceTrajectory
+    reference: ReferenceTrajectory
     q: Vector
     times: Vector
     words: str
@@ -96,13 +96,13 @@ def start_of(
         The file cannot be read or does not fit the robot.
     """
     if rate is not None and not (is_number(rate) and rate > 0.0):
-        raise InputError(f"the rate must be positive, samples per second, got {rate!r}")
+        raise InputError(f"the rate in samples per second must be positive, got {rate!r}")
     given = trajectory
     if isinstance(given, (str, PathLike)):
         sheet = Sheet.read(given)
         if sheet.holds_points:
             if speed is None:
-                raise InputError(f"{sheet.path} holds waypoints; give a speed too, m/s (--speed)")
+                raise InputError(f"{sheet.path} contains waypoints; give a speed in m/s (--speed)")
             given = Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
             speed, keep_orientation = None, False
         else:
@@ -110,22 +110,24 @@ def start_of(
             max_gap = None
     if speed is not None or keep_orientation or max_gap is not None:
         raise InputError(
-            "speed and keep_orientation belong to a file of waypoints, max_gap to one of a "
-            "recorded motion; a Path or a Recording says its own when it is made"
+            "speed and keep_orientation apply to a file of waypoints, max_gap to a file of a "
+            "recorded motion; a Path or a Recording defines its own"
         )
     if isinstance(given, Recording):
         if q is not None or posture is not None:
-            raise InputError("a recorded motion begins where it begins; leave out q and posture")
+            raise InputError(
+                "a recorded motion defines its own initial posture; omit q and posture"
+            )
         return _recorded(robot, given, rate)
     if not isinstance(given, Path):
-        raise InputError(f"a trajectory is a Path, a Recording or a CSV file, got {given!r}")
-    return _along(robot, given, choose_posture(robot, q, posture), rate or RATE)
+        raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
+    return _along(robot, given, choose_posture(robot, q, posture), rate or _RATE)
 
 
 def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     if recording.q.shape[1] != robot.n:
         raise InputError(
-            f"the recording has {recording.q.shape[1]} joints, and the chain: {robot.numbered()}"
+            f"the recording has {recording.q.shape[1]} joints; the chain has: {robot.numbered()}"
         )
     times = recording.t - recording.t[0]
     if rate is not None:
@@ -133,9 +135,9 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     words = f"the recorded motion of {recording.source}, {recording.duration:.4g} s"
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
-    course = RecordedReference(robot, recording)
-    q, doubts = read_only(recording.q[0].copy()), tuple(recording.doubts(robot.names))
-    return Start(course, q, read_only(times), words, "recorded", doubts)
+    reference = RecordedReference(robot, recording)
+    q, warnings = read_only(recording.q[0].copy()), tuple(recording.warnings(robot.names))
+    return Start(reference, q, read_only(times), words, "recorded", warnings)
 
 
 def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
@@ -149,8 +151,8 @@ def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:
     words = f"{points} m, at most {path.speed:g} m/s, {path.duration:.4g} s"
     if path.keeps_orientation:
         words += ", orientation kept"
-    course = PathReference(robot, path, q)
-    return Start(course, q, read_only(times), words, source, posture.warnings)
+    reference = PathReference(robot, path, q)
+    return Start(reference, q, read_only(times), words, source, posture.warnings)
 
 
 def _in_words(point: Vector) -> str:
@@ -167,15 +169,21 @@ def _count(samples: float) -> float:
     """
     if samples < 1.0:
         raise InputError(
-            "the samples lie farther apart than the trajectory is long; ask for a higher rate"
+            "the trajectory is shorter than one sampling interval; choose a higher rate"
         )
-    if samples > MOST_SAMPLES:
+    if samples > MAX_SAMPLES:
         raise InputError(
-            f"{samples:.3g} samples are more than {MOST_SAMPLES:,}; ask for a lower rate"
+            f"{samples:.3g} samples exceed the maximum of {MAX_SAMPLES:,}; choose a lower rate"
         )
     return samples
 
 
 def tip_at(robot: Robot, q: ArrayLike | Posture | None, posture: str | None) -> Vector:
-    """Return the tip position in a posture, in root axes, m, shape (3,)."""
+    """Return the tip position in a posture, in root axes, m, shape (3,).
+
+    Parameters
+    ----------
+    robot, q, posture :
+        As in `ftforce.analyze`.
+    """
     return tip_pose(robot, choose_posture(robot, q, posture).q)[1]

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.conditions import Conditions, rnea_change, without_rounding
 from ftforce.analysis.fault_set import SharedCase, commanded_force, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
-from ftforce.analysis.question import check_size, checked_mode, direction_or_force
-from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
-from ftforce.core.display import Displayed
-from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances, reduce_decomposed
-from ftforce.core.remap import supported_force
-from ftforce.core.svd import Svd
-from ftforce.core.task import Axes, Task
+from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question
+from ftforce.core.arrays import Matrix, Vector, read_only
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import InputError
-from ftforce.robot.kinematics import rotation_vector, task_jacobian, tip_pose
+from ftforce.robot.kinematics import rotation_vector, tip_pose
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.start import start_of
-from ftforce.trajectory.warnings import force_doubts, lacking, limit_doubts, off_path
+from ftforce.trajectory.warnings import force_warnings, limit_warnings, missing_force, off_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -36,12 +31,13 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.limits import Limits
+    from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.reference import Motion
     from ftforce.trajectory.start import Start, Trajectory
 
-MOST_CELLS = 20_000_000
+MAX_CELLS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,30 +73,20 @@ class WorstInstant:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Timeline(Displayed):
+class Timeline(AnsweredForAll):
     """Results of all S fault sets at all N instants of a trajectory.
 
     Attributes
     ----------
-    robot, task, conditions :
-        The analysed arm, task and conditions.
+    question, all_sets :
+        What was asked, and of which sets. Their parts are attributes too: robot, task, conditions,
+        limits (applied to jump and verdict), force, direction, rtol and wary; mode and largest.
     course :
         One-line description of the trajectory.
     start :
         Where the initial posture comes from.
-    mode :
-        Fault mode of the joints.
-    largest :
-        Size of the largest fault sets.
-    limits :
-        Torque limits applied to jump and verdict; ``None`` if none.
     capability_limits :
         Torque limits applied to the capability.
-    force, direction :
-        Requested force, and direction of the capability, in task axes, shape (m,); ``None`` for all
-        forces, and for the weakest direction.
-    rtol, wary :
-        Tolerances.
     t :
         Times, s, shape (N,).
     q :
@@ -122,19 +108,11 @@ class Timeline(Displayed):
         tolerated.
     """
 
-    robot: Robot
-    task: Task
-    conditions: Conditions
+    question: Question
+    all_sets: AllFaultSets
     course: str
     start: str
-    mode: FaultMode
-    largest: int
-    limits: Limits | None
     capability_limits: Limits | None
-    force: Vector | None
-    direction: Vector | None
-    rtol: float
-    wary: float
     t: Vector
     q: Matrix
     sets: tuple[FaultSet, ...]
@@ -143,6 +121,16 @@ class Timeline(Displayed):
     capability: Matrix
     verdict: NDArray[np.int8]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def force(self) -> Vector | None:
+        """Requested force, N and N·m, in task axes, shape (m,); ``None`` for all forces."""
+        return self.question.force
+
+    @property
+    def direction(self) -> Vector | None:
+        """Direction of the capability, in task axes, shape (m,); ``None`` for the weakest."""
+        return self.question.direction
 
     def worst(self) -> tuple[WorstInstant, ...]:
         """Return the worst instant of each fault set, worst set first."""
@@ -235,18 +223,20 @@ def timeline(
     >>> print(result.worst()[0].faults)
     {3}
     """
-    check_tolerances(rtol, wary)
-    check_size(robot, faults)
-    how = checked_mode(mode)
-    wanted = Task.parse(task, axes, length)
-    conditions = Conditions.of(robot, gravity=gravity, payload=payload)
-    asked = None
-    if force is not None:
-        names = ", ".join(wanted.components)
-        asked = as_vector(force, wanted.m, "force", f"{names} of the task '{wanted}'")
-    F = None if asked is None else wanted.weigh_force(asked)
-    counted = choose_limits(robot, limits)
-    bearing = choose_limits(robot, URDF) if limits is None else counted
+    all_sets = AllFaultSets.parse(robot, faults, mode)
+    question = Question.parse(
+        robot,
+        force=force,
+        direction=direction,
+        gravity=gravity,
+        payload=payload,
+        limits=limits,
+        task=task,
+        length=length,
+        axes=axes,
+        rtol=rtol,
+        wary=wary,
+    )
     start = start_of(
         robot,
         trajectory,
@@ -257,36 +247,58 @@ def timeline(
         keep_orientation=keep_orientation,
         max_gap=max_gap,
     )
-    sets = tuple(fault_sets(robot.n, faults, how))
-    _check_count(len(start.times), robot, faults)
-    ray = direction_or_force(wanted, direction, F)
-    case = _Case(robot, wanted, conditions, counted, bearing, F, ray, rtol, wary)
-    tick = _counted(progress, 2 * len(start.times))
-    phase = Phase(0.0, FaultSet(), FaultSet())
-    motion = advance(robot, start.course, start.q, start.times, (phase,), tick=tick).motion
-    exerted, jump, margin, capability, verdict = _cells(case, motion, sets, tick)
+    bearing = choose_limits(robot, URDF) if limits is None else question.limits
+    return timeline_of(question, start, all_sets, bearing, progress)
+
+
+def timeline_of(
+    question: Question,
+    start: Start,
+    all_sets: AllFaultSets,
+    capability_limits: Limits | None,
+    progress: Progress | None = None,
+) -> Timeline:
+    """Return the timeline of a trajectory.
+
+    Parameters
+    ----------
+    question, all_sets :
+        What is asked at every instant, and of which sets.
+    start :
+        The trajectory.
+    capability_limits :
+        Torque limits of the capability; ``None`` for none.
+    progress :
+        Called with the number of steps completed and their total.
+
+    Raises
+    ------
+    InputError
+        There are too many instants and fault sets.
+    """
+    _check_count(len(start.times), all_sets)
+    direction = question.direction_or_that_of(question.F)
+    question = replace(question, direction=direction)
+    sets, tick = tuple(all_sets), _counted(progress, 2 * len(start.times))
+    phase = Phase(0.0, HEALTHY, HEALTHY)
+    motion = advance(
+        question.robot, start.reference, start.q, start.times, (phase,), tick=tick
+    ).motion
+    cells = _cells(question, motion, sets, capability_limits, tick)
     return Timeline(
-        robot=robot,
-        task=wanted,
-        conditions=conditions,
+        question=question,
+        all_sets=all_sets,
         course=start.words,
         start=start.source,
-        mode=how,
-        largest=faults,
-        limits=counted,
-        capability_limits=bearing,
-        force=asked,
-        direction=ray,
-        rtol=rtol,
-        wary=wary,
+        capability_limits=capability_limits,
         t=start.times,
         q=read_only(motion.q),
         sets=sets,
-        jump=jump,
-        margin=margin,
-        capability=capability,
-        verdict=verdict,
-        warnings=tuple(_doubts(case, start, motion, exerted)),
+        jump=cells.jump,
+        margin=cells.margin,
+        capability=cells.capability,
+        verdict=cells.verdict,
+        warnings=tuple(_warnings(question, start, motion, cells.exerted)),
     )
 
 
@@ -302,96 +314,70 @@ def _counted(progress: Progress | None, total: int) -> Callable[[int], None]:
     return tick
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Case:
-    """Data shared by all instants."""
-
-    robot: Robot
-    task: Task
-    conditions: Conditions
-    limits: Limits | None
-    bearing: Limits | None
-    F: Vector | None
-    ray: Vector | None
-    rtol: float
-    wary: float
-
-    def at(self, q: Vector, v: Vector, a: Vector) -> SharedCase:
-        """Return the data shared by all fault sets at an instant."""
-        robot, nothing = self.robot, FaultSet().mask(self.robot.n)
-        moving = self.conditions._replace(velocity=v, acceleration=a)
-        healthy = Svd(self.task.weigh_jacobian(task_jacobian(robot, q, self.task)))
-        whole = reduce_decomposed(healthy, nothing, self.rtol)
-        F = None
-        if self.F is not None:
-            F = supported_force(whole, self.F)
-            F = without_rounding(F, F, self.F)
-        place, rnea = Posture(q, "along the trajectory"), rnea_change(robot, q, moving, nothing)
-        asked = (F, False, self.ray, self.rtol, self.wary)
-        return SharedCase(
-            robot, self.task, place, moving, self.limits, healthy, whole, rnea, *asked
-        )
-
-
-def _doubts(case: _Case, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:
+def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:
     """Yield the warnings; ``exerted`` holds weighted forces of the healthy arm, shape (N, m)."""
-    robot, task, t = case.robot, case.task, start.times
+    robot, task, t = question.robot, question.task, start.times
     yield from start.warnings
-    if robot.mass == 0.0 and case.conditions.gravity.any():
-        yield "the URDF has no masses: weight and motion of the arm are missing"
-    kept = start.course.orientation
+    if robot.mass == 0.0 and question.conditions.gravity.any():
+        yield "the URDF has no masses: gravity and motion torques of the arm are not included"
+    kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
         R, x = tip_pose(robot, q)
-        error[i] = start.course.at(time).x - x
+        error[i] = start.reference.at(time).x - x
         if kept is not None:
             turn[i] = rotation_vector(kept @ R.T)
     yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
-    yield from limit_doubts(robot, motion.q, motion.v)
-    if case.F is not None:
-        missing = lacking(task.unweigh_force(case.F), task.unweigh_force(exerted))
-        yield from force_doubts(t, task, missing)
+    yield from limit_warnings(robot, motion.q, motion.v)
+    if question.force is not None:
+        missing = missing_force(question.force, task.unweigh_force(exerted))
+        yield from force_warnings(t, task, missing)
+
+
+class _Cells(NamedTuple):
+    """Values of S fault sets at N instants, shape (N, S), and exerted forces, shape (N, m)."""
+
+    exerted: Matrix
+    jump: Matrix
+    margin: Matrix
+    capability: Matrix
+    verdict: NDArray[np.int8]
 
 
 def _cells(
-    case: _Case, motion: Motion, sets: tuple[FaultSet, ...], tick: Callable[[int], None]
-) -> tuple[Matrix, Matrix, Matrix, Matrix, NDArray[np.int8]]:
-    """Return exerted forces, jumps, margins, capabilities and verdicts of all sets over time."""
-    robot, count = case.robot, len(motion.q)
-    jump, margin, capability = (np.full((count, len(sets)), math.nan) for _ in range(3))
-    verdict = np.zeros((count, len(sets)), dtype=np.int8)
-    exerted = np.zeros((count, case.task.m))
-    masks = [
-        (
-            faults.mask(robot.n),
-            faults.free_mask(robot.n),
-            None if case.bearing is None else case.bearing.largest_torques(faults),
-        )
+    question: Question,
+    motion: Motion,
+    sets: tuple[FaultSet, ...],
+    capability_limits: Limits | None,
+    tick: Callable[[int], None],
+) -> _Cells:
+    shape = len(motion.q), len(sets)
+    jump, margin, capability = (np.full(shape, math.nan) for _ in range(3))
+    verdict, exerted = np.zeros(shape, dtype=np.int8), np.zeros((shape[0], question.task.m))
+    largest = [
+        None if capability_limits is None else capability_limits.largest_torques(faults)
         for faults in sets
     ]
-    for i in range(count):
-        here = case.at(motion.q[i], motion.v[i], motion.a[i])
-        exerted[i] = 0.0 if here.F is None else here.F
-        for j, (faults, (locked, free, largest)) in enumerate(zip(sets, masks, strict=True)):
-            report = report_set(here, faults)
-            size = report.jump_norm if case.task.force_rows else report.moment_jump_norm
+    for i, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+        case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
+        exerted[i] = 0.0 if case.F is None else case.F
+        for j, faults in enumerate(sets):
+            reduced = case.reduce(faults)
+            report = report_set(case, faults, reduced)
+            size = report.jump_norm if question.task.force_rows else report.moment_jump_norm
             jump[i, j] = math.nan if size is None else size
-            margin[i, j] = report.margin
-            verdict[i, j] = CODES[report.verdict]
-            reduced = reduce_decomposed(here.healthy, locked, case.rtol, free)
-            rnea = here.rnea_after(faults)
-            capability[i, j] = commanded_force(here, reduced, rnea, largest)
+            margin[i, j], verdict[i, j] = report.margin, CODES[report.verdict]
+            rnea = case.rnea_after(faults)
+            capability[i, j] = commanded_force(case, reduced, rnea, largest[j])
         tick(1)
-    jump, margin, capability = map(read_only, (jump, margin, capability))
-    return exerted, jump, margin, capability, read_only(verdict)
+    return _Cells(*map(read_only, (exerted, jump, margin, capability, verdict)))
 
 
-def _check_count(instants: int, robot: Robot, faults: int) -> None:
-    cells = instants * count_fault_sets(robot.n, faults)
-    if cells > MOST_CELLS:
+def _check_count(instants: int, all_sets: AllFaultSets) -> None:
+    if instants * len(all_sets) > MAX_CELLS:
         raise InputError(
-            f"{instants:,} instants of {count_fault_sets(robot.n, faults):,} fault sets are more "
-            f"than {MOST_CELLS:,} in all; ask for a lower rate or smaller sets"
+            f"{instants:,} instants of {len(all_sets):,} fault sets exceed the maximum of "
+            f"{MAX_CELLS:,} cells; ask for a lower rate or smaller sets"
         )
 
 

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History
 
-ON_PATH = 1e-5  # m: tracking error reached away from singularities and limits
-ORIENTED = 1e-5  # rad: likewise, for the orientation
+ON_PATH = 1e-5  # m: larger tracking errors occur only near singularities and limits
+ORIENTED = 1e-5  # rad: the same for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
-def history_doubts(
+def history_warnings(
     robot: Robot, limits: Limits | None, faults: FaultSet, history: History
 ) -> Iterator[str]:
     """Yield the warnings of a simulation.
@@ -42,20 +42,20 @@ def history_doubts(
         The simulated history.
     """
     if robot.mass == 0.0:
-        yield "the URDF has no masses: weight and motion of the arm are missing from the torques"
+        yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
-    yield from force_doubts(t, history.setting.task, unsupported(history))
+    yield from force_warnings(t, history.setting.task, unsupported(history))
     q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
     v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
-    yield from limit_doubts(robot, q, v)
+    yield from limit_warnings(robot, q, v)
     yield from _steps(history)
     for event in history.setting.events:
         acts = event.time + history.setting.delay
         if math.isfinite(acts) and acts > history.t[-1]:
             yield (
-                f"the remap of the fault at {event.time:g} s would act at {acts:g} s, after the "
-                f"end at {history.t[-1]:g} s"
+                f"the remap of the fault at {event.time:g} s would take effect at {acts:g} s, "
+                f"after the end of the trajectory at {history.t[-1]:g} s"
             )
     yield from unjudged(robot, faults, limits)
     if limits is None:
@@ -63,7 +63,7 @@ def history_doubts(
 
 
 def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
-    """Warn if even the healthy arm leaves its path or the prescribed orientation.
+    """Warn if even the healthy arm deviates from its path or the prescribed orientation.
 
     Parameters
     ----------
@@ -72,30 +72,41 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
     error, turn :
         Position error, m, and orientation error, rad, shape (N,).
     """
-    where = "it is close to a singularity or to its limits there"
+    where = "it is close to a singularity or to its joint limits there"
     worst = int(error.argmax())
     if error[worst] > ON_PATH:
         off = length_in_words(float(error[worst]))
-        yield f"even the healthy arm leaves its path, by {off} at {t[worst]:g} s: {where}"
+        yield f"even the healthy arm deviates from its path, by {off} at {t[worst]:g} s: {where}"
     worst = int(turn.argmax())
     if turn[worst] > ORIENTED:
         degrees = math.degrees(float(turn[worst]))
-        yield f"even the healthy arm turns its tip, by {degrees:.3g}° at {t[worst]:g} s: {where}"
+        yield (
+            f"even the healthy arm deviates from its tip orientation, by {degrees:.3g}° at "
+            f"{t[worst]:g} s: {where}"
+        )
 
 
 def unsupported(history: History) -> Matrix:
     """Return the part of the force the healthy arm cannot exert, N and N·m, shape (N, m)."""
     run, asked = history.healthy, np.array(history.setting.force)
-    return lacking(asked, run.force + run.jump)
+    return missing_force(asked, run.force + run.jump)
 
 
-def lacking(asked: Vector, exerted: Matrix) -> Matrix:
-    """Return requested minus exerted force, with rounding errors set to zero, shape (N, m)."""
+def missing_force(asked: Vector, exerted: Matrix) -> Matrix:
+    """Return requested minus exerted force, with rounding errors set to zero, shape (N, m).
+
+    Parameters
+    ----------
+    asked :
+        Requested force, N and N·m, shape (m,).
+    exerted :
+        Exerted force over time, shape (N, m).
+    """
     missing = np.nan_to_num(asked - exerted)
     return np.where(np.abs(missing) > _SLACK * np.abs(asked).max(initial=0.0), missing, 0.0)
 
 
-def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
+def force_warnings(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
     """Warn if even the healthy arm cannot exert part of the requested force.
 
     Parameters
@@ -113,11 +124,11 @@ def force_doubts(t: Vector, task: Task, missing: Matrix) -> Iterator[str]:
             worst = int(size.argmax())
             yield (
                 f"even the healthy arm cannot exert {size[worst]:.3g} {unit} of the force at "
-                f"{t[worst]:g} s: it has no such direction there"
+                f"{t[worst]:g} s: its Jacobian is rank deficient there"
             )
 
 
-def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
+def limit_warnings(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
     """Warn about joints beyond their position or velocity limits.
 
     Parameters
@@ -132,7 +143,7 @@ def limit_doubts(robot: Robot, q: Matrix, v: Matrix) -> Iterator[str]:
 
 
 def _steps(history: History) -> Iterator[str]:
-    """Warn about velocity steps where no joint fails: they need infinite acceleration."""
+    """Warn about velocity steps without a fault: they would need infinite acceleration."""
     run, t, setting = history.answer, history.t, history.setting
     v, a = run.v[run.until_fall], run.a[run.until_fall]
     off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))
@@ -142,8 +153,8 @@ def _steps(history: History) -> Iterator[str]:
     sizes = off.max(axis=1, initial=0.0)
     if len(sizes) and sizes.max() > _STEP * np.abs(v).max() > 0.0:
         yield (
-            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (at a limit or a "
-            "singularity, or the rate is low): accelerations and torques there mean little"
+            f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (a limit, a "
+            "singularity or a low sampling rate): accelerations and torques there are unreliable"
         )
 
 
@@ -152,7 +163,7 @@ def _outside(robot: Robot, q: Matrix) -> Iterator[str]:
     for i in np.flatnonzero(low | high):
         joint = robot.joints[i]
         yield (
-            f"joint {joint.number} {joint.name} goes from {q[:, i].min():.4g} to "
+            f"joint {joint.number} {joint.name} moves from {q[:, i].min():.4g} to "
             f"{q[:, i].max():.4g} {joint.unit}, outside its limits {joint.lower:g} to "
             f"{joint.upper:g}"
         )
@@ -163,8 +174,8 @@ def _too_fast(robot: Robot, v: Matrix) -> Iterator[str]:
     for joint, speed in zip(robot.joints, fastest, strict=True):
         if joint.velocity is not None and speed > joint.velocity * (1.0 + _SLACK):
             yield (
-                f"joint {joint.number} {joint.name} moves with up to {speed:.3g} {joint.unit}/s; "
-                f"its limit is {joint.velocity:g}"
+                f"joint {joint.number} {joint.name} reaches {speed:.3g} {joint.unit}/s; "
+                f"its velocity limit is {joint.velocity:g} {joint.unit}/s"
             )
 
 
@@ -180,7 +191,7 @@ def _beyond_effort(robot: Robot, history: History) -> Iterator[str]:
                 f"joint {joint.number} {joint.name} would need "
                 f"{100.0 * motor[worst, i] / joint.effort:.4g}% of its effort limit of "
                 f"{joint.effort:g} {joint.torque_unit} at {history.t[worst]:g} s "
-                "(limits are not counted)"
+                "(limits are not enforced)"
             )
 
 

@@ -249,7 +249,7 @@ class Survey(Mode):
     def view(self, state: State) -> None:
         """Return ``None`` for the ordinary answer; the legend says if the question differs."""
         with self._lock:
-            is_same = state.question() == self._question.question()
+            is_same = state.essence() == self._question.essence()
             if is_same != self._is_same_question:
                 self._is_same_question = is_same
                 self._update_legend()

@@ -13,8 +13,8 @@ import pytest
 import ftforce
 from browser import needs_browser, started, watched
 from effort import rounds
-from ftforce.view.model.state import initial_state
 from ftforce.view.session import Session
+from helpers import initial_state
 
 BETWEEN_PANELS = {"x": 370, "y": 160, "width": 500, "height": 630}
 CHANGE = "Panda with limits and the census of single faults: from a change to the new page"

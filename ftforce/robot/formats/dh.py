@@ -76,9 +76,9 @@ class DHRow:
     link: str | None = None
 
     def __post_init__(self) -> None:
-        check_choice(self.type, "type", JointType)
+        _check_choice(self.type, "type", JointType)
         for key in ("a", "alpha", "d", "theta", "lower", "upper"):
-            check_number(getattr(self, key), key)
+            _check_number(getattr(self, key), key)
         for key in ("effort", "velocity", "mass"):
             _check_positive(getattr(self, key), key)
         if self.lower > self.upper:
@@ -114,8 +114,8 @@ class MassModel:
     density: float | None = None
 
     def __post_init__(self) -> None:
-        check_choice(self.model, "model", Solid)
-        check_number(self.radius, "radius")
+        _check_choice(self.model, "model", Solid)
+        _check_number(self.radius, "radius")
         _check_positive(self.radius, "radius")
         _check_positive(self.density, "density")
 
@@ -150,12 +150,12 @@ class DHTable:
 
     def __post_init__(self) -> None:
         _check_name(self.name, "name")
-        check_choice(self.convention, "convention", Convention)
+        _check_choice(self.convention, "convention", Convention)
         if not self.rows:
             raise InputError("rows is empty; a table needs one row per joint")
         for i, row in enumerate(self.rows, start=1):
             if row.mass is None and self.mass.density is None:
-                raise InputError(f"row {i}: missing key 'mass' (or one 'density' in mass)")
+                raise InputError(f"row {i}: missing key 'mass' (or 'density' in the table mass)")
         _check_distinct(*self.joint_names, TIP_JOINT, *self.link_names)
         postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
         object.__setattr__(self, "postures", MappingProxyType(postures))
@@ -244,7 +244,7 @@ def _along_z(theta: float, d: float) -> Matrix:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
 
 
-def check_number(value: object, key: str) -> float:
+def _check_number(value: object, key: str) -> float:
     """Return a number as a float.
 
     Raises
@@ -261,12 +261,12 @@ def check_number(value: object, key: str) -> float:
 
 
 def _check_positive(value: float | None, key: str) -> None:
-    if value is not None and check_number(value, key) <= 0:
-        raise InputError(f"{key} needs to be positive, got {value:g}")
+    if value is not None and _check_number(value, key) <= 0:
+        raise InputError(f"{key} must be positive, got {value:g}")
 
 
-def check_choice(value: object, kind: str, choices: Any) -> None:
-    """Check that a value is one of the values of a ``Literal``.
+def _check_choice(value: object, kind: str, choices: Any) -> None:
+    """Check that a value is one of the choices of a ``Literal``.
 
     Raises
     ------
@@ -281,14 +281,17 @@ def check_choice(value: object, kind: str, choices: Any) -> None:
 def _check_name(name: object, key: str) -> None:
     # XML forbids unprintable characters; leading or trailing blanks would be invisible.
     if not isinstance(name, str) or not name or not name.isprintable() or name != name.strip():
-        raise InputError(f"{key} needs printable text without blanks around it, got {brief(name)}")
+        raise InputError(
+            f"{key} must be nonempty printable text without leading or trailing blanks, "
+            f"got {brief(name)}"
+        )
 
 
 def _check_distinct(*names: str) -> None:
     # Links and joints share a namespace because Pinocchio looks up both as frames.
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise InputError(f"joints and links need names of their own; {twice[0]!r} is taken twice")
+        raise InputError(f"joint and link names must be unique; {twice[0]!r} appears twice")
 
 
 def read_dh_table(path: str | PathLike[str]) -> DHTable:
@@ -310,7 +313,7 @@ def _arguments_of_table(text: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is not TOML: {error}") from None
+        raise InputError(f"is not valid TOML: {error}") from None
     required = ("name", "convention", "units", "rows", "mass")
     entries = _checked_keys(content, required, ("postures",))
     with _within("units"):
@@ -324,14 +327,14 @@ def _arguments_of_table(text: str) -> dict[str, Any]:
 
 def _angle_unit(entry: object) -> Callable[[float], float]:
     units = _checked_keys(entry, ("length", "angle"))
-    check_choice(units["length"], "length unit", Literal["m"])
-    check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
+    _check_choice(units["length"], "length unit", Literal["m"])
+    _check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
     return math.radians if units["angle"] == "deg" else float
 
 
 def _rows(entries: object, angle: Callable[[float], float]) -> tuple[DHRow, ...]:
     if not isinstance(entries, list):
-        raise InputError(f"rows needs a list with one table per joint, got {brief(entries)}")
+        raise InputError(f"rows must be a list with one table per joint, got {brief(entries)}")
     rows = []
     for i, entry in enumerate(entries, start=1):
         with _within(f"row {i}"):
@@ -346,16 +349,16 @@ def _postures(
     entries: object, rows: tuple[DHRow, ...], angle: Callable[[float], float]
 ) -> dict[str, list[float]]:
     if not isinstance(entries, dict):
-        raise InputError(f"postures needs a table of named lists, got {brief(entries)}")
+        raise InputError(f"postures must be a table of named lists, got {brief(entries)}")
     postures = {}
     units = [angle if row.type == "revolute" else float for row in rows]
     for name, values in entries.items():
         where = f"posture {name!r}"
         if not isinstance(values, list):
-            raise InputError(f"{where} needs a list of numbers, got {brief(values)}")
+            raise InputError(f"{where} must be a list of numbers, got {brief(values)}")
         # DHTable rejects lists of the wrong length.
         with_units = zip(chain(units, repeat(float)), values, strict=False)
-        postures[name] = [unit(check_number(value, where)) for unit, value in with_units]
+        postures[name] = [unit(_check_number(value, where)) for unit, value in with_units]
     return postures
 
 
@@ -366,7 +369,7 @@ def _arguments(
     optional = [f.name for f in fields(kind) if f.default is not MISSING]
     values = _checked_keys(entry, required, optional)
     return {
-        key: value if key in text else check_number(value, key) for key, value in values.items()
+        key: value if key in text else _check_number(value, key) for key, value in values.items()
     }
 
 
@@ -374,7 +377,7 @@ def _checked_keys(
     entry: object, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, Any]:
     if not isinstance(entry, dict):
-        raise InputError(f"needs a table with {listed(required)}; got {brief(entry)}")
+        raise InputError(f"expected a table with {listed(required)}; got {brief(entry)}")
     known = (*required, *optional)
     for key in entry:
         if key not in known:

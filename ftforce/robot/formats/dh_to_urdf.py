@@ -35,23 +35,23 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
     from ftforce.robot.formats.dh import MassModel
 
-Triple: TypeAlias = tuple[float, float, float]
-ZERO = (0.0, 0.0, 0.0)
+_Triple: TypeAlias = tuple[float, float, float]
+_ZERO = (0.0, 0.0, 0.0)
 
 
 class Origin(NamedTuple):
     """A constant pose (m, rad) as in URDF, with rotation Rot_z(yaw) Rot_y(pitch) Rot_x(roll)."""
 
-    xyz: Triple
-    rpy: Triple = ZERO
+    xyz: _Triple
+    rpy: _Triple = _ZERO
 
 
-class Rod(NamedTuple):
+class _Rod(NamedTuple):
     """A straight segment of a link: length (m), pose of its centre (z along it), direction."""
 
     length: float
     origin: Origin
-    axis: Triple
+    axis: _Triple
 
 
 class Body(NamedTuple):
@@ -71,22 +71,22 @@ class Body(NamedTuple):
         return Origin((self.a * c, self.a * s, self.d), (self.alpha, 0.0, self.theta))
 
     @property
-    def rods(self) -> tuple[Rod, ...]:
+    def rods(self) -> tuple[_Rod, ...]:
         """Segments along d and a; empty if the link has no length."""
         c, s = cos_sin(self.theta)
         middle = (self.a * c / 2, self.a * s / 2, self.d)
-        upright = Rod(abs(self.d), Origin((0.0, 0.0, self.d / 2)), (0.0, 0.0, 1.0))
-        across = Rod(abs(self.a), Origin(middle, (0.0, math.pi / 2, self.theta)), (c, s, 0.0))
+        upright = _Rod(abs(self.d), Origin((0.0, 0.0, self.d / 2)), (0.0, 0.0, 1.0))
+        across = _Rod(abs(self.a), Origin(middle, (0.0, math.pi / 2, self.theta)), (c, s, 0.0))
         return tuple(rod for rod in (upright, across) if rod.length)
 
 
-def inertia_of(body: Body, model: MassModel) -> tuple[float, Triple, Matrix]:
+def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
     """Return mass (kg), centre of mass (m) and inertia about it (kg·m²), shape (3, 3)."""
     r2 = model.radius * model.radius
     rods, density = body.rods, model.density or 0.0
     if not rods:
         mass = body.mass or density * 4 / 3 * math.pi * r2 * model.radius
-        return mass, ZERO, 2 / 5 * mass * r2 * np.eye(3)
+        return mass, _ZERO, 2 / 5 * mass * r2 * np.eye(3)
     lengths = np.array([rod.length for rod in rods])
     centres = np.array([rod.origin.xyz for rod in rods])
     share = lengths / lengths.sum()
@@ -102,8 +102,8 @@ def inertia_of(body: Body, model: MassModel) -> tuple[float, Triple, Matrix]:
     return mass, (x, y, z), mass * inertia
 
 
-def check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
-    """Check that an inertia is physical, e.g. not of a rod wider than long.
+def _check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
+    """Check that an inertia is physical, e.g. not that of a rod thicker than it is long.
 
     Raises
     ------
@@ -114,8 +114,10 @@ def check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
     moments = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.zeros(3)
     if not (moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)):
         size = f"d = {body.d:g} m, a = {body.a:g} m, radius {table.mass.radius:g} m"
-        reason = f"link {body.name!r}: no body has the inertia of a {table.mass.model} of this size"
-        hint = "a rod needs to be longer than it is thick, and of a usual size"
+        reason = (
+            f"link {body.name!r}: the inertia of a {table.mass.model} of this size is unphysical"
+        )
+        hint = "a link must be longer than it is thick, and of ordinary size"
         raise DHTableError(table.source or table.name, f"{reason} ({size}); {hint}")
 
 
@@ -163,7 +165,7 @@ def to_srdf(table: DHTable) -> str:
 
 
 def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
-    """Write a URDF and an SRDF beside it, atomically: both files or neither.
+    """Write a URDF and an SRDF of the same name, atomically: both files or neither.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
     """
     urdf = Path(path)
     if urdf.suffix.lower() != ".urdf":
-        raise OutputError(urdf, "cannot be written: its name needs to end in .urdf")
+        raise OutputError(urdf, "cannot be written: its name must end in .urdf")
     srdf = urdf.with_suffix(".srdf")
     texts = {urdf: to_urdf(table), srdf: to_srdf(table)}
     try:
@@ -213,16 +215,16 @@ def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
     radius = table.mass.radius
     link = yourdfpy.Link(body.name)
     if body.name != BASE:
-        with np.errstate(over="ignore", invalid="ignore"):  # check_inertia rejects the result
-            mass, centre, inertia = inertia_of(body, table.mass)
-        check_inertia(inertia, body, table)
+        with np.errstate(over="ignore", invalid="ignore"):  # _check_inertia rejects the result
+            mass, centre, inertia = _inertia_of(body, table.mass)
+        _check_inertia(inertia, body, table)
         link.inertial = yourdfpy.Inertial(_noted(Origin(centre), origins), mass, inertia)
     for rod in body.rods:
         cylinder = yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius, rod.length))
         link.visuals.append(yourdfpy.Visual(None, _noted(rod.origin, origins), cylinder))
     if body.name != BASE and not body.rods:
         ball = yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius))
-        link.visuals.append(yourdfpy.Visual(None, _noted(Origin(ZERO), origins), ball))
+        link.visuals.append(yourdfpy.Visual(None, _noted(Origin(_ZERO), origins), ball))
     return link
 
 
@@ -276,14 +278,14 @@ def _check_urdf(text: str, table: DHTable) -> None:
 
     robot = yourdfpy.URDF.load(BytesIO(text.encode()), load_meshes=False)
     if not robot.validate():
-        raise URDFError(f"{table.name}.urdf", f"yourdfpy refuses it: {robot.errors[0]}")
+        raise URDFError(f"{table.name}.urdf", f"yourdfpy rejects it: {robot.errors[0]}")
     q = np.linspace(0.3, 0.8, len(table.rows))
     robot.update_cfg(q)
     poses = table.transforms(q)
     error = np.abs(robot.get_transform(TIP, BASE) - poses[-1]).max()
-    # Not tighter: trimesh, used by yourdfpy, snaps poses within 1e-8 of the identity to it.
+    # Not tighter: trimesh, used by yourdfpy, rounds poses within 1e-8 of the identity to it.
     if not error <= 1e-6 * np.abs(poses).max():
-        raise URDFError(f"{table.name}.urdf", "its tip is not where the DH table has it")
+        raise URDFError(f"{table.name}.urdf", "its tip position differs from that of the DH table")
 
 
 def _check_target(target: Path, source: Path | None) -> None:
@@ -294,7 +296,7 @@ def _check_target(target: Path, source: Path | None) -> None:
 
 
 def _replace_together(texts: Mapping[Path, str], folder: Path) -> None:
-    # A directory beside the targets is on the same file system, where replacing is atomic.
+    # A directory next to the targets is on the same file system, where replacing is atomic.
     with TemporaryDirectory(prefix=".ftforce-", dir=folder) as scratch:
         new = {path: Path(scratch, "new-" + path.name) for path in texts}
         old = {path: Path(scratch, "old-" + path.name) for path in texts}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 MOVING = frozenset({"revolute", "continuous", "prismatic"})
-HELD = frozenset({"floating", "planar"})  # held fixed: they have no single motor that could fail
+HELD = frozenset({"floating", "planar"})  # held fixed: no single motor drives them
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -151,8 +151,8 @@ def build_tree(
         if (other := parent_joint.get(joint.child)) is not None:
             raise URDFError(
                 path,
-                f"link {joint.child!r} hangs on two joints, {other.name!r} and {joint.name!r}; "
-                "a URDF is a tree and cannot hold closed loops",
+                f"link {joint.child!r} has two parent joints, {other.name!r} and {joint.name!r}; "
+                "a URDF is a tree and cannot contain closed loops",
             )
         parent_joint[joint.child] = joint
         children[joint.parent].append(joint)
@@ -170,7 +170,15 @@ def build_tree(
 
 
 def did_you_mean(name: str, available: Iterable[str]) -> str:
-    """Return the end of a message that suggests the closest name, or an empty string."""
+    """Return the end of a message that suggests the closest name, or an empty string.
+
+    Parameters
+    ----------
+    name :
+        The unknown name.
+    available :
+        The available names.
+    """
     return f"; did you mean {close!r}?" if (close := closest(name, available)) else ""
 
 
@@ -181,7 +189,7 @@ def _without_mimic_chains(path: str, joints: Mapping[str, UrdfJoint]) -> dict[st
         joint, chain = first, dict[str, UrdfJoint]()
         while joint.name not in done:
             if joint.name in chain:
-                raise URDFError(path, f"the joints {listed(chain)} mimic each other in a circle")
+                raise URDFError(path, f"the joints {listed(chain)} mimic each other in a cycle")
             chain[joint.name] = joint
             joint = _leader(path, joint, joints)
         for follower in reversed(chain.values()):
@@ -210,7 +218,11 @@ def _follow(path: str, joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJ
     multiplier = own.multiplier * above.multiplier
     offset = own.multiplier * above.offset + own.offset
     if max(abs(multiplier), abs(offset)) > LARGEST_NUMBER:
-        raise URDFError(path, f"joint {joint.name!r}: its mimic multipliers grow beyond all bounds")
+        raise URDFError(
+            path,
+            f"joint {joint.name!r}: its multiplier or offset, multiplied along the chain of mimic "
+            f"joints, exceeds {LARGEST_NUMBER:g}",
+        )
     return joint._replace(mimic=Mimic(above.leader, multiplier, offset))
 
 
@@ -226,7 +238,9 @@ def _root(path: str, links: Mapping[str, UrdfLink], parent_joint: Mapping[str, U
     if not roots:
         raise URDFError(path, "has no root link: its joints form a loop")
     if len(roots) > 1:
-        raise URDFError(path, f"has {len(roots)} root links ({listed(roots)}); a URDF has one")
+        raise URDFError(
+            path, f"has {len(roots)} root links ({listed(roots)}); a URDF has exactly one"
+        )
     return roots[0]
 
 
@@ -236,10 +250,11 @@ def _check_depth(tree: UrdfTree) -> None:
         depths[joint.child] = depths[joint.parent] + 1
     if looped := [link for link in tree.links if link not in depths]:
         raise URDFError(
-            tree.path, f"the links {listed(looped)} form a loop apart from the root {tree.root!r}"
+            tree.path,
+            f"the links {listed(looped)} form a loop disconnected from the root {tree.root!r}",
         )
     if (deepest := max(depths.values())) > MAX_DEPTH:
-        raise URDFError(tree.path, f"has {deepest} links in a row; at most {MAX_DEPTH} are read")
+        raise URDFError(tree.path, f"is {deepest} links deep; at most {MAX_DEPTH} are supported")
 
 
 def _text(numbers: Numbers) -> str:

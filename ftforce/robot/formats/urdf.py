@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from ftforce.robot.formats.tree import Numbers, UrdfTree
 
-MOST_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
-SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
-SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
-SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
+MAX_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
+_SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
+_SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, forces overflow
+_SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3 = (0.0, 0.0, 0.0)
@@ -48,9 +48,9 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
     reader = _Reader(str(path))
     elements = root.findall("link")
     if not elements:
-        raise reader.error("holds no <link>")
-    if len(elements) > MOST_LINKS:
-        raise reader.error(f"holds {len(elements)} links; at most {MOST_LINKS} are read")
+        raise reader.error("contains no <link>")
+    if len(elements) > MAX_LINKS:
+        raise reader.error(f"contains {len(elements)} links; at most {MAX_LINKS} are supported")
     links = reader.unique([reader.link(e) for e in elements], "link")
     joints = reader.unique([reader.joint(e) for e in root.findall("joint")], "joint")
     name = root.get("name", "").strip() or Path(path).stem
@@ -61,7 +61,7 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
 def _robot_element(path: str | PathLike[str]) -> Element:
     text = read_text(path, URDFError, "a URDF")
     convert = "`xacro FILE.xacro > FILE.urdf` (pip install xacro, or any ROS installation)"
-    xacro = URDFError(path, f"is xacro, a macro language; turn it into a URDF first: {convert}")
+    xacro = URDFError(path, f"is a xacro file; convert it to URDF first: {convert}")
     try:
         root = parse_xml(text, path, URDFError)
     except URDFError as problem:
@@ -71,7 +71,7 @@ def _robot_element(path: str | PathLike[str]) -> Element:
     if str(path).endswith(".xacro") or any(map(_is_xacro, root.iter())):
         raise xacro
     if root.tag != "robot":
-        raise URDFError(path, f"is no URDF: its root element is <{root.tag}>, not <robot>")
+        raise URDFError(path, f"is not a URDF: its root element is <{root.tag}>, not <robot>")
     return root
 
 
@@ -105,16 +105,16 @@ class _Reader:
             return UrdfLink(name, None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
         mass = self.number(inertial.find("mass"), "value", f"{where}: mass")
         if mass is not None and mass < 0.0:
-            raise self.error(f"{where}: mass {mass:g} kg is negative; give 0 or more")
+            raise self.error(f"{where}: mass {mass:g} kg is negative; it must be 0 or more")
         moments = self.moments(inertial.find("inertia"), where)
         return UrdfLink(name, mass, *self.origin(inertial, where), moments)
 
     def moments(self, matrix: Element | None, where: str) -> Numbers:
         values = [self.number(matrix, key, f"{where}: inertia {key}") or 0.0 for key in MOMENTS]
         for key, value in zip(MOMENTS, values, strict=True):
-            if key in _DIAGONAL and value < -SMALLEST_MOMENT:
+            if key in _DIAGONAL and value < -_SMALLEST_MOMENT:
                 what = f"{where}: inertia {key} {value:g} kg·m²"
-                raise self.error(f"{what} is negative; give 0 or more")
+                raise self.error(f"{what} is negative; it must be 0 or more")
         return tuple(values)
 
     def joint(self, element: Element) -> UrdfJoint:
@@ -124,7 +124,7 @@ class _Reader:
         if kind not in JOINT_TYPES:
             hint = did_you_mean(kind, JOINT_TYPES)
             raise self.error(
-                f"{where}: unknown type {kind!r}; there is: {listed(JOINT_TYPES)}{hint}"
+                f"{where}: unknown type {kind!r}; available: {listed(JOINT_TYPES)}{hint}"
             )
         parent, child = (self.reference(element, role, where) for role in ("parent", "child"))
         lower, upper = self.bounds(element.find("limit"), kind, where)
@@ -141,8 +141,8 @@ class _Reader:
         name = element.get("name", "")
         if not name.strip():
             raise self.error(f"a <{kind}> has no name")
-        if not name.isprintable():  # a line break or a terminal's control sequence
-            raise self.error(f"the {kind} name {name!r} holds characters that cannot be printed")
+        if not name.isprintable():  # e.g. a line break or a terminal control sequence
+            raise self.error(f"the {kind} name {name!r} contains unprintable characters")
         return name
 
     def reference(self, element: Element, role: str, where: str) -> str:
@@ -168,7 +168,7 @@ class _Reader:
             return (1.0, 0.0, 0.0)  # default of the URDF format
         axis = self.numbers(found.get("xyz", "1 0 0"), 3, f"{where}: axis")
         length = math.hypot(*axis)
-        if length < SHORTEST_AXIS:
+        if length < _SHORTEST_AXIS:
             if kind in MOVING or kind == "planar":
                 raise self.error(f"{where}: its axis is zero; give a direction, e.g. 0 0 1")
             return (1.0, 0.0, 0.0)  # the axis of a fixed joint is irrelevant
@@ -189,8 +189,8 @@ class _Reader:
         )
         if lower > upper:
             missing = any(limit.get(key) is None for key in ("lower", "upper"))
-            hint = " (a bound that is not given is 0)" if missing else ""
-            raise self.error(f"{where}: lower limit {lower:g} is above upper limit {upper:g}{hint}")
+            hint = " (a missing limit defaults to 0)" if missing else ""
+            raise self.error(f"{where}: lower limit {lower:g} exceeds upper limit {upper:g}{hint}")
         return lower, upper
 
     def largest(self, limit: Element | None, key: str, where: str) -> float | None:
@@ -205,7 +205,7 @@ class _Reader:
             return None
         leader = found.get("joint", "")
         if not leader:
-            raise self.error(f'{where}: <mimic joint="…"/> names no joint')
+            raise self.error(f'{where}: <mimic joint="…"/> is missing its joint')
         factor = self.number(found, "multiplier", f"{where}: mimic multiplier")
         offset = self.number(found, "offset", f"{where}: mimic offset")
         return Mimic(leader, 1.0 if factor is None else factor, offset or 0.0)
@@ -220,9 +220,9 @@ class _Reader:
         try:
             return read_numbers(text, count, largest)
         except ValueError as problem:
-            hint = " (a ${…} is left from xacro)" if "$" in text else ""
+            hint = " (contains an unexpanded xacro expression)" if "$" in text else ""
             raise self.error(f"{what} {problem}{hint}") from None
 
 
 def _without_traces(numbers: Numbers) -> Numbers:
-    return tuple(x if abs(x) >= SMALLEST_STEP else 0.0 * x for x in numbers)  # signed zeros
+    return tuple(x if abs(x) >= _SMALLEST_STEP else 0.0 * x for x in numbers)  # signed zeros

@@ -45,7 +45,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p", "h")
 SOLID, DASHED, DOTTED = (0, ()), (0, (5, 2.5)), (0, (0.1, 2.4))
 DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
 
-NOTHING = "nothing holds the arm"
+NOTHING = "the arm cannot be held"
 HIGHEST = 9.6  # in; a page of A4 with its caption
 ROW = 0.16  # in; height of a row of text
 LONGEST_NAME = 24  # characters of a joint's name

@@ -233,7 +233,7 @@ def words_of(sweep: Sweep, quantity: str) -> tuple[str, str]:
 
 
 def _fails(sweep: Sweep) -> str:
-    return "swings free" if sweep.setting.mode == "free" else "locks"
+    return "is free-swinging" if sweep.setting.mode == "free" else "locks"
 
 
 def name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:

@@ -12,6 +12,7 @@ from ftforce.core.feasible_forces import LockModel
 from ftforce.errors import listed
 from ftforce.report import text
 from ftforce.report.census import critical_joint
+from ftforce.report.measures import MARGIN, MEASURES, RHO
 from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import (
     arm_fact,
@@ -65,7 +66,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         *conditions_facts(census.conditions),
         ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
         force_fact(census.task, census.before),
-        ("Tolerance", f"rank {census.rtol:g}, wary below {census.wary:g}"),
+        ("Tolerance", f"rank {census.rtol:g}, borderline below {census.wary:g}"),
     ]
 
 
@@ -79,8 +80,8 @@ def _unknown_brakes(census: Census) -> str:
         if math.isnan(brake)
     ]
     if len(unknown) == census.robot.n:
-        return "; brakes are unknown and count as none"
-    return f"; unknown, count as none: brakes of {listed(unknown)}" if unknown else ""
+        return "; brake limits are unknown and ignored"
+    return f"; unknown and ignored: brakes of {listed(unknown)}" if unknown else ""
 
 
 def _sets(census: Census, most: int) -> TitledTable:
@@ -106,8 +107,9 @@ def _set(census: Census, report: SetReport) -> Iterator[tuple[str, str | Text]]:
         yield "share\n[%]", "–" if report.share is None else f"{100.0 * report.share:.0f}"
     if report.capability is not None:
         yield from zip(map(str, LockModel), _capability_cells(report.capability), strict=True)
-    yield "margin", ratio(report.margin)
-    yield "ρ", defined(report.relative_manipulability)
+    # Two columns of capabilities leave no room for more than these in 80 columns.
+    for measure in MEASURES if report.capability is None else (MARGIN, RHO):
+        yield measure.symbol, defined(measure.value(report))
     yield "rank\nlost", str(report.rank_lost)
 
 
@@ -123,11 +125,11 @@ def _capability_cells(found: SetCapability) -> tuple[str, str]:
 def _caption(census: Census, most: int) -> str:
     notes, shown = [], census.sets[:most]
     if not all(report.can_stand_still for report in shown):
-        notes.append("* the arm cannot stand still")
+        notes.append("* the arm cannot be held in static equilibrium")
     if any(report.share is not None for report in census.sets):
         notes.append("share: of the force, if its direction must not change")
         if any(report.share is None and report.can_stand_still for report in shown):
-            notes[-1] += "; –: with no share of it alone does the arm stand still"
+            notes[-1] += "; –: no fraction of it alone holds the arm"
     if census.rank_by == "capability":
         where, none = "in the weakest direction of each set", "without a force"
         if census.direction is not None:
@@ -136,9 +138,9 @@ def _caption(census: Census, most: int) -> str:
         unit = text.unit_of_size(census.task, census.direction)
         notes.append(f"commanded, held: largest force {where} [{unit}]")
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
-            notes[-1] += f"; –: the arm does not stand still {none}"
+            notes[-1] += f"; –: the arm cannot be held {none}"
         if any(x.capability.minimum > text.NEGLIGIBLE for x in shown if x.capability):
-            notes.append("! less than that, or nothing at all, does not hold the arm")
+            notes.append("! a smaller force, or none, does not hold the arm")
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
     return "\n".join(notes)
@@ -156,7 +158,7 @@ def _critical_joints(census: Census) -> TitledTable:
     if ranked:
         result.caption = "least of all: commanded, over the sets that hold the joint"
     elif not all(report.can_stand_still for report in census.sets):
-        result.caption += "\nan arm that cannot stand still counts as a jump of 100%"
+        result.caption += "\nan arm that cannot be held counts as a jump of 100%"
     return result
 
 
@@ -169,9 +171,9 @@ def _joint(census: Census, report: JointReport) -> Iterator[tuple[str, str | Tex
         headings = ("com-\nmanded", "\nheld")
         yield from zip(headings, _capability_cells(alone.capability), strict=True)
         yield "least\nof all", amount(least)
-    yield "margin", ratio(alone.margin)
+    yield MARGIN.symbol, ratio(alone.margin)
     if least is None:
-        yield "ρ", defined(alone.relative_manipulability)
+        yield RHO.symbol, defined(alone.relative_manipulability)
     yield "sets not\ntolerated", f"{report.not_tolerated} of {report.sets}"
     yield "border-\nline", str(report.borderline)
     if least is None:

@@ -10,6 +10,7 @@ from rich.text import Text
 from ftforce.batch.kernels.layout import CELL_BINS
 from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.comparison import comparison_sentence, critical_words, fault_words, ranks
+from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import force_in_words
 from ftforce.report.text import ratio, share, vector_in_words
 from ftforce.show.tables.parts import amount, defined, facts, listing, spaced, warning_lines
@@ -60,14 +61,14 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     return [
         *found,
         ("Postures", f"{each} of each arm, {within}"),
-        ("Tolerance", f"rank {asked.rtol:g}, wary below {asked.wary:g}"),
+        ("Tolerance", f"rank {asked.rtol:g}, borderline below {asked.wary:g}"),
     ]
 
 
 def _limits(comparison: Comparison) -> str:
     sources = sorted({str(arm.setting.limits) for arm in comparison.arms})
     named = sources[0] if len(sources) == 1 else "each arm's own"
-    return f"{named}, for the capability; verdict and jump do not count them"
+    return f"{named}, for the capability; verdict and jump ignore them"
 
 
 def _ranking(comparison: Comparison) -> TitledTable:
@@ -121,8 +122,8 @@ def _distance(asked: SweepSetting, arm: ArmReport, i: int) -> Iterator[tuple[str
     yield "arm", arm.name
     if asked.largest > 1:
         yield "tolerated\n[%]", share(one.tolerated.value)
-    for name, (low, middle) in {"margin": one.margin, "ρ": one.rho}.items():
-        yield f"{name}\n5 %", _quantile(low, LINEAR_BINS)
+    for measure, (low, middle) in {MARGIN.symbol: one.margin, RHO.symbol: one.rho}.items():
+        yield f"{measure}\n5 %", _quantile(low, LINEAR_BINS)
         yield "\n50 %", _quantile(middle, LINEAR_BINS)
     if is_locked:
         yield "mean\nρ", _mean_rho(one)
@@ -172,7 +173,9 @@ def _force(comparison: Comparison) -> TitledTable | None:
             "kept: median after over median before; –: unknown, or nothing before",
         ]
     if capable and asked.mode == "locked":
-        notes += ["above 100: the brake holds a locked joint, and its motor's limit counts no more"]
+        notes += [
+            "above 100: the brake holds a locked joint, and its motor's limit no longer applies"
+        ]
     result.caption = "\n".join(notes)
     return result
 

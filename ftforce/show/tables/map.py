@@ -12,6 +12,7 @@ from ftforce.batch.summary.cells import AXES, Cells, pooled
 from ftforce.batch.summary.criticality import Estimate
 from ftforce.batch.summary.intervals import quantile
 from ftforce.report.map import cells_in_words, faults_in_words, map_sentence
+from ftforce.report.measures import MARGIN
 from ftforce.report.sweep import interval
 from ftforce.report.text import NEGLIGIBLE, number, ratio, size
 from ftforce.show.plots.workspace import UNSURE
@@ -114,12 +115,12 @@ def _worst(found: WorkspaceMap, most: int) -> TitledTable:
     cells = blocks.cells
     what = "cells" if blocks.edge < 1.5 * found.located.edge else "blocks"
     rows = [_worst_row(blocks, i) for i in found.worst(most)]
-    title = f"{what.capitalize()} of {blocks.edge:g} m, surely worst first"
+    title = f"{what.capitalize()} of {blocks.edge:g} m, worst first"
     result = listing(title, rows, left=0, folded=())
     bad = int((cells.tolerated < cells.postures).sum())
     result.caption = (
-        f"middles of {what}, by the interval's upper end: few postures prove little\n"
-        f"{bad:,} of {len(cells.postures):,} {what} hold postures that do not tolerate it"
+        f"centres of {what}, ordered by the upper end of the interval\n"
+        f"{bad:,} of {len(cells.postures):,} {what} contain postures that do not tolerate it"
     )
     return result
 
@@ -136,7 +137,7 @@ def _worst_row(blocks: Located, i: int) -> Iterator[tuple[str, str]]:
 
 _NAMES = {
     "rho": "ρ = w(K)/w(J)",
-    "margin": "Margin σ_min(K)/σ_max(J)",
+    "margin": MARGIN.label,
     "jump": "Jump ‖ΔF‖",
     "capability": "Capability",
 }

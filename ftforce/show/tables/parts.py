@@ -165,4 +165,4 @@ def amount(x: float, digits: int = 1) -> str:
 
 def defined(x: float) -> str:
     """Format a ratio; a dash if undefined."""
-    return "–" if math.isnan(x) else ratio(x)
+    return "–" if math.isnan(x) else "∞" if math.isinf(x) else ratio(x)

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.batch.summary.intervals import quantile as quantile_of
+from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import direction_in_words, force_in_words, interval, sweep_sentence
 from ftforce.report.text import NEGLIGIBLE, axes_in_words, ratio, set_of, share
 from ftforce.show.tables.analysis import arm_fact
@@ -64,7 +65,7 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
         ("Force", force_in_words(setting)),
         ("Capability", direction_in_words(setting)),
         *(weight if weighs else []),
-        ("Tolerance", f"rank {setting.rtol:g}, wary below {setting.wary:g}"),
+        ("Tolerance", f"rank {setting.rtol:g}, borderline below {setting.wary:g}"),
         *stored,
     ]
 
@@ -96,8 +97,8 @@ def _joint(
     yield "border-\nline [%]", share(joint.borderline)
     if setting.largest > 1:
         yield "alone\n[%]", share(joint.alone.value)
-    for name, (low, middle) in {"margin": joint.margin, "ρ": joint.rho}.items():
-        yield f"{name}\n5 %", quantile(low.value)
+    for measure, (low, middle) in {MARGIN.symbol: joint.margin, RHO.symbol: joint.rho}.items():
+        yield f"{measure}\n5 %", quantile(low.value)
         yield "\n50 %", quantile(middle.value)
     if capable:
         median = "–" if joint.capability is None else amount(joint.capability.value)
@@ -116,7 +117,7 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
     falls = any(one.falls > 0.0 for one in ranked)
     rows = [_set(sweep, one, falls=falls, jumps=jumps) for one in ranked[:most]]
     result = listing(f"Fault sets, {setting.mode}, worst first", rows, folded=())
-    notes = ["falls: nothing holds the arm"] if falls else []
+    notes = ["falls: the arm cannot be held in static equilibrium"] if falls else []
     if jumps:
         notes.append("jump: quantiles over the postures, and the largest")
     if capable:
@@ -137,8 +138,8 @@ def _set(sweep: Sweep, one: SetSummary, *, falls: bool, jumps: bool) -> Iterator
     if jumps:
         headings = (f"jump 50 %\n[{setting.size_unit}]", "\n95 %", "\nmost")
         yield from zip(headings, _jumps(sweep, one), strict=True)
-    yield "margin\n5 %", quantile(one.margin[0])
-    yield "ρ\n5 %", quantile(one.rho[0])
+    yield f"{MARGIN.symbol}\n5 %", quantile(one.margin[0])
+    yield f"{RHO.symbol}\n5 %", quantile(one.rho[0])
     if one.capability is not None:
         yield f"force 5 %\n[{setting.capability_unit}]", amount(one.capability[0])
         yield "\n50 %", amount(one.capability[1])

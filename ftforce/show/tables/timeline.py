@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.report import text
+from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, size
 from ftforce.report.timeline import timeline_sentence
 from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
@@ -41,7 +42,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
     if timeline.direction is not None:
         where = f"along {text.vector_in_words(timeline.direction)}"
     bearing = timeline.capability_limits
-    counted = "none are counted" if timeline.limits is None else timeline.limits.source
+    counted = "not enforced" if timeline.limits is None else timeline.limits.source
     if bearing is not None and timeline.limits is None:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
@@ -80,7 +81,7 @@ def _row(timeline: Timeline, worst: WorstInstant, unit: str) -> Iterator[tuple[s
     yield "at", f"{worst.time:g} s"
     jump = "–" if math.isnan(worst.jump) else size(worst.jump)
     yield f"jump [{timeline.task.size_unit}]", jump
-    yield "margin", ratio(worst.margin)
+    yield MARGIN.symbol, ratio(worst.margin)
     yield "verdict", verdict_text(worst.verdict)
     least = "falls" if math.isnan(worst.capability) else amount(worst.capability, 2)
     yield f"least [{unit}]", least

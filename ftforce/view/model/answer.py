@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.analyze import Analysis, analyze, load_without_force, shown_limits
+from ftforce.analysis.analyze import (
+    Analysis,
+    analyze_question,
+    load_without_force,
+    shown_limits,
+)
 from ftforce.analysis.capability import Capability, CapabilityRange, capability_of
-from ftforce.analysis.census import Census, census
-from ftforce.core.faults import Fault, FaultMode
+from ftforce.analysis.census import Census, census_of
+from ftforce.analysis.question import HEALTHY, AllFaultSets
 from ftforce.core.feasible_forces import LockModel
 from ftforce.errors import FtforceError
 from ftforce.report.text import NEGLIGIBLE
 
 if TYPE_CHECKING:
+    from ftforce.analysis.question import Question
+    from ftforce.core.faults import Fault
     from ftforce.robot.robot import Robot
     from ftforce.view.model.state import State
 
@@ -110,19 +117,8 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
     InputError
         The question is malformed.
     """
-    # For an explicit position, `analyze` itself warns if it violates the joint limits.
-    place = state.q if state.posture.source == "given" else state.posture
-    faults = state.faults
-    analysis = analyze(
-        robot,
-        place,
-        locked=[i + 1 for i in faults.in_mode(FaultMode.LOCKED)],
-        free=[i + 1 for i in faults.in_mode(FaultMode.FREE)],
-        weak=[(f.joint + 1, f.factor) for f in faults.faults if f.mode is FaultMode.WEAK],
-        limits=state.asked_limits,
-        **state.options(),
-    )
-    all_sets, problem = _census(robot, state, analysis, earlier)
+    analysis = analyze_question(state.question(robot))
+    all_sets, problem = _census(state, analysis.question, earlier)
     needs_capability = state.shown.weakest or state.shown.solid == "polytope"
     return Answer(
         state=state,
@@ -134,23 +130,17 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
     )
 
 
-def _census(
-    robot: Robot, state: State, analysis: Analysis, earlier: Answer | None
-) -> tuple[Census | None, str]:
+def _census(state: State, question: Question, earlier: Answer | None) -> tuple[Census | None, str]:
     """Return the census, and why it is not available (empty if it is)."""
     if not state.shown.census:
         return None, ""
-    if earlier is not None and earlier.state.census_question() == state.census_question():
+    if earlier is not None and earlier.state.census_essence() == state.census_essence():
         return earlier.census, earlier.census_problem
+    robot, shown = question.robot, state.shown
     try:
-        found = census(
-            robot,
-            analysis.posture,
-            faults=min(state.shown.census, robot.n),
-            mode=state.shown.census_mode,
-            limits=analysis.limits,  # also where they apply only because a joint is weak
-            **state.options(),
-        )
+        all_sets = AllFaultSets.parse(robot, min(shown.census, robot.n), shown.census_mode)
+        # Limits that apply because a joint is weak apply here too.
+        found = census_of(replace(question, faults=HEALTHY), all_sets)
     except FtforceError as error:  # the answer for the current fault set is still valid
         return None, str(error)
     return found, ""

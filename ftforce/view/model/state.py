@@ -10,25 +10,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
-from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.limits_files import NONE, URDF, choose_limits
-from ftforce.analysis.question import limits_for
+from ftforce.analysis.question import Question, limits_for
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.faults import Fault, FaultMode, FaultSet
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.task import COMPONENTS, DEFAULT_LENGTH, Task
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.robot.posture import Posture, choose_posture
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.fault_names import Joints, WeakJoints
-    from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.limits import Limits
-    from ftforce.core.task import Axes
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
@@ -185,16 +181,11 @@ class State:
         return self.own_gravity if self.weighs else read_only(np.zeros(3))
 
     @property
-    def asked_limits(self) -> Limits | str | None:
-        """Limits, in the form accepted by `ftforce.analyze`."""
-        if self.is_limited is None:
-            return None
-        return self.limits if self.is_limited else NONE
-
-    @property
     def counts_limits(self) -> bool:
         """Whether limits apply."""
-        return limits_for(self.faults, self.asked_limits) not in (None, NONE)
+        if self.is_limited is None:
+            return limits_for(self.faults, None) is not None
+        return self.is_limited
 
     # ---- modified questions ----------------------------------------------------------------------
 
@@ -306,114 +297,87 @@ class State:
         """Return the question with changes to what the page shows: fields of `Shown`."""
         return replace(self, shown=self.shown._replace(**changes))
 
-    # ---- arguments -------------------------------------------------------------------------------
+    # ---- the question ----------------------------------------------------------------------------
 
-    def options(self) -> dict[str, Any]:
-        """Return the arguments common to `ftforce.analyze` and `ftforce.census`, except limits."""
-        return {
-            "force": self.force,
-            "torque": self.asked_torque,
-            "velocity": self.velocity,
-            "acceleration": self.acceleration,
-            "gravity": self.gravity,
-            "payload": self.payload,
-            "inverse": self.inverse,
-            "task": self.task,
-            "rtol": self.rtol,
-            "wary": self.wary,
-        }
+    def question(self, robot: Robot) -> Question:
+        """Return the question that `ftforce.analyze` answers.
 
-    def question(self) -> tuple[object, ...]:
+        Parameters
+        ----------
+        robot :
+            The arm.
+        """
+        # Positions set on the page are checked against the joint limits here.
+        is_given = self.posture.source == "given"
+        gravity = self.gravity
+        return Question(
+            robot,
+            self.task,
+            Conditions(
+                robot.gravity if gravity is None else gravity,
+                gravity is None,
+                self.payload,
+                self.velocity,
+                self.acceleration,
+            ),
+            force=self.force,
+            torque=self.asked_torque,
+            direction=None,
+            limits=self.limits if self.counts_limits else None,
+            inverse=self.inverse,
+            rtol=self.rtol,
+            wary=self.wary,
+            posture=choose_posture(robot, self.q) if is_given else self.posture,
+            faults=self.faults,
+        )
+
+    def essence(self) -> tuple[object, ...]:
         """Return what a verdict depends on besides posture, faults, payload and given limits."""
-        options = self.options() | {
-            "load": self.load,
-            "limits": self.counts_limits,
-            "payload": None,
-        }
-        return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in options.values())
+        vectors = (self.force, self.asked_torque, self.velocity, self.acceleration, self.gravity)
+        plain = (self.load, self.counts_limits, self.inverse, self.task, self.rtol, self.wary)
+        return (*(None if x is None else x.tobytes() for x in vectors), *plain)
 
-    def census_question(self) -> tuple[object, ...]:
+    def census_essence(self) -> tuple[object, ...]:
         """Return what the census depends on: states that agree in it share their census."""
         own = (self.q.tobytes(), id(self.limits), self.payload)
-        return (*self.question(), *own, self.shown.census, self.shown.census_mode)
+        return (*self.essence(), *own, self.shown.census, self.shown.census_mode)
 
 
 def initial_state(
-    robot: Robot,
-    q: ArrayLike | Posture | None = None,
-    *,
-    origin: Origin | None = None,
-    locked: Joints = (),
-    free: Joints = (),
-    weak: WeakJoints = (),
-    force: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    acceleration: ArrayLike | None = None,
-    gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
-    limits: LimitsLike = None,
-    inverse: Inverse = "euclidean",
-    task: str | Iterable[str] | Task = "force",
-    length: float | None = None,
-    axes: Axes = "tool",
-    rtol: float = RTOL,
-    wary: float = BORDERLINE_RTOL,
+    question: Question, *, origin: Origin | None = None, are_limits_given: bool = False
 ) -> State:
-    """Return the initial question of the page.
+    """Return the initial state of the page.
 
     Parameters
     ----------
-    robot :
-        The arm.
-    q, locked, free, weak, torque, velocity, acceleration, gravity, payload, limits, inverse :
-        As in `ftforce.analyze`.
-    task, length, axes, rtol, wary :
-        As in `ftforce.analyze`.
-    force :
-        As in `ftforce.analyze`; 20 N along each axis if neither a force nor torques are given.
+    question :
+        The first question; 20 N along each axis if it has neither a force nor torques.
     origin :
         How the user specified the arm; defaults to its URDF.
-
-    Raises
-    ------
-    InputError
-        As for `ftforce.analyze`.
+    are_limits_given :
+        Whether the user chose the limits, or none; otherwise they apply if a joint is weak.
     """
-    check_tolerances(rtol, wary)
-    if force is not None and torque is not None:
-        raise InputError("give either a force or torques, not both")
-    if inverse not in INVERSES:
-        raise UnknownNameError("inverse", inverse, INVERSES)
-    named = Origin(robot.path) if origin is None else origin
-    wanted = Task.parse(task, axes, length)
-    start = choose_posture(robot, None, named.posture)
-    place = start if q is None else choose_posture(robot, q)
-    faults = named_faults(robot, locked, free, weak)
-    conditions = Conditions.of(
-        robot, velocity=velocity, acceleration=acceleration, gravity=gravity, payload=payload
-    )
-    counted = choose_limits(robot, limits)
+    robot, conditions, faults = question.robot, question.conditions, question.faults
     state = State(
-        posture=place,
-        is_start=place is start,
+        posture=question.place,
+        is_start=question.place.source != "given",
         modes=(HEALTHY,) * robot.n,
         factors=(_FIRST_FACTOR,) * robot.n,
-        load="force" if torque is None else "torques",
-        wrench=_first_wrench(wanted, force),
-        torque=None if torque is None else as_vector(torque, robot.n, "torque", robot.numbered()),
+        load="force" if question.torque is None else "torques",
+        wrench=_first_wrench(question.task, question.force),
+        torque=question.torque,
         velocity=conditions.velocity,
         acceleration=conditions.acceleration,
-        task=wanted,
-        limits=counted or _urdf_limits(robot),
-        is_limited=None if limits is None else counted is not None,
+        task=question.task,
+        limits=question.limits or _urdf_limits(robot),
+        is_limited=question.limits is not None if are_limits_given else None,
         own_gravity=None if conditions.is_model_gravity else conditions.gravity,
         weighs=True,
         payload=conditions.payload,
-        inverse=inverse,
-        rtol=rtol,
-        wary=wary,
-        origin=named,
+        inverse=question.inverse,
+        rtol=question.rtol,
+        wary=question.wary,
+        origin=Origin(robot.path) if origin is None else origin,
     )
     return state.with_faults(faults)
 
@@ -494,14 +458,12 @@ def _urdf_limits(robot: Robot) -> Limits:
     return limits
 
 
-def _first_wrench(task: Task, force: ArrayLike | None) -> Vector:
+def _first_wrench(task: Task, force: Vector | None) -> Vector:
     """Return the given force, or the default, for each of `COMPONENTS`, shape (6,)."""
     if force is None:
         unit = "f" if task.force_rows else "m"
         return read_only(np.array([FIRST_FORCE * (name[0] == unit) for name in COMPONENTS]))
-    names = ", ".join(task.components)
-    given = as_vector(force, task.m, "force", f"{names} of the task '{task}'")
-    return read_only(in_components(task.components, given))
+    return read_only(in_components(task.components, force))
 
 
 def in_components(components: Sequence[str], vectors: Vector) -> Vector:
