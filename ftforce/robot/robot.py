@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.coordinates import Coordinates
 
-BUILT_IN_POSTURES = ("mid-range", "zero", "sample")
+BUILT_IN_POSTURES = ("mid-range", "zero", "bent", "sample")
 
 
 class JointUnits:

@@ -57,7 +57,10 @@ def _postures(robot: Robot) -> RenderableType:
     result = table("Postures [rad, m]", "name", "q", left=2, folded=(0, 1))
     for name, q in robot.postures.items():
         result.add_row(name, ", ".join(number(x, 3) for x in q.tolist()))
-    built_in = Text("Also: mid-range, zero, sample (best conditioned of 64).", style="dim")
+    built_in = Text(
+        "Also: mid-range, zero, bent (from mid-range), sample (best conditioned of 64).",
+        style="dim",
+    )
     return Group(result, built_in) if robot.postures else built_in
 
 
