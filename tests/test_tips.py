@@ -332,7 +332,8 @@ def test_candidates_come_best_first(tree):
     assert list(tip_candidates(tree(text)).items()) == [
         ("l_tcp", 2), ("r_tcp", 2), ("leg", 1), ("l_finger_2", 4), ("r_finger_2", 4), ("eye", 2)
     ]  # fmt: skip
-    with pytest.raises(InputError, match=r"which tip\?.*\(--tip\): l_tcp \(2 joints\), r_tcp "):
+    wanted = r"\(--tip\): l_tcp \(2 joints\), r_tcp \(2 joints\), leg \(1 joint\); or one of 3 on f"
+    with pytest.raises(InputError, match=r"which tip\?.*" + wanted):
         tip_of(tree(text))
 
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 GIVEN = "given"
 BY_NAME = "tool frame by name"
 CLEARLY = 2  # a branch is clearly the longest with this many joints more than any other
-MOST_OF_A_GRIPPER = (
-    2  # joints in series, and in all, that may lie beyond the tip without a question
-)
+MOST_OF_A_GRIPPER = 2  # joints, in series and in all, that may lie beyond the tip unasked
 
 # Names of tool frames, best first. A name is compared word by word: panda_hand_tcp, linkEE.
 _TOOL_FRAMES = tuple(
@@ -47,7 +45,7 @@ _NO_JAW = re.compile(r"yaw|roll|pitch|rot|wrist|base|palm|body|flange|tool|mount
 _NO_ARM = re.compile(
     r"wheel|caster|rotor|propeller|camera|kinect|xtion|realsense|lidar|laser|velodyne|hokuyo|sonar"
     r"|sensor|antenna|display|screen|spring|balanc|counter_?weight"
-    r"|(?:^|_)(?:imu|head|neck|ptu|pan_tilt|eye|eyes|eyelid|jaw|track|rocker|bogie|cam)(?:_|\d|$)"
+    r"|(?:^|_)(?:imu|head|neck|ptu|pan_tilt|eye|eyes|eyelid|jaw|rocker|bogie|cam)(?:_|\d|$)"
 )
 
 
@@ -327,11 +325,14 @@ def _moving_children(tree: UrdfTree, link: str) -> list[UrdfJoint]:
 
 
 def _which_tip(bodies: _Bodies, why: str) -> InputError:
-    counted = (
-        f"{name} ({n} joint{'s' if n > 1 else ''})" for name, n in _candidates(bodies).items()
-    )
+    tips = _candidates(bodies)
+    best = {link: n for link, n in tips.items() if not _rank(bodies, link)[0]} or tips
+    counted = [f"{link} ({n} joint{'s' if n > 1 else ''})" for link, n in best.items()]
+    left = len(tips) - len(best)
+    rest = f"; or one of {left} on fingers, wheels, heads, sensors, …" if left else ""
     return InputError(
         f"{printable(bodies.tree.path)}: which tip? {why}; choose a tip (--tip): {listed(counted)}"
+        f"{rest}"
     )
 
 
