@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
 
 # Rows of Pinocchio's WORLD Jacobian do not map forces at the tip (docs/conventions).
 _FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
+
+_NOISE = 1e-9  # theory §2.6: relative to the six-row Jacobian, lengths in units of the arm's reach
+_floors: WeakKeyDictionary[Robot, tuple[float, float]] = WeakKeyDictionary()  # cached per robot
 
 
 def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
@@ -56,15 +60,14 @@ def reach_bound(robot: Robot) -> tuple[Vector, float]:
     The bound is infinite if a prismatic joint has no limits.
     """
     model = robot.model
-    places = [placement.translation for placement in model.jointPlacements.tolist()[1:]]
-    links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
+    start = model.jointPlacements[1].translation
     slides = 0.0
     for joint in robot.joints:
         if joint.type == "prismatic":  # each follower adds the same travel, scaled below
             slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
     scale = np.abs(robot.coordinates.G).max(initial=1.0)
-    length = float(sum(map(np.linalg.norm, links))) + slides * scale
-    return places[0].copy(), length + float(np.abs(robot.coordinates.offset).sum())
+    length = _link_length(robot) + slides * scale
+    return start.copy(), length + float(np.abs(robot.coordinates.offset).sum())
 
 
 def quaternion(R: Matrix) -> Vector:
@@ -112,6 +115,8 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
     """Return the unweighted task Jacobian (m/rad and rad/rad; m/m if prismatic), shape (m, n).
 
+    It is zero where it holds nothing but rounding errors, see `without_noise`.
+
     Parameters
     ----------
     robot :
@@ -121,4 +126,53 @@ def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
     task :
         The task.
     """
-    return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
+    J = np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
+    return without_noise(robot, J, task)
+
+
+def without_noise(robot: Robot, J: Matrix, task: Task) -> Matrix:
+    """Return a task Jacobian, or zeros if it holds nothing but rounding errors (theory §2.6).
+
+    All ranks are relative to σ_max(J). Without this floor, an arm that does not move its tip along
+    the task at all would have full rank, thanks to entries of 1e-17.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    J :
+        Task Jacobian, unweighted, shape (m, n).
+    task :
+        The task.
+    """
+    linear, angular = noise_floor(robot)
+    floor = max(linear, angular)
+    if J.max() > floor or J.min() < -floor:  # the usual case, in two passes
+        return J
+    floors = [linear if name[0] == "f" else angular for name in task.components]
+    return J if (np.abs(J).max(axis=1) > floors).any() else np.zeros_like(J)
+
+
+def noise_floor(robot: Robot) -> tuple[float, float]:
+    """Return the entries up to which a task Jacobian is rounding: of linear and angular rows.
+
+    A revolute joint moves the tip by 1 rad/rad, and by at most the arm's reach per rad; a prismatic
+    joint by 1 m/m.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    """
+    if (found := _floors.get(robot)) is None:
+        turns = any(joint.type != "prismatic" for joint in robot.joints)
+        reach = _link_length(robot) if turns else 1.0
+        found = _floors[robot] = (_NOISE * (reach or 1.0), _NOISE)
+    return found
+
+
+def _link_length(robot: Robot) -> float:
+    model = robot.model
+    places = [placement.translation for placement in model.jointPlacements.tolist()[2:]]
+    links = [*places, model.frames[robot.tip_frame].placement.translation]
+    return float(sum(map(np.linalg.norm, links)))
