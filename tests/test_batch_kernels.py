@@ -15,12 +15,13 @@ import urdfs
 from ftforce import analyze, census, load_robot
 from ftforce.batch.kernels import fast, lanes, secular, spectrum
 from ftforce.batch.kernels import three as eigenvalues
-from ftforce.batch.kernels.layout import LANES, UNDECIDED
+from ftforce.batch.kernels.layout import LANES, NOT_TOLERATED, UNDECIDED
 from ftforce.batch.kernels.three import MIN_MARGIN
 from ftforce.batch.plan import Plan, empty_answers, faults_of, mechanism_of, question_of
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.core.limits import Limits
 from ftforce.core.task import Task
+from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload, weight_torque
 from ftforce.robot.kinematics import task_jacobian, tip_pose
 from helpers import KNOWN, campaign
@@ -72,12 +73,15 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
     block = answers_of(robot, q, sets, task, force=force, **kernel)
     more = {k: options[k] for k in ("gravity", "payload") if k in options}
     for at, one in enumerate(q):
-        reports = {
-            str(r.faults): r
-            for r in census(
-                robot, one, faults=faults, mode=mode, force=force, task=task, **more
-            ).sets
-        }
+        try:
+            found = census(robot, one, faults=faults, mode=mode, force=force, task=task, **more)
+        except InputError as problem:
+            found, said = None, str(problem)
+        if found is None:
+            assert "even the healthy arm cannot exert" in said
+            assert (block.verdict[:, at] == NOT_TOLERATED).all()
+            continue
+        reports = {str(r.faults): r for r in found.sets}
         for s, faulty in enumerate(sets):
             report = reports[str(faulty)]
             check_set(block, s, at, report)
