@@ -138,8 +138,8 @@ def test_a_request_that_no_joint_can_serve(rpy, locked):
         analyze(arm, [0.1, 0.7, 0.9], locked=locked, force=normal, axes="world")
     assert str(caught.value) == (
         "even the healthy arm cannot exert this force in this posture: no joint of the chain from "
-        "'l0' to the tip 'l3' moves the tip along it (task 'force', world axes); choose another "
-        "task, axes, tip or posture"
+        "'base' to the tip 'tool' moves the tip along it (task 'force', world axes); choose "
+        "another task, axes, tip or posture"
     )
 
 
