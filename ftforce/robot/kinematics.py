@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 # Rows of Pinocchio's WORLD Jacobian do not map forces at the tip (docs/conventions).
 _FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
 
+_PRISMATIC = ("PX", "PY", "PZ", "Prismatic")  # Pinocchio's short names of prismatic joints
 _NOISE = 1e-9  # theory §2.6: relative to the six-row Jacobian, lengths in units of the arm's reach
 _floors: WeakKeyDictionary[Robot, tuple[float, float]] = WeakKeyDictionary()  # cached per robot
 
@@ -56,18 +57,21 @@ def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
 def reach_bound(robot: Robot) -> tuple[Vector, float]:
     """Return the position of the first joint, shape (3,), and an upper bound on the reach, in m.
 
-    The tip is never farther from the first joint than this bound, the total length of the links.
-    The bound is infinite if a prismatic joint has no limits.
+    The tip is never farther from the first joint than this bound, the total length of the links and
+    of the travel of all prismatic joints, followers included. The bound is infinite if one of them
+    has no limits.
     """
-    model = robot.model
+    model, coordinates = robot.model, robot.coordinates
     start = model.jointPlacements[1].translation
-    slides = 0.0
-    for joint in robot.joints:
-        if joint.type == "prismatic":  # each follower adds the same travel, scaled below
-            slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
-    scale = np.abs(robot.coordinates.G).max(initial=1.0)
-    length = _link_length(robot) + slides * scale
-    return start.copy(), length + float(np.abs(robot.coordinates.offset).sum())
+    travel = 0.0
+    for joint in model.joints.tolist()[1:]:
+        if joint.shortname().removeprefix("JointModel").startswith(_PRISMATIC):
+            ratios, offset = coordinates.G[joint.idx_v], coordinates.offset[joint.idx_v]
+            own = np.flatnonzero(ratios)
+            ends = ratios[own] * np.stack([robot.lower[own], robot.upper[own]])
+            lowest, highest = (float(end.sum() + offset) for end in (ends.min(0), ends.max(0)))
+            travel += max(abs(lowest), abs(highest))
+    return start.copy(), _link_length(robot) + travel
 
 
 def quaternion(R: Matrix) -> Vector:
