@@ -112,7 +112,7 @@ def test_poses_are_in_the_roots_axes_also_with_another_base():
 
 def test_the_reach_of_a_slide_that_follows_a_turning_joint():
     # A lead screw: 0.01 m per rad, up to 90 rad.
-    arm = load_text(LEAD_SCREW)
+    arm = load_text(LEAD_SCREW, tip="tip")
     _, bound = reach_bound(arm)
     assert bound == pytest.approx(0.1 + 0.9)
     _, tip = tip_pose(arm, np.array([90.0]))
