@@ -487,3 +487,19 @@ def test_eigenvalues_of_three_rows():
     np.testing.assert_allclose(determinant, wanted.prod(axis=1), rtol=1e-9)
     three(stacked, 1.0, x, determinant)
     np.testing.assert_allclose(x, wanted[:, 0], rtol=1e-13)
+
+
+def test_jumps_near_a_singular_posture_of_the_healthy_arm(robots):
+    """The error of six-row jumps is of the order that the documentation of sweeps gives."""
+    robot, task, force = robots["ur5"], Task.parse("wrench", "tool", 0.3), [20, -10, 30, 2, 1, -3]
+    sets = list(fault_sets(robot.n, 1, FaultMode.LOCKED))
+    q = np.tile([0.3, -1.0, 0.9, 0.4, 0.0, 0.2], (7, 1))
+    q[:, 4] = 10.0 ** -np.arange(7.0)  # the wrist is singular at 0
+    block = answers_of(robot, q, sets, task, force=np.array(force, dtype=float))
+    assert block.healthy_margin.min() < 1e-6 < 1e-2 < block.healthy_margin.max()
+    for at, one in enumerate(q):
+        reports = {str(r.faults): r for r in census(robot, one, task=task, force=force).sets}
+        bound = 1e-15 / block.healthy_margin[at] ** 2
+        for s, faults in enumerate(sets):
+            error = abs(block.jump[s, at] - reports[str(faults)].jump_norm)
+            assert error <= max(bound, 1e-9) * np.linalg.norm(force)
