@@ -496,7 +496,8 @@ def test_jumps_near_a_singular_posture_of_the_healthy_arm(robots):
     q = np.tile([0.3, -1.0, 0.9, 0.4, 0.0, 0.2], (7, 1))
     q[:, 4] = 10.0 ** -np.arange(7.0)  # the wrist is singular at 0
     block = answers_of(robot, q, sets, task, force=np.array(force, dtype=float))
-    assert block.healthy_margin.min() < 1e-6 < 1e-2 < block.healthy_margin.max()
+    assert block.healthy_margin.min() < 1e-6
+    assert block.healthy_margin.max() > 1e-2
     for at, one in enumerate(q):
         reports = {str(r.faults): r for r in census(robot, one, task=task, force=force).sets}
         bound = 1e-15 / block.healthy_margin[at] ** 2
