@@ -322,8 +322,8 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
     body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
     body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
-    task = np.zeros((3, max(m, 2)))
-    task[0, :m], task[1, :m] = question.rows, question.weights
+    task = np.zeros((4, max(m, 2)))
+    task[0, :m], task[1, :m], task[3, :m] = question.rows, question.weights, question.floor
     task[2, :2] = question.rtol, question.wary
     failed = np.zeros((-(-len(faults.locked) // single.SET_LANES), n, single.SET_LANES))
     for at, locked in enumerate(faults.locked):
