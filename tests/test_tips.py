@@ -314,6 +314,14 @@ def test_a_finger_on_its_own_is_an_arm(tree):
     assert tip_of(tree(wheel)) == ("wheel", "last link")
 
 
+def test_a_gripper_on_its_own_is_a_question(tree):
+    right = [link("right"), joint("right_joint", "base", "right", more=mimic("left_finger_joint"))]
+    for beside in (right, moving("base", "right_finger")):
+        text = robot(link("base"), *moving("base", "left_finger"), *beside)
+        with pytest.raises(InputError, match=r"which tip\?.*left_finger \(1 joint\), right"):
+            tip_of(tree(text))
+
+
 def test_many_joints_beyond_the_tip_are_a_question(tree):
     two = [*moving("a6", "x"), *moving("a6", "y")]
     assert tip_of(tree(six(*two))) == ("a6", ENDS)

@@ -65,15 +65,16 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
 
     The arm is followed from the base. Where several branches move, those that merely follow a joint
     elsewhere (mimic), and those that are named after fingers, wheels, heads, sensors or
-    counterweights, are left aside. Of the others the arm is the one with a named tool frame, or the
-    one with at least two joints in series more than any other. The arm ends where nothing is left,
-    where several short branches are (fingers), and before a gripper: at most two joints beyond a
-    named tool frame, or a joint that is named after a jaw or that other joints beside it mimic.
+    counterweights (unless a named tool frame is beyond them), are left aside. Of the others the arm
+    is the one with a named tool frame, or the one with at least two joints in series more than any
+    other. The arm ends where nothing is left, where several short branches are (fingers), and
+    before a gripper: at most two joints beyond a named tool frame, or a joint that is named after a
+    jaw or that other joints beside it mimic.
 
     Of the links fixed to its last moving link, the tip is the first of ``tool0``, ``tcp``,
     ``ee_link``, ``tool…``, ``end_effector``, ``flange``, ``grasp…`` (also as parts of a name; of
-    several of one kind the outermost). Without such a name it is the last link, or the last one
-    before several moving parts.
+    several of one kind the plainest, then the outermost). Without such a name it is the last link,
+    or the last one before several moving parts.
 
     Parameters
     ----------
@@ -267,10 +268,8 @@ def _next(
 ) -> UrdfJoint | None:
     """Return the arm's next joint beyond a moving link; ``None`` where the arm ends."""
     arms = [joint for joint in exits if joint.name not in bodies.aside]
-    if len(exits) == 1:
+    if len(exits) == 1 or not (path or arms):  # wheels or fingers alone
         arms = exits
-    elif not path and not arms:
-        arms = [joint for joint in exits if not _is_follower(bodies.tree, joint)]
     if len(arms) > 1:
         arms = _longest(bodies, arms)
     if len(arms) == 1:
