@@ -29,7 +29,7 @@ def simulated(dh5, **options):
 def test_healthy(dh5):
     history = simulated(dh5)
     assert history_sentence(history) == (
-        "Tolerated: with every joint healthy, the arm keeps the whole 94.87 N at the tip until "
+        "Tolerated: with every joint healthy, the arm keeps the full 94.87 N at the tip until "
         f"the end, at {history.t[-1]:g} s. The tip stays within 1 µm of its path."
     )
 
@@ -37,13 +37,13 @@ def test_healthy(dh5):
 def test_a_lock_with_and_without_the_remap(dh5):
     kept = simulated(dh5, faults="4@1")
     assert history_sentence(kept).startswith(
-        "Tolerated: after 4 joint4 locked at 1 s, the remap keeps the whole 94.87 N"
+        "Tolerated: with 4 joint4 locked at 1 s, the remap keeps the full 94.87 N"
     )
     lost = simulated(dh5, faults="4@1", remap=False)
     error = lost.unremapped.path_error_norm
     sentence = history_sentence(lost)
     assert sentence.startswith("Tolerated, but off the path: ")
-    assert "the arm, without any remap, keeps the whole" in sentence
+    assert "the arm, without any remap, keeps the full" in sentence
     assert f"up to {1e3 * error.max():.3g} mm, at {lost.t[error.argmax()]:g} s" in sentence
 
 
@@ -53,7 +53,7 @@ def test_a_force_that_jumps(dh5):
     assert worst_verdict(history.remapped).value == "not tolerated"
     jump = history.jump_norm(history.remapped)
     sentence = history_sentence(history)
-    assert sentence.startswith("Not tolerated: after 4 joint4 free at 1 s, from 1 s on the whole")
+    assert sentence.startswith("Not tolerated: with 4 joint4 free at 1 s, from 1 s on the full")
     assert f"jumps by up to {jump.max():.2f} N, at {history.t[jump.argmax()]:g} s" in sentence
 
 
@@ -62,7 +62,7 @@ def test_torques_that_nothing_balances(dh5):
     assert history.unremapped.falls_from == 10
     assert history.healthy.falls_from is None
     assert history_sentence(history).endswith(
-        "torques that nothing balances move the arm. The motion that follows is not simulated."
+        "unbalanced torques move the arm. The motion that follows is not simulated."
     )
 
 
@@ -85,7 +85,7 @@ def test_borderline_says_why(dh5):
     sentence = history_sentence(history)
     first = history.t[np.argmax(history.answer.margin < 1e-2)]
     assert sentence.startswith("Borderline")
-    assert f"after 3 joint3 locked at 50 s, from {first:g} s on it depends" in sentence
+    assert f"with 3 joint3 locked at 50 s, from {first:g} s on it depends" in sentence
     assert f"(smallest margin {history.answer.margin.min():.3g})" in sentence
 
 

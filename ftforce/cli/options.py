@@ -301,7 +301,7 @@ class RankTolerance(Group):
     """Tolerance of ranks."""
 
     rtol: Annotated[
-        float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
+        float, typer.Option(help="Singular values up to rtol * sigma_max(J) are treated as 0.")
     ] = 1e-6
 
 

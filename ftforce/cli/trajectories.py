@@ -30,7 +30,7 @@ class TrajectoryOptions(Group):
         typer.Option(
             "--from",
             metavar="X,Y,Z",
-            help="Start of the tip, m, in root axes; by default where the posture has it.",
+            help="Start of the tip, m, in root axes; by default its initial position.",
         ),
     ] = None
     to: Annotated[

@@ -33,7 +33,7 @@ def critical_joint(census: Census) -> str:
         if count:
             share = "all" if count == worst.sets else f"{count} of"
             return (
-                f"Critical joint: {name}. Of the fault sets that hold it, {share} "
+                f"Critical joint: {name}. Of the fault sets that contain it, {share} "
                 f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
             )
     return (

@@ -59,7 +59,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     grid = found.located.cells
     postures, tolerated = int(grid.postures.sum()), int(grid.tolerated.sum())
     where = "" if found.plane is None or found.at is None else " of the slice"
-    faults = faults_in_words(found.sweep, found.joints)
+    faults = f"the fault ({faults_in_words(found.sweep, found.joints)})"
     whole = f"{percent(tolerated / postures)} of {postures:,} postures{where} tolerate {faults}"
     if tolerated in {0, postures}:
         return f"{'All' if tolerated else 'None'} of {whole.partition(' of ')[2]}."
@@ -67,7 +67,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     blocks, i = found.blocks, worst[0]
     at = ", ".join(metres(x) for x in blocks.place[i].tolist())
     few = f"{int(blocks.cells.tolerated[i]):,} of {int(blocks.cells.postures[i]):,} do"
-    return f"{whole}; fewest in the {blocks.edge:g} m around ({at}) m: {few}."
+    return f"{whole}; worst in the {blocks.edge:g} m block at ({at}) m: {few}."
 
 
 class _Selected(NamedTuple):

@@ -129,7 +129,7 @@ def _caption(census: Census, most: int) -> str:
     if any(report.share is not None for report in census.sets):
         notes.append("share: of the force, if its direction must not change")
         if any(report.share is None and report.can_stand_still for report in shown):
-            notes[-1] += "; –: no fraction of it alone holds the arm"
+            notes[-1] += "; –: no fraction of it is feasible"
     if census.rank_by == "capability":
         where, none = "in the weakest direction of each set", "without a force"
         if census.direction is not None:
@@ -140,7 +140,7 @@ def _caption(census: Census, most: int) -> str:
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
             notes[-1] += f"; –: the arm cannot be held {none}"
         if any(x.capability.minimum > text.NEGLIGIBLE for x in shown if x.capability):
-            notes.append("! a smaller force, or none, does not hold the arm")
+            notes.append("! with a smaller force, or none, the arm cannot be held")
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
     return "\n".join(notes)
@@ -151,12 +151,12 @@ def _critical_joints(census: Census) -> TitledTable:
     order = "least capability first" if ranked else "most critical first"
     rows = [_joint(census, report) for report in census.joints]
     result = listing(f"Joints, {order}", rows, left=3, folded=(1,))
-    result.caption = "mean jump: jump over force, averaged over the sets that hold the joint"
+    result.caption = "mean jump: jump over force, averaged over the sets that contain the joint"
     if census.before is None:
         full = "a lost direction counts as 100%"
-        result.caption = f"mean jump: over the sets that hold the joint; {full}"
+        result.caption = f"mean jump: over the sets that contain the joint; {full}"
     if ranked:
-        result.caption = "least of all: commanded, over the sets that hold the joint"
+        result.caption = "least of all: commanded, over the sets that contain the joint"
     elif not all(report.can_stand_still for report in census.sets):
         result.caption += "\nan arm that cannot be held counts as a jump of 100%"
     return result

@@ -78,7 +78,7 @@ def joints_table(sweep: Sweep) -> TitledTable:
     result = listing("Joints, most critical first", rows, left=3, folded=(1,))
     notes = ["margin, ρ: quantiles over the postures when the joint fails alone"]
     if several:
-        notes.insert(0, "not tolerated: of all cases, postures × sets that hold the joint")
+        notes.insert(0, "not tolerated: of all cases, postures × sets that contain the joint")
         notes.insert(1, "alone: not tolerated when it fails alone")
     if capable:
         notes.append("force: median of the capability when it fails alone")
