@@ -126,7 +126,7 @@ def view(
 
 
 def _announce(name: str, address: str, no_browser: bool) -> None:
-    say(f"{name}: {address} (Ctrl-C ends it)")
+    say(f"{name}: {address} (press Ctrl-C to stop)")
     if not no_browser:
         _open(address)
 

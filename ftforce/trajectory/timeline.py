@@ -274,7 +274,8 @@ def timeline_of(
     Raises
     ------
     InputError
-        There are too many instants and fault sets.
+        There are too many instants and fault sets, or the healthy arm cannot exert the force at any
+        instant.
     """
     _check_count(len(start.times), all_sets)
     direction = question.direction_or_that_of(question.F)
@@ -285,6 +286,8 @@ def timeline_of(
         question.robot, start.reference, start.q, start.times, (phase,), tick=tick
     ).motion
     cells = _cells(question, motion, sets, capability_limits, tick)
+    if question.force is not None and question.force.any() and not cells.exerted.any():
+        raise question.nothing_to_keep("at any instant of the trajectory")
     return Timeline(
         question=question,
         all_sets=all_sets,
@@ -318,7 +321,8 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     """Yield the warnings; ``exerted`` holds weighted forces of the healthy arm, shape (N, m)."""
     robot, task, t = question.robot, question.task, start.times
     yield from start.warnings
-    if robot.mass == 0.0 and question.conditions.gravity.any():
+    moves = bool(motion.v.any() or motion.a.any())
+    if robot.mass == 0.0 and (moves or question.conditions.gravity.any()):
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
