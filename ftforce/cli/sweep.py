@@ -65,7 +65,7 @@ def sweep(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Instead of --samples: recorded postures (.npy .csv .parquet), a column per joint.",
+            help="Instead of --samples: recorded postures (.npy .csv .parquet), rad or m.",
         ),
     ] = None,
     deg: Annotated[
