@@ -107,7 +107,7 @@ class PostureOptions(Group):
         typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
     ] = None
     posture: Annotated[
-        str | None, typer.Option(help="Named posture; also mid-range, zero, sample.")
+        str | None, typer.Option(help="Named posture; also mid-range, zero, bent, sample.")
     ] = None
     deg: Annotated[
         bool,

@@ -13,13 +13,14 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
 from ftforce.errors import UnknownNameError, listed
-from ftforce.robot.chain import GIVEN, Chain, choose_chain, leaders_of, moving_path, tip_candidates
+from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.posture import usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.robot.srdf import Srdf, read_srdf
+from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,7 +49,7 @@ def load_robot(
         same name in the same folder is also read.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
-        else the last link before the tree branches into several moving parts.
+        else the tool frame at the end of the arm (see the guide on chain and posture).
     base :
         Base link. Default: that of the registry; else that of the SRDF chain; else the root link.
     posture :
@@ -93,7 +94,8 @@ def load_robot(
         name=known.name if known else tree.name,
         path=tree.path,
         tip=chain.tip,
-        tip_source=chain.tip_source,
+        tip_source=chain.end.source,
+        other_tips=MappingProxyType(dict(chain.end.others)),
         base=chain.base,
         base_source=chain.base_source,
         joints=_joints(chain, known),
@@ -240,7 +242,7 @@ def _nearest_to_zero(joint: UrdfJoint) -> float:
 
 def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str]:
     notes = [*known.notes, *_corrections(chain, known)] if known else []
-    if known is None and chain.tip_source != GIVEN:
+    if known is None and chain.end.source != GIVEN:
         named = dict.fromkeys(
             (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
         )

@@ -20,6 +20,7 @@ from ftforce.show.tables.analysis import (
     force_fact,
     limits_in_words,
     task_facts,
+    tip_facts,
 )
 from ftforce.show.tables.parts import (
     TitledTable,
@@ -60,6 +61,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
     robot = census.robot
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(census.task),
         ("Posture", census.posture.source),

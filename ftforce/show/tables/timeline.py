@@ -11,7 +11,13 @@ from ftforce.report import text
 from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, size
 from ftforce.report.timeline import timeline_sentence
-from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
+from ftforce.show.tables.analysis import (
+    arm_fact,
+    conditions_facts,
+    force_fact,
+    task_facts,
+    tip_facts,
+)
 from ftforce.show.tables.parts import amount, facts, listing, spaced, verdict_text, warning_lines
 
 if TYPE_CHECKING:
@@ -47,6 +53,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
         ("Path", f"{timeline.course} (points in the root's axes)"),
