@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ftforce.analysis.limits_files import URDF
 from ftforce.core.faults import FaultMode
 from ftforce.errors import listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from ftforce.analysis.question import Question
     from ftforce.core.changes import RneaChange, TorqueChange
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
@@ -46,6 +48,27 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
         if rnea.motion_before is None:
             what = "gravity and motion torques"
         yield f"the URDF has no masses: {what} of the arm are not included"
+
+
+def implausible(question: Question, *, weighs: bool, moves: bool) -> Iterator[str]:
+    """Warn about numbers of the URDF that no real arm has, where the answer depends on them.
+
+    Parameters
+    ----------
+    question :
+        The question.
+    weighs :
+        Whether the answer depends on the arm's weight.
+    moves :
+        Whether it depends on the arm's inertia.
+    """
+    found, limits = question.robot.implausible, question.limits
+    if limits is not None and limits.source == URDF:
+        yield from found.efforts
+    if (weighs and question.conditions.gravity.any()) or moves:
+        yield from found.masses
+    if moves:
+        yield from found.inertias
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:

@@ -463,6 +463,7 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
     ]
     if unknown:
         found.append(f"unknown effort limits count as none: {listed(unknown)}")
+    found += [f"{arm.name}: {words}" for arm in reports for words in arm.setting.implausible]
     return (*found, *_doubts_of_postures(reports))
 
 

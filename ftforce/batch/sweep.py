@@ -16,6 +16,7 @@ import numpy as np
 from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import AllFaultSets, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
@@ -231,7 +232,7 @@ def sweep_of(
         keep,
         _chunk_of(chunk, len(sets), postures.count),
     )
-    setting = _setting(question, all_sets, job)
+    setting = _setting(question, all_sets, job, weighs=weighs)
     request = store.SweepRequest(job, setting, sets, _identity(job, setting))
     return _run(request, None if output is None else Path(output), runner, progress)
 
@@ -324,7 +325,7 @@ def _round_length(x: float) -> float:
     return float(f"{step * power:.6g}")
 
 
-def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetting:
+def _setting(question: Question, all_sets: AllFaultSets, job: Job, *, weighs: bool) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
@@ -354,6 +355,7 @@ def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetti
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        implausible=tuple(implausible(question, weighs=weighs, moves=False)),
     )
 
 
@@ -372,7 +374,7 @@ def _runner(
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
     """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
-    for name in ("postures", "count", "is_random"):
+    for name in ("postures", "count", "is_random", "implausible"):
         del plain[name]
     arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)

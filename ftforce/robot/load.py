@@ -19,6 +19,7 @@ from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
+from ftforce.robot.plausibility import implausible_numbers
 from ftforce.robot.posture import usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
@@ -94,6 +95,9 @@ def load_robot(
     coordinates = coordinates_of(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
     restore_names(model, tree)
+    joints = _joints(chain, known)
+    mass = sum(inertia.mass for inertia in model.inertias.tolist()[1:])
+    implausible = implausible_numbers(chain, joints, mass)
     robot = Robot(
         name=known.name if known else tree.name,
         path=tree.path,
@@ -101,7 +105,7 @@ def load_robot(
         tip_source=chain.tip_source,
         base=chain.base,
         base_source=chain.base_source,
-        joints=_joints(chain, known),
+        joints=joints,
         model=model,
         tip_frame=tip_frame,
         coordinates=coordinates,
@@ -110,8 +114,9 @@ def load_robot(
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         tips=MappingProxyType(tip_candidates(tree)),
-        mass=sum(inertia.mass for inertia in model.inertias.tolist()[1:]),
-        notes=(*_chain_notes(chain, srdf, known), *notes),
+        mass=mass,
+        notes=(*_chain_notes(chain, srdf, known), *notes, *implausible.all()),
+        implausible=implausible,
     )
     if posture is not None:
         return robot

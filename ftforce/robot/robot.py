@@ -14,6 +14,7 @@ import numpy as np
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.robot.plausibility import Implausible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -115,6 +116,8 @@ class Robot(Displayed):
         Mass of all links of the chain and of everything fixed to them, kg; 0 if the URDF has none.
     notes :
         Remarks for the user: corrected limits, unusable postures, …
+    implausible :
+        Warnings about numbers of the URDF that no real arm has.
     """
 
     name: str
@@ -134,6 +137,7 @@ class Robot(Displayed):
     tips: Mapping[str, int]
     mass: float
     notes: tuple[str, ...]
+    implausible: Implausible = field(default_factory=Implausible)
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
 
     @property

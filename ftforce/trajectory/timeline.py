@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.fault_set import SharedCase, commanded_force, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.core.arrays import Matrix, Vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
@@ -320,6 +321,7 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     yield from start.warnings
     if robot.mass == 0.0 and question.conditions.gravity.any():
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
+    yield from implausible(question, weighs=True, moves=True)
     kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
