@@ -130,7 +130,7 @@ def test_without_viser_it_says_what_to_install(opened, monkeypatch):
 
 def test_other_machines_are_warned_of(opened):
     result = run("dh5", "--host", "0.0.0.0", "--no-browser")
-    assert "warning: everybody who reaches 0.0.0.0" in result.stderr
+    assert "warning: anyone who can reach 0.0.0.0" in result.stderr
 
 
 def test_a_posture_that_holds_other_joints_is_noted(opened):

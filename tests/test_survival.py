@@ -431,9 +431,9 @@ def test_what_is_not_there_is_refused(pairs, sliding):
             r"tip at y = 4 m; tip positions range from y = -1.1 to 1.2",
         ),
         ({"at": 4.0}, InputError, "a slice needs a plane"),
-        ({"plane": "xy", "solid": True}, InputError, "three dimensions has no plane"),
+        ({"plane": "xy", "solid": True}, InputError, "three-dimensional plot has no plane"),
         ({"quantities": ["sigma"]}, UnknownNameError, "unknown quantity 'sigma'; available: rho"),
-        ({"quantities": ["jump"]}, InputError, "no jump: it was made without a force"),
+        ({"quantities": ["jump"]}, InputError, "no jump: it was run without a force"),
     ):
         with pytest.raises(error, match=words):
             workspace_map(sliding if "jump" in str(wrong) else pairs, **wrong)

@@ -359,7 +359,8 @@ def analyze_question(question: Question) -> Analysis:
     Raises
     ------
     InputError
-        The dynamic inverse needs masses, and the URDF has none.
+        Even the healthy arm cannot exert the force, or the dynamic inverse needs masses, and the
+        URDF has none.
     """
     robot, task, q, wary = question.robot, question.task, question.q, question.wary
     faults, conditions, limits = question.faults, question.conditions, question.limits
@@ -370,6 +371,8 @@ def analyze_question(question: Question) -> Analysis:
     M = mass_matrix_for(robot, q, conditions, question.inverse)
     load = tip_load(reduced, task, question.force, question.torque, M=M)
     F = None if load is None else load.F
+    if not question.has_force_to_keep(reduced, F):
+        raise question.nothing_to_keep()
     bounded, verdict = None, None
     if limits is not None or free is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form

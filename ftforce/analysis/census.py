@@ -256,6 +256,8 @@ def census_of(
     if question.direction is not None and not by_capability:
         raise InputError("a direction is that of the capability: give it with rank_by='capability'")
     case = SharedCase.of(question)
+    if not question.has_force_to_keep(case.healthy, case.F):
+        raise question.nothing_to_keep()
     reports = []
     for done, faults in enumerate(all_sets, start=1):
         reports.append(report_set(case, faults, case.reduce(faults), by_capability=by_capability))

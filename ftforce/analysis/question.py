@@ -16,7 +16,7 @@ from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.task import Axes, Task
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError, UnknownNameError, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.arrays import Vector
     from ftforce.core.limits import Limits
+    from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
@@ -186,6 +187,40 @@ class Question:
         """
         conditions = self.conditions._replace(velocity=velocity, acceleration=acceleration)
         return replace(self, posture=posture, conditions=conditions, faults=faults)
+
+    def has_force_to_keep(self, healthy: ReducedJacobian, F: Vector | None) -> bool:
+        """Return whether the healthy arm can exert any of what is asked (theory §2.6).
+
+        Parameters
+        ----------
+        healthy :
+            Decomposed Jacobian of a posture.
+        F :
+            Force F̂ that the healthy arm exerts there, shape (m,); ``None`` without a force.
+        """
+        if healthy.rank == 0:
+            return False
+        return F is None or self.force is None or bool(F.any()) or not self.force.any()
+
+    def nothing_to_keep(self, where: str = "in this posture") -> InputError:
+        """Return the error for a question about a force that not even the healthy arm can exert.
+
+        Parameters
+        ----------
+        where :
+            Where it cannot.
+        """
+        robot, task = self.robot, self.task
+        names = listed(task.components)
+        what = "a force" if task.force_rows else "a moment"
+        along = f"along {names}"
+        if self.force is not None and self.force.any():
+            what, along = "this force" if task.force_rows else "this moment", "along it"
+        return InputError(
+            f"even the healthy arm cannot exert {what} {where}: no joint of the chain from "
+            f"{robot.base!r} to the tip {robot.tip!r} moves the tip {along} (task '{task}', "
+            f"{task.axes} axes); choose another task, axes, tip or posture"
+        )
 
     def direction_or_that_of(self, F: Vector | None) -> Vector | None:
         """Return the direction of the capability, shape (m,); ``None`` for the weakest direction.

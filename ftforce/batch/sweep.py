@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.__version__ import __version__
+from ftforce.analysis.conditions import tip_load
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.analysis.warnings import implausible
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
@@ -28,9 +29,9 @@ from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.errors import FtforceError, InputError, UnknownNameError
-from ftforce.robot.kinematics import reach_bound, tip_pose
+from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -49,6 +50,7 @@ CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
 _VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
 _LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
+_TRIED = 64  # postures in which the healthy arm is tried before a sweep
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -222,10 +224,11 @@ def sweep_of(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
+    _check_task(question, postures)
     sets = tuple(all_sets)
-    weighs = question.direction is not None or all_sets.mode is FaultMode.FREE
+    needs_gravity = question.direction is not None or all_sets.mode is FaultMode.FREE
     job = Job(
-        Plan.of(question, sets, weighs=weighs),
+        Plan.of(question, sets, needs_gravity=needs_gravity),
         postures,
         Bins(_size_of(question), question.direction is not None),
         _workspace(question.robot, postures, cell),
@@ -254,6 +257,25 @@ def needs_numba() -> None:
         raise FtforceError(
             f"sweeps need {problem.name}: install the extra with pip install 'ftforce[sweep]'"
         ) from None
+
+
+def _check_task(question: Question, postures: Postures) -> None:
+    """Check that the healthy arm can exert some of what is asked in one of the first postures.
+
+    Raises
+    ------
+    InputError
+        It cannot in any of them.
+    """
+    robot, task = question.robot, question.task
+    first = postures.block(0, min(postures.count, _TRIED))
+    for q in first:
+        J = task.weigh_jacobian(task_jacobian(robot, read_only(q.copy()), task))
+        healthy = reduce(read_only(J), HEALTHY.mask(robot.n), question.rtol)
+        load = tip_load(healthy, task, question.force, None)
+        if question.has_force_to_keep(healthy, None if load is None else load.F):
+            return
+    raise question.nothing_to_keep(f"in any of {len(first)} postures")
 
 
 def _size_of(question: Question) -> float | None:

@@ -17,7 +17,7 @@ from numba import boolean, float64, int64, types
 
 from ftforce.batch.kernels import exact
 from ftforce.batch.kernels.jit import compile_now, inner
-from ftforce.batch.kernels.layout import GUARD_BAND, TOLERATED
+from ftforce.batch.kernels.layout import GUARD_BAND, NOT_TOLERATED, TOLERATED
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,7 +29,7 @@ FRAME, BODY = 16, 18
 MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 """Sizes of the workspace."""
 
-SIDE = 8
+SET_LANES = 8
 """Fault sets processed side by side: loops over them are innermost, so that they vectorize."""
 
 _MIN_MARGIN = 1e-3
@@ -69,14 +69,15 @@ def answer(
         Placement, ratio, offset, mass and centre of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
-        Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
+        Rows of the frame Jacobian, their weights, the two tolerances, and the entries of each row
+        up to which J is rounding, (4, max(m, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
-        1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
+        1 at the locked joints, SET_LANES sets at a time, (S / SET_LANES, n, SET_LANES).
     frame, matrix, square, vector, side, line :
-        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
-        and (LINES, SIDE).
+        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m),
+        (m, m, SET_LANES) and (LINES, SET_LANES).
     torque :
         Workspace, whose last row is the output τ_N; then the outputs U; (TORQUES + S, n).
     force :
@@ -94,6 +95,7 @@ def answer(
         return MALFORMED
     _place(tree, body, q, frame)
     _task_jacobian(tree, body, task, frame, matrix[0])
+    _drop_noise(task[3], matrix[0])
     if tree[tree.shape[0] - 1, 2]:
         _weight_torque(tree, body, frame, torque[0])
     scratch = exact.Scratch(
@@ -101,14 +103,14 @@ def answer(
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
     )  # fmt: skip
     posture = _Posture(scratch, square[2], task, torque[3], force[0])
-    _evaluate_healthy(posture, is_force, given, torque[4])
+    has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[4])
     clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
         U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
-        if is_clear and at % SIDE == 0:
-            _margins(posture, failed[at // SIDE], side, line, line[8])
-        margin = line[8, at % SIDE] if is_clear else 0.0
+        if is_clear and at % SET_LANES == 0:
+            _margins(posture, failed[at // SET_LANES], side, line, line[8])
+        margin = line[8, at % SET_LANES] if is_clear else 0.0
         if margin > clear and not _any_true(free[at]):
             _write_unchanged(posture, locked[at], U, after, jump)
             number[0, at] = margin
@@ -119,6 +121,8 @@ def answer(
             code[1, at] = 0
         else:
             _settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
+            if not has_force_to_keep:
+                code[0, at] = NOT_TOLERATED
     return DONE
 
 
@@ -210,6 +214,18 @@ def _task_jacobian(tree, body, task, frame, J):
 
 
 @inner
+def _drop_noise(floor, J):
+    """Set J to zero if it holds nothing but rounding errors (theory §2.6)."""
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            if abs(J[r, k]) > floor[r]:
+                return
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            J[r, k] = 0.0
+
+
+@inner
 def _weight_torque(tree, body, frame, weight):
     """Compute the gravity torques G(q), (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
@@ -240,7 +256,10 @@ def _weight_torque(tree, body, frame, weight):
 
 @inner
 def _evaluate_healthy(posture, is_force, given, self_motion):
-    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F."""
+    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F.
+
+    Returns whether it can exert any of what is asked (theory §2.6).
+    """
     J, s, F = posture.scratch.J, posture.scratch.s, posture.scratch.F
     m, n = J.shape
     exact.decompose(J, posture.left_vectors, s)
@@ -278,6 +297,7 @@ def _evaluate_healthy(posture, is_force, given, self_motion):
     if is_force and rank == m:
         for i in range(m):
             posture.before[i] = given[i]
+    return rank > 0 and not (is_force and given_squared > 0.0 and exact.norm(F) == 0.0)
 
 
 @inner
@@ -314,7 +334,7 @@ def _write_unchanged(posture, locked, U, after, jump):
 
 @inner
 def _margins(posture, failed, A, line, margin):
-    """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+    """Compute σ_min(K)/σ_max(J) of SET_LANES sets from A = K Kᵀ/σ_max(J)².
 
     Below `_MIN_MARGIN` the value is not accurate, only known to be below.
     """
@@ -323,17 +343,17 @@ def _margins(posture, failed, A, line, margin):
     scale = 1.0 / (s[0] * s[0])
     for i in range(m):
         for j in range(i + 1):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[i, j, b] = s[i] * s[i] * scale if i == j else 0.0
             for k in range(n):
                 product = scale * J[i, k] * J[j, k]
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= failed[k, b] * product
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[j, i, b] = A[i, j, b]
     tridiagonalize(A, line)
     smallest(A, line, margin)
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         margin[b] = math.sqrt(max(margin[b], 0.0))
 
 
@@ -346,20 +366,20 @@ def tridiagonalize(A, line):
     Parameters
     ----------
     A :
-        The matrices, shape (m, m, SIDE); overwritten.
+        The matrices, shape (m, m, SET_LANES); overwritten.
     line :
-        Workspace, shape (LINES, SIDE).
+        Workspace, shape (LINES, SET_LANES).
     """
     m, w = A.shape[0], line
     beta, along = line[6], line[7]
     for k in range(m - 2):
         v = A[k]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             beta[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 beta[b] += v[i, b] * v[i, b]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             square, head = beta[b], v[k + 1, b]
             length = math.sqrt(square)
             v[k + 1, b] = head + math.copysign(length, head)
@@ -367,23 +387,23 @@ def tridiagonalize(A, line):
             A[k + 1, k, b] = square
             along[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] = 0.0
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     w[i, b] += A[i, j, b] * v[j, b]
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] *= beta[b]
                 along[b] += w[i, b] * v[i, b]
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] -= 0.5 * beta[b] * along[b] * v[i, b]
         for i in range(k + 1, m):
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= v[i, b] * w[j, b] + w[i, b] * v[j, b]
     if m > 1:
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             A[m - 1, m - 2, b] *= A[m - 1, m - 2, b]
 
 
@@ -400,25 +420,25 @@ def smallest(A, line, x):
     Parameters
     ----------
     A :
-        The matrices as left by `tridiagonalize`, shape (m, m, SIDE).
+        The matrices as left by `tridiagonalize`, shape (m, m, SET_LANES).
     line :
-        Workspace, shape (LINES, SIDE).
+        Workspace, shape (LINES, SET_LANES).
     x :
-        Filled with the eigenvalues, shape (SIDE,).
+        Filled with the eigenvalues, shape (SET_LANES,).
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
     last, minor = line[6], line[7]
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         x[b] = 0.0
         last[b] = 0.0
     for _ in range(_ITERATIONS):
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
             q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
             minor[b] = p[b]
         for i in range(1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 a, c = A[i, i, b] - x[b], A[i, i - 1, b]
                 up, dup, ddup = p[b], dp[b], ddp[b]
                 p[b] = a * up - c * q[b]
@@ -427,7 +447,7 @@ def smallest(A, line, x):
                 q[b], dq[b], ddq[b] = up, dup, ddup
                 minor[b] = p[b] if p[b] < minor[b] else minor[b]
         remaining = 0
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             over = 1.0 / p[b]
             G = -dp[b] * over  # Σ 1/(λ - x)
             H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
@@ -447,7 +467,7 @@ def smallest(A, line, x):
                 last[b] = 0.0
         if remaining == 0:
             return
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         x[b] = 0.0 if last[b] > _CONVERGED * x[b] else x[b]
 
 
