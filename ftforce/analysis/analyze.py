@@ -192,7 +192,7 @@ class Analysis(Answered):
         found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
         found += missing_masses(self.rnea)
         moves = self.conditions.moves or self.question.inverse == "dynamic"
-        found += implausible(self.question, weighs=True, moves=moves)
+        found += implausible(self.question, needs_gravity=True, needs_inertia=moves)
         if self.velocity is not None and self.impact is None and self.rnea.is_known:
             found += unknown_impact(self.faults)
         if self.limits is None:

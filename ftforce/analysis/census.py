@@ -116,9 +116,8 @@ class Census(AnsweredForAll):
         if matters and not self.is_weight_known:
             found.append("the URDF has no masses: the weight of the arm is missing")
         moves = matters and self.conditions.moves
-        found += implausible(
-            self.question, weighs=matters, moves=moves or self.question.inverse == "dynamic"
-        )
+        moves |= self.question.inverse == "dynamic"
+        found += implausible(self.question, needs_gravity=matters, needs_inertia=moves)
         if self.limits is not None:
             unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
             if unknown:

@@ -50,24 +50,24 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
         yield f"the URDF has no masses: {what} of the arm are not included"
 
 
-def implausible(question: Question, *, weighs: bool, moves: bool) -> Iterator[str]:
+def implausible(question: Question, *, needs_gravity: bool, needs_inertia: bool) -> Iterator[str]:
     """Warn about numbers of the URDF that no real arm has, where the answer depends on them.
 
     Parameters
     ----------
     question :
         The question.
-    weighs :
-        Whether the answer depends on the arm's weight.
-    moves :
+    needs_gravity :
+        Whether the answer depends on gravity torques.
+    needs_inertia :
         Whether it depends on the arm's inertia.
     """
     found, limits = question.robot.implausible, question.limits
     if limits is not None and limits.source == URDF:
         yield from found.efforts
-    if (weighs and question.conditions.gravity.any()) or moves:
+    if needs_inertia or (needs_gravity and question.conditions.gravity.any()):
         yield from found.masses
-    if moves:
+    if needs_inertia:
         yield from found.inertias
 
 

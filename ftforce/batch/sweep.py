@@ -235,7 +235,7 @@ def sweep_of(
         keep,
         _chunk_of(chunk, len(sets), postures.count),
     )
-    setting = _setting(question, all_sets, job, weighs=weighs)
+    setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
     request = store.SweepRequest(job, setting, sets, _identity(job, setting))
     return _run(request, None if output is None else Path(output), runner, progress)
 
@@ -347,7 +347,9 @@ def _round_length(x: float) -> float:
     return float(f"{step * power:.6g}")
 
 
-def _setting(question: Question, all_sets: AllFaultSets, job: Job, *, weighs: bool) -> SweepSetting:
+def _setting(
+    question: Question, all_sets: AllFaultSets, job: Job, *, needs_gravity: bool
+) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
@@ -377,7 +379,7 @@ def _setting(question: Question, all_sets: AllFaultSets, job: Job, *, weighs: bo
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
-        implausible=tuple(implausible(question, weighs=weighs, moves=False)),
+        implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 
 

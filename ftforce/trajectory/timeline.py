@@ -321,7 +321,7 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     yield from start.warnings
     if robot.mass == 0.0 and question.conditions.gravity.any():
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
-    yield from implausible(question, weighs=True, moves=True)
+    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):

@@ -40,7 +40,7 @@ def history_warnings(question: Question, faults: FaultSet, history: History) -> 
     robot, limits = question.robot, question.limits
     if robot.mass == 0.0:
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
-    yield from implausible(question, weighs=True, moves=True)
+    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_warnings(t, history.setting.task, unsupported(history))
