@@ -6,8 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from ftforce import analyze, capability, census, known_robots, load_robot
+from ftforce import analyze, capability, census, known_robots, load_robot, simulate, sweep, timeline
+from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.plausibility import STANDARD_GRAVITY
+from ftforce.trajectory.path import Path
 from urdfs import LINKS, arm, hand, joint, link, load, robot
 
 NAMES = ("base", "l1", "l2", "l3", "l4", "l5", "l6")
@@ -121,6 +123,24 @@ def test_efforts_are_doubted_wherever_limits_of_the_urdf_count(tmp_path):
 
     own = Limits.of(np.full(6, 2000.0))
     assert words not in analyze(one, locked=2, limits=own).warnings
+
+
+def test_efforts_are_doubted_in_sweeps_and_motions(tmp_path):
+    one = load(tmp_path, six([2000] * 6, [body(2, (0.02, 0.02, 0.05))] * 6))
+    (effort,), (inertia,) = one.implausible.efforts, one.implausible.inertias
+    q = np.full((2, 6), 0.3)
+    swept = sweep(one, q, direction=[0, 0, 1])
+    assert effort in swept.warnings
+    assert inertia not in swept.warnings
+    assert effort not in sweep(one, q, direction=[0, 0, 1], limits="none").warnings
+    start, end = tip_pose(one, q[0])[1], tip_pose(one, q[0] + 0.02)[1]
+    path = Path.through([start, end], speed=0.05)
+    for found in (
+        simulate(one, path, q=q[0], force=[1, 0, 0], faults="2@0.1", limits="urdf", rate=20),
+        timeline(one, path, q=q[0], rate=20),  # by default, the capability needs limits
+    ):
+        assert effort in found.warnings
+        assert inertia in found.warnings
 
 
 # ---- masses and inertias ---------------------------------------------------------------------

@@ -6,11 +6,12 @@ They are reported wherever they count, and never corrected.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ftforce.errors import listed
+from ftforce.robot.robot import Implausible
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,28 +29,6 @@ _SHORTEST = 0.2  # m; what reaches less far, such as a torso or a head, may be h
 _DOMINANT = 100.0  # mass of a link over that of all others together
 _ROUNDING = 0.01  # relative; URDFs state inertias with few digits
 _TRACE = 1e-9  # kg·m², 1 mg at 3 cm
-
-
-class Implausible(NamedTuple):
-    """Warnings about numbers of an arm's URDF, by what depends on them.
-
-    Attributes
-    ----------
-    efforts :
-        About effort limits, on which capability and payload depend.
-    masses :
-        About masses, on which the weight depends.
-    inertias :
-        About moments of inertia, on which motion torques and velocities after a lock depend.
-    """
-
-    efforts: tuple[str, ...] = ()
-    masses: tuple[str, ...] = ()
-    inertias: tuple[str, ...] = ()
-
-    def all(self) -> tuple[str, ...]:
-        """Return all warnings."""
-        return self.efforts + self.masses + self.inertias
 
 
 def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> Implausible:

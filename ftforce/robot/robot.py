@@ -7,14 +7,13 @@ import threading
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.robot.plausibility import Implausible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -74,6 +73,28 @@ class Joint(JointUnits):
     effort: float | None
     velocity: float | None
     followers: tuple[str, ...] = ()
+
+
+class Implausible(NamedTuple):
+    """Warnings about numbers of an arm's URDF, by what depends on them.
+
+    Attributes
+    ----------
+    efforts :
+        About effort limits, on which capability and payload depend.
+    masses :
+        About masses, on which the weight depends.
+    inertias :
+        About moments of inertia, on which motion torques and velocities after a lock depend.
+    """
+
+    efforts: tuple[str, ...] = ()
+    masses: tuple[str, ...] = ()
+    inertias: tuple[str, ...] = ()
+
+    def all(self) -> tuple[str, ...]:
+        """Return all warnings."""
+        return self.efforts + self.masses + self.inertias
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -286,6 +286,8 @@ def timeline_of(
         question.robot, start.reference, start.q, start.times, (phase,), tick=tick
     ).motion
     cells = _cells(question, motion, sets, capability_limits, tick)
+    limited = replace(question, limits=capability_limits)
+    doubts = implausible(limited, needs_gravity=True, needs_inertia=True)
     return Timeline(
         question=question,
         all_sets=all_sets,
@@ -299,7 +301,7 @@ def timeline_of(
         margin=cells.margin,
         capability=cells.capability,
         verdict=cells.verdict,
-        warnings=tuple(_warnings(question, start, motion, cells.exerted)),
+        warnings=(*_warnings(question, start, motion, cells.exerted), *doubts),
     )
 
 
@@ -321,7 +323,6 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     yield from start.warnings
     if robot.mass == 0.0 and question.conditions.gravity.any():
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
-    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     kept = start.reference.orientation
     error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
