@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ftforce.errors import InputError
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
+from ftforce.robot.posture import best_sample, choose_posture, mid_range, samples
 from urdfs import arm, followed, hand, joint, link, load, robot, state
 
 
@@ -214,6 +215,30 @@ def test_a_slide_of_a_kilometre_has_no_end(tmp_path):
         is_open = np.isinf(bounds).any()
         note = "position limits that count as none: j2 -1000"
         assert found.notes == ((note,) if is_open else ())
+
+
+@pytest.mark.parametrize(
+    ("kind", "lower", "upper", "middle"),
+    [
+        ("prismatic", 0, 1e6, 0),  # `halfopen.urdf`
+        ("prismatic", -1e6, 1e6, 0),  # `fullopen.urdf`
+        ("prismatic", 5, 1e6, 5),
+        ("revolute", -1e6, -4, -4),
+        ("revolute", -1, 1e6, 0),
+    ],
+)
+def test_postures_of_joints_that_are_open_at_one_end(tmp_path, kind, lower, upper, middle):
+    """They lie within the limit that there is, and close to 0."""
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", kind, limit=limit)))
+    assert mid_range(found)[1] == middle
+    low, high = found.ranges
+    for q in (*samples(found), best_sample(found), choose_posture(found).q):
+        assert ((found.lower <= q) & (q <= found.upper)).all()
+        assert ((low <= q) & (q <= high)).all()
+    assert abs(low[1]) + abs(high[1]) < 20
+    assert high[1] - low[1] == pytest.approx(2 * np.pi)
+    assert np.isfinite(tip_pose(found, mid_range(found))[1]).all()
 
 
 # ---- it stays as it is -----------------------------------------------------------------------

@@ -192,6 +192,18 @@ class Robot(Displayed):
         return read_only(np.zeros(self.n))
 
     @cached_property
+    def ranges(self) -> tuple[Vector, Vector]:
+        """Finite bounds within which positions are drawn, rad or m, each of shape (n,).
+
+        These are the limits; ±π for a joint without limits, and 2π from a single one.
+        """
+        lower, upper = self.lower, self.upper
+        below, above = np.isfinite(lower), np.isfinite(upper)
+        first = np.where(above, upper - 2.0 * math.pi, -math.pi)
+        last = np.where(below, lower + 2.0 * math.pi, math.pi)
+        return read_only(np.where(below, lower, first)), read_only(np.where(above, upper, last))
+
+    @cached_property
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
         known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)

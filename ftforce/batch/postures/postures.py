@@ -91,8 +91,7 @@ def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
     InputError
         A prismatic joint has no limits.
     """
-    lower, upper = robot.lower, robot.upper
-    below, above = np.isfinite(lower), np.isfinite(upper)
+    below, above = np.isfinite(robot.lower), np.isfinite(robot.upper)
     for joint, has_lower, has_upper in zip(robot.joints, below, above, strict=True):
         if joint.type == "prismatic" and not (has_lower and has_upper):
             missing = "position limits"
@@ -102,12 +101,7 @@ def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
                 f"prismatic joint {joint.number} ({joint.name}) has no {missing}; add "
                 f"{'them' if missing[-1] == 's' else 'it'} to the URDF, or provide the postures"
             )
-    # A hinge without limits is drawn within one turn, and so is one with a single limit, from it.
-    turn = 2.0 * math.pi
-    return (
-        read_only(np.where(below, lower, np.where(above, upper - turn, -math.pi))),
-        read_only(np.where(above, upper, np.where(below, lower + turn, math.pi))),
-    )
+    return robot.ranges
 
 
 def whole_number(value: float, name: str, minimum: int) -> int:
