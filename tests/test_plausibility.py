@@ -110,6 +110,26 @@ def test_the_lever_of_a_slide_is_its_travel(tmp_path):
     assert not warned(tmp_path, tuple(range(340, 346)), kind="prismatic").efforts
 
 
+def test_the_travel_of_a_slide_is_part_of_the_lever(tmp_path):
+    """A rail between two hinges of 600 N·m; its placeholder is no reason to doubt the masses."""
+
+    def found(upper):
+        limit = f'<limit lower="0" upper="{upper}" effort="5000" velocity="1"/>'
+        hinge = '<limit lower="-1" upper="1" effort="{}" velocity="1"/>'
+        straight = {"xyz": "0 0 0.5", "rpy": "0 0 0"}
+        return load(tmp_path, robot(
+            *(link(name, body()) for name in NAMES[:4]),
+            joint("a", "base", "l1", limit=hinge.format(600), **straight),
+            joint("rail", "l1", "l2", "prismatic", limit=limit, **straight),
+            joint("b", "l2", "l3", limit=hinge.format(601), **straight),
+        )).implausible  # fmt: skip
+
+    # 1 m of links and the travel; 6 kg in all; the limit is 18 kg with the own weight.
+    longest = 600 / (STANDARD_GRAVITY * 18.0) - 1.0
+    assert found(longest - 0.01).efforts
+    assert found(longest + 0.01) == found(1e6) == ((), (), ())
+
+
 def test_efforts_are_doubted_wherever_limits_of_the_urdf_count(tmp_path):
     one = load(tmp_path, six([2000] * 6))
     (words,) = one.implausible.efforts

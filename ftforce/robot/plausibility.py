@@ -69,24 +69,23 @@ def _levers(path: Sequence[UrdfJoint]) -> dict[str, float]:
     for joint in reversed(path):
         if joint.mimic is None:
             levers[joint.name] = length
-        length += _length(joint)
+        length += math.hypot(*joint.xyz) + _travel(joint)
     return levers
 
 
-def _length(joint: UrdfJoint) -> float:
-    """Return the length that a joint adds to the stretched arm, m."""
-    travel = 0.0
-    if joint.type == "prismatic" and joint.lower is not None and joint.upper is not None:
-        travel = max(abs(joint.lower), abs(joint.upper))
-    return math.hypot(*joint.xyz) + travel
+def _travel(joint: UrdfJoint) -> float:
+    """Return the length that a slide adds to the stretched arm, m; infinite if it has no limits."""
+    if joint.type != "prismatic":
+        return 0.0
+    if joint.lower is None or joint.upper is None:
+        return math.inf
+    return max(abs(joint.lower), abs(joint.upper))
 
 
 def _reach(chain: Chain, path: Sequence[UrdfJoint]) -> float:
-    """Return the length of the stretched arm from its first joint, m."""
+    """Return the length of the links from the first joint to the tip, m."""
     moving = [i for i, joint in enumerate(path) if joint.name in chain.moving]
-    first = moving[0] if moving else len(path)
-    own = _length(path[first]._replace(xyz=(0.0, 0.0, 0.0))) if moving else 0.0
-    return own + sum(map(_length, path[first + 1 :]))
+    return sum(math.hypot(*joint.xyz) for joint in path[moving[0] + 1 :]) if moving else 0.0
 
 
 def _efforts(joints: Sequence[Joint], levers: dict[str, float], mass: float) -> Iterator[str]:
