@@ -71,7 +71,8 @@ def test_one_effort_everywhere_is_doubted(tmp_path):
     held = 2000 / (STANDARD_GRAVITY * 1.0) - 12.0  # by the first joint, if it lay across, too
     assert held < 2000 / per_kg.max() - 12.0
     assert words == (
-        "the effort limits are doubtful: all 6 are 2000 N·m; stretched out, the arm could hold "
+        "the effort limits are doubtful: all 6 are 2000 N·m, as if every joint had the same "
+        "motor; stretched out, the arm could hold "
         f"{held:.3g} kg at its tip, {held / 12:.2g} times its own mass of 12 kg"
     )
 

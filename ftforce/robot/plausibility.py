@@ -93,7 +93,10 @@ def _efforts(joints: Sequence[Joint], levers: dict[str, float], mass: float) -> 
     alike = {joint.effort for joint in known}
     found = []
     if len(known) >= _FEWEST_ALIKE and len(alike) == 1:
-        found.append(f"all {len(known)} are {alike.pop():g} {known[0].torque_unit}")
+        found.append(
+            f"all {len(known)} are {alike.pop():g} {known[0].torque_unit}, as if every joint had "
+            "the same motor"
+        )
     # Even if the whole own weight acted at full stretch, the payload would be too large.
     payload = min((_payload(joint, levers) for joint in known), default=math.inf) - mass
     if mass > 0.0 and _STRONGEST * mass < payload < math.inf:
