@@ -13,6 +13,7 @@ from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
     beyond_limits,
+    implausible,
     lacking_rank,
     missing_masses,
     overload,
@@ -190,6 +191,8 @@ class Analysis(Answered):
         """Warnings about the result, such as exceeded limits."""
         found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
         found += missing_masses(self.rnea)
+        moves = self.conditions.moves or self.question.inverse == "dynamic"
+        found += implausible(self.question, needs_gravity=True, needs_inertia=moves)
         if self.velocity is not None and self.impact is None and self.rnea.is_known:
             found += unknown_impact(self.faults)
         if self.limits is None:

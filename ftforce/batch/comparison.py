@@ -463,6 +463,7 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
     ]
     if unknown:
         found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
+    found += [f"{arm.name}: {words}" for arm in reports for words in arm.setting.implausible]
     return (*found, *_posture_warnings(reports))
 
 

@@ -17,6 +17,7 @@ from ftforce.__version__ import __version__
 from ftforce.analysis.conditions import tip_load
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
@@ -236,7 +237,7 @@ def sweep_of(
         keep,
         _chunk_of(chunk, len(sets), postures.count),
     )
-    setting = _setting(question, all_sets, job)
+    setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
     request = store.SweepRequest(job, setting, sets, _identity(job, setting))
     return _run(request, None if output is None else Path(output), runner, progress)
 
@@ -353,7 +354,9 @@ def _round_length(x: float) -> float:
     return float(f"{step * power:.6g}")
 
 
-def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetting:
+def _setting(
+    question: Question, all_sets: AllFaultSets, job: Job, *, needs_gravity: bool
+) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
@@ -383,6 +386,7 @@ def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetti
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 
 
@@ -401,7 +405,7 @@ def _runner(
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
     """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
-    for name in ("postures", "count", "is_random"):
+    for name in ("postures", "count", "is_random", "implausible"):
         del plain[name]
     arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)

@@ -28,7 +28,7 @@ def compare(
         list[str],
         typer.Argument(
             metavar="ROBOT…",
-            help="Two or more: URDF files, known names, or stored sweeps (folders *.zarr).",
+            help="Two or more: URDFs, DH tables, known names, or stored sweeps (folders *.zarr).",
         ),
     ],
     sets: SetOptions,

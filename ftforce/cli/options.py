@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 RobotArgument = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT", help="A URDF file, or a known name such as panda (see `ftforce robots`)."
+        metavar="ROBOT",
+        help="A URDF, a DH table (.toml), or a known name such as panda (see `ftforce robots`).",
     ),
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
@@ -89,7 +90,7 @@ class ChainOptions(Group):
         Parameters
         ----------
         robot :
-            URDF file or known name.
+            URDF file, DH table or known name.
         posture :
             Named posture at which joints outside the chain are held.
         """

@@ -171,10 +171,13 @@ def _in_brackets(words: Iterable[str]) -> str:
 
 
 def mid_range(robot: Robot) -> Vector:
-    """Return the middle of the joint ranges, 0 for joints without limits, shape (n,)."""
+    """Return the middle of the joint ranges, shape (n,).
+
+    Joints without limits are at 0, those with a single one as close to 0 as it permits.
+    """
     lower, upper = robot.lower, robot.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
-    q = np.zeros(robot.n)
+    q = np.clip(np.zeros(robot.n), lower, upper)
     q[bounded] = 0.5 * (lower[bounded] + upper[bounded])
     return read_only(q)
 
@@ -238,9 +241,8 @@ def _rank(J: Vector, rtol: float) -> int:
 
 
 def samples(robot: Robot) -> Vector:
-    """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
+    """Return random postures within the ranges of the joints, fixed seed, shape (64, n)."""
+    lower, upper = robot.ranges
     drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
 

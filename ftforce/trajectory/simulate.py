@@ -199,7 +199,7 @@ def history_of(
     if delay == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
-    found = history_warnings(question.robot, question.limits, joined(events), history)
+    found = history_warnings(question, joined(events), history)
     warnings = (*start.warnings, *found)
     return replace(history, setting=replace(history.setting, warnings=warnings))
 

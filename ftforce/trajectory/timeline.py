@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.fault_set import SharedCase, commanded_force, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.core.arrays import Matrix, Vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
@@ -288,6 +289,8 @@ def timeline_of(
     cells = _cells(question, motion, sets, capability_limits, tick)
     if question.force is not None and question.force.any() and not cells.exerted.any():
         raise question.nothing_to_keep("at any instant of the trajectory")
+    limited = replace(question, limits=capability_limits)
+    doubts = implausible(limited, needs_gravity=True, needs_inertia=True)
     return Timeline(
         question=question,
         all_sets=all_sets,
@@ -301,7 +304,7 @@ def timeline_of(
         margin=cells.margin,
         capability=cells.capability,
         verdict=cells.verdict,
-        warnings=tuple(_warnings(question, start, motion, cells.exerted)),
+        warnings=(*_warnings(question, start, motion, cells.exerted), *doubts),
     )
 
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.warnings import unjudged
+from ftforce.analysis.warnings import implausible, unjudged
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ftforce.analysis.question import Question
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import History
@@ -25,24 +25,22 @@ _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
-def history_warnings(
-    robot: Robot, limits: Limits | None, faults: FaultSet, history: History
-) -> Iterator[str]:
+def history_warnings(question: Question, faults: FaultSet, history: History) -> Iterator[str]:
     """Yield the warnings of a simulation.
 
     Parameters
     ----------
-    robot :
-        The arm.
-    limits :
-        Torque limits in force; ``None`` if none.
+    question :
+        What is simulated.
     faults :
         All faults that occur.
     history :
         The simulated history.
     """
+    robot, limits = question.robot, question.limits
     if robot.mass == 0.0:
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
+    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_warnings(t, history.setting.task, unsupported(history))
