@@ -21,7 +21,7 @@ from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_j
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
-from ftforce.robot.kinematics import frame_jacobian, quaternion, rotation_vector
+from ftforce.robot.kinematics import quaternion, rotation_vector, tip_pose_and_jacobian
 from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 
 if TYPE_CHECKING:
@@ -173,9 +173,7 @@ def _fill(run: Run, i: int, case: Question, reference: TipPath, knowledge: _Faul
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
-    J = frame_jacobian(robot, q, "world")  # also updates the tip placement; tool axes do not
-    pose = robot.data.oMf[robot.tip_frame]
-    run.position[i], R = pose.translation, pose.rotation
+    R, run.position[i], J = tip_pose_and_jacobian(robot, q)
     run.orientation[i] = quaternion(R)
     if reference.orientation is not None:
         run.orientation_error[i] = rotation_vector(reference.orientation @ R.T)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from ftforce.robot.kinematics import frame_jacobian, tip_pose
+from ftforce.robot.kinematics import tip_pose, tip_pose_and_jacobian
 from ftforce.trajectory.path import Path, leg_at
 
 if TYPE_CHECKING:
@@ -129,8 +129,7 @@ class RecordedReference:
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
         q, v = self._q(t), self._v(t)
-        J = frame_jacobian(self._robot, q, "world")  # also updates the tip frame placement
-        x = self._robot.data.oMf[self._robot.tip_frame].translation.copy()
+        _, x, J = tip_pose_and_jacobian(self._robot, q)
         return Target(x, J[:3].dot(v), v)
 
     def motion(self, t: Vector) -> Motion:
