@@ -86,6 +86,7 @@ def timeline_document(timeline: Timeline) -> Document:
         "margin": _rows(timeline.margin),
         "capability": _rows(timeline.capability),
         "summary": timeline_sentence(timeline),
+        "notes": list(timeline.notes),
         "warnings": list(timeline.warnings),
     }
 

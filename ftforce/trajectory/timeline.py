@@ -20,8 +20,15 @@ from ftforce.robot.kinematics import rotation_vector, tip_pose
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
+from ftforce.trajectory.reference import Motion
 from ftforce.trajectory.start import start_of
-from ftforce.trajectory.warnings import force_warnings, limit_warnings, missing_force, off_path
+from ftforce.trajectory.warnings import (
+    force_warnings,
+    limit_warnings,
+    missing_force,
+    noise_warnings,
+    off_path,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -34,8 +41,7 @@ if TYPE_CHECKING:
     from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.reference import Motion
-    from ftforce.trajectory.start import Start, Trajectory
+    from ftforce.trajectory.start import Smooth, Start, Trajectory
 
 MAX_CELLS = 20_000_000
 
@@ -101,8 +107,8 @@ class Timeline(AnsweredForAll):
     capability :
         Largest force that can be commanded, N (N·m), shape (N, S); infinite if no known limit
         bounds it, NaN where the arm cannot be held.
-    warnings :
-        Warnings about the result.
+    warnings, notes :
+        Warnings about the result, and what was decided about a recording.
     verdict :
         Index into ``ftforce.core.verdict.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
         tolerated.
@@ -121,6 +127,7 @@ class Timeline(AnsweredForAll):
     capability: Matrix
     verdict: NDArray[np.int8]
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def force(self) -> Vector | None:
@@ -178,6 +185,8 @@ def timeline(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    smooth: Smooth = "auto",
+    static: bool = False,
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
@@ -186,7 +195,7 @@ def timeline(
 
     Parameters
     ----------
-    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap :
+    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap, smooth, static :
         As in `ftforce.simulate`; the motion is that of the healthy arm.
     faults :
         Size of the largest fault sets.
@@ -246,6 +255,8 @@ def timeline(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        smooth=smooth,
+        static=static,
     )
     bearing = choose_limits(robot, URDF) if limits is None else question.limits
     return timeline_of(question, start, all_sets, bearing, progress)
@@ -284,7 +295,10 @@ def timeline_of(
     motion = advance(
         question.robot, start.reference, start.q, start.times, (phase,), tick=tick
     ).motion
-    cells = _cells(question, motion, sets, capability_limits, tick)
+    loaded = motion
+    if start.is_static:
+        loaded = Motion(motion.q, np.zeros_like(motion.v), np.zeros_like(motion.a))
+    cells = _cells(question, loaded, sets, capability_limits, tick)
     return Timeline(
         question=question,
         all_sets=all_sets,
@@ -299,6 +313,7 @@ def timeline_of(
         capability=cells.capability,
         verdict=cells.verdict,
         warnings=tuple(_warnings(question, start, motion, cells.exerted)),
+        notes=start.notes,
     )
 
 
@@ -318,16 +333,18 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     """Yield the warnings; ``exerted`` holds weighted forces of the healthy arm, shape (N, m)."""
     robot, task, t = question.robot, question.task, start.times
     yield from start.warnings
+    yield from noise_warnings(question, start, motion)
     if robot.mass == 0.0 and question.conditions.gravity.any():
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     kept = start.reference.orientation
-    error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
-        R, x = tip_pose(robot, q)
-        error[i] = start.reference.at(time).x - x
-        if kept is not None:
-            turn[i] = rotation_vector(kept @ R.T)
-    yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
+    if start.reference.smoothing is None:  # a recorded motion is its own path
+        error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+        for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
+            R, x = tip_pose(robot, q)
+            error[i] = start.reference.at(time).x - x
+            if kept is not None:
+                turn[i] = rotation_vector(kept @ R.T)
+        yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
     yield from limit_warnings(robot, motion.q, motion.v)
     if question.force is not None:
         missing = missing_force(question.force, task.unweigh_force(exerted))
