@@ -18,6 +18,7 @@ from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import rotation_vector, tip_pose
 from ftforce.robot.posture import Posture
+from ftforce.trajectory.certain import certain_cells
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.reference import Motion
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.start import Smooth, Start, Trajectory
 
 MAX_CELLS = 20_000_000
+_AT_ONCE = 200_000  # instants times sets times joints, which bounds the memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -375,18 +377,30 @@ def _cells(
         None if capability_limits is None else capability_limits.largest_torques(faults)
         for faults in sets
     ]
-    for i, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
-        case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
-        exerted[i] = 0.0 if case.F is None else case.F
-        for j, faults in enumerate(sets):
-            reduced = case.reduce(faults)
-            report = report_set(case, faults, reduced)
-            size = report.jump_norm if question.task.force_rows else report.moment_jump_norm
-            jump[i, j] = math.nan if size is None else size
-            margin[i, j], verdict[i, j] = report.margin, CODES[report.verdict]
-            rnea = case.rnea_after(faults)
-            capability[i, j] = commanded_force(case, reduced, rnea, largest[j])
-        tick(1)
+    count = max(_AT_ONCE // (len(sets) * question.robot.n), 1)
+    for start in range(0, shape[0], count):
+        here = slice(start, start + count)
+        part = Motion(*(x[here] for x in motion))
+        done = np.zeros((len(part.q), len(sets)), dtype=np.bool_)
+        if (found := certain_cells(question, part, sets, capability_limits)) is not None:
+            done = found.known
+            jump[here], margin[here] = found.jump, found.margin
+            capability[here], verdict[here] = found.capability, found.verdict
+            exerted[here] = 0.0 if question.F is None else question.F
+        for i in np.flatnonzero(~done.all(axis=1)).tolist():
+            q, v, a = (x[i] for x in part)
+            at = start + i
+            case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
+            exerted[at] = 0.0 if case.F is None else case.F
+            for j in np.flatnonzero(~done[i]).tolist():
+                reduced = case.reduce(sets[j])
+                report = report_set(case, sets[j], reduced)
+                size = report.jump_norm if question.task.force_rows else report.moment_jump_norm
+                jump[at, j] = math.nan if size is None else size
+                margin[at, j], verdict[at, j] = report.margin, CODES[report.verdict]
+                rnea = case.rnea_after(sets[j])
+                capability[at, j] = commanded_force(case, reduced, rnea, largest[j])
+        tick(len(part.q))
     return _Cells(*map(read_only, (exerted, jump, margin, capability, verdict)))
 
 
