@@ -97,7 +97,7 @@ def noise_of(t: Vector, x: Matrix) -> Noise:
             better = score <= best * (1.0 + 1e-9) + count * (4e-16 * np.abs(x).max(axis=0)) ** 2
             spacing[better], best = width, np.minimum(score, best)
             level[better] = np.sqrt(rest / (count - used))[better]
-            if (score > 1e3 * best).all():
+            if (score > 100.0 * best).all():
                 break
         if all(len(knots) <= 2 * _DEGREE + 2 for knots, _, _ in fits):
             break

@@ -235,8 +235,8 @@ def looks_like_degrees(robot: Robot, q: Matrix) -> bool:
         Joint positions, rad or m, shape (n,) or (N, n).
     """
     turning = np.array([joint.type != "prismatic" for joint in robot.joints])
-    if not np.any(np.abs(q[..., turning]) > 2.0 * math.pi):
+    whole = np.atleast_2d(q)
+    ends = np.array([whole.min(axis=0), whole.max(axis=0)])
+    if not np.any(np.abs(ends[:, turning]) > 2.0 * math.pi):
         return False
-    read = np.where(turning, np.deg2rad(q), q)
-    read = np.atleast_2d(read)
-    return not (_outside(robot, read.min(axis=0)) or _outside(robot, read.max(axis=0)))
+    return not any(_outside(robot, np.where(turning, np.deg2rad(end), end)) for end in ends)
