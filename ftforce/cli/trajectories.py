@@ -62,6 +62,18 @@ class TrajectoryOptions(Group):
         ),
     ] = None
 
+    smooth: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|S|none",
+            help="Smoothing of a recording: from its noise, by knots S seconds apart, or none.",
+        ),
+    ] = "auto"
+    static: Annotated[
+        bool,
+        typer.Option("--static", help="Count the weight only, no velocities and accelerations."),
+    ] = False
+
     def arguments_for(self, robot: "Robot", posture_options: PostureOptions) -> dict[str, Any]:
         """Return trajectory and posture as arguments of the functions behind the commands.
 
@@ -88,7 +100,17 @@ class TrajectoryOptions(Group):
             "speed": self.speed if is_file else None,
             "keep_orientation": self.keep_orientation and is_file,
             "max_gap": self.max_gap,
+            "smooth": self._smooth(),
+            "static": self.static,
         }
+
+    def _smooth(self) -> str | float:
+        if self.smooth in {"auto", "none"}:
+            return self.smooth
+        found = numbers(self.smooth, "--smooth")
+        if found is None or len(found) != 1:
+            raise InputError(f"--smooth must be auto, none or a time in s, got {self.smooth!r}")
+        return found[0]
 
     def _lines(self, robot: "Robot", place: "Posture | None") -> Any:
         if not self.to:

@@ -27,7 +27,7 @@ from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, p
 from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
-from ftforce.trajectory.warnings import history_warnings
+from ftforce.trajectory.warnings import history_warnings, noise_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ftforce.core.task import Axes
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.start import Trajectory
+    from ftforce.trajectory.start import Smooth, Trajectory
 
 _LINEAR = Task(axes="world")  # linear tip velocity, in root axes
 NEVER = math.inf
@@ -65,6 +65,8 @@ def simulate(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    smooth: Smooth = "auto",
+    static: bool = False,
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
@@ -99,6 +101,11 @@ def simulate(
     max_gap :
         Longest time between two samples of a recording from a file, s; by default ten times the
         median step.
+    smooth :
+        How a recorded motion is smoothed: ``auto`` by splines whose knots follow from the noise
+        found in it, a number by splines with knots that far apart, s; ``none`` interpolates it.
+    static :
+        Whether only the weight loads the arm, without the torques of velocities and accelerations.
     progress :
         Called with the number of instants completed and their total.
 
@@ -153,6 +160,8 @@ def simulate(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        smooth=smooth,
+        static=static,
     )
     if question.force is None:
         raise InputError("the force is missing; e.g. force=[80, 50, 10], zeros for free motion")
@@ -199,8 +208,9 @@ def history_of(
     if delay == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
-    found = history_warnings(question, joined(events), history)
-    warnings = (*start.warnings, *found)
+    found = history_warnings(question, joined(events), history, is_static=start.is_static)
+    noisy = noise_warnings(question, start, healthy)
+    warnings = (*start.warnings, *noisy, *found)
     return replace(history, setting=replace(history.setting, warnings=warnings))
 
 
@@ -230,7 +240,14 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
     stops = sorted({phase.start for phase in (*never, *later)})
     whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
     follow = partial(advance, question.robot, start.reference, start.q, start.times, tick=tick)
-    evaluate = partial(run_of, question, reference=path, times=start.times, tick=tick)
+    evaluate = partial(
+        run_of,
+        question,
+        reference=path,
+        times=start.times,
+        tick=tick,
+        is_static=start.is_static,
+    )
     planned = follow(whole)
     healthy = evaluate(planned.motion, phases=whole)
     without_remap = follow(never, planned=planned)
@@ -281,7 +298,9 @@ def _event_report(
     so_far = joined([other for other in scene.events if other.time <= event.time])
     impact, velocity = _velocity_jumps(scene.question, state, so_far)
     place = Posture(state.q, "along the trajectory")
-    case = SharedCase.of(scene.question.at(place, state.v, state.a))
+    still = robot.at_rest
+    v, a = (still, still) if scene.start.is_static else (state.v, state.a)
+    case = SharedCase.of(scene.question.at(place, v, a))
     found = report_set(case, so_far, case.reduce(so_far))
     force_jump = found.jump_norm if task.force_rows else found.moment_jump_norm
     return EventReport(
@@ -354,4 +373,5 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
+        notes=start.notes,
     )

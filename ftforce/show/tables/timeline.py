@@ -37,6 +37,7 @@ def timeline_view(timeline: Timeline, *, most: int = MOST_SETS) -> RenderableTyp
     return spaced(
         facts(_situation(timeline)),
         _sets(timeline, most),
+        facts([("Assumed", note) for note in timeline.notes]) if timeline.notes else None,
         warning_lines(timeline.warnings),
         Text(timeline_sentence(timeline), style="bold"),
     )
