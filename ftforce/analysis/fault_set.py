@@ -18,6 +18,7 @@ from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
     feasible_forces,
+    is_beyond_arm,
     limiting_factor,
     reach,
     weakest_direction,
@@ -251,8 +252,9 @@ def set_capability(
     rays, ends, stops = [], [], []
     for reading in LockModel:
         feasible = feasible_forces(reduced, rnea, largest, reading)
-        ray, size = _ray(case, feasible)
-        end = limiting_factor(feasible, ray)
+        direction, ray, size = _ray(case, feasible)
+        beyond = is_beyond_arm(reduced, direction)
+        end = limiting_factor(feasible, ray, beyond_arm=beyond)
         rays.append(ray)
         ends.append(end)
         stops.append(
@@ -277,14 +279,15 @@ def commanded_force(
     case, reduced, rnea, largest :
         As in `set_capability`.
     """
-    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
+    _, ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
     return math.nan if ray.is_empty else ray.maximum * size
 
 
-def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
-    """Return the reach in the case's direction, or else the weakest one, and its unit factor."""
+def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Vector, Reach, float]:
+    """Return the direction, the case's or the weakest, the reach in it, and its unit factor."""
     task = case.question.task
     if case.direction is not None:
-        return reach(feasible, task.weigh_force(case.direction)), 1.0
+        direction = task.weigh_force(case.direction)
+        return direction, reach(feasible, direction), 1.0
     space = case.healthy.healthy.U[:, : case.healthy.rank]
-    return weakest_direction(feasible, space).reach, task.weighted_unit
+    return *weakest_direction(feasible, space), task.weighted_unit

@@ -78,7 +78,8 @@ _CAPABILITY = (
     Field("held", "largest force that motors and brakes can bear; likewise", parts.FORCE),
     Field("least", "smallest force that can be commanded, nonzero only with free-swinging joints "
         "or if weight alone exceeds a limit; `null` if there is none", parts.FORCE, get="minimum"),
-    Field("end", "what limits `commanded`: `limit`, `fault`, `weight` or `unlimited`"),
+    Field("end", "what limits `commanded`: `limit`, `fault`, `weight`, `unlimited`, or "
+        "`direction`: even the healthy arm exerts no force in this direction"),
     Field("held_end", "what limits `held`"),
 )
 _SET = (
