@@ -171,7 +171,9 @@ def test_the_fast_part_answers_nearly_all(robots, case):
     robot, task = robots[name], Task.parse(words, "tool", 0.3)
     sets = tuple(fault_sets(robot.n, faults, FaultMode.parse(mode)))
     asked = {"force": np.ones(task.m), "direction": None, "limits": None}
-    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, weighs=True)
+    question = question_of(
+        task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, needs_gravity=True
+    )
     plan = Plan(mechanism_of(robot), faults_of(sets, robot.n), question, robot.n, False)
     q = postures_of(robot, 2000, 14)
     answers = empty_answers(plan, len(q))
@@ -352,7 +354,9 @@ def placed(robot, q, task, payload=None, gravity=None):
     """Return the workspace after kinematics and weight of up to LANES postures."""
     mechanism = mechanism_of(robot, payload=payload, gravity=gravity)
     asked = dict.fromkeys(("force", "direction", "limits"))
-    question = question_of(task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, weighs=True)
+    question = question_of(
+        task, robot.n, **asked, rtol=RTOL, wary=BORDERLINE_RTOL, needs_gravity=True
+    )
     work = lanes.workspace(mechanism.parent.size, robot.n, task.m)
     work.chosen[:] = np.minimum(np.arange(LANES), len(q) - 1)
     place(mechanism, question, q, work)

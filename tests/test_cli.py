@@ -273,8 +273,8 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch):
     monkeypatch.setattr("ftforce.analysis.analyze.analyze", fail)
     result = run("analyze", DH5, status=1)
     assert result.stderr == (
-        "error: a mistake in ftforce, please report it (KeyError('elbow')); "
-        "--debug shows where it happened\n"
+        "error: internal error in ftforce, please report it (KeyError('elbow')); "
+        "--debug shows the traceback\n"
     )
     with pytest.raises(KeyError):
         CliRunner().invoke(cli.app, ["analyze", DH5, "--debug"], catch_exceptions=False)

@@ -504,7 +504,7 @@ def healthy_capability(
 
     if question.direction is None:
         return None
-    plan = Plan.of(replace(question, force=None), (HEALTHY,), weighs=True)
+    plan = Plan.of(replace(question, force=None), (HEALTHY,), needs_gravity=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads) as pool:

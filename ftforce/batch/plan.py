@@ -32,7 +32,7 @@ def mechanism_of(
     *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
-    weighs: bool = True,
+    needs_gravity: bool = True,
 ) -> Mechanism:
     """Return a robot as arrays.
 
@@ -46,7 +46,7 @@ def mechanism_of(
         In root axes, m/s², shape (3,); ``None`` uses the model's.
     payload :
         Payload at the tip.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed; if not, joints that only carry weight are left out.
 
     Raises
@@ -57,14 +57,14 @@ def mechanism_of(
     model, coordinates = robot.model, robot.coordinates
     tip = model.frames[robot.tip_frame]
     path = set(model.supports[tip.parentJoint].tolist())
-    kept = [i for i in range(1, model.njoints) if weighs or i in path]
+    kept = [i for i in range(1, model.njoints) if needs_gravity or i in path]
     place = {joint: e for e, joint in enumerate(kept)} | {0: -1}
     rotations = {0: np.eye(3)}
-    slides, placements = [], []
+    prismatic, placements = [], []
     for i in kept:
         axis, is_prismatic = _axis(model, i)
         rotations[i] = _rotation_to(axis)
-        slides.append(is_prismatic)
+        prismatic.append(is_prismatic)
         at = model.jointPlacements[i]
         to_parent = rotations[model.parents[i]].T
         placements.append(_flat(to_parent @ at.rotation @ rotations[i], to_parent @ at.translation))
@@ -75,7 +75,7 @@ def mechanism_of(
     mass, centre = _bodies(robot, kept, rotations, payload)
     return Mechanism(
         parent=read_only(np.array([place[model.parents[i]] for i in kept], dtype=np.int64)),
-        slides=read_only(np.array(slides)),
+        is_prismatic=read_only(np.array(prismatic)),
         placement=read_only(np.array(placements)),
         driver=read_only(drivers.astype(np.int64)),
         ratio=read_only(G[np.arange(len(rows)), drivers].copy()),
@@ -159,14 +159,14 @@ class Plan:
     has_moment_jump: bool
 
     @classmethod
-    def of(cls, question: Question, sets: Sequence[FaultSet], *, weighs: bool) -> Plan:
+    def of(cls, question: Question, sets: Sequence[FaultSet], *, needs_gravity: bool) -> Plan:
         """Return what the kernels compute for a question.
 
         Parameters
         ----------
         question, sets :
             What is asked, and of which sets.
-        weighs :
+        needs_gravity :
             Whether gravity torques are needed.
 
         Raises
@@ -177,7 +177,9 @@ class Plan:
         robot, task, conditions = question.robot, question.task, question.conditions
         own = None if conditions.is_model_gravity else conditions.gravity
         return cls(
-            mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
+            mechanism_of(
+                robot, gravity=own, payload=conditions.payload, needs_gravity=needs_gravity
+            ),
             faults_of(sets, robot.n),
             question_of(
                 task,
@@ -187,7 +189,7 @@ class Plan:
                 limits=question.limits,
                 rtol=question.rtol,
                 wary=question.wary,
-                weighs=weighs,
+                needs_gravity=needs_gravity,
             ),
             robot.n,
             bool(task.force_rows and task.moment_rows),
@@ -310,7 +312,7 @@ def question_of(
     limits: Limits | None,
     rtol: float,
     wary: float,
-    weighs: bool,
+    needs_gravity: bool,
 ) -> KernelQuestion:
     """Return the question as arrays.
 
@@ -326,7 +328,7 @@ def question_of(
         Torque limits for the capability; ``None`` for unlimited.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed.
     """
     rows = np.arange(6)[task.rows].astype(np.int64)
@@ -344,5 +346,5 @@ def question_of(
         brake=read_only((unknown if limits is None else limits.brake).copy()),
         rtol=rtol,
         wary=wary,
-        weighs=weighs,
+        needs_gravity=needs_gravity,
     )

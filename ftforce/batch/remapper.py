@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from ftforce.analysis.fault_names import Joints
-    from ftforce.batch.kernels.layout import Whole
+    from ftforce.batch.kernels.layout import Integers
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
     from ftforce.robot.dynamics import Payload
@@ -76,8 +76,8 @@ class Remapped(NamedTuple):
     moment_jump_norm: Vector | None
     margin: Vector
     sigma_min: Vector
-    rank_lost: Whole
-    verdict: Whole
+    rank_lost: Integers
+    verdict: Integers
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -169,7 +169,7 @@ class Remapper:
         }  # fmt: skip
         answer = _kernel()
         has_free = any(faults.free for faults in self._sets)
-        plan = Plan.of(question, self._sets, weighs=has_free)
+        plan = Plan.of(question, self._sets, needs_gravity=has_free)
         constants = _constants(plan)
         work, self._result = _workspace(plan, self._task)
         self._by_torque = partial(answer, False, *constants, *work)
@@ -315,9 +315,9 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     E, m, n = len(mechanism.parent), len(question.rows), plan.n
     tree = np.zeros((E + 1, 4), dtype=np.int64)
     tree[:E] = np.column_stack(
-        [mechanism.parent, mechanism.driver, mechanism.slides, mechanism.moves_tip]
+        [mechanism.parent, mechanism.driver, mechanism.is_prismatic, mechanism.moves_tip]
     )
-    tree[E, :3] = mechanism.tip_parent, question.in_tool, question.weighs
+    tree[E, :3] = mechanism.tip_parent, question.in_tool, question.needs_gravity
     body = np.zeros((E + 1, single.BODY))
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
     body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
@@ -325,9 +325,9 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     task = np.zeros((3, max(m, 2)))
     task[0, :m], task[1, :m] = question.rows, question.weights
     task[2, :2] = question.rtol, question.wary
-    failed = np.zeros((-(-len(faults.locked) // single.SIDE), n, single.SIDE))
+    failed = np.zeros((-(-len(faults.locked) // single.SET_LANES), n, single.SET_LANES))
     for at, locked in enumerate(faults.locked):
-        failed[at // single.SIDE, :, at % single.SIDE] = locked
+        failed[at // single.SET_LANES, :, at % single.SET_LANES] = locked
     return tree, body, task, faults.locked.copy(), faults.free.copy(), failed
 
 
@@ -348,8 +348,8 @@ def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapp
         np.zeros((single.MATRICES, m, n)),
         square,
         np.zeros((single.VECTORS, m)),
-        np.zeros((m, m, single.SIDE)),
-        np.zeros((single.LINES, single.SIDE)),
+        np.zeros((m, m, single.SET_LANES)),
+        np.zeros((single.LINES, single.SET_LANES)),
         *(torque, force, number, code),
     )
     return work, Remapped(

@@ -222,9 +222,9 @@ def sweep_of(
         A file cannot be read or written, or the output holds another sweep.
     """
     sets = tuple(all_sets)
-    weighs = question.direction is not None or all_sets.mode is FaultMode.FREE
+    needs_gravity = question.direction is not None or all_sets.mode is FaultMode.FREE
     job = Job(
-        Plan.of(question, sets, weighs=weighs),
+        Plan.of(question, sets, needs_gravity=needs_gravity),
         postures,
         Bins(_size_of(question), question.direction is not None),
         _workspace(question.robot, postures, cell),

@@ -446,7 +446,7 @@ def _grouped(command: Callable[..., None], given: dict[str, Any]) -> dict[str, A
 def _reason(error: Exception) -> str:
     if isinstance(error, FtforceError):
         return str(error)
-    return f"a mistake in ftforce, please report it ({error!r}); --debug shows where it happened"
+    return f"internal error in ftforce, please report it ({error!r}); --debug shows the traceback"
 
 
 def numbers(text: str | None, option: str) -> list[float] | None:

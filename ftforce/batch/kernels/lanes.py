@@ -172,7 +172,7 @@ def place_frames(mechanism, q, chosen, work):
             _root_frame(mechanism.placement[e], work.frame[e])
         else:
             _compose_frame(work.frame[above], mechanism.placement[e], work.frame[e])
-        if mechanism.slides[e]:
+        if mechanism.is_prismatic[e]:
             _translate_frame(work.frame[e], work.angle[e])
         else:
             sincos(work.angle[e], work.cosine, work.sine)
@@ -197,7 +197,7 @@ def place(mechanism, question, q, work):
     task_jacobian(mechanism, question, work)
     _into_row_axes(question, question.force, work.tip, work.force)
     _into_row_axes(question, question.direction, work.tip, work.direction)
-    if question.weighs:
+    if question.needs_gravity:
         weight_torque(mechanism, work)
 
 
@@ -205,7 +205,7 @@ def place(mechanism, question, q, work):
 def _jacobian_column(mechanism, e, work):
     """Compute the tip velocity per unit rate of joint e, linear rows first, in root axes."""
     frame, tip, column, ratio = work.frame[e], work.tip, work.column, mechanism.ratio[e]
-    if mechanism.slides[e]:
+    if mechanism.is_prismatic[e]:
         for i in range(3):
             for b in range(LANES):
                 column[i, b] = ratio * frame[3 * i + 2, b]
@@ -282,7 +282,7 @@ def weight_torque(mechanism, work):
     for e in range(mechanism.parent.size - 1, -1, -1):
         above, d, ratio = mechanism.parent[e], mechanism.driver[e], mechanism.ratio[e]
         frame, h, mass = work.frame[e], work.moment[e], work.mass[e]
-        if mechanism.slides[e]:
+        if mechanism.is_prismatic[e]:
             for b in range(LANES):
                 along = frame[2, b] * g0 + frame[5, b] * g1 + frame[8, b] * g2
                 work.weight[d, b] -= ratio * mass * along

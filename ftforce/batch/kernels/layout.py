@@ -27,41 +27,41 @@ GUARD_BAND = 1.0 + 1e-6
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Whole = NDArray[np.int64]
+Integers = NDArray[np.int64]
 Codes = NDArray[np.int8]
 
 _LINE = 64  # bytes per cache line
 
 
 def aligned(
-    shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
+    shape: int | tuple[int, ...], dtype: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
     """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes.
 
     Parameters
     ----------
-    shape, kind :
+    shape, dtype :
         Shape and data type.
     multiple, offset :
         Alignment of the first element, bytes.
     """
-    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
+    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(dtype).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple
-    return raw[first : first + size].view(kind).reshape(shape)
+    return raw[first : first + size].view(dtype).reshape(shape)
 
 
-def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
+def aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> NDArray[Any]:
     """Return zeros aligned to a cache line, for a workspace.
 
     Workspaces are allocated in Python, since compiling their allocation takes too long.
 
     Parameters
     ----------
-    shape, kind :
+    shape, dtype :
         Shape and data type.
     """
-    zeros = aligned(shape, kind)
+    zeros = aligned(shape, dtype)
     zeros.fill(0)
     return zeros
 
@@ -81,7 +81,7 @@ class Mechanism(NamedTuple):
     ----------
     parent :
         Index of each joint's parent joint, -1 for the root, shape (E,).
-    slides :
+    is_prismatic :
         Whether it is prismatic, shape (E,).
     placement :
         Its frame in its parent's at zero displacement: row-major rotation and translation, m,
@@ -104,10 +104,10 @@ class Mechanism(NamedTuple):
         In root axes, m/s², shape (3,).
     """
 
-    parent: Whole
-    slides: Mask
+    parent: Integers
+    is_prismatic: Mask
     placement: Matrix
-    driver: Whole
+    driver: Integers
     ratio: Vector
     offset: Vector
     moves_tip: Mask
@@ -134,8 +134,8 @@ class Faults(NamedTuple):
     locked: Mask
     free: Mask
     has_free: Mask
-    start: Whole
-    joints: Whole
+    start: Integers
+    joints: Integers
 
 
 class Question(NamedTuple):
@@ -158,11 +158,11 @@ class Question(NamedTuple):
         Largest torques of motors and brakes, N·m (N if prismatic), NaN where unknown, shape (n,).
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed.
     """
 
-    rows: Whole
+    rows: Integers
     weights: Vector
     in_tool: bool
     is_whole: bool
@@ -172,7 +172,7 @@ class Question(NamedTuple):
     brake: Vector
     rtol: float
     wary: float
-    weighs: bool
+    needs_gravity: bool
 
 
 class Answers(NamedTuple):

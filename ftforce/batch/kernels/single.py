@@ -29,7 +29,7 @@ FRAME, BODY = 16, 18
 MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 """Sizes of the workspace."""
 
-SIDE = 8
+SET_LANES = 8
 """Fault sets processed side by side: loops over them are innermost, so that they vectorize."""
 
 _MIN_MARGIN = 1e-3
@@ -73,10 +73,10 @@ def answer(
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
-        1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
+        1 at the locked joints, SET_LANES sets at a time, (S / SET_LANES, n, SET_LANES).
     frame, matrix, square, vector, side, line :
-        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
-        and (LINES, SIDE).
+        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m),
+        (m, m, SET_LANES) and (LINES, SET_LANES).
     torque :
         Workspace, whose last row is the output τ_N; then the outputs U; (TORQUES + S, n).
     force :
@@ -106,9 +106,9 @@ def answer(
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
         U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
-        if is_clear and at % SIDE == 0:
-            _margins(posture, failed[at // SIDE], side, line, line[8])
-        margin = line[8, at % SIDE] if is_clear else 0.0
+        if is_clear and at % SET_LANES == 0:
+            _margins(posture, failed[at // SET_LANES], side, line, line[8])
+        margin = line[8, at % SET_LANES] if is_clear else 0.0
         if margin > clear and not _any_true(free[at]):
             _write_unchanged(posture, locked[at], U, after, jump)
             number[0, at] = margin
@@ -314,7 +314,7 @@ def _write_unchanged(posture, locked, U, after, jump):
 
 @inner
 def _margins(posture, failed, A, line, margin):
-    """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+    """Compute σ_min(K)/σ_max(J) of SET_LANES sets from A = K Kᵀ/σ_max(J)².
 
     Below `_MIN_MARGIN` the value is not accurate, only known to be below.
     """
@@ -323,17 +323,17 @@ def _margins(posture, failed, A, line, margin):
     scale = 1.0 / (s[0] * s[0])
     for i in range(m):
         for j in range(i + 1):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[i, j, b] = s[i] * s[i] * scale if i == j else 0.0
             for k in range(n):
                 product = scale * J[i, k] * J[j, k]
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= failed[k, b] * product
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[j, i, b] = A[i, j, b]
     tridiagonalize(A, line)
     smallest(A, line, margin)
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         margin[b] = math.sqrt(max(margin[b], 0.0))
 
 
@@ -346,20 +346,20 @@ def tridiagonalize(A, line):
     Parameters
     ----------
     A :
-        The matrices, shape (m, m, SIDE); overwritten.
+        The matrices, shape (m, m, SET_LANES); overwritten.
     line :
-        Workspace, shape (LINES, SIDE).
+        Workspace, shape (LINES, SET_LANES).
     """
     m, w = A.shape[0], line
     beta, along = line[6], line[7]
     for k in range(m - 2):
         v = A[k]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             beta[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 beta[b] += v[i, b] * v[i, b]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             square, head = beta[b], v[k + 1, b]
             length = math.sqrt(square)
             v[k + 1, b] = head + math.copysign(length, head)
@@ -367,23 +367,23 @@ def tridiagonalize(A, line):
             A[k + 1, k, b] = square
             along[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] = 0.0
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     w[i, b] += A[i, j, b] * v[j, b]
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] *= beta[b]
                 along[b] += w[i, b] * v[i, b]
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] -= 0.5 * beta[b] * along[b] * v[i, b]
         for i in range(k + 1, m):
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= v[i, b] * w[j, b] + w[i, b] * v[j, b]
     if m > 1:
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             A[m - 1, m - 2, b] *= A[m - 1, m - 2, b]
 
 
@@ -400,25 +400,25 @@ def smallest(A, line, x):
     Parameters
     ----------
     A :
-        The matrices as left by `tridiagonalize`, shape (m, m, SIDE).
+        The matrices as left by `tridiagonalize`, shape (m, m, SET_LANES).
     line :
-        Workspace, shape (LINES, SIDE).
+        Workspace, shape (LINES, SET_LANES).
     x :
-        Filled with the eigenvalues, shape (SIDE,).
+        Filled with the eigenvalues, shape (SET_LANES,).
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
     last, minor = line[6], line[7]
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         x[b] = 0.0
         last[b] = 0.0
     for _ in range(_ITERATIONS):
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
             q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
             minor[b] = p[b]
         for i in range(1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 a, c = A[i, i, b] - x[b], A[i, i - 1, b]
                 up, dup, ddup = p[b], dp[b], ddp[b]
                 p[b] = a * up - c * q[b]
@@ -427,7 +427,7 @@ def smallest(A, line, x):
                 q[b], dq[b], ddq[b] = up, dup, ddup
                 minor[b] = p[b] if p[b] < minor[b] else minor[b]
         remaining = 0
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             over = 1.0 / p[b]
             G = -dp[b] * over  # Σ 1/(λ - x)
             H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
@@ -447,7 +447,7 @@ def smallest(A, line, x):
                 last[b] = 0.0
         if remaining == 0:
             return
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         x[b] = 0.0 if last[b] > _CONVERGED * x[b] else x[b]
 
 
