@@ -79,6 +79,9 @@ class SetReport:
     relative_jump :
         ‖ΔF‖/‖F̂‖, weighted. Without a force, 1 if a direction is lost and 0 otherwise; 1 if the arm
         cannot stand still.
+    kept :
+        F̂ᵀF'/F̂ᵀF̂, weighted: the share of the force that is still exerted along it; ``None`` without
+        a force, or if the arm cannot stand still.
     rank_after, rank_lost :
         Rank of K, and rank of J minus rank of K.
     sigma_min_after, margin, condition_number, relative_manipulability :
@@ -103,6 +106,7 @@ class SetReport:
     jump_norm: float | None
     moment_jump_norm: float | None
     relative_jump: float
+    kept: float | None
     rank_after: int
     rank_lost: int
     sigma_min_after: float
@@ -202,6 +206,7 @@ def report_set(
         jump_norm=linear,
         moment_jump_norm=angular,
         relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
+        kept=_kept(F, after),
         rank_after=reduced.rank_after,
         rank_lost=reduced.rank - reduced.rank_after,
         sigma_min_after=reduced.damaged.s[-1],
@@ -233,6 +238,12 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
         return float(reduced.rank_after < reduced.rank)
     size = math.sqrt(F.dot(F))
     return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
+
+
+def _kept(F: Vector | None, after: Vector | None) -> float | None:
+    if F is None or after is None or not F.any():
+        return None
+    return float(F.dot(after) / F.dot(F))
 
 
 def set_capability(

@@ -132,6 +132,15 @@ SUMMARY = Field("summary", "a sentence")
 WARNINGS = Field("warnings", "sentences", shape="list")
 # fmt: on
 
+# fmt: off
+RANK = Field("rank", "first and last rank: ties share theirs; `null` for the healthy arm",
+    shape="2")
+RANK_COLUMNS = (
+    Field("rank_first", "first rank, worst is 1; empty for the healthy arm", get="rank.first"),
+    Field("rank_last", "last rank: ties share theirs", get="rank.last"),
+)
+# fmt: on
+
 
 def limited(result: Any) -> Any:
     """Return a result if torque limits are in force, otherwise ``None``."""
