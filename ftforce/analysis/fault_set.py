@@ -280,18 +280,18 @@ def set_capability(
     return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
 
 
-def commanded_force(
+def commanded_and_held(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
-) -> float:
-    """Return the commanded capability of a fault set, N (N·m); NaN if the arm cannot be held.
+) -> tuple[float, ...]:
+    """Return the commanded and the held capability of a fault set, N (N·m); NaN for none.
 
     Parameters
     ----------
     case, reduced, rnea, largest :
         As in `set_capability`.
     """
-    _, ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
-    return math.nan if ray.is_empty else ray.maximum * size
+    rays = (_ray(case, feasible_forces(reduced, rnea, largest, model)) for model in LockModel)
+    return tuple(math.nan if ray.is_empty else ray.maximum * size for _, ray, size in rays)
 
 
 def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Vector, Reach, float]:

@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterable
+    from collections.abc import Hashable, Iterable, Sequence
 
 
 class Rank(NamedTuple):
@@ -39,3 +39,20 @@ def ranks_of(keys: Iterable[Hashable]) -> tuple[Rank, ...]:
         count, before = len(list(group)), len(found)
         found += [Rank(before + 1, before + count)] * count
     return tuple(found)
+
+
+def ranks_of_intervals(intervals: Sequence[tuple[float, float]]) -> tuple[Rank, ...]:
+    """Return the ranks that intervals allow: those that overlap share theirs; the largest is first.
+
+    Parameters
+    ----------
+    intervals :
+        Lower and upper ends.
+    """
+    return tuple(
+        Rank(
+            1 + sum(other_low > high for other_low, _ in intervals),
+            len(intervals) - sum(other_high < low for _, other_high in intervals),
+        )
+        for low, high in intervals
+    )

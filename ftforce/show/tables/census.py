@@ -21,6 +21,7 @@ from ftforce.show.tables.analysis import (
     task_facts,
 )
 from ftforce.show.tables.parts import (
+    ABOVE_HEALTHY,
     HEALTHY_ROW,
     TitledTable,
     amount,
@@ -34,7 +35,7 @@ from ftforce.show.tables.parts import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rich.console import RenderableType
 
@@ -159,6 +160,14 @@ def _caption(census: Census, most: int) -> str:
         notes.append("share: of the force, if its direction must not change")
         if any(report.share is None and report.can_stand_still for report in shown):
             notes[-1] += "; –: no fraction of it alone holds the arm"
+    notes += _capability_notes(census, shown)
+    if len(census.sets) > most:
+        notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
+    return "\n".join(notes)
+
+
+def _capability_notes(census: Census, shown: Sequence[SetReport]) -> list[str]:
+    notes: list[str] = []
     if census.rank_by == "capability":
         where, none = "in the weakest direction of each set", "without a force"
         if census.direction is not None:
@@ -166,14 +175,14 @@ def _caption(census: Census, most: int) -> str:
             none = "with a force along it"
         unit = text.unit_of_size(census.task, census.direction)
         notes.append("kept: commanded, of that of the healthy arm")
+        if any((census.capability_kept(report) or 0.0) > 1.005 for report in shown):
+            notes.append(ABOVE_HEALTHY)
         notes.append(f"commanded, held: largest force {where} [{unit}]")
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
             notes[-1] += f"; –: the arm cannot be held {none}"
         if any(x.capability.minimum > text.NEGLIGIBLE for x in shown if x.capability):
             notes.append("! a smaller force, or none, does not hold the arm")
-    if len(census.sets) > most:
-        notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
-    return "\n".join(notes)
+    return notes
 
 
 def _critical_joints(census: Census) -> TitledTable:

@@ -167,6 +167,9 @@ HEALTHY_ROW = "none"
 """Name of the row of the healthy arm among fault sets and joints: no joint failed."""
 
 
+ABOVE_HEALTHY = "above 100: the brake holds a locked joint, and its motor's limit no longer applies"
+
+
 def percent_kept(share: float | None) -> str:
     """Format a share in percent for a column [%]; a dash if unknown."""
     return "–" if share is None or math.isnan(share) else number(100.0 * share, 0)
