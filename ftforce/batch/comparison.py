@@ -22,6 +22,7 @@ from ftforce.batch.sweep import sweep_of, sweep_question
 from ftforce.core.arrays import is_number
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode
+from ftforce.core.ranks import ranks_of_intervals
 from ftforce.errors import InputError, listed, printable
 from ftforce.robot.kinematics import reach_bound
 from ftforce.robot.robot import Robot
@@ -428,12 +429,12 @@ def _ranked(reports: Sequence[ArmReport]) -> tuple[ArmReport, ...]:
 
     An arm certainly ranks below another if its interval lies entirely below the other's.
     """
-    found = []
-    for arm in sorted(reports, key=_rank):
-        ahead = sum(other.tolerated.low > arm.tolerated.high for other in reports)
-        behind = sum(other.tolerated.high < arm.tolerated.low for other in reports)
-        found.append(replace(arm, first=ahead + 1, last=len(reports) - behind))
-    return tuple(found)
+    arms = sorted(reports, key=_rank)
+    ranks = ranks_of_intervals([(arm.tolerated.low, arm.tolerated.high) for arm in arms])
+    return tuple(
+        replace(arm, first=rank.first, last=rank.last)
+        for arm, rank in zip(arms, ranks, strict=True)
+    )
 
 
 def _rank(arm: ArmReport) -> tuple[float, float, float, str]:

@@ -13,7 +13,15 @@ from ftforce.report.comparison import comparison_sentence, critical_words, fault
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import force_in_words
 from ftforce.report.text import ratio, share, vector_in_words
-from ftforce.show.tables.parts import amount, defined, facts, listing, spaced, warning_lines
+from ftforce.show.tables.parts import (
+    ABOVE_HEALTHY,
+    amount,
+    defined,
+    facts,
+    listing,
+    spaced,
+    warning_lines,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -173,9 +181,7 @@ def _force(comparison: Comparison) -> TitledTable | None:
             "kept: median after over median before; –: unknown, or nothing before",
         ]
     if capable and asked.mode == "locked":
-        notes += [
-            "above 100: the brake holds a locked joint, and its motor's limit no longer applies"
-        ]
+        notes.append(ABOVE_HEALTHY)
     result.caption = "\n".join(notes)
     return result
 
