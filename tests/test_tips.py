@@ -241,6 +241,13 @@ def test_what_is_no_arm_is_passed_by(tree, branch):
     assert tip_of(tree(six(*branch, *fixed("a6", "plate_6")))) == ("plate_6", "last link")
 
 
+def test_a_follower_beside_the_last_joint_is_no_branch(tree):
+    rod = [link("rod"), joint("rod_joint", "l3", "rod", more=mimic("j2", -1))]
+    assert tip_of(tree(nameless(*rod))) == ("end", "last link")
+    driven = [link("rod"), joint("rod_joint", "l3", "rod")]
+    assert tip_of(tree(nameless(*driven))) == ("l3", ENDS)
+
+
 def test_a_branch_with_a_tool_frame_is_the_arm(tree):
     twin = moving("a1", "b2", "b3", "b4", "b5", "b6")
     assert tip_of(tree(six(*twin, *fixed("a6", "tool0")))) == ("tool0", "last link")
