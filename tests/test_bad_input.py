@@ -92,8 +92,9 @@ def test_robots_that_are_not_there(tmp_path, monkeypatch, name, message):
 def test_other_files_in_the_place_of_a_urdf(tmp_path):
     path = write(tmp_path, arm(), "<robot>")
     assert refused("analyze", path).startswith(f"{tmp_path / 'arm.srdf'}: is not well-formed XML")
-    table = Path(__file__).parents[1] / "robots" / "dh5.toml"
-    assert "is not well-formed XML" in refused("inspect", table)
+    limits = write(tmp_path, "[joints.j1]\neffort = 1\n", name="limits.toml")
+    assert "limits.toml: unknown key 'joints'; available: name, " in refused("inspect", limits)
+    limits.unlink()
     assert "is not valid TOML" in refused("dh", path, "-o", tmp_path / "x.urdf")
     assert names_in(tmp_path) == ["arm.srdf", "arm.urdf"]
 

@@ -259,7 +259,6 @@ def test_every_urdf_loads_or_fails_clearly(path):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("alex_psyonic_hands", "'Left_index_q2' mimics 'index_q1', which does not exist; did you"),
         ("baxter", "several moving parts at the link 'torso'; choose a tip"),
         ("iris_simple", "no movable joint below the link 'iris__base_link'"),
         ("ur3", "contains no <link>"),
@@ -269,6 +268,18 @@ def test_why_some_urdfs_do_not_load(name, reason):
     path = next(path for path in FILES if path.stem == name)
     with pytest.raises(FtforceError, match=reason):
         load_robot(path)
+
+
+def test_malformed_fingers_matter_only_to_a_finger():
+    path = next(path for path in FILES if path.stem == "alex_psyonic_hands")
+    arm = load_robot(path, tip="LeftPsyonicAbilityBaseLink")
+    lost = "joint 'Left_index_q2' mimics 'index_q1', which does not exist; did you"
+    assert arm.n == 10
+    assert any(
+        note.startswith(f"ignored, as it lies outside the chain: {lost}") for note in arm.notes
+    )
+    with pytest.raises(URDFError, match=lost):
+        load_robot(path, tip="Left_index_L2")
 
 
 READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyonic_hands.urdf"}]

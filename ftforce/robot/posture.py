@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.robot.kinematics import frame_jacobian
@@ -29,6 +29,7 @@ SAMPLES = 64
 BEND = math.pi / 3.0
 _MOST_BENT = 3
 _CONSIDERED = 8  # revolute joints, counted from the base, that may be bent: 448 postures of three
+DEGREES = "; these look like degrees, but radians are expected"
 _SEED = 20_100  # fixed, so that samples are reproducible
 _defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
 
@@ -171,10 +172,13 @@ def _in_brackets(words: Iterable[str]) -> str:
 
 
 def mid_range(robot: Robot) -> Vector:
-    """Return the middle of the joint ranges, 0 for joints without limits, shape (n,)."""
+    """Return the middle of the joint ranges, shape (n,).
+
+    Joints without limits are at 0, those with a single one as close to 0 as it permits.
+    """
     lower, upper = robot.lower, robot.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
-    q = np.zeros(robot.n)
+    q = np.clip(np.zeros(robot.n), lower, upper)
     q[bounded] = 0.5 * (lower[bounded] + upper[bounded])
     return read_only(q)
 
@@ -238,9 +242,8 @@ def _rank(J: Vector, rtol: float) -> int:
 
 
 def samples(robot: Robot) -> Vector:
-    """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
+    """Return random postures within the ranges of the joints, fixed seed, shape (64, n)."""
+    lower, upper = robot.ranges
     drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
 
@@ -272,8 +275,8 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
     outside = _outside(robot, q)
     if not outside:
         return Posture(q, source)
-    mixed_up = _looks_like_degrees(robot, q)
-    hint = "; these look like degrees, but radians are expected" if mixed_up else ""
+    mixed_up = looks_like_degrees(robot, q)
+    hint = DEGREES if mixed_up else ""
     names = ", ".join(
         f"{robot.names[i]} = {q[i]:g} (limits {robot.lower[i]:g} to {robot.upper[i]:g} "
         f"{robot.joints[i].unit})"
@@ -288,8 +291,19 @@ def _outside(robot: Robot, q: Vector) -> list[int]:
     return np.flatnonzero(low | high).tolist()
 
 
-def _looks_like_degrees(robot: Robot, q: Vector) -> bool:
-    """Return whether an angle exceeds 2π and the posture, read as degrees, is within limits."""
+def looks_like_degrees(robot: Robot, q: Matrix) -> bool:
+    """Return whether an angle exceeds 2π and the positions, read as degrees, are within limits.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,) or (N, n).
+    """
     turning = np.array([joint.type != "prismatic" for joint in robot.joints])
-    far = bool(np.any(np.abs(q[turning]) > 2.0 * math.pi))
-    return far and not _outside(robot, np.where(turning, np.deg2rad(q), q))
+    whole = np.atleast_2d(q)
+    ends = np.array([whole.min(axis=0), whole.max(axis=0)])
+    if not np.any(np.abs(ends[:, turning]) > 2.0 * math.pi):
+        return False
+    return not any(_outside(robot, np.where(turning, np.deg2rad(end), end)) for end in ends)
