@@ -18,7 +18,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "docstrings",  # small repairs between NumPy docstrings and autodoc
     "mathml",  # formulas without a network and without JavaScript
-    "from_code",  # tables of options out of the program; the JSON page checked against documents
+    "from_code",  # tables of options, JSON keys and CSV columns, made from the program
 ]
 exclude_patterns = ["_build", "examples", "pictures"]
 nitpicky = True

@@ -13,7 +13,7 @@ import pytest
 import ftforce
 from ftforce.__version__ import __version__
 from ftforce.batch import cluster
-from ftforce.batch.cluster import do_turn
+from ftforce.batch.cluster import run_batch
 from ftforce.batch.store import folder, store
 from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
@@ -71,7 +71,7 @@ def undisturbed(arm, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", LONG)  # a slow machine shall not fail a test
+    monkeypatch.setattr(cluster, "TIMEOUT", LONG)  # a slow machine shall not fail a test
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +135,11 @@ def test_a_lost_scheduler_is_told_and_the_sweep_goes_on_elsewhere(
     arm, tmp_path, network, undisturbed, monkeypatch
 ):
     """It is the last test that needs the network."""
-    monkeypatch.setattr(cluster, "PATIENCE", 5.0)  # a client waits that long for its return
+    monkeypatch.setattr(cluster, "TIMEOUT", 5.0)  # a client waits that long for its return
     asked = {**ASKED, "keep": "summary", "output": tmp_path / "s"}
-    with pytest.raises(FtforceError, match=r"scheduler was lost.*goes on") as raised:
+    with pytest.raises(
+        FtforceError, match=r"connection to the scheduler was lost.*resumes the sweep"
+    ) as raised:
         sweep(
             arm,
             **asked,
@@ -154,17 +156,17 @@ def test_a_lost_scheduler_is_told_and_the_sweep_goes_on_elsewhere(
 
 
 def test_something_at_the_address_that_never_answers(arm, monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    monkeypatch.setattr(cluster, "TIMEOUT", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        with pytest.raises(InputError, match="no scheduler answers"):
+        with pytest.raises(InputError, match="no scheduler responds"):
             sweep(arm, n=5000, scheduler=address)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://", ""])
 def test_nobody_at_the_address(arm, monkeypatch, address):
-    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
-    with pytest.raises(InputError, match=f"answers at '{address}'.*an address looks like"):
+    monkeypatch.setattr(cluster, "TIMEOUT", 1.0)
+    with pytest.raises(InputError, match=f"responds at '{address}'.*expected an address such as"):
         sweep(arm, n=5000, scheduler=address)
 
 
@@ -179,7 +181,7 @@ def _workers(**found):
 
 def test_workers_need_this_ftforce():
     cluster._check_workers(_workers(a="1.0"), "tcp://s")
-    with pytest.raises(FtforceError, match=r"need ftforce 1\.0; b has 0\.0\.9, c has none$"):
+    with pytest.raises(FtforceError, match=r"must run ftforce 1\.0; b has 0\.0\.9, c has none$"):
         cluster._check_workers(_workers(a="1.0", b="0.0.9", c=None), "tcp://s")
 
 
@@ -195,11 +197,11 @@ def test_a_scheduler_without_workers():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"workers": 0}, "whole number from 1"),
-        ({"workers": True}, "whole number from 1"),
+        ({"workers": 0}, "must be a positive integer"),
+        ({"workers": True}, "must be a positive integer"),
         ({"workers": 2, "scheduler": "tcp://x"}, "not both"),
         ({"workers": 2, "threads": 2}, "either threads of this process or workers"),
-        ({"workers": 1, "keep": "all"}, "need an output"),
+        ({"workers": 1, "keep": "all"}, "requires an output folder"),
     ],
 )
 def test_options_that_make_no_sense(arm, options, words):
@@ -232,7 +234,7 @@ def opened(arm, tmp_path_factory):
 
 def test_a_turn_writes_its_chunks(opened):
     token = folder.lock_of(opened.path)["token"]
-    turn = do_turn(opened.asked.job, str(opened.path), token, __version__, [2, 5])
+    turn = run_batch(opened.request.job, str(opened.path), token, __version__, [2, 5])
     assert turn.chunks == [2, 5]
     assert turn.summary.postures == 2 * 4096
     written = (opened.path / "margin").glob("[0-9]*")
@@ -241,14 +243,14 @@ def test_a_turn_writes_its_chunks(opened):
 
 def test_a_worker_that_sees_another_folder_says_so(opened, tmp_path):
     for path, token in ((opened.path, "another"), (tmp_path / "none", "any")):
-        with pytest.raises(OutputError, match="not seen by all workers") as raised:
-            do_turn(opened.asked.job, str(path), token, __version__, [0])
+        with pytest.raises(OutputError, match="not visible to all workers") as raised:
+            run_batch(opened.request.job, str(path), token, __version__, [0])
         assert raised.value.path == str(path)
 
 
 def test_a_worker_of_another_version_says_so(opened):
-    with pytest.raises(FtforceError, match=r"all workers need ftforce 0\.0\.9"):
-        do_turn(opened.asked.job, None, "", "0.0.9", [0])
+    with pytest.raises(FtforceError, match=r"all workers must run ftforce 0\.0\.9"):
+        run_batch(opened.request.job, None, "", "0.0.9", [0])
 
 
 def _failing(problem):
@@ -261,7 +263,7 @@ def _failing(problem):
 def test_workers_that_die_of_the_same_chunks():
     from distributed import KilledWorker
 
-    with pytest.raises(FtforceError, match="4 workers were lost at the same chunks"):
+    with pytest.raises(FtforceError, match="4 workers were lost while processing the same chunks"):
         cluster._result(_failing(KilledWorker("key", None, 3)))
 
 

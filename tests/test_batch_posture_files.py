@@ -165,12 +165,12 @@ def test_files_that_change(arm, tmp_path, form):
     before = path.stat()
     path.write_bytes(path.read_bytes() + b"\n")
     with pytest.raises(
-        TrajectoryError, match=r"has changed since it was opened: [\d,]+ bytes instead of"
+        TrajectoryError, match=r"has changed since it was opened \([\d,]+ bytes instead of"
     ):
         postures.block(0, 2)
     written(tmp_path, form, Q)
     os.utime(path, ns=(0, before.st_mtime_ns + 1))
-    with pytest.raises(TrajectoryError, match=r"it was written anew; open it again"):
+    with pytest.raises(TrajectoryError, match=r"it was rewritten\); open it again"):
         postures.block(0, 2)
     os.utime(path, ns=(0, before.st_mtime_ns))
     np.testing.assert_array_equal(postures.block(0, 2), Q[:2])
@@ -193,7 +193,7 @@ def test_files_that_are_cut_short_in_secret(arm, tmp_path, form):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("block", [(-1, 3), (3, 2), (0, 5)])
 def test_blocks_beyond(arm, tmp_path, form, block):
-    with pytest.raises(InputError, match="does not lie within 0 to 4"):
+    with pytest.raises(InputError, match="is outside the range 0 to 4"):
         postures_from_file(arm, written(tmp_path, form, Q)).block(*block)
 
 
@@ -222,12 +222,12 @@ def test_memory_is_bounded(arm, tmp_path, form, monkeypatch):
 @pytest.mark.parametrize("form", FORMS)
 def test_files_that_are_missing_or_empty(arm, tmp_path, form):
     path = tmp_path / f"fleet.{form}"
-    assert refused(arm, path).startswith("no such file; a file of postures (.npy, .csv")
+    assert refused(arm, path).startswith("no such file; expected a posture file (.npy, .csv")
     path.touch()
-    assert refused(arm, path).startswith("is empty; a file of postures")
+    assert refused(arm, path).startswith("is empty; expected a posture file")
     path.unlink()
     path.mkdir()
-    assert refused(arm, path).startswith("is a folder; a file of postures")
+    assert refused(arm, path).startswith("is a folder; expected a posture file")
     path.rmdir()
     os.mkfifo(path)
     assert refused(arm, path).startswith("is not a regular file")
@@ -257,7 +257,10 @@ def test_files_that_may_not_be_read(arm, tmp_path, form, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fleet.txt", "fleet", "", "fleet.npz", "fleet.csv.gz"])
 def test_names_that_end_otherwise(arm, name):
-    with pytest.raises(InputError, match=r"ends in \.npy, \.csv or \.parquet$"):
+    with pytest.raises(
+        InputError,
+        match=r"unknown file extension; expected a posture file \(\.npy, \.csv or \.parquet\)$",
+    ):
         postures_from_file(arm, name)
 
 
@@ -277,7 +280,7 @@ def test_arrays_of_any_kind(arm, tmp_path, dtype, layout):
 def test_numbers_that_only_a_long_double_holds(arm, tmp_path):
     q = np.full((3, 2), np.longdouble(2.0) ** 2000)
     np.save(tmp_path / "fleet.npy", q)
-    assert refused(arm, tmp_path / "fleet.npy").startswith("row 1, joint j1: inf cannot be used")
+    assert refused(arm, tmp_path / "fleet.npy").startswith("row 1, joint j1: invalid position inf")
 
 
 @pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
@@ -290,13 +293,13 @@ def test_versions_of_the_format(arm, tmp_path, version):
 @pytest.mark.parametrize(
     ("array", "message"),
     [
-        (np.zeros(2), "got the shape (2,)"),
-        (np.zeros((5, 3)), "needs an array of shape k x 2, one row per posture and one column"),
+        (np.zeros(2), "got shape (2,)"),
+        (np.zeros((5, 3)), "expected an array of shape (k, 2), one row per posture and one column"),
         (np.zeros((0, 2)), ""),
-        (np.zeros((5, 2, 1)), "got the shape (5, 2, 1)"),
-        (np.zeros((5, 2), complex), "needs real numbers, got an array of type complex128"),
-        (np.zeros((5, 2), bool), "needs real numbers, got an array of type bool"),
-        (np.array([["a", "b"]]), "needs real numbers, got an array of type <U1"),
+        (np.zeros((5, 2, 1)), "got shape (5, 2, 1)"),
+        (np.zeros((5, 2), complex), "expected an array of real numbers, got dtype complex128"),
+        (np.zeros((5, 2), bool), "expected an array of real numbers, got dtype bool"),
+        (np.array([["a", "b"]]), "expected an array of real numbers, got dtype <U1"),
         (np.array([[None, 1]]), ""),
     ],
 )
@@ -384,22 +387,22 @@ def test_every_digit_counts(arm, tmp_path_factory, numbers):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("\n \n", "holds no header with the joints' names"),
-        ("j1,j2\n", "holds no postures below its header"),
-        ("0.1,0.2\n3,4\n", "lacks the columns j1, j2; postures need every joint by its name"),
-        ("0.1,0.2\n3,4\n", "by its name; the columns are: 0.1, 0.2"),
-        ("t,j1,J2\n1,2,3\n", "lacks the column j2; postures need every joint by its name"),
-        ("j1;j2\n1;2\n", "lacks the columns j1, j2; postures need every joint by its name"),
+        ("\n \n", "has no header with the joint names"),
+        ("j1,j2\n", "has a header but no postures"),
+        ("0.1,0.2\n3,4\n", "missing columns: j1, j2; expected one column per joint, with its name"),
+        ("0.1,0.2\n3,4\n", "with its name; columns found: 0.1, 0.2"),
+        ("t,j1,J2\n1,2,3\n", "missing column: j2; expected one column per joint, with its name"),
+        ("j1;j2\n1;2\n", "missing columns: j1, j2; expected one column per joint, with its name"),
         ("j1,j2 [mm]\n1,2\n", "column 'j2 [mm]': unknown unit; use m"),
         ("j1,j2\n1,2\n\n3,4,5\n", "line 4: expected 2 cells, got 3"),
         ("j1,j2\n1,2\n2e9,2\n", "line 3, 'j1': '2e9' is too large"),
         ('j1,a,j2\n1,"two\nlines",2\n', "line 2: a cell continues on the next line"),
         ('"j1,j2\n1,2\n', "line 1: not valid CSV"),
         (b"j1,j2\n1,2\n\xff,3\n", "is not UTF-8 text"),
-        ("j1,j2\n1,2\n\0,3\n", "is a binary file"),
+        ("j1,j2\n1,2\n\0,3\n", "contains binary data"),
         ("j1,j2\n" + "1" * 300_000 + ",2\n" * 2, "line 2: not valid CSV"),
-        ("j1,j2\n" + "1," * 300_000, "has a line of more than 262,144 bytes"),
-        ("x," * 200_000, "holds no header"),
+        ("j1,j2\n" + "1," * 300_000, "has a line longer than 262,144 bytes"),
+        ("x," * 200_000, "has no header"),
     ],
 )
 def test_csv_files_that_are_no_use(arm, file, content, message):
@@ -448,18 +451,24 @@ def test_empty_cells(arm, tmp_path):
     table = pa.table({"j1": [1.0, 2.0, None], "j2": [1, 2, 3]})
     pq.write_table(table, tmp_path / "fleet.parquet")
     assert refused(arm, tmp_path / "fleet.parquet").startswith(
-        "row 3, joint j1: nan cannot be used; every posture needs every joint"
+        "row 3, joint j1: invalid position nan; expected a finite number"
     )
 
 
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"j1": [1.0], "x": [2.0]}, "lacks the column j2; postures need every joint by its name"),
-        ({"j1": [1.0], "j2": ["2"]}, "column 'j2' needs numbers, holds string"),
-        ({"j1": [1.0], "j2": [[2.0]]}, "column 'j2' needs numbers, holds list"),
-        ({"j1": [True], "j2": [2.0]}, "column 'j1' needs numbers, holds bool"),
-        ({"j1": pa.array([], pa.float64()), "j2": pa.array([], pa.float64())}, "holds no postures"),
+        (
+            {"j1": [1.0], "x": [2.0]},
+            "missing column: j2; expected one column per joint, with its name",
+        ),
+        ({"j1": [1.0], "j2": ["2"]}, "column 'j2' must be numeric, got type string"),
+        ({"j1": [1.0], "j2": [[2.0]]}, "column 'j2' must be numeric, got type list"),
+        ({"j1": [True], "j2": [2.0]}, "column 'j1' must be numeric, got type bool"),
+        (
+            {"j1": pa.array([], pa.float64()), "j2": pa.array([], pa.float64())},
+            "contains no postures",
+        ),
     ],
 )
 def test_tables_that_are_no_postures(arm, tmp_path, table, message):
@@ -470,7 +479,7 @@ def test_tables_that_are_no_postures(arm, tmp_path, table, message):
 def test_damaged_parquet(arm, tmp_path):
     path = written(tmp_path, "parquet", Q)
     path.write_bytes(path.read_bytes()[:-20])
-    assert "is damaged, or no file of postures" in refused(arm, path)
+    assert "is damaged or not a posture file" in refused(arm, path)
 
 
 def test_parquet_without_pyarrow(arm, tmp_path, monkeypatch):

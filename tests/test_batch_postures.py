@@ -15,9 +15,12 @@ from scipy.stats import qmc
 
 from ftforce.batch.postures import drawn
 from ftforce.batch.postures.drawn import Drawn, sobol_columns, sobol_integers
-from ftforce.batch.postures.postures import Grid, Listed
+from ftforce.batch.postures.postures import Grid, Listed, ranges_of
 from ftforce.errors import InputError, UnknownNameError
 from helpers import campaign, load_text, serial_urdf
+from urdfs import arm as small_arm
+from urdfs import joint as joint_of
+from urdfs import load
 
 LOWER, UPPER = np.array([-1.0, -math.pi, 0.25]), np.array([2.0, math.pi, 0.75])
 
@@ -96,7 +99,7 @@ def test_sources_are_frozen_and_blocks_the_callers(arm, which):
 @pytest.mark.parametrize("which", range(4), ids=NAMES)
 @pytest.mark.parametrize("block", [(-1, 3), (3, 2), (0, 1001)])
 def test_blocks_beyond(arm, which, block):
-    with pytest.raises(InputError, match="does not lie within 0 to"):
+    with pytest.raises(InputError, match="is outside the range 0 to"):
         sources(arm)[which].block(*block)
 
 
@@ -269,13 +272,13 @@ def test_limits_that_are_one_value():
 
 @pytest.mark.parametrize("count", [0, -1, 1.5, math.nan, math.inf, "7", None, True, 2**63, [3]])
 def test_counts_that_are_none(arm, count):
-    with pytest.raises(InputError, match="the number of postures is a whole number from 1"):
+    with pytest.raises(InputError, match="the number of postures must be an integer from 1"):
         Drawn.of(arm, count, "uniform")
 
 
 @pytest.mark.parametrize("seed", [-1, 1.0, "1", None, True])
 def test_seeds_that_are_none(arm, seed):
-    with pytest.raises(InputError, match="the seed is a whole number from 0, got"):
+    with pytest.raises(InputError, match="the seed must be a non-negative integer, got"):
         Drawn.of(arm, 10, seed=seed)
 
 
@@ -287,14 +290,40 @@ def test_unknown_methods_are_named(arm):
 
 
 def test_sobol_ends(arm):
-    with pytest.raises(InputError, match=r"up to 1,073,741,824 \(2\*\*30\).*uniform draws more"):
+    with pytest.raises(
+        InputError, match=r"at most 1,073,741,824 \(2\*\*30\).*use the method 'uniform' for more"
+    ):
         Drawn.of(arm, 2**30 + 1)
 
 
 @pytest.mark.parametrize("make", [lambda r: Drawn.of(r, 5), lambda r: Grid.of(r, 2)])
 def test_slides_need_limits(endless, make):
-    with pytest.raises(InputError, match=r"joint 3 \(j3\) slides without limits"):
+    with pytest.raises(InputError, match=r"prismatic joint 3 \(j3\) has no position limits"):
         make(endless)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "drawn"),
+    [("-1e9", "1e9", (-math.pi, math.pi)), ("5", "1e9", (5, 5 + 2 * math.pi)),
+     ("-1e9", "-4", (-4 - 2 * math.pi, -4)), ("-1", "2", (-1, 2))],
+)  # fmt: skip
+def test_a_hinge_with_one_limit_is_drawn_within_a_turn_from_it(tmp_path, lower, upper, drawn):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, small_arm(j2=joint_of("j2", "l1", "l2", limit=limit)))
+    low, high = ranges_of(found)
+    assert (low[1], high[1]) == drawn
+    q = Drawn.of(found, 64).block(0, 64)
+    assert ((q >= low) & (q <= high)).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "missing"), [("0", "1e6", "upper"), ("-1e3", "1", "lower")]
+)
+def test_a_slide_open_at_one_end_has_no_range(tmp_path, lower, upper, missing):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, small_arm(j2=joint_of("j2", "l1", "l2", "prismatic", limit=limit)))
+    with pytest.raises(InputError, match=f"has no {missing} position limit; add it"):
+        ranges_of(found)
 
 
 def test_words(arm):
@@ -354,12 +383,12 @@ def test_huge_grids(arm):
 @pytest.mark.parametrize(
     ("counts", "message"),
     [
-        (0, "the positions of a joint is a whole number from 1"),
-        ([2, 2.5, 2], "whole number"),
-        ("222", "whole number"),
-        ([2, 2], "a grid needs 3 numbers of positions, got 2; the chain has: 1 j1"),
-        (2**21, "a grid of 9.22e.18 postures is beyond"),
-        (None, "whole number"),
+        (0, "the number of positions of a joint must be an integer from 1"),
+        ([2, 2.5, 2], "must be an integer"),
+        ("222", "must be an integer"),
+        ([2, 2], r"one for each of the 3 joints \(1 j1, 2 j2, 3 j3\), got 2"),
+        (2**21, "a grid of 9.22e.18 postures exceeds"),
+        (None, "must be an integer"),
     ],
 )
 def test_grids_that_are_none(arm, counts, message):
@@ -392,9 +421,9 @@ def test_the_layout_does_not_change_the_identity(arm):
 @pytest.mark.parametrize(
     ("q", "message"),
     [
-        ([1.0, 2.0, 3.0], r"k x 3.*got the shape \(3,\): 1 j1, 2 j2, 3 j3"),
-        (np.zeros((4, 2)), r"got the shape \(4, 2\)"),
-        (np.zeros((0, 3)), r"got the shape \(0, 3\)"),
+        ([1.0, 2.0, 3.0], r"\(k, 3\).*\(1 j1, 2 j2, 3 j3\), got shape \(3,\)"),
+        (np.zeros((4, 2)), r"got shape \(4, 2\)"),
+        (np.zeros((0, 3)), r"got shape \(0, 3\)"),
         ([[1.0, math.nan, 0.0]], "q"),
         ([[1.0, math.inf, 0.0]], "q"),
         ([["a", "b", "c"]], "q"),

@@ -77,9 +77,9 @@ def test_a_quantile_may_lie_below_or_above_all_edges_or_nowhere():
     assert quantile(np.array([3, 1, 1, 0]), edges, 0.3) == 0.0
     assert quantile(np.array([0, 0, 4, 0]), edges, 0.5) == pytest.approx(2.5)
     assert math.isnan(quantile(np.zeros(2, int), edges, 0.5))
-    with pytest.raises(InputError, match="3 edges need 2 bins"):
+    with pytest.raises(InputError, match="3 edges make 2 bins"):
         quantile(np.zeros(5, int), edges, 0.5)
-    with pytest.raises(InputError, match="share from 0 to 1"):
+    with pytest.raises(InputError, match="probability of a quantile must be from 0 to 1"):
         quantile(np.zeros(2, int), edges, 5)
 
 
@@ -192,7 +192,7 @@ def test_the_capability_of_an_arm_that_falls_is_zero_and_without_limit_infinite(
 
 
 def test_the_sets_are_the_summarys():
-    with pytest.raises(InputError, match="counts 1 fault sets, got 0"):
+    with pytest.raises(InputError, match="expected 1 fault sets, as in the summary, got 0"):
         criticality(summary_of([FaultSet()], [[1, 0, 0]]), [], 1)
 
 
@@ -208,5 +208,5 @@ def test_survival_of_cells():
     np.testing.assert_allclose([low[0, 1, 0], high[0, 1, 0]], oracle)
     assert np.isnan(low[0, 0, 0])
     np.testing.assert_array_equal(survival(summary).share, [[[NAN, 0.0], [0.1, 1.0]]])
-    with pytest.raises(InputError, match="no fault set 2; the summary has 2"):
+    with pytest.raises(InputError, match="no fault set with index 2; the summary has 2"):
         survival(summary, 2)

@@ -264,9 +264,9 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undistur
 
 def test_another_command_is_refused_and_says_what_differs(arm, stored):
     before = content(stored.path)
-    with pytest.raises(OutputError, match=r"another sweep \(rtol 1e-06 there, 1e-07 here\)"):
+    with pytest.raises(OutputError, match=r"different sweep \(rtol 1e-06 instead of 1e-07\)"):
         sweep(arm, **ASKED, rtol=1e-7, output=stored.path)
-    with pytest.raises(OutputError, match=r"\(keep .all. there, .worst. here\)"):
+    with pytest.raises(OutputError, match=r"\(keep .all. instead of .worst.\)"):
         sweep(arm, **ASKED, keep="worst", output=stored.path)
     assert not differences(before, content(stored.path))
 
@@ -290,10 +290,10 @@ def test_what_is_not_ours_is_never_touched(arm, tmp_path, make):
     path = tmp_path / "theirs"
     make(path)
     before = content(tmp_path)
-    with pytest.raises(OutputError, match="is no sweep"):
+    with pytest.raises(OutputError, match="is not a sweep"):
         sweep(arm, n=5000, output=path)
     assert not differences(before, content(tmp_path))
-    with pytest.raises(SweepError, match="is no sweep"):
+    with pytest.raises(SweepError, match="is not a sweep"):
         store.open_sweep(path)
 
 
@@ -391,7 +391,7 @@ def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypat
 
     with monkeypatch.context() as patch:
         patch.setattr(folder, "write_durably", no_progress)
-        patch.setattr(runner, "SAVING", 0.0)
+        patch.setattr(runner, "SAVE_INTERVAL", 0.0)
         with pytest.raises(OutputError, match="No space left on device"):
             sweep(arm, **ASKED, output=path)
     sweep(arm, **ASKED, output=path)
@@ -475,7 +475,7 @@ def test_damage_is_told_where_the_sweep_is_asked_for_again(arm, tmp_path):
 
 def test_without_the_extra_the_sweep_is_not_called_damaged(stored, monkeypatch):
     monkeypatch.setitem(sys.modules, "zarr", None)
-    with pytest.raises(FtforceError, match=r"stored sweeps need zarr.*ftforce\[sweep\]"):
+    with pytest.raises(FtforceError, match=r"stored sweeps require zarr.*ftforce\[sweep\]"):
         store.open_sweep(stored.path)
 
 
@@ -483,7 +483,7 @@ def test_a_damaged_progress_file_is_told(arm, tmp_path):
     path = tmp_path / "s"
     stopped(arm, path)
     (path / ".progress.npz").write_bytes(b"PK")
-    with pytest.raises(SweepError, match="remove it to begin anew"):
+    with pytest.raises(SweepError, match="remove it to start again"):
         sweep(arm, **ASKED, output=path)
     (path / ".progress.npz").unlink()
     sweep(arm, **ASKED, output=path)

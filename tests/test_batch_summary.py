@@ -269,7 +269,7 @@ def test_arrays_that_are_cut_turned_or_read_only_count_the_same(block):
 
 def test_a_summary_that_would_not_fit_says_what_to_reduce():
     big = Workspace.around([0, 0, 0], 1.0, 0.01)
-    with pytest.raises(InputError, match=r"5\.\d+ GB .* number of cells \(8000000\)"):
+    with pytest.raises(InputError, match=r"5\.\d+ GB, .* number of cells \(8000000\)"):
         Summary.empty(7, Bins(), big)
     with pytest.raises(InputError, match=r"number of fault sets \(100000\)"):
         Summary.empty(100_000, Bins(), Workspace.around([0, 0, 0], 1.0, 1.0))
@@ -287,12 +287,21 @@ def test_blocks_that_do_not_fit_are_refused(block):
     before = bytes_of(summary)
     for wrong, match in [
         (block_of(0, 9, 2), r"shape \(3, 9\), got \(2, 9\)"),
-        (block._replace(jump=None), "needs an array 'jump'"),
-        (block._replace(rho=block.rho[:, 1:]), "needs an array 'rho'"),
-        (block._replace(verdict=block.verdict + np.int8(1)), "verdict of a block lies from 0 to 2"),
-        (block._replace(rank=block.rank - np.int8(1)), "rank of a block lies from 0 to 6"),
-        (block._replace(tip=block.tip[:, :2]), "needs tips of shape"),
-        (block._replace(healthy_margin=block.rank[1:]), "needs an array 'healthy_margin'"),
+        (block._replace(jump=None), "jump of the block: expected shape .*, got None"),
+        (block._replace(rho=block.rho[:, 1:]), "rho of the block: expected shape"),
+        (
+            block._replace(verdict=block.verdict + np.int8(1)),
+            "verdict of the block: expected values from 0 to 2",
+        ),
+        (
+            block._replace(rank=block.rank - np.int8(1)),
+            "rank of the block: expected values from 0 to 6",
+        ),
+        (block._replace(tip=block.tip[:, :2]), "tip of the block: expected shape"),
+        (
+            block._replace(healthy_margin=block.rank[1:]),
+            "healthy_margin of the block: expected shape",
+        ),
     ]:
         with pytest.raises(InputError, match=match):
             summary.add(wrong, 0)
@@ -305,17 +314,17 @@ def test_only_like_summaries_merge(summary):
         Summary.empty(3, Bins(40.0, True), GRID),
         Summary.empty(3, BINS, Workspace.around([0, 0, 0], 1.0, 0.5)),
     ]:
-        with pytest.raises(InputError, match="same bins, workspace and fault sets"):
+        with pytest.raises(InputError, match="bins, workspace and fault sets are the same"):
             summary.merge(other)
 
 
 def test_arrays_that_are_none_of_a_summary_are_refused(summary):
     arrays = summary.arrays()
     for wrong, match in [
-        ({}, "needs an array 'verdicts'"),
-        ({**arrays, "more": [1]}, "look at more"),
-        ({k: v for k, v in arrays.items() if k != "rho"}, "look at rho"),
-        ({**arrays, "rho": arrays["rho"][:, 1:]}, r"rho needs int64 of shape \(3, 1000\)"),
+        ({}, "missing array 'verdicts'"),
+        ({**arrays, "more": [1]}, "missing or unknown arrays: more"),
+        ({k: v for k, v in arrays.items() if k != "rho"}, "missing or unknown arrays: rho"),
+        ({**arrays, "rho": arrays["rho"][:, 1:]}, r"rho: expected int64 of shape \(3, 1000\)"),
         ({**arrays, "rho": arrays["rho"] * 1.0}, "got float64"),
     ]:
         with pytest.raises(InputError, match=match):

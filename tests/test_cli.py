@@ -140,10 +140,10 @@ def test_limits_come_from_a_file(tmp_path):
 
 def test_capability_says_what_is_left():
     output = run("capability", "panda", "--locked", "2,4", "--direction", "1,1,0").stdout
-    for expected in ("+fz", "162.3", "asked for", "fault of panda_joint2", "11.26 panda_joint6"):
+    for expected in ("+fz", "162.3", "requested", "fault of panda_joint2", "11.26 panda_joint6"):
         assert expected in output
     assert all(len(line) <= 80 for line in output.splitlines())
-    assert "With panda_joint2 and panda_joint4 locked, the motors can command no" in output
+    assert "With panda_joint2 and panda_joint4 locked, no motor torque can" in output
 
 
 def test_census_table_and_top():
@@ -187,7 +187,7 @@ def test_robots():
 
 def test_replicate():
     output = run("replicate").stdout
-    assert "79 pass, 8 explained by errata, 0 fail" in output
+    assert "91 pass, 8 explained by errata, 0 fail" in output
     assert "43.66 43.66 ✓" in output
     assert document("replicate")["successful"] is True
     rows = list(csv.DictReader(io.StringIO(run("replicate", "--format", "csv").stdout)))
@@ -273,8 +273,8 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch):
     monkeypatch.setattr("ftforce.analysis.analyze.analyze", fail)
     result = run("analyze", DH5, status=1)
     assert result.stderr == (
-        "error: a mistake in ftforce, please report it (KeyError('elbow')); "
-        "--debug shows where it happened\n"
+        "error: internal error in ftforce, please report it (KeyError('elbow')); "
+        "--debug shows the traceback\n"
     )
     with pytest.raises(KeyError):
         CliRunner().invoke(cli.app, ["analyze", DH5, "--debug"], catch_exceptions=False)

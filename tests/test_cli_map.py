@@ -50,11 +50,11 @@ def test_the_tables_fit_and_say_where_and_which_joint(stored):
     for words in (
         "whichever joint locks; xz plane, all y pooled",
         "Tolerated [% of the postures], z upwards, x to the right [m]",
-        "surely worst first",
+        "m, worst first",
         "Joints, most critical first",
         "ρ = w(K)/w(J) when the joint fails alone, quantiles over the postures",
         "Margin σ_min(K)/σ_max(J) when the joint fails alone",
-        f"of {N:,} postures tolerate whichever joint locks",
+        f"of {N:,} postures tolerate the fault (whichever joint locks)",
     ):
         assert words in shown, words
     assert "Capability [N]" not in shown
@@ -135,4 +135,4 @@ def test_slices_without_postures_are_said_in_a_line(tmp_path):
 def test_what_is_no_sweep_is_said_in_a_line(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path, tmp_path / "file", tmp_path / "none"):
-        assert "a sweep that ftforce wrote was expected" in run(path, status=1).stderr
+        assert "expected a sweep stored by ftforce" in run(path, status=1).stderr

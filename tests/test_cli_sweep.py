@@ -56,7 +56,7 @@ def test_another_question_is_refused_by_an_existing_folder(tmp_path):
     out = tmp_path / "s.zarr"
     run(*SMALL, "-o", str(out))
     result = run(*SMALL, "-o", str(out), "--seed", "1", status=1)
-    assert "holds another sweep" in result.stderr
+    assert "contains a different sweep" in result.stderr
     assert "seed" in result.stderr
     assert result.stderr.count("\n") == 1
 
@@ -104,8 +104,8 @@ def test_a_grid(tmp_path):
         (("--grid", "2.5"), 2, "--grid needs whole numbers"),
         (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
         (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "unknown value of keep 'some'"),
-        (("--samples", "10", "--workers", "0"), 1, "workers must be a whole number"),
-        (("--samples", "10", "--chunk", "10"), 1, "chunk is a whole number from 4096"),
+        (("--samples", "10", "--workers", "0"), 1, "workers must be a positive integer"),
+        (("--samples", "10", "--chunk", "10"), 1, "chunk must be an integer from 4096"),
         (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),
         (("--samples", "10", "-o", "nowhere/x.zarr"), 1, "cannot be written"),
         (("--postures", "nowhere.csv"), 1, "no such file"),

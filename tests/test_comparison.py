@@ -290,9 +290,9 @@ def test_the_sentence_names_ties(compared):
                                             (("a", 0.9), ("b", 0.5))]))  # fmt: skip
     said = comparison_sentence(apart)
     assert said.startswith(
-        "a degrades best: with up to 2 joints locked it keeps the force at 90.0%"
+        "a degrades most gracefully: with up to 2 joints locked it keeps the force for 90.0%"
     )
-    assert "b degrades worst: 50.0%" in said
+    assert "b degrades least gracefully: 50.0%" in said
     assert "overlap" not in said
     close = replace(compared, arms=_ranked([with_share(arm, x, 0.9, 0.01) for x in "abcdefg"]))
     said = comparison_sentence(close)
@@ -383,7 +383,7 @@ def test_robots_and_sweeps_together(tmp_path):
     assert seen == []  # nothing is swept for what will be refused
     with pytest.raises(FileError, match="no such folder"):
         compare([stored, tmp_path / "none.zarr"])
-    with pytest.raises(FileError, match="is no sweep"):
+    with pytest.raises(FileError, match="is not a sweep"):
         compare([stored, tmp_path])
 
 
@@ -397,7 +397,7 @@ def test_an_arm_that_cannot_be_swept_is_named():
     arm = load_text(serial_urdf(("revolute", {}), ("prismatic", {})))
     slide = replace(arm.joints[1], lower=-math.inf, upper=math.inf)
     free = replace(arm, joints=(arm.joints[0], slide))
-    with pytest.raises(InputError, match=r"^rail: .*slides without limits"):
+    with pytest.raises(InputError, match=r"^rail: .*has no position limits"):
         compare({"dh5": "dh5", "rail": free}, n=64)
     with pytest.raises(InputError, match=r"^dh5: faults must be a number from 1 to 5, got 6"):
         compare(["kinova", "dh5"], n=64, faults=6)
@@ -442,7 +442,7 @@ def test_an_arm_without_known_limits_is_not_the_strongest():
     assert math.isnan(found["so101"].capability_kept)
     said = comparison_sentence(found)
     assert "of those whose limits are known" in said
-    assert "dh5 can still command most along (0.00, 0.00, 1.00)" in said
+    assert "dh5 retains the largest force along (0.00, 0.00, 1.00)" in said
     row = next(line for line in printed(found).splitlines() if "no limit" in line)
     assert row.split() == ["so101", *["no", "limit"] * 4, "–"]
     document = comparison_document(found)

@@ -186,6 +186,22 @@ def test_without_masses_and_gravity_nothing_is_unknown(tmp_path):
     assert document["warnings"] == []
 
 
+def test_the_condition_number_is_that_of_the_reduced_jacobian(result):
+    document = json_of(result)
+    lengths = [name[0] == "m" for name in document["conventions"]["components"]]
+    weights = np.where(lengths, document["conventions"]["length"] or 1.0, 1.0)
+    J = weights[:, None] * document["jacobian"]["matrix"]
+    locked, free = state_masks(document)
+    away = np.eye(len(J)) - J[:, free] @ np.linalg.pinv(J[:, free])
+    K = away @ J[:, ~locked & ~free]
+    found = document["jacobian"]["condition_number_after"]
+    if document["jacobian"]["rank_after"] < len(J):
+        assert found is None
+        assert np.linalg.matrix_rank(K, rtol=1e-6) < len(J)
+    else:
+        np.testing.assert_allclose(found, np.linalg.cond(K), rtol=1e-9)
+
+
 # ---- faults, limits, standing ----------------------------------------------------------------
 
 
@@ -280,7 +296,7 @@ def test_an_arm_that_falls():
         values(torque["before"]) + values(torque["gravity"]["before"]),
     )
     assert document["residuals"] == {}
-    assert "the arm cannot stand still" in document["summary"]
+    assert "the arm cannot be held in static equilibrium" in document["summary"]
 
 
 def test_a_motor_that_cannot_carry_the_arm():
@@ -294,8 +310,18 @@ def test_a_motor_that_cannot_carry_the_arm():
     np.testing.assert_allclose(J[:, 2] @ standing["support"] + weight, 4.0)
     assert document["limits"]["binding"] == ["joint3"]
     assert document["limits"]["share"] is None
-    amounts = ("the arm stands still only while the tip presses", "4.76 N·m of joint3")
+    amounts = ("the arm can be held only while the tip presses", "4.76 N·m at joint3")
     assert all(text in document["summary"] for text in amounts)
+
+
+def test_a_supporting_force_that_rounds_to_nothing_is_not_listed():
+    panda = ftforce.load_robot("panda")
+    for pull, is_listed in ((9.81, True), (1e-4, False)):
+        document = json_of(ftforce.analyze(panda, free=[4], gravity=[0, 0, -pull]))
+        support = np.array(document["standing"]["support"])
+        assert np.linalg.norm(support) > 1e-6 * pull  # without it the arm falls
+        assert ("presses" in document["summary"]) is is_listed
+        assert "0.00 N, fy 0.00 N" not in document["summary"]
 
 
 def test_residuals_are_small(result):

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk: they count for one state of all kernels, and for nothing else."""
+"""Compiled kernels on disk: they are valid for one state of all kernels only."""
 
 from __future__ import annotations
 
@@ -17,18 +17,29 @@ PROGRAM = """
 import sys
 sys.path.insert(0, {folder!r})
 from package import outer
-print(outer.f(1.0), sum(outer.f.stats.cache_hits.values()))
+f = outer.{name}
+print(f(outer.{type}(1.0)) if f is outer.f else f(1.0), sum(f.stats.cache_hits.values()))
 """
 OUTER = """
-from .jit import kernel
-from .deep import g
+from numba import float64
+from .jit import compile_now, kernel
+from .deep import {type}, g
 
 @kernel
 def f(x):
+    return g(x.value) + 1.0
+
+def now(x):
     return g(x) + 1.0
+
+now = compile_now(now, float64(float64))
 """
 DEEP = """
+from typing import NamedTuple
 from .jit import inner
+
+class {type}(NamedTuple):
+    value: float
 
 @inner
 def g(x):
@@ -43,12 +54,12 @@ def package(tmp_path):
     folder.mkdir()
     (folder / "__init__.py").touch()
     (folder / "jit.py").write_text(Path(jit.__file__).read_text())
-    (folder / "outer.py").write_text(OUTER)
 
-    def run(factor, beside=""):
-        (folder / "deep.py").write_text(DEEP.format(factor=factor))
+    def run(factor, beside="", name="f", kind="Number"):
+        (folder / "outer.py").write_text(OUTER.format(type=kind))
+        (folder / "deep.py").write_text(DEEP.format(factor=factor, type=kind))
         (tmp_path / "other.py").write_text(beside)
-        program = PROGRAM.format(folder=str(tmp_path))
+        program = PROGRAM.format(folder=str(tmp_path), name=name, type=kind)
         done = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
         )
@@ -65,12 +76,25 @@ def test_an_edit_of_any_kernel_compiles_anew_and_one_elsewhere_does_not(package)
     assert package(5.0) == (6.0, 0)  # g is of another file than f
 
 
+@pytest.mark.thorough
+def test_a_kernel_compiled_on_import_follows_the_other_files_too(package):
+    assert package(2.0, name="now") == (3.0, 0)
+    assert package(2.0, name="now") == (3.0, 1)
+    assert package(5.0, name="now") == (6.0, 0)
+
+
+@pytest.mark.thorough
+def test_a_cache_that_names_a_type_which_is_gone_is_stale_not_an_error(package):
+    assert package(2.0, kind="Number") == (3.0, 0)
+    assert package(2.0, kind="Value") == (3.0, 0)
+
+
 def test_the_cache_of_this_numba_can_be_keyed():
     assert jit._is_keyed(jit.njit(lambda x: x, cache=True)), jit.UNKNOWN_CACHE
 
 
 def test_a_cache_that_is_unknown_is_not_used(monkeypatch):
     monkeypatch.setattr(jit, "_is_keyed", lambda compiled: False)
-    with pytest.warns(RuntimeWarning, match=f"numba {numba.__version__} keeps compiled code"):
+    with pytest.warns(RuntimeWarning, match=f"numba {numba.__version__} is unknown to ftforce"):
         compiled = jit.kernel(lambda x: x)
     assert type(compiled._cache).__name__ == "NullCache"

@@ -56,6 +56,18 @@ def test_condition_number():
     assert measures.condition_number(diagonal(1, 1e-7)) == math.inf
 
 
+@settings(max_examples=campaign(500))
+@given(jacobians(), seeds)
+def test_condition_number_is_that_of_numpy(J, seed):
+    mask = np.random.default_rng(seed).random(J.shape[1]) < 0.3
+    reduced, K = reduce(J, mask), J * ~mask
+    ours = measures.condition_number(reduced)
+    if reduced.rank_after == reduced.m:
+        assert ours == pytest.approx(np.linalg.cond(K), rel=1e-6)
+    else:
+        assert ours == math.inf
+
+
 def test_force_error_is_that_of_the_weakest_direction_kept():
     assert measures.force_error(diagonal(4, 0.5)) == pytest.approx(2.0)
     assert measures.force_error(diagonal(4, 0.5, locked=[1])) == pytest.approx(0.25)

@@ -9,6 +9,7 @@ import pytest
 
 import ftforce
 from ftforce.errors import InputError
+from ftforce.report.analysis import QUANTITIES
 from ftforce.report.files import to_rows, to_text
 from ftforce.show.render import to_text as to_table
 from results import (
@@ -60,6 +61,8 @@ def test_csv_of_an_analysis_is_its_json(result):
         np.testing.assert_array_equal(got, force[when])
     loads = {name: float(row["after"]) for name, row in table.get("brake_load", {}).items()}
     assert loads == torque["brake_load"]
+    condition = document["jacobian"]["condition_number_after"]
+    assert table["jacobian"]["condition_number"]["after"] == str(condition or "")
     convention = {name: row["before"] for name, row in table["convention"].items()}
     assert convention["limits"] == ("none" if result.limits is None else "urdf")
     gravity = [float(convention[f"gravity_{axis}"]) for axis in "xyz"]
@@ -69,6 +72,7 @@ def test_csv_of_an_analysis_is_its_json(result):
     states = {name: row["after"].split()[0] for name, row in table["state"].items()}
     assert {name: x for name, x in states.items() if x != "healthy"} == document["modes"]
     assert {row["before"] for row in table["state"].values()} == {"healthy"}
+    assert set(table) <= {field.key for field in QUANTITIES}  # a force or torques are given
     units = {joint.name: joint.torque_unit for joint in result.robot.joints}
     assert {name: row["unit"] for name, row in table["total"].items()} == units
 
@@ -144,8 +148,9 @@ def test_csv_of_a_census_is_its_json(mode):
         ftforce.load_robot("panda"), faults=2, mode=mode, force=[50, 80, 90], rank_by="capability"
     )
     document, rows = json_of(census), csv_of(census)
-    assert len(rows) == len(document["sets"]) == 28
-    for row, entry in zip(rows, document["sets"], strict=True):
+    assert len(rows) - 1 == len(document["sets"]) == 28  # the last one is the healthy arm
+    for row, entry in zip(rows, [*document["sets"], document["healthy"]], strict=True):
+        assert [row["rank_first"], row["rank_last"]] == list(map(str, entry["rank"] or ("", "")))
         assert row[mode].split() == list(entry["modes"])
         assert row["locked" if mode == "free" else "free"] == ""
         assert int(row["size"]) == len(entry["modes"])
@@ -155,9 +160,13 @@ def test_csv_of_a_census_is_its_json(mode):
         numbers = {
             "jump_norm [N]": entry["force"]["jump_norm"],
             "share": entry["share"],
+            "kept": entry["force"]["kept"],
+            "relative_jump": entry["force"]["relative_jump"],
+            "capability_kept": entry["capability_kept"],
             "commanded": entry["capability"]["commanded"],
             "held": entry["capability"]["held"],
             "margin": entry["jacobian"]["margin"],
+            "condition_number_after": entry["jacobian"]["condition_number_after"],
         }
         assert {key: row[key] for key in numbers} == {
             key: "" if value is None else str(value) for key, value in numbers.items()
@@ -221,7 +230,7 @@ def test_the_tables_of_a_capability_are_the_json(capability):
         return ["only", *most] if point else [f"{got[0]:.{digits}f}", "to", *most]
 
     for one in found["directions"]:
-        name = ["asked", "for"] if one["name"] == "direction" else [one["name"]]
+        name = ["requested"] if one["name"] == "direction" else [one["name"]]
         cells = [cell(one[when][r]) for when in ("before", "after") for r in ("commanded", "held")]
         expected = [*name, one["unit"], *chain(*cells)]
         row = next(line for line in lines if line[: len(name)] == name)
@@ -259,7 +268,9 @@ def test_a_capability_is_saved(tmp_path):
 def test_what_cannot_be_written(thing):
     name = type(thing).__name__
     for write in (ftforce.to_dict, to_rows):
-        with pytest.raises(InputError, match=f"a result or a robot can be written, not a {name}"):
+        with pytest.raises(
+            InputError, match=f"only a result or a robot can be written, got {name}"
+        ):
             write(thing)
 
 

@@ -49,11 +49,12 @@ def test_cells_are_those_of_one_posture(seed, m, n, forced, directed):
         if F is not None:
             jump = force_jump(reduced, F).jump
             assert_close(cells.jump[i, j], jump, scale=np.linalg.norm(F), tol=1e-8)
-        feasible = feasible_forces(reduced, rnea[i, j], largest[j], LockModel.COMMANDED)
         space = reduced.healthy.U[:, : reduced.rank]
-        ray = reach(feasible, d) if directed else weakest_direction(feasible, space).reach
-        wanted = math.nan if ray.is_empty else ray.maximum
-        np.testing.assert_allclose(found[i, j], wanted, rtol=1e-8, atol=1e-9)
+        for model, values in zip(LockModel, found, strict=True):
+            feasible = feasible_forces(reduced, rnea[i, j], largest[j], model)
+            ray = reach(feasible, d) if directed else weakest_direction(feasible, space).reach
+            wanted = math.nan if ray.is_empty else ray.maximum
+            np.testing.assert_allclose(values[i, j], wanted, rtol=1e-8, atol=1e-9)
 
 
 def test_certain_are_most_cells_of_a_usual_motion(panda):

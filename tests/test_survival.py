@@ -174,7 +174,7 @@ def test_all_or_nothing_has_the_whole_scale(pairs, share):
     text = map_sentence(workspace_map(every))
     assert text.startswith(("None of 4,096", "All of 4,096")[share])
     shown = to_text(map_view(workspace_map(every)))
-    assert ("surely worst first" in shown) is not bool(share)
+    assert ("m, worst first" in shown) is not bool(share)
     plots.survival_3d(every)
     figures.figure(every)
 
@@ -417,19 +417,23 @@ def test_a_sweep_that_is_not_complete_says_so(pairs):
     blank = ftforce.batch.summary.summary.Summary.empty(
         pairs.summary.n_sets, pairs.summary.bins, pairs.summary.workspace
     )
-    with pytest.raises(InputError, match="no posture of the sweep is done yet"):
+    with pytest.raises(InputError, match="the sweep has no finished postures yet"):
         workspace_map(dataclasses.replace(pairs, summary=blank))
 
 
 def test_what_is_not_there_is_refused(pairs, sliding):
     for wrong, error, words in (
-        ({"joints": [1, 2, 3]}, InputError, r"no fault set \{1, 2, 3\}; it has: \{1\}"),
+        ({"joints": [1, 2, 3]}, InputError, r"no fault set \{1, 2, 3\}; available: \{1\}"),
         ({"plane": "zx"}, UnknownNameError, "unknown plane 'zx'; available: xy, xz, yz"),
-        ({"plane": "xz", "at": 4.0}, InputError, r"tip at y = 4 m; they lie from y = -1.1 to 1.2"),
-        ({"at": 4.0}, InputError, "a slice needs its plane"),
-        ({"plane": "xy", "solid": True}, InputError, "three dimensions has no plane"),
+        (
+            {"plane": "xz", "at": 4.0},
+            InputError,
+            r"tip at y = 4 m; tip positions range from y = -1.1 to 1.2",
+        ),
+        ({"at": 4.0}, InputError, "a slice needs a plane"),
+        ({"plane": "xy", "solid": True}, InputError, "three-dimensional plot has no plane"),
         ({"quantities": ["sigma"]}, UnknownNameError, "unknown quantity 'sigma'; available: rho"),
-        ({"quantities": ["jump"]}, InputError, "no jump: it was made without a force"),
+        ({"quantities": ["jump"]}, InputError, "no jump: it was run without a force"),
     ):
         with pytest.raises(error, match=words):
             workspace_map(sliding if "jump" in str(wrong) else pairs, **wrong)

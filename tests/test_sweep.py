@@ -37,7 +37,7 @@ def test_how_it_is_done_changes_no_bit(arm, reference, options):
 
 @pytest.mark.parametrize("answers", [2**8, 2**12])
 def test_small_pieces_change_no_bit(arm, reference, monkeypatch, answers):
-    monkeypatch.setattr(jobs, "_ANSWERS", answers)
+    monkeypatch.setattr(jobs, "_BLOCK_RESULTS", answers)
     _assert_same(reference, sweep(arm, n=20_000, force=[80, 50, 10]))
 
 
@@ -86,7 +86,7 @@ def test_turns_of_no_time_are_single_chunks():
         ({"n": 10, "q": np.zeros((3, 5))}, InputError, "not both"),
         ({"n": 0}, InputError, "from 1"),
         ({"n": 10, "keep": "some"}, UnknownNameError, "all"),
-        ({"n": 10, "threads": 0}, InputError, "whole number from 1"),
+        ({"n": 10, "threads": 0}, InputError, "must be a positive integer"),
         ({"n": 10, "chunk": 10}, InputError, "from 4096"),
         ({"n": 10, "force": [0, 0, 0]}, InputError, "not zero"),
     ],

@@ -13,7 +13,7 @@ from ftforce.errors import FtforceError
 from ftforce.io.text import write_whole
 from ftforce.view.server.export import PANEL_WIDTH, record, scene_html
 from ftforce.view.server.server import open_server
-from ftforce.view.server.viser_private import NOTICES, TRIED
+from ftforce.view.server.viser_private import NOTICES, TESTED
 
 ANSWER = Markup(
     '<h2 data-testid="verdict">the fault is tolerated</h2><p>&lt;b&gt;no markup&lt;/b&gt;</p>'
@@ -63,7 +63,7 @@ def test_markup_is_in_it_as_it_is_and_all_else_as_text(opened, page):
 @pytest.mark.parametrize("page", ["<head></head><body></body>", "<title>Viser</title><body>"])
 def test_another_page_of_visers_is_an_error_in_words(opened, page):
     other = SimpleNamespace(as_html=lambda: page)
-    with pytest.raises(FtforceError, match="has another page than expected"):
+    with pytest.raises(FtforceError, match="has an unexpected page format"):
         scene_html(opened.server, title="a", answer=ANSWER, recording=other)
 
 
@@ -106,7 +106,7 @@ def test_the_file_opens_by_itself_and_can_be_turned(page, browser, tmp_path):
         assert (box["x"], box["width"]) == (0, PANEL_WIDTH)
         assert "<b>no markup</b>" in shown.page.locator("#ftforce-answer").inner_text()
         notices = shown.page.locator(NOTICES)
-        assert notices.count() > 0, f"viser's notices have another name than in {TRIED}"
+        assert notices.count() > 0, f"viser's notices have another name than in {TESTED}"
         assert not notices.first.is_visible()
         assert shown.errors == []
         assert shown.hosts() == set()

@@ -12,7 +12,7 @@ from ftforce.errors import FileError
 from ftforce.robot.posture import choose_posture
 from ftforce.view.geometry import mesh_files, meshes, shapes
 from ftforce.view.geometry.mesh_files import read_mesh
-from ftforce.view.geometry.meshes import MOST_SHOWN, load_geometry
+from ftforce.view.geometry.meshes import MAX_SHOWN, load_geometry
 from ftforce.view.geometry.visuals import read_visuals
 from helpers import KNOWN, assert_close
 from urdfs import BODY, arm, link, write
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.thorough
 
 # ---- simple solids ---------------------------------------------------------------------------
 
-SIDES = shapes.ROUND
+SIDES = shapes.SEGMENTS
 FLAT = SIDES * np.sin(2 * np.pi / SIDES) / 2  # area of the polygon in a circle of radius 1
 
 
@@ -65,14 +65,14 @@ def test_a_rod_goes_from_one_point_to_another(end):
 
 def test_a_coarser_mesh_stays_within_a_cell():
     solid = shapes.sphere(1.0)
-    coarse = shapes.coarser(solid, np.full(3, 0.2))
+    coarse = shapes.decimated(solid, np.full(3, 0.2))
     assert 8 < len(coarse.faces) < len(solid.faces)
     assert np.abs(np.linalg.norm(coarse.vertices, axis=1) - 1.0).max() < 0.2
     assert coarse.volume == pytest.approx(solid.volume, rel=0.1)
     corners = np.sort(coarse.faces, axis=1)
     assert (np.diff(corners, axis=1) > 0).all()
     assert len(np.unique(corners, axis=0)) == len(corners)
-    assert len(shapes.coarser(solid, np.full(3, 10.0)).faces) == 0
+    assert len(shapes.decimated(solid, np.full(3, 10.0)).faces) == 0
 
 
 # ---- files -----------------------------------------------------------------------------------
@@ -241,10 +241,10 @@ LAST = '<node><instance_node url="#n40"/></node>'
         ({"nodes": "<node/>"}, "no triangles"),
         ({"nodes": f"<node><matrix>1 2</matrix>{HERE}</node>"}, "matrix"),
         ({"nodes": f"<node><matrix>{'nan ' * 16}</matrix>{HERE}</node>"}, "not finite"),
-        ({"unit": '<unit meter="0"/>'}, "no length"),
-        ({"unit": '<unit meter="inf"/>'}, "no length"),
+        ({"unit": '<unit meter="0"/>'}, "not a positive length"),
+        ({"unit": '<unit meter="inf"/>'}, "not a positive length"),
         ({"shapes": triangles("0 1 4")}, "a.dae"),
-        ({"shapes": triangles("0 1 -1")}, "do not exist"),
+        ({"shapes": triangles("0 1 -1")}, "does not exist"),
         ({"shapes": triangles("0 1 2 x")}, "cannot be read"),
         ({"shapes": triangles("0 1")}, "cannot be read"),
         ({"shapes": triangles("0 0 0", NORMAL.format(0))}, "cannot be read"),
@@ -307,14 +307,14 @@ def test_a_file_that_is_no_mesh_is_an_error_and_nothing_is_printed(tmp_path, cap
 def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch, dae):
     path = tmp_path / "a.stl"
     path.write_bytes(stl(box_corners(1, 1, 1)))
-    monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", 11)
-    with pytest.raises(FileError, match="12 triangles; at most 11"):
+    monkeypatch.setattr(mesh_files, "MAX_TRIANGLES", 11)
+    with pytest.raises(FileError, match="12 triangles, more than the maximum of 11"):
         read_mesh(path)
     for most in (5, 2):  # instances count, and a geometry does before it is made
-        monkeypatch.setattr(mesh_files, "MOST_TRIANGLES", most)
-        with pytest.raises(FileError, match=f"over {most} triangles"):
+        monkeypatch.setattr(mesh_files, "MAX_TRIANGLES", most)
+        with pytest.raises(FileError, match=f"more than {most} triangles"):
             dae(f"<node>{2 * HERE}</node>")
-    monkeypatch.setattr(mesh_files, "LARGEST_MESH", 100)
+    monkeypatch.setattr(mesh_files, "MAX_BYTES", 100)
     with pytest.raises(FileError, match="larger than"):
         read_mesh(path)
 
@@ -362,7 +362,7 @@ def by_pinocchio(robot, q):
 
 @pytest.mark.parametrize("name", ["panda", "ur5", "tiago", "pr2_left"])
 def test_links_are_where_pinocchio_has_them(name, monkeypatch):
-    monkeypatch.setattr(meshes, "MOST_SHOWN", 10**9)  # as their files have them
+    monkeypatch.setattr(meshes, "MAX_SHOWN", 10**9)  # as their files have them
     robot = load_robot(name)
     geometry = load_geometry(robot)
     q = choose_posture(robot, None, None).q + np.linspace(-0.3, 0.2, robot.n)
@@ -381,7 +381,7 @@ def test_a_robot_with_many_triangles_is_shown_with_fewer():
     q = choose_posture(robot, None, None).q
     ours, theirs = in_the_world(robot, geometry, q)[0], by_pinocchio(robot, q)[0]
     assert all(part.flat for part in geometry.parts)
-    assert 0.3 * MOST_SHOWN < sum(len(part.faces) for part in geometry.parts) <= MOST_SHOWN
+    assert 0.3 * MAX_SHOWN < sum(len(part.faces) for part in geometry.parts) <= MAX_SHOWN
     assert cKDTree(theirs).query(ours)[0].max() < 0.004
     assert cKDTree(ours).query(theirs)[0].max() < 0.004
 
@@ -402,7 +402,7 @@ def test_the_known_robots_are_shown_whole(name):
         assert part.faces.max() < len(part.vertices)
         assert np.isfinite(part.vertices).all()
         assert not part.vertices.flags.writeable
-    assert sum(len(part.faces) for part in geometry.parts) <= MOST_SHOWN
+    assert sum(len(part.faces) for part in geometry.parts) <= MAX_SHOWN
 
 
 def test_meshes_of_files_are_shaded_flat_and_simple_shapes_smoothly():
@@ -468,7 +468,7 @@ def test_a_mesh_is_scaled_and_put_where_its_origin_says(tmp_path, shown, scale):
 
 def test_few_triangles_of_a_mesh_are_scaled_too(tmp_path, shown, monkeypatch):
     (tmp_path / "a.stl").write_bytes(stl(1000.0 * np.array(shapes.sphere(1.0).triangles)))
-    monkeypatch.setattr(meshes, "MOST_SHOWN", 600)
+    monkeypatch.setattr(meshes, "MAX_SHOWN", 600)
     _, geometry = shown(mesh_visual("a.stl", scale="0.001 -0.002 0.001"))
     (part,) = geometry.parts
     assert 200 < len(part.faces) <= 600
@@ -488,7 +488,7 @@ def test_a_mesh_that_is_no_part_of_an_arm_is_left_out(tmp_path, shown):
 def test_files_are_not_read_beyond_all_bounds(tmp_path, shown, monkeypatch):
     for name in ("a.stl", "b.stl"):
         (tmp_path / name).write_bytes(stl(box_corners(1, 2, 3)))
-    monkeypatch.setattr(meshes, "LARGEST_TOTAL", 1000)
+    monkeypatch.setattr(meshes, "MAX_TOTAL", 1000)
     _, geometry = shown(mesh_visual("a.stl"), mesh_visual("b.stl"))
     (note,) = geometry.notes
     assert "b.stl" in note
@@ -496,7 +496,7 @@ def test_files_are_not_read_beyond_all_bounds(tmp_path, shown, monkeypatch):
 
 def test_an_arm_without_any_look_is_shown_as_rods(shown):
     robot, geometry = shown()
-    assert "does not say" in geometry.notes[0]
+    assert "no visual geometry" in geometry.notes[0]
     assert [part.joint for part in geometry.parts] == list(range(robot.model.njoints))
     for part in geometry.parts[:-1]:
         assert reaches(part, robot.model.jointPlacements[part.joint + 1].translation)

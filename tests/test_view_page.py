@@ -132,7 +132,7 @@ def test_a_posture_is_named_until_a_slider_moves_it(session):
     session.change(lambda state: state.at(q))
     put(session, q0=45.0)
     assert session.state.q.tolist() == [math.pi / 4, *q[1:]]  # the others keep their digits
-    assert handle("posture").value == "choose …"
+    assert handle("posture").value == "select …"
 
 
 def test_a_set_of_the_census_can_be_shown(session):
@@ -150,10 +150,10 @@ def test_a_set_of_the_census_can_be_shown(session):
 
 
 def test_a_click_on_the_arm_locks_and_mends(session):
-    session.touch(2)
+    session.toggle(2)
     session.settle()
     assert session.answer.analysis.locked == ("joint3",)
-    session.touch(2)
+    session.toggle(2)
     session.settle()
     assert session.answer.analysis.locked == ()
 
@@ -161,11 +161,11 @@ def test_a_click_on_the_arm_locks_and_mends(session):
 def test_the_force_can_be_pulled_and_keeps_its_scale_meanwhile(session):
     scales, arrow = session.picture.scales, session.picture.arrows[0]
     end = arrow.start + 4.0 * (arrow.end - arrow.start)
-    session.pull(lambda: end, False)
+    session.drag(lambda: end, False)
     session.settle()
     assert session.state.force == pytest.approx([320, 200, 40], abs=0.005 / scales.force)
     assert session.picture.scales == scales
-    session.pull(lambda: end, True)
+    session.drag(lambda: end, True)
     session.settle()
     assert session.picture.scales.force < scales.force
     assert session.panel.handle("force").value == tuple(session.state.force)
@@ -174,23 +174,23 @@ def test_the_force_can_be_pulled_and_keeps_its_scale_meanwhile(session):
 def test_a_hand_that_holds_still_changes_nothing(session):
     put(session, force=(80.37, 0.004, 0.0))
     before = session.state
-    session.pull(lambda: session.picture.arrows[0].end, False)
-    session.pull(lambda: session.picture.arrows[0].end, True)
+    session.drag(lambda: session.picture.arrows[0].end, False)
+    session.drag(lambda: session.picture.arrows[0].end, True)
     session.settle()
     assert session.state is before
 
 
-def test_another_tab_may_change_the_task_while_the_force_is_pulled(session):
+def test_another_tab_may_change_the_task_while_the_force_is_dragging(session):
     end = 1.5 * session.picture.arrows[0].end
-    session.pull(lambda: end, False)
+    session.drag(lambda: end, False)
     put(session, task="moment", moment=(1.0, 2.0, 3.0))
     assert all(np.isfinite(arrow.end).all() for arrow in session.picture.arrows)
     assert session.picture.arrows[0].length > 0.0
-    session.pull(lambda: session.picture.arrows[0].end + 0.1, False)
-    session.pull(lambda: session.picture.arrows[0].end + 0.1, True)
+    session.drag(lambda: session.picture.arrows[0].end + 0.1, False)
+    session.drag(lambda: session.picture.arrows[0].end + 0.1, True)
     session.settle()
     assert session.problem == ""
-    assert not session._is_pulled
+    assert not session._is_dragging
     assert session.state.force[0] > 1.0
 
 
@@ -220,7 +220,7 @@ def test_what_was_not_saved_is_told_to_the_tab_that_asked(session, monkeypatch):
     tab = SimpleNamespace(add_notification=lambda title, body, **_: told.append((title, body)))
     monkeypatch.setattr(session, "page", lambda: 1 / 0)
     session.save_page(tab)
-    assert told == [("Nothing was saved", "ZeroDivisionError('division by zero')")]
+    assert told == [("Saving failed", "ZeroDivisionError('division by zero')")]
     assert session.problem == ""
 
 
@@ -284,7 +284,7 @@ def test_ten_hands_at_once_leave_one_question(session):
     def shake(i):
         for k in range(40):
             session.panel.handle(f"q{i % 5}").value = float(k + i)
-            session.touch(i % 5)
+            session.toggle(i % 5)
 
     threads = [threading.Thread(target=shake, args=(i,)) for i in range(10)]
     for thread in threads:
@@ -360,7 +360,7 @@ def test_a_mode_takes_over(dh5):
         with pytest.raises(KeyError):
             panel.handle("force")
         assert not panel.handle("see_through").disabled
-        session.touch(1)
+        session.toggle(1)
         session.settle()
         assert session.state.modes[1] == "healthy"
         assert session.answer is None
@@ -541,7 +541,7 @@ def test_command_page_and_picture_are_taken_along_by_a_click(seen):
     page = seen.page
     seen.session.panel.handle("mode1").value = "locked"
     seen.wait("joint2 locked")
-    page.get_by_role("tab", name="Take along").click()
+    page.get_by_role("tab", name="Export").click()
     page.get_by_test_id("copy").click()
     page.get_by_test_id("copy").filter(has_text="copied").wait_for()
     copied = page.evaluate("navigator.clipboard.readText()")
@@ -549,7 +549,7 @@ def test_command_page_and_picture_are_taken_along_by_a_click(seen):
     result = CliRunner().invoke(cli.app, shlex.split(copied)[1:], env={"COLUMNS": "400"})
     assert seen.verdict() in result.stdout
     for ending, start in (("html", b"<!doctype html>"), ("png", b"\x89PNG")):
-        name = "Save page" if ending == "html" else "Save picture"
+        name = "Save page" if ending == "html" else "Save image"
         with page.expect_download() as given:
             page.get_by_role("button", name=name).click()
         assert given.value.suggested_filename == f"ftforce_dh5.{ending}"
@@ -611,7 +611,7 @@ def test_names_with_markup_appear_as_text(browser, tmp_path):
     with Session(robot, initial_state(robot, locked=[2], force=[1, 2, 3])) as session:
         tab = Seen(browser, session)
         assert name in tab.verdict()
-        for title in ("Force", "Census", "Take along"):
+        for title in ("Force", "Census", "Export"):
             tab.page.get_by_role("tab", name=title).click()
             tab.page.wait_for_timeout(300)
         assert tab.page.locator('img[src="x"]').count() == 0

@@ -27,9 +27,9 @@ from ftforce.view.scene.force_sets import ellipsoid, triangles
 from ftforce.view.scene.picture import (
     _line,
     chain_joints,
+    dragged_wrench,
     joint_poses,
     picture,
-    pulled,
     requested_of,
     rotation,
     scene_size,
@@ -91,7 +91,7 @@ def test_moments_are_arrows_in_a_scale_of_their_own(panda):
     assert labels[0] == "force requested 10.0 N"
     assert labels[3] == "moment requested 104.4 N·m"
     assert scene.scales.force != scene.scales.moment
-    assert [note.split(":")[0] for note in scene.notes] == ["arrows", "two heads"]
+    assert [note.split(":")[0] for note in scene.notes] == ["force arrows", "moment arrows"]
 
 
 def test_moments_alone_are_the_arrows(panda):
@@ -129,7 +129,7 @@ def test_scales_are_those_of_the_largest_and_pass_over_what_is_unknown():
     [
         ([0, 1, 0, 0, 0, 0], "lost direction of forces"),
         ([0, 0, 0, 0, 0, 2], "lost direction of moments"),
-        ([0, 1, 0, 0, 0, 2], "lost direction, its force"),
+        ([0, 1, 0, 0, 0, 2], "lost direction, force part"),
     ],
 )
 def test_a_line_says_what_it_is_a_direction_of(direction, label):
@@ -144,8 +144,8 @@ def test_a_line_says_what_it_is_a_direction_of(direction, label):
 def test_an_arm_that_cannot_stand_still_keeps_nothing(panda):
     _, scene = shown(panda, free=[2, 3, 4, 5, 6], force=[1, 0, 0])
     assert [arrow.length > 0.0 for arrow in scene.arrows] == [True, False, False]
-    assert scene.arrows[1].label == "kept: nothing holds the arm"
-    assert scene.arrows[2].label == "lost: nothing holds the arm"
+    assert scene.arrows[1].label == "kept: no static equilibrium"
+    assert scene.arrows[2].label == "lost: no static equilibrium"
 
 
 def test_torques_are_pulled_as_the_force_they_mean(panda):
@@ -153,7 +153,7 @@ def test_torques_are_pulled_as_the_force_they_mean(panda):
     found = answer(panda, initial_state(panda, torque=torque, task="wrench"))
     scene, means = picture(found), requested_of(found)
     assert np.abs(means[3:]).max() > 0.1
-    wrench = pulled(scene, found, scene.arrows[0].end)
+    wrench = dragged_wrench(scene, found, scene.arrows[0].end)
     assert_close(wrench[:3], means[:3], tol=0.005 / scene.scales.force, scale=1.0)
     assert_close(wrench[3:], means[3:])
 
@@ -162,7 +162,7 @@ def test_what_has_no_surface_is_said(panda):
     for solid in ("ellipsoid", "polytope"):
         _, scene = shown(panda, task="fx", limits="urdf", show={"solid": solid})
         assert not scene.solids
-        assert sum("along one line alone" in note for note in scene.notes) == 2
+        assert sum("a line segment, not drawn" in note for note in scene.notes) == 2
     everything = range(1, 8)
     _, scene = shown(panda, locked=everything, limits="urdf", show={"solid": "ellipsoid"})
     assert "ellipsoid after the fault: no force can be commanded" in scene.notes
@@ -291,9 +291,9 @@ def test_the_polytope_is_drawn_in_the_scale_of_the_arrows(panda):
 
 def test_what_cannot_be_drawn_is_said(panda):
     for options, word in (
-        ({"task": "wrench"}, "forces alone"),
-        ({}, "no known limit"),
-        ({"task": "wrench", "solid": "ellipsoid"}, "forces alone"),
+        ({"task": "wrench"}, "only for tasks of forces or of moments"),
+        ({}, "known limits do not bound the forces"),
+        ({"task": "wrench", "solid": "ellipsoid"}, "only for tasks of forces or of moments"),
     ):
         solid = options.pop("solid", "polytope")
         _, scene = shown(panda, show={"solid": solid}, **options)
@@ -304,13 +304,13 @@ def test_what_cannot_be_drawn_is_said(panda):
 def test_a_pulled_force_ends_where_the_hand_is(panda):
     found, scene = shown(panda, locked=[4], force=[10, 20, -60])
     end = scene.arrows[0].end + np.array([0.03, -0.02, 0.05])
-    wrench = pulled(scene, found, end)
+    wrench = dragged_wrench(scene, found, end)
     again = picture(answer(panda, found.state.pushing(wrench)), scene)
     assert again.scales == scene.scales
     assert np.abs(again.arrows[0].end - end).max() <= 0.005
     assert (wrench[3:] == 0.0).all()
     found, scene = shown(panda, task="fx,fz", force=[10, 20])
-    assert pulled(scene, found, end)[1] == found.state.wrench[1]  # no part of the task
+    assert dragged_wrench(scene, found, end)[1] == found.state.wrench[1]  # no part of the task
 
 
 def test_polygons_become_triangles():

@@ -161,11 +161,11 @@ def test_the_page_says_what_happens(page, history):
     mode.seek(0.55)
     session.settle()
     assert "3 joint3 locked" in session.panel._banner.content
-    assert "The remap acts at 0.6 s." in session.panel._banner.content
+    assert "The remap takes effect at 0.6 s." in session.panel._banner.content
     mode.seek(mode.end)
     session.settle()
     missing = ftforce.report.text.amounts(history.setting.task, history.remapped.jump[-1])
-    assert f"{missing} of 94.87 N are missing" in session.panel._banner.content
+    assert f"{missing} of 94.87 N is lost" in session.panel._banner.content
     assert [_mark(history, at) for at in (0.5, 1.0, 1.3)] == ["3", "2", "4,5"]
     shown = [session.panel.handle(f"mode{i}").value for i in range(5)]
     assert shown == ["healthy", "weak", "locked", "locked", "locked"]
@@ -264,11 +264,11 @@ def test_where_nothing_holds_the_arm_that_is_said(dh5, simulated):
         mode.seek(1.0)
         session.settle()
         assert session.problem == ""
-        assert "where that takes it is not simulated" in session.panel._banner.content
+        assert "the resulting motion is not simulated" in session.panel._banner.content
         assert np.isnan(fallen.remapped.force[fallen.index(1.0)]).all()
         assert arrows(session)["kept"].length == 0.0
         assert arrows(session)["lost"].length == 0.0
-        assert arrows(session)["lost"].label == "lost: nothing holds the arm"
+        assert arrows(session)["lost"].label == "lost: no static equilibrium"
         poses, _ = joint_poses(dh5, fallen.remapped.q[fall])
         assert_close(session.picture.joints[-1].position, poses[-1].position)
 
@@ -286,8 +286,10 @@ def test_a_fall_ends_what_is_told_though_the_arrays_go_on(simulated):
     assert now.time == pytest.approx(1.2, abs=0.05)
     assert all(np.isnan([load.after, load.used]).all() for load in now.loads)
     told = sentence(fallen, "unremapped", now)
-    assert "missing" not in told
-    assert f"From {fallen.t[fall]:g} s on nothing holds the arm" in told
+    assert "is lost" not in told
+    assert (
+        f"cannot be held in static equilibrium. This has been so since {fallen.t[fall]:g} s" in told
+    )
     shown = str(charts(fallen, fallen.unremapped))
     last = max(
         float(point.split(",")[0])
@@ -309,7 +311,7 @@ def test_limits_and_marks_of_failed_joints_are_theirs(dh5, simulated):
 def test_every_remap_that_is_still_to_come_is_named(simulated):
     run = simulated("3@0.8", "1@1.0", delay=0.4)
     told = sentence(run, "remapped", snapshot(run, "remapped", 1.1))
-    assert told.endswith("The remap acts at 1.2 s and 1.4 s.")
+    assert told.endswith("The remap takes effect at 1.2 s and 1.4 s.")
 
 
 def test_a_fault_between_two_samples_is_told_with_the_first_that_knows(dh5):
@@ -344,14 +346,14 @@ def test_another_arm_or_chain_does_not_fit(dh5, history):
     renamed = replace(run, setting=replace(run.setting, robot=ur10.name))
     other = replace(history, setting=replace(history.setting, tip="elsewhere"))
     for robot, stored, words in (
-        (dh5, run, "is of another arm: its joints are"),
-        (ur10, run, "is of another arm, ur5"),
-        (ur10, renamed, r"its tip was 0\.\d+ m away"),
-        (dh5, other, "is of another chain"),
+        (dh5, run, "belongs to another arm, with joints"),
+        (ur10, run, "belongs to another arm, ur5"),
+        (ur10, renamed, r"its tip is 0\.\d+ m away"),
+        (dh5, other, "belongs to another chain"),
     ):
         with pytest.raises(ftforce.FtforceError, match=words):
             check_fits(robot, stored, "run.npz")
-    with pytest.raises(ftforce.FtforceError, match="faults of its own"):
+    with pytest.raises(ftforce.FtforceError, match="faults are those of the history"):
         playback(dh5, initial_state(dh5, locked=[2]), "run.npz")
 
 
@@ -432,7 +434,7 @@ def test_a_history_begins_where_it_is_asked_to(dh5, file, history):
         assert close.time == mode.end
         assert session.problem == ""
     for at in (-0.1, mode.end + 0.1, float("nan")):
-        with pytest.raises(ftforce.FtforceError, match="the history lasts from 0 to"):
+        with pytest.raises(ftforce.FtforceError, match="the history, which lasts from 0 to"):
             playback(dh5, state, file, at=at)
 
 
@@ -449,7 +451,7 @@ def test_a_page_that_plays_moves_by_itself(page, browser, tmp_path):
     path = write_whole(tmp_path / "run.html", session.page())
     clip = {"x": PANEL_WIDTH, "y": 0, "width": 800 - PANEL_WIDTH, "height": 440}
     with watched(browser, path.as_uri()) as tab:
-        tab.page.get_by_text("the whole", exact=False).first.wait_for()
+        tab.page.get_by_text("The full", exact=False).first.wait_for()
         before = tab.wait_for_scene(20, clip=clip).astype(int)
         tab.wait_for_change(before, 300, clip=clip)
         assert tab.errors == []

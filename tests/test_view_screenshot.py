@@ -95,7 +95,7 @@ def instead(tmp_path, monkeypatch):
 
 def test_a_browser_that_ends_is_an_error(opened, instead, scratch):
     instead("import sys; sys.exit(7)")
-    with pytest.raises(FtforceError, match=r"ended by itself \(status 7\)"):
+    with pytest.raises(FtforceError, match=r"exited unexpectedly \(status 7\)"):
         screenshot(opened.server, opened.address)
     assert left_behind(scratch) == []
 
@@ -110,7 +110,7 @@ def test_a_browser_that_does_nothing_is_ended_in_time(opened, instead, scratch, 
         "if len(sys.argv) > 2: subprocess.Popen([sys.executable, __file__, 'child'])\n"
         "time.sleep(600)\n"
     )
-    monkeypatch.setattr(module, "_PATIENCE", 0.5)
+    monkeypatch.setattr(module, "_EXIT_TIMEOUT", 0.5)
     with pytest.raises(FtforceError, match="did not open the page in time"):
         screenshot(opened.server, opened.address, seconds=1.0)
     assert left_behind(scratch) == []
@@ -133,7 +133,7 @@ def test_a_browser_that_draws_nothing_is_an_error():
         def get_render(self, *_, **__):
             raise TimeoutError("late")
 
-    with pytest.raises(FtforceError, match=r"drew no picture \(late\)"):
+    with pytest.raises(FtforceError, match=r"did not render the image \(late\)"):
         render_png(Tab(), 10, 10)
 
 
@@ -170,13 +170,15 @@ def test_pictures_are_taken_until_nothing_changes():
     assert tab.taken == 5
     restless = Tab(*range(100))
     module._settled(restless, 2, 2, end)
-    assert restless.taken == 1 + module._MOST_PICTURES
+    assert restless.taken == 1 + module._MAX_IMAGES
 
 
 def test_no_browser_is_an_error_of_one_line(monkeypatch, opened):
     monkeypatch.setenv("PATH", os.devnull)
-    monkeypatch.setattr(module, "_ON_MAC", ())
-    with pytest.raises(FtforceError, match="needs Chromium or Chrome; none of ") as found:
+    monkeypatch.setattr(module, "_MAC_PATHS", ())
+    with pytest.raises(
+        FtforceError, match="requires Chromium or Chrome; not found on PATH: "
+    ) as found:
         screenshot(opened.server, opened.address)
     assert "\n" not in str(found.value)
 
@@ -187,13 +189,13 @@ def test_the_browser_is_found_by_its_names(tmp_path, monkeypatch):
         script(tmp_path, "").rename(tmp_path / name)
         assert find_browser() == str(tmp_path / name)
     monkeypatch.setenv("PATH", os.devnull)
-    monkeypatch.setattr(module, "_ON_MAC", (str(tmp_path / "chromium"),))
+    monkeypatch.setattr(module, "_MAC_PATHS", (str(tmp_path / "chromium"),))
     assert find_browser() == str(tmp_path / "chromium")
 
 
 @pytest.mark.parametrize("size", [(0, 10), (10, -1), (10_000, 10)])
 def test_a_size_that_is_none_is_an_error(opened, size):
-    with pytest.raises(InputError, match="1 to 8192 px a side"):
+    with pytest.raises(InputError, match="1 to 8192 px wide and high"):
         screenshot(opened.server, opened.address, *size)
 
 

@@ -110,7 +110,7 @@ def test_a_click_takes_the_arm_there_and_the_controls_go_on(page, stored, clicks
     assert np.degrees(session.state.q[1]) == pytest.approx(12.0)
     before = session.state.q
     for nowhere in (None, -1, 512):
-        mode.take(nowhere)
+        mode.move_to(nowhere)
     session.settle()
     assert np.array_equal(session.state.q, before)
 
@@ -122,13 +122,13 @@ def test_a_click_on_a_dark_point_fails_the_set_that_is_worst_there(dh5, stored):
     for keep in ("all", "worst"):
         session, mode = opened(dh5, stored[keep])
         with session:
-            assert "fails the set that is worst there" in mode._legend.content
-            mode.take(dark)
+            assert "with the fault set that is worst there" in mode._legend.content
+            mode.move_to(dark)
             session.settle()
             found = session.answer.analysis
             assert found.verdict is VERDICTS[int(verdicts[dark].max())]
             faults = session.state.faults
-            mode.take(bright)
+            mode.move_to(bright)
             session.settle()
             assert session.state.faults == faults
 
@@ -140,7 +140,7 @@ def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page, cl
     assert "force (80, 50, 10) in tool axes" in mode._legend.content
     session.panel.handle("task").value = "fx,fz"
     session.settle()
-    assert "the page asks something else" in mode._legend.content
+    assert "unlike on this page" in mode._legend.content
     session.panel.handle("axes").value = "world"
     session.change(lambda state: state.with_joint(1, 0.3))
     session.settle()
@@ -148,7 +148,7 @@ def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page, cl
     session.settle()
     assert session.state.task == asked.task
     assert session.state.force.tolist() == FORCE
-    assert "the page asks that too" in mode._legend.content
+    assert "as on this page" in mode._legend.content
 
 
 def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
@@ -165,7 +165,7 @@ def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
         verdicts = ftforce.open_sweep(path).dataset["verdict"].values
         mode.controls["sets"].value = "{2}"
         for point in range(0, 64, 8):
-            mode.take(point)
+            mode.move_to(point)
             session.settle()
             assert session.answer.analysis.verdict is VERDICTS[int(verdicts[point, 1])]
 
@@ -217,8 +217,8 @@ def test_of_the_worst_set_only_every_set_is_known(dh5, stored):
         assert list(choices(mode.sweep)) == ["every set"]
         everything = ftforce.open_sweep(stored["all"]).dataset["verdict"].values
         assert np.array_equal(mode.verdicts, everything.max(axis=1))
-        assert "no other can be chosen" in mode._legend.content
-        mode.take(3)
+        assert "only the worst fault set of each posture" in mode._legend.content
+        mode.move_to(3)
         session.settle()
         assert np.array_equal(session.state.q, mode.points.q[3])
 
@@ -226,7 +226,7 @@ def test_of_the_worst_set_only_every_set_is_known(dh5, stored):
 def test_a_summary_shows_cells_and_says_that_none_can_be_entered(dh5, stored):
     session, mode = opened(dh5, stored["summary"])
     with session:
-        assert "cannot take the arm to a posture" in mode._legend.content
+        assert "a click cannot move the arm" in mode._legend.content
         for label, joints in (("every set", None), ("{2}", (2,))):
             mode.controls["sets"].value = label
             located = workspace_map(mode.sweep, joints).located
@@ -234,7 +234,7 @@ def test_a_summary_shows_cells_and_says_that_none_can_be_entered(dh5, stored):
             wanted = linear(share_colours(located.cells.share).astype(float))
             assert np.array_equal(mode._nodes.batched_colors, wanted)
         before = session.state.q
-        mode.take(1)
+        mode.move_to(1)
         session.settle()
         assert np.array_equal(session.state.q, before)
 

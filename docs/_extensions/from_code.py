@@ -1,12 +1,19 @@
 """What the reference takes from the code itself, so that the two cannot drift apart.
 
-``{command-options} analyze``
-    The arguments and options of a command as a table.
+``{command-options} analyze --force --rate``
+    The arguments and options of a command, or only some of them, as a table.
 ``{commands}``
     The commands with their first sentences.
-JSON keys
-    Every key of every kind of document must stand in ``reference/json.md``, and every key that
-    stands there must occur; else the build warns.
+``{json-keys} census``
+    The keys of a JSON document as a table; of several results, the keys that all of them have.
+``{csv-columns} census``
+    The columns of a CSV table.
+``{summaries} ftforce.show.plots``
+    The public names of a module, or only some of them, with the first sentences of their docs.
+``{constant}`ftforce.core.reduced_jacobian.RTOL```
+    The value of a constant, a power of ten.
+``{errata}``
+    The errata of the paper.
 Modules
     Every module of the package must stand in ``architecture.md``; else the build warns.
 """
@@ -17,99 +24,88 @@ import inspect
 import pkgutil
 import re
 from enum import Enum
+from importlib import import_module
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any, get_args
 
 import typer
+from docutils import nodes
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 import ftforce
-from ftforce.analysis.paper import replicate
-from ftforce.batch.workspace_map import workspace_map
+from ftforce.analysis.paper import ERRATA
 from ftforce.cli import app as program
-from ftforce.trajectory.path import Path
+from ftforce.report import (
+    analysis,
+    capability,
+    census,
+    comparison,
+    history,
+    robot,
+    sweep,
+    timeline,
+)
+from ftforce.report import map as map_
+from ftforce.report.fields import Field, columns
+from ftforce.report.parts import SETTING_COLUMNS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
-    from docutils import nodes
     from sphinx.application import Sphinx
 
 logger = logging.getLogger(__name__)
 COMMANDS = {c.callback.__name__: c.callback for c in program.registered_commands}
 _WORDS = {str: "TEXT", int: "NUMBER", float: "NUMBER", File: "FILE"}
-_JSON_PAGE = "reference/json"
-# Dictionaries by the names of joints, links or postures, and what has the keys of something else.
-_CLOSED = {
-    "torque.before", "torque.after", "torque.brake_load", "torque.self_motion",
-    "torque.gravity.before", "torque.gravity.after", "torque.motion.before",
-    "torque.motion.after", "torque.total.before", "torque.total.after",
-    "velocity.before", "velocity.after", "velocity.impact.after", "limits.effort", "limits.brake",
-    "modes", "weak_factors", "standing.unbalanced", "standing.overloaded", "residuals",
-    "sets[].modes", "sets[].weak_factors", "joints[].alone",
-    "unit_forces[].force", "unit_forces[].torque",
-    "capability.directions[].after", "capability.directions[].before.held",
-    "capability.weakest.after", "capability.weakest.before.held", "capability.payload.after",
-    "polytope.after", "polytope.before.held",
-}  # fmt: skip
-_CLOSED_OF = {
-    "Robot": {"limits", "followers", "postures", "tip_candidates", "held"},
-    "History": {
-        "robot", "conventions", "effort", "runs.remapped", "runs.unremapped",
-        *(f"runs.healthy.{name}" for name in ("torque", "brake", "unbalanced", "used")),
-    },
-    "Timeline": {
-        "robot", "conventions", "limits", "capability_limits", "sets[].modes",
-        "sets[].weak_factors", "columns[].modes", "columns[].weak_factors",
-    },
-    "WorkspaceMap": {"robot", "conventions", "postures"},
-    "Comparison": {
-        "question", "units", "arms[].postures", "arms[].critical_joint",
-        *(f"arms[].{name}" for name in ("tolerated", "every", "worst_rho", "healthy_capability")),
-        *(f"arms[].sizes[].{x}" for x in ("tolerated", "margin", "rho", "jump", "capability")),
-    },
-    "Sweep": {
-        "robot", "limits", "every_set_tolerated", "conventions.units",
-        *(f"sets[].{name}" for name in (
-            "tolerated", "borderline", "not_tolerated", "margin", "relative_manipulability",
-            "jump", "capability",
-        )),
-        *(f"joints[].{name}" for name in (
-            "not_tolerated", "alone", "margin", "relative_manipulability", "capability",
-        )),
-    },
-}  # fmt: skip
-_SHARED = "Analysis, census and capability"
+_UNIT = "N or N·m"
+# Fields of the JSON document and columns of the CSV table of every result.
+_DECLARED: dict[str, tuple[tuple[Field, ...], tuple[Field, ...]]] = {
+    "analysis": (analysis.ANALYSIS, analysis.QUANTITIES),
+    "capability": (capability.CAPABILITY_FIELDS, capability.CAPABILITY_COLUMNS),
+    "census": (census.CENSUS, (*census.SET_COLUMNS, *census.QUESTION_COLUMNS)),
+    "comparison": (comparison.COMPARISON, comparison.comparison_columns(_UNIT)),
+    "history": (history.HISTORY, ()),
+    "map": (map_.MAP, map_.map_columns()),
+    "replication": (robot.REPLICATION, robot.CHECK_COLUMNS),
+    "robot": (robot.ROBOT_FIELDS, robot.ROBOT_COLUMNS),
+    "sweep": (sweep.SWEEP, (*sweep.sweep_columns(_UNIT, _UNIT), *SETTING_COLUMNS)),
+    "timeline": (timeline.TIMELINE, timeline.timeline_columns(_UNIT, _UNIT)),
+}
+_SHARED = ("analysis", "census", "capability")  # the keys of all three are listed once
 
 
 class Commands(SphinxDirective):
     """A table of all commands."""
 
     def run(self) -> list[nodes.Node]:
-        lines = ["| command | what it does |", "|---|---|"]
+        rows = []
         for name, command in COMMANDS.items():
             first = inspect.getdoc(command).split("\n\n")[0].replace("\n", " ")
             first = re.sub(r"(--[a-z-]+)", r"`\1`", first)
-            lines.append(f"| [`ftforce {name}`](#ftforce-{name}) | {first} |")
-        return self.parse_text_to_nodes("\n".join(lines))
+            rows.append((f"[`ftforce {name}`](#ftforce-{name})", first))
+        return self.parse_text_to_nodes(_table(("command", "what it does"), rows))
 
 
 class CommandOptions(SphinxDirective):
     """A table of one command's arguments and options."""
 
     required_arguments = 1
+    optional_arguments = 1
+    final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
-        lines = ["| option | default | meaning |", "|---|---|---|"]
-        for parameter in inspect.signature(COMMANDS[self.arguments[0]]).parameters.values():
+        command, *wanted = " ".join(self.arguments).split()
+        rows = []
+        for parameter in inspect.signature(COMMANDS[command]).parameters.values():
             if parameter.annotation is typer.Context:
                 continue
             kind, info = get_args(parameter.annotation)
             help_text = re.sub(r"(?<!`)(--[a-z-]+)", r"`\1`", info.help)
-            cells = (_names(parameter.name, kind, info), _default(parameter, info), help_text)
-            lines.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
-        return self.parse_text_to_nodes("\n".join(lines))
+            names = _names(parameter.name, kind, info)
+            if not wanted or any(f"`{one}`" in names or f"`{one} " in names for one in wanted):
+                rows.append((names, _default(parameter, info), help_text))
+        return self.parse_text_to_nodes(_table(("option", "default", "meaning"), rows))
 
 
 def _names(name: str, kind: Any, info: Any) -> str:
@@ -132,18 +128,74 @@ def _default(parameter: inspect.Parameter, info: Any) -> str:
     return info.show_default if isinstance(info.show_default, str) else ""
 
 
-def check_json_page(app: Sphinx) -> None:
-    """Warn about keys that are missing in ``reference/json.md`` or stand there for nothing."""
-    text = File(app.srcdir, "reference", "json.md").read_text("utf-8")
-    sections = {part.partition("\n")[0]: _keys(part) for part in text.split("\n## ")}
-    for kind, document in _documents():
-        shared = sections[_SHARED] if kind.lower() in _SHARED.lower() else set()
-        closed = _CLOSED_OF.get(kind, _CLOSED)
-        found, written = set(_paths(document, closed)), sections[kind] | shared
-        for path in sorted(found - written):
-            logger.warning("%s: the key %s is not documented", kind, path, location=_JSON_PAGE)
-        for path in sorted(written - found):
-            logger.warning("%s: no document holds the key %s", kind, path, location=_JSON_PAGE)
+class JsonKeys(SphinxDirective):
+    """A table of the keys of a document."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        kinds = self.arguments[0].split()
+        shared = _in_all(_SHARED)
+        rows = _in_all(kinds)
+        if len(kinds) == 1 and kinds[0] in _SHARED:
+            rows = [row for row in rows if row not in shared]
+        return self.parse_text_to_nodes(_table(("key", "shape", "unit", "meaning"), rows))
+
+
+class Summaries(SphinxDirective):
+    """A table of public names and what they are for."""
+
+    required_arguments = 1
+    optional_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        path, *names = " ".join(self.arguments).split()
+        module, rows = import_module(path), []
+        for name in names or module.__all__:
+            first = inspect.getdoc(getattr(module, name)).split("\n\n")[0].replace("\n", " ")
+            rows.append((f"{{py:obj}}`~{path}.{name}`", first))
+        return self.parse_text_to_nodes(_table(("name", "summary"), rows))
+
+
+class Errata(SphinxDirective):
+    """A table of the errata of the paper."""
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes(_table(("where", "printed", "correct"), ERRATA))
+
+
+class CsvColumns(SphinxDirective):
+    """A table of the columns of a CSV table."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        heading, rows = "quantity" if self.arguments[0] == "analysis" else "column", []
+        for field in _DECLARED[self.arguments[0]][1]:
+            names = columns((field,), None, (), {"…": _UNIT})
+            rows.append((", ".join(f"`{name}`" for name in names), field.meaning))
+        return self.parse_text_to_nodes(_table((heading, "meaning"), rows))
+
+
+def _in_all(kinds: Iterable[str]) -> list[tuple[str, ...]]:
+    first, *others = (list(_keys(_DECLARED[kind][0])) for kind in kinds)
+    return [row for row in first if all(row in other for other in others)]
+
+
+def _keys(fields: Iterable[Field], path: str = "") -> Iterator[tuple[str, ...]]:
+    """Yield path, shape, unit and meaning of every key; ``[]`` is an element of a list."""
+    for field in fields:
+        yield f"`{path}{field.key}`", field.shape, field.unit, field.meaning
+        if not field.shape or field.shape.startswith("list"):
+            yield from _keys(field.parts, f"{path}{field.key}{'[]' if field.shape else ''}.")
+
+
+def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = (header, ["---"] * len(header), *rows)
+    escaped = ([cell.replace("|", r"\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in escaped)
 
 
 def check_modules(app: Sphinx) -> None:
@@ -155,48 +207,21 @@ def check_modules(app: Sphinx) -> None:
             logger.warning(message, module.name, location="architecture")
 
 
-def _keys(section: str) -> set[str]:
-    first_cells = re.findall(r"^\| (`[^|]+`) \|", section, re.MULTILINE)
-    return {key for cell in first_cells for key in re.findall(r"`(.+?)`", cell)}
-
-
-def _documents() -> Iterator[tuple[str, dict[str, Any]]]:
-    arm = ftforce.load_robot("dh5")
-    case = {"limits": "urdf", "payload": 1.0}
-    given = {"force": [80, 50, 10], "velocity": [0.1] * 5}
-    with_force = ftforce.to_dict(ftforce.analyze(arm, locked=[3], **given, **case))
-    same_as_below = {"capability": None}
-    without = ftforce.to_dict(ftforce.analyze(arm, locked=[3]))
-    yield "Analysis", without | with_force | same_as_below
-    yield "Census", ftforce.to_dict(ftforce.census(arm, rank_by="capability", **case))
-    yield "Capability", ftforce.to_dict(ftforce.capability(arm, locked=[3], **case))
-    line = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.5)
-    forced = {"force": [80, 50, 10], "rate": 10}
-    yield "History", ftforce.to_dict(ftforce.simulate(arm, line, faults="3@0.2", **forced))
-    yield "Timeline", ftforce.to_dict(ftforce.timeline(arm, line, **forced))
-    swept = {"n": 1000, "force": [80, 50, 10], "limits": "urdf"}
-    sweep = ftforce.sweep(arm, **swept)
-    yield "Sweep", ftforce.to_dict(sweep)
-    yield "WorkspaceMap", ftforce.to_dict(workspace_map(sweep))
-    yield "Comparison", ftforce.to_dict(ftforce.compare([arm, "panda"], n=1000, force=[80, 50, 10]))
-    yield "Robot", ftforce.to_dict(ftforce.load_robot("panda"))
-    yield "Replication", ftforce.to_dict(replicate())
-
-
-def _paths(value: Any, closed: set[str], path: str = "") -> Iterator[str]:
-    """Yield the path of every key; ``[]`` is an element of a list."""
-    if isinstance(value, list):
-        value, path = next(iter(value), None), f"{path}[]"
-    if isinstance(value, dict) and path not in closed:
-        for key, inner in value.items():
-            here = f"{path}.{key}".removeprefix(".")
-            yield here
-            yield from _paths(inner, closed, here)
+def constant(_name: str, _raw: str, path: str, *_: Any) -> tuple[list[nodes.Node], list[str]]:
+    """Return the power of ten that a constant is."""
+    module, name = path.rsplit(".", 1)
+    exponent = f"{getattr(import_module(module), name):.0e}".removeprefix("1e")
+    shown = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return [nodes.Text(f"10{shown}")], []
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("command-options", CommandOptions)
-    app.connect("builder-inited", check_json_page)
+    app.add_directive("json-keys", JsonKeys)
+    app.add_directive("csv-columns", CsvColumns)
+    app.add_directive("summaries", Summaries)
+    app.add_directive("errata", Errata)
+    app.add_role("constant", constant)
     app.connect("builder-inited", check_modules)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Counts = NDArray[np.int64]
 
 CONFIDENCE = 0.95  # of all intervals: the default of wilson and quantile_interval
-FULL = 0.99  # share of postures at which a healthy arm should command the whole task
+_FULL = 0.99  # share of postures at which a healthy arm should command the whole task
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,10 @@ class SizeReport:
         fewer joints than task rows.
     jump :
         50 % and 95 % quantiles of the force jump relative to the requested force, infinite above 1
-        and where the arm cannot stand still; ``None`` without a force.
+        and where the arm cannot be held in static equilibrium; ``None`` without a force.
     capability :
-        5 % and 50 % quantiles, N (N·m): 0 where the arm cannot stand still, infinite where no
-        limit is known; ``None`` without a direction.
+        5 % and 50 % quantiles, N (N·m): 0 where the arm cannot be held in static equilibrium,
+        infinite where no limit is known; ``None`` without a direction.
     """
 
     size: int
@@ -161,7 +161,7 @@ class ArmReport:
     @property
     def is_whole(self) -> bool:
         """Whether the healthy arm can command the whole task at nearly every posture."""
-        return self.full_rank >= FULL
+        return self.full_rank >= _FULL
 
     @property
     def evenness(self) -> float:
@@ -241,14 +241,22 @@ def _of_size(sweep: Sweep, size: int) -> SizeReport:
         borderline=_share(summary, among, BORDERLINE),
         margin=_low_and_middle(summary.margin[among], edges),
         rho=_low_and_middle(summary.rho[among], edges),
-        rho_bound=rho_bound(setting, size),
+        rho_bound=_rho_bound(setting, size),
         jump=_jump(summary, among, tolerated),
         capability=_capability(summary, among),
     )
 
 
-def rho_bound(setting: SweepSetting, size: int) -> float:
-    """Return the upper bound on the smallest ρ of a posture, see `SizeReport`."""
+def _rho_bound(setting: SweepSetting, size: int) -> float:
+    """Return the upper bound on the smallest ρ of a posture, see `SizeReport`.
+
+    Parameters
+    ----------
+    setting :
+        Setting of the sweep.
+    size :
+        Number of joints that fail together.
+    """
     n, m = setting.n, len(setting.components)
     if setting.mode != "locked" or m > n:
         return math.nan
@@ -272,7 +280,7 @@ def _quantile(histogram: Counts, edges: Vector, p: float, repeats: int) -> Estim
 
 
 def _jump(summary: Summary, among: list[int], tolerated: int) -> tuple[Estimate, Estimate] | None:
-    """Return quantiles of the jump over the force; tolerated sets, though binned, count as 0."""
+    """Return quantiles of the jump relative to the force, 0 for tolerated sets."""
     if summary.jump is None or summary.jump_unknown is None:
         return None
     pooled = summary.jump[among].sum(axis=0)
@@ -280,8 +288,8 @@ def _jump(summary: Summary, among: list[int], tolerated: int) -> tuple[Estimate,
     found = []
     for p in (0.5, 0.95):
         value, low, high = _quantile(pooled, summary.bins.share, p, len(among))
-        is_none = math.floor((pooled.sum() - 1) * p) + 1 < tolerated
-        found.append(Estimate(0.0 if is_none else value, low, high))
+        is_tolerated = math.floor((pooled.sum() - 1) * p) + 1 < tolerated
+        found.append(Estimate(0.0 if is_tolerated else value, low, high))
     return found[0], found[1]
 
 

@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from ftforce.batch.job import Job, Samples
-    from ftforce.batch.runner import BatchSizer, Runner, Turn
-    from ftforce.batch.store.store import Opened
+    from ftforce.batch.runner import BatchResult, BatchSizer, Runner
+    from ftforce.batch.store.store import OpenStore
     from ftforce.core.arrays import Matrix
 
-AHEAD = 2
+_QUEUED = 2
 """Batches queued per thread of the cluster."""
-PATIENCE = 30.0
-"""Longest wait, s, for a scheduler to reply and to have a worker."""
-TURN = 2.0
+TIMEOUT = 30.0
+"""Maximum time, s, for a scheduler to reply and to have a worker."""
+_MIN_SECONDS = 2.0
 """Minimum duration of a batch, s."""
-RATE = 16.0
+_MAX_RATE = 16.0
 """Maximum rate of returned batches, 1/s: each carries megabytes of summary to one process."""
-LOSSES = 10
-"""Local workers a batch may lose before it is itself blamed for killing them."""
-LOOK = 5.0
+_ALLOWED_FAILURES = 10
+"""Local workers that a batch may lose before Dask gives it up."""
+_POLL_INTERVAL = 5.0
 """Interval between checks of the number of workers, s."""
 
-_KEPT = "what is finished is kept if there is an --output: the same command goes on from there"
+_RESUME = "with an --output, finished chunks are kept and the same command resumes the sweep"
 
 
 def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Runner:
@@ -63,29 +63,35 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
         Dask is not installed.
     """
     if workers is not None and scheduler is not None:
-        raise InputError("give either a number of workers or the address of a scheduler, not both")
-    whole = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
-    if workers is not None and not whole:
-        raise InputError(f"workers must be a whole number from 1 on, got {workers!r}")
+        raise InputError(
+            "specify either a number of workers or the address of a scheduler, not both"
+        )
+    is_valid = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
+    if workers is not None and not is_valid:
+        raise InputError(f"workers must be a positive integer, got {workers!r}")
     try:
         import distributed  # noqa: F401
     except ImportError:
         raise FtforceError(
-            "clusters need distributed: install the extra with pip install 'ftforce[cluster]'"
+            "clusters require distributed (pip install 'ftforce[cluster]')"
         ) from None
 
-    def runner(job: Job, opened: Opened, turns: BatchSizer) -> Generator[Turn, None, None]:
+    def runner(
+        job: Job, opened: OpenStore, sizer: BatchSizer
+    ) -> Generator[BatchResult, None, None]:
         if job.keep != "summary" and output is None:
-            raise InputError("samples from a cluster need an output that all workers see")
+            raise InputError(
+                "storing samples on a cluster requires an output folder that all workers share"
+            )
         with _quiet(), _client(workers, scheduler) as client:
-            yield from _submit(client, job, opened, turns)
+            yield from _submit(client, job, opened, sizer)
 
     return runner
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Dask's log on the terminal; failures that matter are raised as ftforce errors."""
+    """Silence Dask's log; failures that matter are raised as ftforce errors."""
     import logging
 
     import distributed  # noqa: F401 - creates its loggers, each with its own level
@@ -96,7 +102,7 @@ def _quiet() -> Iterator[None]:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         yield
-    except LostError:  # a closed client keeps trying, and logging, to reconnect for a long time
+    except _LostError:  # a closed client tries to reconnect, and logs it, for a long time
         del before["distributed.client"]
         raise
     finally:
@@ -104,24 +110,24 @@ def _quiet() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-class LostError(FtforceError):
+class _LostError(FtforceError):
     """The connection to the scheduler was lost."""
 
 
 @contextmanager
 def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
-    """Connect, or start a cluster on this machine and end it afterwards."""
+    """Connect to a scheduler, or start a temporary cluster on this machine."""
     from distributed import Client
 
     if scheduler is not None:
         try:
-            _ask(scheduler)
-            client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
-        except Exception as problem:  # a server that is not a scheduler may reply with anything
+            _ping(scheduler)
+            client = Client(scheduler, timeout=TIMEOUT, set_as_default=False)
+        except Exception as problem:  # a server that is not a scheduler can raise anything
             reason = str(problem).partition("\n")[0] or type(problem).__name__
             raise InputError(
-                f"no scheduler answers at {scheduler!r} ({reason}); "
-                "an address looks like tcp://10.0.0.1:8786"
+                f"no scheduler responds at {scheduler!r} ({reason}); "
+                "expected an address such as tcp://10.0.0.1:8786"
             ) from None
         with client:
             _check_workers(client, scheduler)
@@ -131,21 +137,21 @@ def _client(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         yield client
 
 
-def _ask(scheduler: str) -> None:
-    """Check that the scheduler replies: a client waits forever on one that listens silently."""
+def _ping(scheduler: str) -> None:
+    """Check that the scheduler replies: a client would wait forever for a silent one."""
     import asyncio
     from concurrent.futures import ThreadPoolExecutor
 
     from distributed import Security
     from distributed.core import rpc
 
-    async def ask() -> None:
+    async def ping() -> None:
         security = Security().get_connection_args("client")
-        async with rpc(scheduler, connection_args=security) as one:
-            await asyncio.wait_for(one.identity(), PATIENCE)
+        async with rpc(scheduler, connection_args=security) as server:
+            await asyncio.wait_for(server.identity(), TIMEOUT)
 
     with ThreadPoolExecutor(1) as pool:  # the caller's thread may already run an event loop
-        pool.submit(lambda: asyncio.run(ask())).result()
+        pool.submit(lambda: asyncio.run(ping())).result()
 
 
 @contextmanager
@@ -157,7 +163,7 @@ def _local_cluster(workers: int | None) -> Iterator[Any]:
 
     # Workers are separate processes; they read their log level from this configuration.
     about = {
-        "distributed.scheduler.allowed-failures": LOSSES,
+        "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
         "logging.distributed": "critical",
     }
     with (
@@ -182,22 +188,26 @@ def _check_workers(client: Any, scheduler: str) -> None:
         There is no worker, or one lacks ftforce or has a different version.
     """
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=TIMEOUT)
     except TimeoutError:
         raise FtforceError(
             f"the scheduler at {scheduler} has no workers; start some, e.g. dask worker {scheduler}"
         ) from None
     versions = client.get_versions(packages=["ftforce"])  # check=True only warns, about any package
     own = versions["client"]["packages"]["ftforce"]
-    found = {name: one["packages"]["ftforce"] for name, one in versions["workers"].items()}
-    wrong = [f"{name} has {one or 'none'}" for name, one in sorted(found.items()) if one != own]
-    if wrong:
-        raise FtforceError(f"all workers need ftforce {own}; {listed(wrong, 4)}")
+    found = {name: worker["packages"]["ftforce"] for name, worker in versions["workers"].items()}
+    different = [
+        f"{name} has {version or 'none'}"
+        for name, version in sorted(found.items())
+        if version != own
+    ]
+    if different:
+        raise FtforceError(f"all workers must run ftforce {own}; {listed(different, 4)}")
 
 
 def _submit(
-    client: Any, job: Job, opened: Opened, turns: BatchSizer
-) -> Generator[Turn, None, None]:
+    client: Any, job: Job, opened: OpenStore, sizer: BatchSizer
+) -> Generator[BatchResult, None, None]:
     """Submit batches to the workers, a few ahead, and yield the results as they complete.
 
     Raises
@@ -210,17 +220,17 @@ def _submit(
     path = None if opened.path is None else str(opened.path.resolve())
     token = "" if opened.path is None else str(lock_of(opened.path).get("token"))
     running = as_completed(loop=client.loop)
-    looked, threads = -math.inf, 1
+    polled, threads = -math.inf, 1
     while True:
-        if time.monotonic() - looked > LOOK:
-            looked, threads = time.monotonic(), _threads(client)
-        while running.count() < AHEAD * threads and (
-            chunks := turns.next(AHEAD * threads, max(TURN, threads / RATE))
+        if time.monotonic() - polled > _POLL_INTERVAL:
+            polled, threads = time.monotonic(), _threads(client)
+        while running.count() < _QUEUED * threads and (
+            chunks := sizer.next(_QUEUED * threads, max(_MIN_SECONDS, threads / _MAX_RATE))
         ):
             task = (_posture_slice(job, chunks), path, token, __version__, chunks)
             # pure=False: Dask need not hash tasks. The job is sent with every batch, because data
             # scattered to a worker is lost with it.
-            running.add(client.submit(do_turn, *task, pure=False))
+            running.add(client.submit(run_batch, *task, pure=False))
         if running.is_empty():
             return
         yield _result(next(running))
@@ -234,7 +244,7 @@ def _threads(client: Any) -> int:
         return 1
 
 
-def _result(future: Any) -> Turn:
+def _result(future: Any) -> BatchResult:
     """Return the result of a batch.
 
     Raises
@@ -248,23 +258,25 @@ def _result(future: Any) -> Turn:
     from distributed.comm.core import CommClosedError
 
     try:
-        found: Turn = future.result()
+        found: BatchResult = future.result()
     except FtforceError:
         raise
     except KilledWorker as problem:
         raise FtforceError(
-            f"{problem.allowed_failures + 1} workers were lost at the same chunks: do they have "
-            f"enough memory? {_KEPT}"
+            f"{problem.allowed_failures + 1} workers were lost while processing the same chunks; "
+            f"do they have enough memory? {_RESUME}"
         ) from None
     except (CancelledError, CommClosedError):
-        raise LostError(f"the scheduler was lost; {_KEPT}") from None
+        raise _LostError(f"the connection to the scheduler was lost; {_RESUME}") from None
     except Exception as problem:
         text = f"{type(problem).__name__}: {problem}".partition("\n")[0]
-        raise FtforceError(f"a worker failed ({text}); {_KEPT}") from problem
+        raise FtforceError(f"a worker failed ({text}); {_RESUME}") from problem
     return found
 
 
-def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[int]) -> Turn:
+def run_batch(
+    job: Job, path: str | None, token: str, version: str, chunks: list[int]
+) -> BatchResult:
     """Process some chunks on a worker.
 
     Parameters
@@ -283,29 +295,29 @@ def do_turn(job: Job, path: str | None, token: str, version: str, chunks: list[i
     FtforceError
         The worker runs another version of ftforce, or a file cannot be read or written.
     """
-    from ftforce.batch.runner import do_chunks
+    from ftforce.batch.runner import run_chunks
     from ftforce.batch.store.store import write_chunk
 
-    if version != __version__:  # a worker that joined later
-        raise FtforceError(f"all workers need ftforce {version}; one has {__version__}")
+    if version != __version__:  # a worker that joined after `_check_workers`
+        raise FtforceError(f"all workers must run ftforce {version}; one has {__version__}")
 
     def write(index: int, samples: Samples) -> None:
         if path is not None:
             write_chunk(Path(path), token, job, index, samples)
 
-    return do_chunks(job, chunks, write)
+    return run_chunks(job, chunks, write)
 
 
 def _posture_slice(job: Job, chunks: list[int]) -> Job:
-    """Return a copy of the job that carries only the listed postures this batch needs."""
+    """Return a copy of the job with only those of its listed postures that the batch needs."""
     if not isinstance(job.postures, Listed):
         return job
     rows = {index: job.postures.block(*job.range(index)) for index in chunks}
-    return replace(job, postures=PostureSlice(rows, job.chunk, job.postures.count, job.postures.n))
+    return replace(job, postures=_PostureSlice(rows, job.chunk, job.postures.count, job.postures.n))
 
 
 @dataclass(frozen=True, eq=False)
-class PostureSlice:
+class _PostureSlice:
     """Some chunks of a listed set of postures.
 
     Attributes
@@ -324,11 +336,17 @@ class PostureSlice:
     n: int
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return postures of one of the chunks, see `ftforce.batch.postures.Postures`."""
+        """Return postures of one of the chunks, see `ftforce.batch.postures.Postures`.
+
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices in all postures, within one chunk.
+        """
         index = start // self.chunk
         first = index * self.chunk
         return self.rows[index][start - first : stop - first].copy()
 
     def identity(self) -> dict[str, Any]:
-        """Return no identity: a slice is never stored."""
-        return {"source": "excerpt"}
+        """Return a placeholder: a slice is never stored."""
+        return {"source": "slice"}

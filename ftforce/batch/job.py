@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     Samples = dict[str, NDArray[Any]]
 
 PIECE = 4096
-"""Postures in the smallest chunk; pieces are this number halved or doubled repeatedly."""
-_ANSWERS = 2**17
+"""Postures in the smallest chunk; pieces are this number, halved or doubled repeatedly."""
+_BLOCK_RESULTS = 2**17
 """Postures times fault sets evaluated at once: few enough for the results to stay in cache, and
-enough for threads to acquire the GIL a few hundred times a second, not thousands."""
-_SMALLEST, _LARGEST = PIECE // 16, 4 * PIECE
+enough for threads to acquire the GIL hundreds of times a second rather than thousands."""
+_MIN_PIECE, _MAX_PIECE = PIECE // 16, 4 * PIECE
 
 PER_SET = (
     *("verdict", "rank_lost", "sigma_min", "margin", "rho"),
@@ -85,7 +85,7 @@ class Job:
     @property
     def piece(self) -> int:
         """Number of postures evaluated at once, a power of two."""
-        fits = max(_SMALLEST, min(_LARGEST, _ANSWERS // max(1, self.n_sets)))
+        fits = max(_MIN_PIECE, min(_MAX_PIECE, _BLOCK_RESULTS // max(1, self.n_sets)))
         return 1 << (fits.bit_length() - 1)
 
     def run(self, index: int) -> tuple[Summary, Samples]:
@@ -106,6 +106,13 @@ class Job:
 
     def add(self, index: int, summary: Summary) -> Samples:
         """Process a chunk and add it to a summary, in place.
+
+        Parameters
+        ----------
+        index :
+            Number of the chunk, from 0.
+        summary :
+            Summary to which its postures are added.
 
         Returns
         -------
@@ -142,11 +149,11 @@ class Job:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the per-thread workspaces behind when pickled."""
+        """Return the state for pickling, without the workspaces of the threads."""
         return {name: value for name, value in self.__dict__.items() if name != "_per_thread"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore without workspaces; they are created on demand."""
+        """Restore the state; workspaces are created on demand."""
         self.__dict__.update(state, _per_thread=threading.local())
 
 
@@ -186,17 +193,17 @@ def samples_of(q: Matrix, block: Block, keep: str) -> Samples:
         "healthy_rank": block.rank,
         "healthy_margin": block.healthy_margin,
     }
-    asked = {name: getattr(block, name) for name in PER_SET}
-    asked = {name: values for name, values in asked.items() if values is not None}
+    measures = {name: getattr(block, name) for name in PER_SET}
+    measures = {name: values for name, values in measures.items() if values is not None}
     if keep == "all":
-        return found | {name: values.T for name, values in asked.items()}
-    worst = worst_sets(block)
+        return found | {name: values.T for name, values in measures.items()}
+    worst = _worst_sets(block)
     found["worst_set"] = worst.astype(np.int32)
     at = np.arange(len(q))
-    return found | {f"worst_{name}": values[worst, at] for name, values in asked.items()}
+    return found | {f"worst_{name}": values[worst, at] for name, values in measures.items()}
 
 
-def worst_sets(block: Block) -> NDArray[np.intp]:
+def _worst_sets(block: Block) -> NDArray[np.intp]:
     """Return the worst fault set of each posture, shape (k,).
 
     Ordered by worst verdict, then largest relative jump, then smallest margin, then index.

@@ -12,6 +12,7 @@ from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, alig
 from ftforce.batch.kernels.layout import Question as KernelQuestion
 from ftforce.core.arrays import read_only
 from ftforce.errors import InputError
+from ftforce.robot.kinematics import noise_floor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +33,7 @@ def mechanism_of(
     *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
-    weighs: bool = True,
+    needs_gravity: bool = True,
 ) -> Mechanism:
     """Return a robot as arrays.
 
@@ -46,7 +47,7 @@ def mechanism_of(
         In root axes, m/s², shape (3,); ``None`` uses the model's.
     payload :
         Payload at the tip.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed; if not, joints that only carry weight are left out.
 
     Raises
@@ -57,31 +58,33 @@ def mechanism_of(
     model, coordinates = robot.model, robot.coordinates
     tip = model.frames[robot.tip_frame]
     path = set(model.supports[tip.parentJoint].tolist())
-    kept = [i for i in range(1, model.njoints) if weighs or i in path]
+    kept = [i for i in range(1, model.njoints) if needs_gravity or i in path]
     place = {joint: e for e, joint in enumerate(kept)} | {0: -1}
-    turns = {0: np.eye(3)}
-    slides, placements = [], []
+    rotations = {0: np.eye(3)}
+    prismatic, placements = [], []
     for i in kept:
-        axis, is_slide = _axis(model, i)
-        turns[i] = _turn_to(axis)
-        slides.append(is_slide)
+        axis, is_prismatic = _axis(model, i)
+        rotations[i] = _rotation_to(axis)
+        prismatic.append(is_prismatic)
         at = model.jointPlacements[i]
-        back = turns[model.parents[i]].T
-        placements.append(_flat(back @ at.rotation @ turns[i], back @ at.translation))
-    back = turns[tip.parentJoint].T
+        to_parent = rotations[model.parents[i]].T
+        placements.append(_flat(to_parent @ at.rotation @ rotations[i], to_parent @ at.translation))
+    to_parent = rotations[tip.parentJoint].T
     rows = [model.joints[i].idx_v for i in kept]
     G = coordinates.G[rows]
     drivers = np.abs(G).argmax(axis=1)
-    mass, centre = _bodies(robot, kept, turns, payload)
+    mass, centre = _bodies(robot, kept, rotations, payload)
     return Mechanism(
         parent=read_only(np.array([place[model.parents[i]] for i in kept], dtype=np.int64)),
-        slides=read_only(np.array(slides)),
+        is_prismatic=read_only(np.array(prismatic)),
         placement=read_only(np.array(placements)),
         driver=read_only(drivers.astype(np.int64)),
         ratio=read_only(G[np.arange(len(rows)), drivers].copy()),
         offset=read_only(coordinates.offset[rows].copy()),
         moves_tip=read_only(np.array([i in path for i in kept])),
-        tip=read_only(_flat(back @ tip.placement.rotation, back @ tip.placement.translation)),
+        tip=read_only(
+            _flat(to_parent @ tip.placement.rotation, to_parent @ tip.placement.translation)
+        ),
         tip_parent=place[tip.parentJoint],
         mass=mass,
         centre=centre,
@@ -98,13 +101,13 @@ def _axis(model: pin.Model, joint: int) -> tuple[Vector, bool]:
     S = columns[:, first : first + model.joints[joint].nv]
     linear, angular = np.linalg.norm(S[:3]), np.linalg.norm(S[3:])
     if S.shape[1] != 1 or min(linear, angular) > 1e-12:
-        raise InputError(f"joint {model.names[joint]!r} is neither a hinge nor a slide")
-    is_slide = bool(linear > angular)
-    axis: Vector = S[:3, 0] if is_slide else S[3:, 0]
-    return axis, is_slide
+        raise InputError(f"joint {model.names[joint]!r} is neither revolute nor prismatic")
+    is_prismatic = bool(linear > angular)
+    axis: Vector = S[:3, 0] if is_prismatic else S[3:, 0]
+    return axis, is_prismatic
 
 
-def _turn_to(axis: Vector) -> Matrix:
+def _rotation_to(axis: Vector) -> Matrix:
     """Return a rotation that maps z to the axis."""
     aligned: Matrix = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
     return aligned
@@ -115,7 +118,7 @@ def _flat(R: Matrix, p: Vector) -> Vector:
 
 
 def _bodies(
-    robot: Robot, kept: list[int], turns: dict[int, Matrix], payload: Payload | None
+    robot: Robot, kept: list[int], rotations: dict[int, Matrix], payload: Payload | None
 ) -> tuple[Vector, Matrix]:
     """Return the mass and centre of mass carried by each joint, in the rotated frames."""
     model = robot.model
@@ -129,7 +132,7 @@ def _bodies(
             lever = (mass * lever + payload.mass * place) / total if total > 0.0 else lever
             mass = total
         masses.append(mass)
-        centres.append(turns[i].T @ lever)
+        centres.append(rotations[i].T @ lever)
     return read_only(np.array(masses)), read_only(np.array(centres))
 
 
@@ -157,14 +160,14 @@ class Plan:
     has_moment_jump: bool
 
     @classmethod
-    def of(cls, question: Question, sets: Sequence[FaultSet], *, weighs: bool) -> Plan:
+    def of(cls, question: Question, sets: Sequence[FaultSet], *, needs_gravity: bool) -> Plan:
         """Return what the kernels compute for a question.
 
         Parameters
         ----------
         question, sets :
             What is asked, and of which sets.
-        weighs :
+        needs_gravity :
             Whether gravity torques are needed.
 
         Raises
@@ -175,7 +178,9 @@ class Plan:
         robot, task, conditions = question.robot, question.task, question.conditions
         own = None if conditions.is_model_gravity else conditions.gravity
         return cls(
-            mechanism_of(robot, gravity=own, payload=conditions.payload, weighs=weighs),
+            mechanism_of(
+                robot, gravity=own, payload=conditions.payload, needs_gravity=needs_gravity
+            ),
             faults_of(sets, robot.n),
             question_of(
                 task,
@@ -185,7 +190,8 @@ class Plan:
                 limits=question.limits,
                 rtol=question.rtol,
                 wary=question.wary,
-                weighs=weighs,
+                floors=noise_floor(robot),
+                needs_gravity=needs_gravity,
             ),
             robot.n,
             bool(task.force_rows and task.moment_rows),
@@ -210,8 +216,8 @@ class Evaluator:
 
         self.plan = plan
         m = plan.question.rows.size
-        self._work = fast.bench(plan.mechanism.parent.size, plan.n, m)
-        self._one = settle.pairs(m, plan.n)
+        self._work = fast.workspace(plan.mechanism.parent.size, plan.n, m)
+        self._pairs = settle.workspace(m, plan.n)
 
     def __call__(self, q: Matrix) -> Block:
         """Return the results for postures.
@@ -231,13 +237,21 @@ class Evaluator:
         plan = self.plan
         given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
         fast.evaluate(*given)
-        settle.settle(*given, self._one)
+        settle.settle(*given, self._pairs)
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:
-    """Return uninitialized result arrays for k postures."""
-    S, asks = len(plan.faults.locked), plan.question.force.size > 0
-    moves = plan.question.direction.size > 0
+    """Return uninitialized result arrays for k postures.
+
+    Parameters
+    ----------
+    plan :
+        What to compute, for S fault sets.
+    k :
+        Number of postures.
+    """
+    S, has_force = len(plan.faults.locked), plan.question.force.size > 0
+    has_direction = plan.question.direction.size > 0
     sizes: dict[str, tuple[tuple[int, ...], type]] = {
         "tip": ((k, 3), np.float64),
         "rank": ((k,), np.int8),
@@ -247,10 +261,10 @@ def empty_answers(plan: Plan, k: int) -> Answers:
         "sigma_min": ((S, k), np.float64),
         "margin": ((S, k), np.float64),
         "rho": ((S, k), np.float64),
-        "jump": ((S, k) if asks else (0, 0), np.float64),
-        "moment_jump": ((S, k) if asks and plan.has_moment_jump else (0, 0), np.float64),
-        "relative_jump": ((S, k) if asks else (0, 0), np.float64),
-        "capability": ((S, k) if moves else (0, 0), np.float64),
+        "jump": ((S, k) if has_force else (0, 0), np.float64),
+        "moment_jump": ((S, k) if has_force and plan.has_moment_jump else (0, 0), np.float64),
+        "relative_jump": ((S, k) if has_force else (0, 0), np.float64),
+        "capability": ((S, k) if has_direction else (0, 0), np.float64),
     }
     # Vector stores that straddle two cache lines take twice as long. Arrays at the same page
     # offset suffer from 4K aliasing: the processor mistakes a load for one of a recent store.
@@ -300,7 +314,8 @@ def question_of(
     limits: Limits | None,
     rtol: float,
     wary: float,
-    weighs: bool,
+    floors: tuple[float, float] = (0.0, 0.0),
+    needs_gravity: bool,
 ) -> KernelQuestion:
     """Return the question as arrays.
 
@@ -316,8 +331,10 @@ def question_of(
         Torque limits for the capability; ``None`` for unlimited.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed.
+    floors :
+        Entries up to which J is rounding, `ftforce.robot.kinematics.noise_floor`.
     """
     rows = np.arange(6)[task.rows].astype(np.int64)
     unknown = np.full(n, np.nan)
@@ -326,6 +343,7 @@ def question_of(
     return KernelQuestion(
         rows=read_only(rows),
         weights=read_only(weights.copy()),
+        floor=read_only(weights * np.where(rows < 3, *floors)),
         in_tool=task.axes == "tool",
         is_whole=rows.tolist() in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]),
         force=read_only(nothing if force is None else task.weigh_force(force).copy()),
@@ -334,5 +352,5 @@ def question_of(
         brake=read_only((unknown if limits is None else limits.brake).copy()),
         rtol=rtol,
         wary=wary,
-        weighs=weighs,
+        needs_gravity=needs_gravity,
     )

@@ -12,8 +12,10 @@ from ftforce.batch.summary.criticality import (
     survival,
     tolerating_every_set,
 )
+from ftforce.batch.summary.intervals import quantile
 from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.ranks import Rank, ranks_of_intervals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,6 +71,8 @@ class SweepSetting:
         Postures per chunk.
     version :
         Version of ftforce.
+    implausible :
+        Warnings about numbers of the URDF that no real arm has and on which the result depends.
     """
 
     robot: str
@@ -96,6 +100,7 @@ class SweepSetting:
     keep: str
     chunk: int
     version: str
+    implausible: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""
@@ -177,6 +182,22 @@ class Sweep(Displayed):
         return set_summaries(self.summary, self.sets)
 
     @property
+    def joint_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the joints, in their order; joints whose 95 % intervals overlap share theirs."""
+        return ranks_of_intervals([one.not_tolerated[1:] for one in self.joints])
+
+    @property
+    def set_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the fault sets as in `ranked`, likewise."""
+        return ranks_of_intervals([one.not_tolerated[1:] for one in self.ranked])
+
+    @property
+    def healthy_margin(self) -> tuple[float, float]:
+        """5 % and 50 % quantiles of σ_min(J)/σ_max(J), the baseline of the margins."""
+        counts, edges = self.summary.healthy_margin, self.summary.bins.share
+        return float(quantile(counts, edges, 0.05)), float(quantile(counts, edges, 0.5))
+
+    @property
     def done(self) -> int:
         """Number of postures analysed so far; less than requested if unfinished."""
         return int(self.summary.postures)
@@ -227,28 +248,29 @@ class Sweep(Displayed):
             if tuple(joint + 1 for joint in one.joints) == wanted:
                 return place
         raise InputError(
-            f"the sweep has no fault set {{{', '.join(map(str, wanted))}}}; it has: "
+            f"the sweep has no fault set {{{', '.join(map(str, wanted))}}}; available: "
             f"{listed([str(one) for one in self.sets])}"
         )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the result."""
-        doubts = []
+        found = []
         if not self.is_complete:
-            doubts.append(
-                f"only {self.done:,} of {self.setting.count:,} postures are done: the same "
-                "command goes on"
+            found.append(
+                f"only {self.done:,} of {self.setting.count:,} postures are done; run the same "
+                "command again to resume"
             )
         if self.setting.unknown_limits:
             names = ", ".join(self.setting.unknown_limits)
-            doubts.append(f"unknown effort limits count as none: {names}")
+            found.append(f"unknown effort limits, treated as unlimited: {names}")
+        found += self.setting.implausible
         if not self.setting.is_random:
-            doubts.append(
-                "the postures were not drawn at random: intervals hold only as far as they stand "
-                "for others"
+            found.append(
+                "the postures were not drawn at random: the confidence intervals only indicate the "
+                "effect of the sample size"
             )
-        return tuple(doubts)
+        return tuple(found)
 
 
 def sets_to_lists(sets: tuple[FaultSet, ...]) -> list[list[list[Any]]]:

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.question import Progress
     from ftforce.batch.job import Job, Samples
-    from ftforce.batch.store.store import Opened
+    from ftforce.batch.store.store import OpenStore
     from ftforce.batch.summary.summary import Summary
 
-SAVING = 5.0  # s between writes of the progress file
-TURN = 1.0  # s that a thread counts into its own summary before that is merged
+SAVE_INTERVAL = 5.0  # s between writes of the progress file
+_BATCH_SECONDS = 1.0  # s that a thread adds to its own summary before it is merged
 
 
-class Turn(NamedTuple):
+class BatchResult(NamedTuple):
     """Result of a batch of chunks, whose samples are already written.
 
     Attributes
@@ -48,15 +48,15 @@ class Runner(Protocol):
     """Function that processes chunks, in any order."""
 
     def __call__(
-        self, job: Job, opened: Opened, turns: BatchSizer, /
-    ) -> Generator[Turn, None, None]:
+        self, job: Job, opened: OpenStore, sizer: BatchSizer, /
+    ) -> Generator[BatchResult, None, None]:
         """Yield batches as they complete."""
 
 
 class BatchSizer:
     """Splits the remaining chunks into batches of about equal duration.
 
-    A summary takes megabytes regardless of how much it counts, so one per chunk would cost as
+    A summary takes megabytes regardless of the number of postures, so one per chunk would cost as
     much as the chunk itself. A batch therefore holds several chunks with one summary; batches
     shrink towards the end, so that all workers finish together.
 
@@ -86,21 +86,39 @@ class BatchSizer:
         return taken
 
     def took(self, chunks: int, seconds: float) -> None:
-        """Record how long a batch took, s."""
+        """Record the duration of a batch.
+
+        Parameters
+        ----------
+        chunks :
+            Number of chunks in the batch.
+        seconds :
+            Time taken, s.
+        """
         self._cost = seconds / chunks
 
 
-def do_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]) -> Turn:
-    """Process some chunks in the calling thread, and write their samples."""
+def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]) -> BatchResult:
+    """Process some chunks in the calling thread, and write their samples.
+
+    Parameters
+    ----------
+    job :
+        The job.
+    chunks :
+        Chunk numbers.
+    write :
+        Called with each chunk number and its samples.
+    """
     start, summary = time.monotonic(), job.empty_summary()
     for index in chunks:
         samples = job.add(index, summary)
         if samples:
             write(index, samples)
-    return Turn(chunks, summary, time.monotonic() - start)
+    return BatchResult(chunks, summary, time.monotonic() - start)
 
 
-def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = None) -> None:
+def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None = None) -> None:
     """Process the remaining chunks of a job, and save progress.
 
     Parameters
@@ -121,24 +139,24 @@ def run(job: Job, opened: Opened, runner: Runner, progress: Progress | None = No
     """
     done, total = opened.done, job.postures.count
     count = int((~done).sum())
-    turns = BatchSizer((index for index in range(job.chunks) if not done[index]), count)
-    saved, is_whole = time.monotonic(), True
+    sizer = BatchSizer((index for index in range(job.chunks) if not done[index]), count)
+    saved, is_consistent = time.monotonic(), True
     try:
-        with closing(runner(job, opened, turns)) as parts:
-            for turn in parts if count else ():
-                turns.took(len(turn.chunks), turn.seconds)
-                is_whole = False
-                opened.summary.merge(turn.summary)
-                done[turn.chunks] = True
-                is_whole = True
+        with closing(runner(job, opened, sizer)) as parts:
+            for result in parts if count else ():
+                sizer.took(len(result.chunks), result.seconds)
+                is_consistent = False
+                opened.summary.merge(result.summary)
+                done[result.chunks] = True
+                is_consistent = True
                 if progress is not None:
                     progress(int(opened.summary.postures), total)
-                if time.monotonic() - saved > SAVING:
+                if time.monotonic() - saved > SAVE_INTERVAL:
                     store.save_progress(opened)
                     saved = time.monotonic()
     finally:
-        # Ctrl-C during a merge leaves the summary inconsistent: then the last save stands.
-        if is_whole and not done.all():
+        # After Ctrl-C during a merge the summary is inconsistent: keep what was saved last.
+        if is_consistent and not done.all():
             with suppress(OutputError):  # do not mask the original error
                 store.save_progress(opened)
 
@@ -158,23 +176,25 @@ def threads_of(threads: int | None) -> int:
             else os.cpu_count() or 1
         )
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-        raise InputError(f"threads must be a whole number from 1 on, got {threads!r}")
+        raise InputError(f"threads must be a positive integer, got {threads!r}")
     return threads
 
 
 def in_threads(threads: int) -> Runner:
     """Return a runner that executes chunks in threads of this process."""
 
-    def runner(job: Job, opened: Opened, turns: BatchSizer) -> Generator[Turn, None, None]:
+    def runner(
+        job: Job, opened: OpenStore, sizer: BatchSizer
+    ) -> Generator[BatchResult, None, None]:
         write = partial(store.write_samples, opened)
         # Samples cost more than the summary, and written chunks should be recorded soon.
-        seconds = TURN if job.keep == "summary" else 0.0
+        seconds = _BATCH_SECONDS if job.keep == "summary" else 0.0
         with ThreadPoolExecutor(threads) as pool:
-            running: set[Future[Turn]] = set()
+            running: set[Future[BatchResult]] = set()
             try:
                 while True:
-                    while len(running) < 2 * threads and (chunks := turns.next(threads, seconds)):
-                        running.add(pool.submit(do_chunks, job, chunks, write))
+                    while len(running) < 2 * threads and (chunks := sizer.next(threads, seconds)):
+                        running.add(pool.submit(run_chunks, job, chunks, write))
                     if not running:
                         return
                     ready, running = wait(running, return_when=FIRST_COMPLETED)

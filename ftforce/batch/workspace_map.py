@@ -1,6 +1,6 @@
 """Map of the workspace where a fault is tolerated: cells of a sweep, projected or sliced.
 
-Counts are pooled, not shares, so cells weigh by their number of postures.
+Counts are pooled, not shares, so each cell is weighted by its number of postures.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
 
 QUANTITIES = ("rho", "margin", "jump", "capability")
-USUAL = ("rho", "margin")
+_DEFAULT_QUANTITIES = ("rho", "margin")
 _ROUNDING = 1e-9  # of an edge: a slice on the border of two cells belongs to the upper one
 
 
@@ -63,12 +63,12 @@ class WorkspaceMap(Displayed):
     plane: str | None = None
     at: float | None = None
     solid: bool = False
-    quantities: tuple[str, ...] = USUAL
+    quantities: tuple[str, ...] = _DEFAULT_QUANTITIES
 
     @cached_property
     def grid(self) -> Cells:
         """All cells, shape (nx, ny, nz)."""
-        return grid_of(self.sweep, self.joints)
+        return _grid_of(self.sweep, self.joints)
 
     @cached_property
     def flat(self) -> Flat:
@@ -77,7 +77,7 @@ class WorkspaceMap(Displayed):
 
     def projected(self, plane: str) -> Flat:
         """Return the cells of a plane, ``xy``, ``xz`` or ``yz``."""
-        return flatten(self.sweep, self.grid, plane, self.at)
+        return _flatten(self.sweep, self.grid, plane, self.at)
 
     @cached_property
     def located(self) -> Located:
@@ -92,12 +92,12 @@ class WorkspaceMap(Displayed):
         joints :
             Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
         """
-        grid = self.grid if joints == self.joints else grid_of(self.sweep, joints)
+        grid = self.grid if joints == self.joints else _grid_of(self.sweep, joints)
         workspace = self.sweep.summary.workspace
         chosen = grid.postures > 0
         if self.plane is not None and self.at is not None:
             axis = depth_axis(self.plane)
-            layer = np.arange(chosen.shape[axis]) == layer_at(self.sweep, axis, self.at)
+            layer = np.arange(chosen.shape[axis]) == _layer_at(self.sweep, axis, self.at)
             chosen = chosen & np.expand_dims(layer, tuple({0, 1, 2} - {axis}))
         index = np.argwhere(chosen)
         place = np.array(workspace.origin) + (index + 0.5) * workspace.edge
@@ -123,7 +123,7 @@ class WorkspaceMap(Displayed):
         place = corner + (np.argwhere(filled) + 0.5) * edge
         return Located(read_only(place), edge, cells.only(filled))
 
-    def worst(self, most: int) -> list[int]:
+    def worst(self, count: int) -> list[int]:
         """Return the indices of the worst blocks, ranked by the upper end of their intervals.
 
         A block of three postures that happen to fail thus does not rank above one of three
@@ -131,19 +131,21 @@ class WorkspaceMap(Displayed):
 
         Parameters
         ----------
-        most :
-            Largest number of blocks to return.
+        count :
+            Maximum number of blocks to return.
         """
         cells = self.blocks.cells
         order = np.lexsort((cells.share, cells.high))
-        return [i for i in order.tolist() if cells.tolerated[i] < cells.postures[i]][:most]
+        return [i for i in order.tolist() if cells.tolerated[i] < cells.postures[i]][:count]
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the map."""
         found = list(self.sweep.warnings)
         if outside := int(self.sweep.summary.outside):
-            found.append(f"{outside:,} tips lie outside the cells and count in the outermost ones")
+            found.append(
+                f"{outside:,} tip positions outside the grid were assigned to the outermost cells"
+            )
         return tuple(found)
 
 
@@ -154,7 +156,7 @@ def workspace_map(
     plane: str | None = None,
     at: float | None = None,
     solid: bool = False,
-    quantities: Sequence[str] = USUAL,
+    quantities: Sequence[str] = _DEFAULT_QUANTITIES,
 ) -> WorkspaceMap:
     """Return a map of the workspace that shows where a fault is tolerated.
 
@@ -179,25 +181,34 @@ def workspace_map(
         The sweep has no postures yet, no such set or quantity, or the slice is empty.
     """
     if not int(sweep.summary.postures):
-        raise InputError("no posture of the sweep is done yet; the command that began it goes on")
+        raise InputError(
+            "the sweep has no finished postures yet; run its command again to resume it"
+        )
     if plane is not None and plane not in PLANES:
         raise UnknownNameError("plane", plane, PLANES)
     if solid and (plane is not None or at is not None):
-        raise InputError("a picture of three dimensions has no plane; leave out plane and at")
+        raise InputError("a three-dimensional plot has no plane; omit plane and at")
     if at is not None and plane is None:
-        raise InputError("a slice needs its plane: xy, xz or yz")
+        raise InputError("a slice needs a plane: xy, xz or yz")
     chosen = None if joints is None else tuple(sorted(joints))
     if chosen is not None:
         sweep.index_of(chosen)
     if plane is not None and at is not None:
-        check_slice(sweep, plane, at)
+        _check_slice(sweep, plane, at)
     for quantity in quantities:
         check_quantity(sweep, quantity)
     return WorkspaceMap(sweep, chosen, plane, at, solid, tuple(quantities))
 
 
-def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
+def _grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
     """Return all cells of the workspace, shape (nx, ny, nz).
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    joints :
+        Joints that fail together, numbered from 1; ``None`` for every set of the sweep.
 
     Raises
     ------
@@ -212,8 +223,19 @@ def grid_of(sweep: Sweep, joints: tuple[int, ...] | None) -> Cells:
     return Cells.of(summary.cell_postures.reshape(shape), tolerated.reshape(shape))
 
 
-def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
+def _flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
     """Return the cells of a plane, pooled over the depth or of one layer.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    grid :
+        All cells, shape (nx, ny, nz).
+    plane :
+        ``xy``, ``xz`` or ``yz``.
+    at :
+        Position of the layer along the third axis, m; ``None`` pools the whole depth.
 
     Raises
     ------
@@ -228,24 +250,39 @@ def flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
     if at is None:
         counts = (grid.postures.sum(axis), grid.tolerated.sum(axis))
     else:
-        check_slice(sweep, plane, at)
-        layer = layer_at(sweep, axis, at)
+        _check_slice(sweep, plane, at)
+        layer = _layer_at(sweep, axis, at)
         depth = (low + layer * workspace.edge, low + (layer + 1) * workspace.edge)
         counts = (grid.postures.take(layer, axis), grid.tolerated.take(layer, axis))
     first, second = (_borders(sweep, AXES.index(name)) for name in plane)
     return Flat(plane, (first, second), depth, Cells.of(*counts))
 
 
-def layer_at(sweep: Sweep, axis: int, at: float) -> int:
-    """Return the layer of cells at a position along an axis, clipped to those with postures."""
+def _layer_at(sweep: Sweep, axis: int, at: float) -> int:
+    """Return the layer of cells at a position along an axis, clipped to those with postures.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    axis :
+        Index of the root axis.
+    at :
+        Position along it, m.
+    """
     workspace = sweep.summary.workspace
     first, end = window_of(sweep.summary.cell_postures.reshape(workspace.shape))[axis].tolist()
     place = (at - workspace.origin[axis]) / workspace.edge
     return int(min(max(math.floor(place + _ROUNDING), first), end - 1))
 
 
-def check_slice(sweep: Sweep, plane: str, at: float) -> None:
+def _check_slice(sweep: Sweep, plane: str, at: float) -> None:
     """Check that there are postures at this depth.
+
+    Parameters
+    ----------
+    sweep, plane, at :
+        Arguments of `workspace_map`.
 
     Raises
     ------
@@ -258,15 +295,22 @@ def check_slice(sweep: Sweep, plane: str, at: float) -> None:
     low, high = (workspace.origin[axis] + layer * workspace.edge for layer in window)
     slack = _ROUNDING * workspace.edge
     is_within = low - slack <= at <= high + slack
-    if not (is_within and postures.take(layer_at(sweep, axis, at), axis).any()):
+    if not (is_within and postures.take(_layer_at(sweep, axis, at), axis).any()):
         raise InputError(
-            f"no posture has its tip at {AXES[axis]} = {at:g} m; they lie from "
+            f"no posture has its tip at {AXES[axis]} = {at:g} m; tip positions range from "
             f"{AXES[axis]} = {low:.4g} to {high:.4g} m"
         )
 
 
 def check_quantity(sweep: Sweep, quantity: str) -> None:
-    """Check that the sweep counted a quantity.
+    """Check that the sweep has a histogram of a quantity.
+
+    Parameters
+    ----------
+    sweep :
+        The sweep.
+    quantity :
+        Name of the quantity.
 
     Raises
     ------
@@ -277,7 +321,7 @@ def check_quantity(sweep: Sweep, quantity: str) -> None:
         raise UnknownNameError("quantity", quantity, QUANTITIES)
     if getattr(sweep.summary, quantity) is None:
         needs = "a force" if quantity == "jump" else "a force or a direction, and limits"
-        raise InputError(f"the sweep has no {quantity}: it was made without {needs}")
+        raise InputError(f"the sweep has no {quantity}: it was run without {needs}")
 
 
 def _borders(sweep: Sweep, axis: int) -> Vector:

@@ -20,7 +20,7 @@ class TrajectoryOptions(Group):
     trajectory: Annotated[
         str | None,
         typer.Argument(
-            metavar="[TRAJECTORY]",
+            metavar="TRAJECTORY",
             help="A CSV file: t and joint positions, or waypoints x,y,z. Or give --to.",
             show_default=False,
         ),
@@ -30,23 +30,23 @@ class TrajectoryOptions(Group):
         typer.Option(
             "--from",
             metavar="X,Y,Z",
-            help="Start of the tip, m, in root axes; by default where the posture has it.",
+            help="Start of the tip, m, in root axes; by default its initial position.",
         ),
     ] = None
     to: Annotated[
         list[str] | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="End of a straight line of the tip, m; repeat it for further waypoints.",
+            help="Next tip position in root axes, m, along a straight line; repeat for more.",
         ),
     ] = None
     speed: Annotated[
         float | None,
-        typer.Option(metavar="M/S", help="Maximum speed of the tip along its lines."),
+        typer.Option(metavar="M/S", help="Maximum tip speed along the path."),
     ] = None
     keep_orientation: Annotated[
         bool,
-        typer.Option("--keep-orientation", help="Keep the orientation of the tip along its lines."),
+        typer.Option("--keep-orientation", help="Keep the orientation of the tip along the path."),
     ] = False
     rate: Annotated[
         float | None,
@@ -137,7 +137,7 @@ class TrajectoryOptions(Group):
             Both are given.
         """
         if self.trajectory is not None and (self.start is not None or self.to):
-            raise InputError("give either a file of a trajectory or --from and --to, not both")
+            raise InputError("give either a trajectory file or --from and --to, not both")
 
 
 def _point(text: str, option: str) -> list[float]:

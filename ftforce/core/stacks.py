@@ -144,8 +144,8 @@ def reach_of(
     direction: Vector | None,
     cells: Cells,
     rtol: float,
-) -> Matrix:
-    """Return the largest s for which s·d can be commanded, by the ratio test of `reach`.
+) -> tuple[Matrix, Matrix]:
+    """Return the largest s for which s·d can be commanded, and held, by the ratio test of `reach`.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def reach_of(
     Returns
     -------
     :
-        Shape (N, S); infinite if no limit bounds it, NaN where no s is feasible. Meaningless where
-        the cells are not certain.
+        Two arrays of shape (N, S); infinite if no limit bounds s, NaN where no s is feasible.
+        Meaningless where the cells are not certain.
     """
     known = largest > 0.0
     with np.errstate(over="ignore"):
@@ -185,9 +185,12 @@ def reach_of(
     counts = known & loaded
     minimum = np.where(counts, ratios[0], -np.inf).max(axis=2, initial=0.0)
     maximum = np.where(counts, ratios[1], np.inf).min(axis=2, initial=np.inf)
-    maximum = np.where(cells.lost > rtol, np.minimum(maximum, 0.0), maximum)
+    commanded = np.where(cells.lost > rtol, np.minimum(maximum, 0.0), maximum)  # F' in range(K)
     overloaded = (known & ~loaded & ((lower > 0.0) | (upper < 0.0))).any(axis=2)
-    return np.where(overloaded | (maximum < minimum), np.nan, maximum)
+    return (
+        np.where(overloaded | (commanded < minimum), np.nan, commanded),
+        np.where(overloaded | (maximum < minimum), np.nan, maximum),
+    )
 
 
 def _weakest(

@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from operator import itemgetter
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ftforce.analysis.capability import capability_of
-from ftforce.core import measures
-from ftforce.core.arrays import safe_divide
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report.parts import (
-    Document,
-    Row,
-    arm_part,
-    capability_part,
-    conventions_part,
-    finite,
-    force_part,
-    limits_part,
-    limits_source,
-    modes_part,
-    posture_part,
-    rnea_part,
-    torque_part,
-    total_part,
-    velocity_part,
-)
+from ftforce.report import parts
+from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
+from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
 from ftforce.report.text import (
     amounts,
     is_noticeable,
     joined,
     lost_directions,
+    number,
     percent,
     ratio,
     torque_of,
@@ -44,7 +31,8 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.analyze import Analysis
     from ftforce.core.arrays import Vector
-    from ftforce.core.changes import ForceChange
+    from ftforce.core.changes import ForceChange, TorqueChange
+    from ftforce.core.faults import FaultSet
 
 
 def verdict_sentence(analysis: Analysis) -> str:
@@ -82,13 +70,13 @@ def _unless(analysis: Analysis) -> str:
     if analysis.verdict is not Verdict.BORDERLINE:
         return ""
     return (
-        f" at the tolerance {analysis.reduced.rtol:g}; a tolerance up to {analysis.wary:g} gives "
-        "another answer"
+        f" at the tolerance {analysis.reduced.rtol:g}; a tolerance up to {analysis.wary:g} changes "
+        "the answer"
     )
 
 
 def _about_falling(analysis: Analysis) -> str:
-    """Explain why the arm cannot stand still."""
+    """Explain why the arm cannot be held in static equilibrium."""
     bounded, robot = analysis.bounded, analysis.robot
     assert bounded is not None
     components = ", ".join(analysis.task.components)
@@ -98,12 +86,12 @@ def _about_falling(analysis: Analysis) -> str:
             for j, x in unbalanced(analysis).items()
         ]
         return (
-            f"the arm cannot stand still: weight and motion turn {joined(torques)}, and no force "
-            f"at the tip ({components}) balances that"
+            "the arm cannot be held in static equilibrium: weight and motion load "
+            f"{joined(torques)}, and no force at the tip ({components}) balances that"
         )
     return (
-        f"the arm cannot even carry itself: {overload_in_words(analysis)}, and no force "
-        f"at the tip ({components}) relieves the arm enough"
+        f"the arm cannot support itself: {overload_in_words(analysis)}, and no force "
+        f"at the tip ({components}) relieves it enough"
     )
 
 
@@ -111,14 +99,14 @@ def overload_in_words(analysis: Analysis) -> str:
     """Describe the joints that weight and motion overload; empty if there are none."""
     robot, free = analysis.robot, analysis.reduced.free
     loads = [
-        f"{torque_of(robot, j, x)} of {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
+        f"{torque_of(robot, j, x)} at {robot.names[j]}, whose limit is {torque_of(robot, j, most)}"
         for j, (x, most) in overloads(analysis).items()
     ]
     load = "weight and motion"
     if free is not None:  # the tip force that balances these loads the other joints
         names = joined(robot.names[j] for j in free.joints)
         load = f"weight, motion and the force that balances {names}"
-    return f"{load} take {joined(loads)}" if loads else ""
+    return f"{load} require {joined(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
@@ -150,17 +138,17 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
     if analysis.verdict is Verdict.TOLERATED:
         within = " within the limits" if analysis.limits is not None else ""
         keepers = "motors" if analysis.faults.in_mode(FaultMode.WEAK) else "healthy joints"
-        return f"the {keepers} keep the whole {before} at the tip{within}"
+        return f"the {keepers} maintain the full {before} at the tip{within}"
     if analysis.verdict is Verdict.BORDERLINE:
-        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
+        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump from"
         return (
             f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
-            f"{analysis.wary:g} gives another answer (margin {ratio(analysis.margin)})"
+            f"{analysis.wary:g} changes the answer (margin {ratio(analysis.margin)})"
         )
     if analysis.bounded is None:
         return (
-            f"{jump} of {before} can no longer be commanded by any motor; along the lost "
-            f"directions the arm cannot move, and its brakes and links carry what load there is"
+            f"{jump} of {before} can no longer be commanded; along the lost "
+            f"directions the arm cannot move, and its brakes and links carry the load"
         )
     assert force.after is not None
     # Magnitude and direction may change: not "jump of before", which implies a kept rest.
@@ -178,11 +166,11 @@ def _reasons(analysis: Analysis) -> list[str]:
     reasons = []
     if analysis.reduced.free is not None:
         joints = [names[j] for j in analysis.reduced.free.joints]
-        verb = "swings and gives" if len(joints) == 1 else "swing and give"
-        reasons.append(f"{joined(joints)} {verb} no torque")
+        verb = "is" if len(joints) == 1 else "are"
+        reasons.append(f"{joined(joints)} {verb} free-swinging")
     if len(analysis.lost_directions):
         lost = lost_directions(analysis.task, list(analysis.lost_directions))
-        reasons.append(f"no motor can command {lost}")
+        reasons.append(f"no motor torque can produce {lost}")
     if bounded.binding:
         joints = [names[j] for j in bounded.binding]
         reasons.append(
@@ -196,132 +184,259 @@ def _reasons(analysis: Analysis) -> list[str]:
 def share_in_words(share: float | None) -> str:
     """Describe the fraction of a force that can be commanded in its direction."""
     if share is None:
-        return "with no share of the force alone does the arm stand still"
-    part = percent(share) if share > 0.0 else "nothing"
-    return f"in its own direction {part} of the force can be commanded"
+        return "no fraction of the force is feasible"
+    part = percent(share) if share > 0.0 else "none"
+    return f"{part} of the force can be commanded in its own direction"
 
 
 def _about_all_forces(analysis: Analysis) -> str:
     lost = lost_directions(analysis.task, list(analysis.lost_directions))
-    support = _support(analysis)
+    support = _support_in_words(analysis)
     if analysis.verdict is Verdict.TOLERATED:
-        apart = ", as far as the limits allow" if analysis.limits is not None else ""
+        apart = ", within the limits" if analysis.limits is not None else ""
         return f"every force that the healthy arm can exert here is kept{apart}"
     if analysis.verdict is Verdict.BORDERLINE:
         return (
-            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether "
-            f"it counts depends on the tolerance, {analysis.reduced.rtol:g} to {analysis.wary:g}"
+            f"the arm is close to losing a direction (margin {ratio(analysis.margin)}); whether it "
+            f"counts as lost depends on the tolerance, {analysis.reduced.rtol:g} to "
+            f"{analysis.wary:g}"
         )
     if not len(analysis.lost_directions):
-        return support.removeprefix("; ")
-    return f"no motor can command {lost} any more; forces square to that are kept{support}"
+        return support.removeprefix("; ") or _slight_support_in_words(analysis)
+    return f"no motor torque can produce {lost}; forces orthogonal to that are kept{support}"
 
 
-def _support(analysis: Analysis) -> str:
-    """Describe the tip force that the arm needs to stand still, if any."""
-    bounded, task = analysis.bounded, analysis.task
-    if bounded is None or bounded.F_after is None or analysis.force is not None:
-        return ""
-    support = task.unweigh_force(bounded.F_after)
-    if not is_noticeable(support):
+def _support_in_words(analysis: Analysis) -> str:
+    """Describe the tip force without which the arm cannot be held, if any."""
+    task, support = analysis.task, _support(analysis)
+    if support is None or not _is_shown(support):
         return ""
     listed = with_units(task.components, support.tolist(), task.units)
     overload = overload_in_words(analysis)
     return (
-        f"; {f'{overload}; ' if overload else ''}the arm stands still only while the tip presses "
+        f"; {f'{overload}; ' if overload else ''}the arm can be held only while the tip presses "
         f"on its environment with {listed}"
     )
 
 
+def _slight_support_in_words(analysis: Analysis) -> str:
+    """Describe a tip force without which the arm cannot be held, and which rounds to zero."""
+    support = _support(analysis)
+    if support is None:
+        return "the arm cannot be held"
+    listed = amounts(analysis.task, support)
+    return f"the arm can be held only with a slight force at the tip, {listed}"
+
+
+def _is_shown(support: Vector) -> bool:
+    """Return whether a supporting force differs from 0 at the precision at which it is printed."""
+    return any(float(number(x)) != 0.0 for x in support.tolist())
+
+
+def _brake_load(analysis: Analysis | _UnitForce) -> dict[int, float] | None:
+    load = None if analysis.torque is None else analysis.torque.brake_load
+    locked = analysis.faults.in_mode(FaultMode.LOCKED)
+    return None if load is None else {i: float(load[i]) for i in locked}
+
+
+def _total_after(analysis: Analysis) -> Vector | None:
+    """Return the total motor torques; NaN at locked joints, whose brakes carry the load."""
+    after = None if analysis.torque is None else analysis.torque.total_after
+    return None if after is None else np.where(analysis.reduced.locked, np.nan, after)
+
+
+def _support(analysis: Analysis) -> Vector | None:
+    bounded = analysis.bounded
+    if bounded is None or bounded.F_after is None or analysis.force is not None:
+        return None
+    return analysis.task.unweigh_force(bounded.F_after)
+
+
+class _UnitForce(NamedTuple):
+    component: str
+    force: ForceChange
+    torque: TorqueChange
+    faults: FaultSet
+
+
+def _unit_forces(analysis: Analysis) -> list[_UnitForce]:
+    pairs = zip(analysis.task.components, analysis.unit_forces, strict=False)
+    return [_UnitForce(name, *changes, analysis.faults) for name, changes in pairs]
+
+
+# fmt: off
+_JACOBIAN = (
+    Field("matrix", "J, unweighted, rows in the order of the components", "m/rad, rad/rad, m/m",
+        "m × n", "J"),
+    Field("rank", "rank of J", get="reduced.rank"),
+    replace(RANK_AFTER, get="reduced.rank_after"),
+    Field("sigma_max", "largest singular value of J̃", get="reduced.sigma_max"),
+    Field("sigma_min", "smallest one", get=lambda analysis: analysis.reduced.healthy.s[-1]),
+    replace(SIGMA_MIN_AFTER, get=lambda analysis: analysis.reduced.damaged.s[-1]),
+    *MEASURES,
+    Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
+    Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
+        "if none is left", "N per N·m", get="force_error"),
+)
+_FORCE = (
+    parts.REQUESTED,
+    Field("unsupported", "part that even the healthy arm cannot exert", parts.FORCE, "m"),
+    parts.BEFORE,
+    *parts.JUMP,
+)
+_FORCE_TORQUE = (
+    Field("before", "force part before the fault", parts.TORQUE, "by joint", "torque.before"),
+    Field("after", "force part after it; 0 at locked joints", parts.TORQUE, "by joint",
+        "torque.after"),
+    Field("brake_load", "load of the brake, including weight and motion", parts.TORQUE,
+        "by locked joint", _brake_load),
+    Field("self_motion", "part of `before` that exerts no static force", parts.TORQUE, "by joint",
+        "torque.self_motion"),
+)
+_GRAVITY = "rnea.gravity"
+_TORQUE = (
+    *_FORCE_TORQUE,
+    Field("gravity", "weight of the arm and its payload", get=whole, parts=(
+        Field("before", "`null` if the URDF has no masses", parts.TORQUE, "by joint", _GRAVITY),
+        Field("after", "the same", parts.TORQUE, "by joint", _GRAVITY),
+    )),
+    Field("motion", "M(q) a + V(q, v) v; 0 for an arm at rest", get=whole, parts=(
+        Field("before", "`null` if the arm moves and the URDF has no masses", parts.TORQUE,
+            "by joint", "rnea.motion_before"),
+        Field("after", "with the locked joints at rest", parts.TORQUE, "by joint",
+            "rnea.motion_after"),
+    )),
+    Field("total", "force part, weight and motion", get=whole, parts=(
+        Field("before", "total motor torques; `null` if the URDF has no masses", parts.TORQUE,
+            "by joint", "torque.total_before"),
+        Field("after", "**to command now**; 0 at joints without torque, `null` at locked ones",
+            parts.TORQUE, "by joint", _total_after),
+    )),
+)
+_TIP_JUMP = (
+    Field("tip_after", "tip velocity", parts.TIP_SPEED, "m"),
+    Field("jump", "after − before", parts.TIP_SPEED, "m"),
+    Field("jump_norm", "norm of its linear part", "m/s"),
+    Field("angular_jump_norm", "norm of its angular part", "rad/s"),
+)
+_VELOCITY = (
+    Field("before", "before the fault", parts.SPEED, "by joint", "velocity.before"),
+    Field("after", "after the remap; 0 at locked joints", parts.SPEED, "by joint",
+        "velocity.after"),
+    Field("tip_before", "tip velocity", parts.TIP_SPEED, "m", "velocity.tip_before"),
+    *under("velocity", _TIP_JUMP),
+    Field("impact", "immediately after the lock; `null` without a lock or masses",
+        parts=(Field("after", "0 at locked joints", parts.SPEED, "by joint"), *_TIP_JUMP)),
+)
+_STANDING = (
+    Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in static "
+        "equilibrium"),
+    Field("support", "without a force: the smallest tip force that holds the arm, 0 if none is "
+        "needed; `null` otherwise", parts.FORCE, "m", _support),
+    Field("unbalanced", "torque that no tip force balances; empty if the arm can be held",
+        parts.TORQUE, "by free joint", unbalanced),
+    Field("overloaded", "joints that weight and motion alone overload: `torque` and `limit`",
+        parts.TORQUE, "by joint", lambda analysis: {
+        j: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
+    }),
+)
+UNKNOWN_LIMITS = Field("unknown", "joints whose limit, of the motor or if locked of the brake, is "
+    "unknown", shape="names", get="unknown_limits")
+SITUATION = (
+    parts.ROBOT,
+    Field("conventions", "conventions of the document",
+        get=lambda x: parts.Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
+        *parts.CONVENTIONS,
+        Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
+    )),
+    parts.POSTURE,
+    parts.LOCKED,
+)
+ANALYSIS = (
+    *SITUATION,
+    Field("jacobian", "before and after the fault", get=whole, parts=_JACOBIAN),
+    Field("force", "tip force; its values are `null` if neither a force nor torques were given",
+        get=lambda analysis: analysis.force or MISSING, parts=_FORCE),
+    Field("torque", "motor torques", get=whole, parts=_TORQUE),
+    Field("velocity", "`null` if none was given",
+        get=lambda analysis: None if analysis.velocity is None else analysis, parts=_VELOCITY),
+    parts.VERDICT,
+    replace(parts.SUMMARY, get=verdict_sentence),
+    *parts.MODES,
+    Field("limits", parts.LIMITS_MEANING, get=parts.limited, parts=(
+        *parts.LIMITS_IN_FORCE,
+        UNKNOWN_LIMITS,
+        Field("binding", "joints at their limits", shape="names", get="bounded.binding"),
+        Field("share", "largest fraction of the force that can be commanded in its direction; "
+            "`null` without a force, or if no fraction is feasible", "1",
+            get=lambda x: None if x.force is None else x.bounded.share),
+    )),
+    Field("standing", "static equilibrium", get=whole, parts=_STANDING),
+    Field("capability", "with limits: keys as `capability` of a [capability](#capability); "
+        "otherwise `null`", shape="as of a capability",
+        get=lambda analysis: None if analysis.limits is None else capability_of(analysis),
+        parts=parts.CAPABILITY),
+    Field("residuals", "relative residuals of the equations that the result must satisfy: "
+        "`balance`, `orthogonality`, `uncommandable`, `statics`, `unchanged` "
+        "([force](../theory/force.md#force-jump)); with limits or joints without torque "
+        "`equality`, `limit`, `optimality` ([limits](../theory/limits.md#residuals))", "1",
+        "by law", lambda analysis: analysis.residuals()),
+    parts.WARNINGS,
+    Field("unit_forces", "only if neither a force nor torques were given: the same for 1 N (1 N·m) "
+        "along each axis", shape="list", get=_unit_forces, optional=True, parts=(
+        Field("component", "`fx`, …"),
+        Field("force", "keys as `force`", shape="as `force`", parts=_FORCE),
+        Field("torque", "keys as `torque`", shape="as `torque`", get=whole, parts=_FORCE_TORQUE),
+    )),
+)
+# fmt: on
+
+
 def analysis_document(analysis: Analysis) -> Document:
     """Return an analysis as a JSON document."""
-    names, reduced = analysis.robot.names, analysis.reduced
-    locked = analysis.faults.in_mode(FaultMode.LOCKED)
-    limited = analysis.limits is not None
-    document: Document = {
-        **_situation(analysis),
-        "jacobian": {
-            "matrix": analysis.J.tolist(),
-            "rank": reduced.rank,
-            "rank_after": reduced.rank_after,
-            "sigma_max": reduced.sigma_max,
-            "sigma_min": reduced.healthy.s[-1],
-            "sigma_min_after": reduced.damaged.s[-1],
-            "margin": analysis.margin,
-            "condition_number_after": finite(measures.condition_number(reduced)),
-            "relative_manipulability": finite(analysis.relative_manipulability),
-            "lost_directions": analysis.lost_directions.tolist(),
-            "force_error_per_torque": finite(analysis.force_error),
-        },
-        "force": force_part(analysis.force),
-        "torque": {
-            **torque_part(names, locked, analysis.torque),
-            **rnea_part(names, analysis.rnea),
-            "total": total_part(names, locked, analysis.torque),
-        },
-        "velocity": velocity_part(names, analysis.velocity, analysis.impact),
-        "verdict": analysis.verdict.value,
-        "summary": verdict_sentence(analysis),
-        **modes_part(names, analysis.faults),
-        "limits": _limits(analysis),
-        "standing": _standing(analysis),
-        "capability": capability_part(capability_of(analysis)) if limited else None,
-        "residuals": dict(analysis.residuals()),
-        "warnings": list(analysis.warnings),
-    }
-    if analysis.unit_forces:
-        document["unit_forces"] = [
-            {
-                "component": component,
-                "force": force_part(force),
-                "torque": torque_part(names, locked, torque),
-            }
-            for component, (force, torque) in zip(
-                analysis.task.components, analysis.unit_forces, strict=True
-            )
-        ]
-    return document
+    return document(ANALYSIS, analysis, analysis.robot.names)
 
 
-def _situation(analysis: Analysis) -> Document:
-    return {
-        "robot": arm_part(analysis.robot),
-        "conventions": {
-            **conventions_part(
-                analysis.task, analysis.reduced.rtol, analysis.wary, analysis.conditions
-            ),
-            "inverse": analysis.inverse,
-        },
-        "posture": posture_part(analysis.posture),
-        "locked": list(analysis.locked),
-    }
+def _row_name(field: Field) -> str:
+    return field.key.removesuffix("_after")
 
 
-def _limits(analysis: Analysis) -> Document | None:
-    bounded, names = analysis.bounded, analysis.robot.names
-    if analysis.limits is None or bounded is None:
-        return None
-    return {
-        **limits_part(names, analysis.limits),
-        "unknown": [names[i] for i in analysis.unknown_limits],
-        "binding": [names[j] for j in bounded.binding],
-        "share": bounded.share if analysis.force is not None else None,
-    }
-
-
-def _standing(analysis: Analysis) -> Document:
-    bounded, names = analysis.bounded, analysis.robot.names
-    support = None
-    if bounded is not None and bounded.F_after is not None and analysis.force is None:
-        support = analysis.task.unweigh_force(bounded.F_after).tolist()
-    return {
-        "can_stand_still": analysis.can_stand_still,
-        "support": support,
-        "unbalanced": {names[j]: x for j, x in unbalanced(analysis).items()},
-        "overloaded": {
-            names[j]: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()
-        },
-    }
+# fmt: off
+_CONVENTIONS = (
+    Field("robot", get="robot.name"),
+    Field("tip", get="robot.tip"),
+    *parts.TASK_COLUMNS,
+    parts.LIMITS_SOURCE,
+    *under("conditions.gravity", (Field(f"gravity_{axis}", unit="m/s²", get=itemgetter(i))
+        for i, axis in enumerate("xyz"))),
+    Field("payload", unit="kg", get=lambda x: x.conditions.payload.mass if x.conditions.payload
+        else 0.0),
+    replace(parts.RTOL, unit="", get="reduced.rtol"),
+    replace(parts.WARY, unit=""),
+)
+_NUMBERS = (replace(RANK_AFTER, get="reduced.rank_after"), *MEASURES)
+QUANTITIES = (
+    Field("convention", f"{', '.join(one.key for one in _CONVENTIONS)}; in `before`"),
+    Field("verdict", "in `after`"),
+    Field("jacobian", ", ".join(map(_row_name, _NUMBERS))),
+    Field("position", "per joint"),
+    Field("state", "per joint: `healthy`, `locked`, `free`, or `weak` with the factor"),
+    Field("gravity", "per joint: torques for weight"),
+    Field("motion", "per joint: torques for motion"),
+    Field("torque", "per joint: force part, if a force or torques were given"),
+    Field("total", "per joint: force part, weight and motion; empty after the fault at locked "
+        "joints"),
+    Field("brake_load", "per locked joint: load of the brake, including weight and motion, in "
+        "`after`"),
+    Field("velocity", "per joint, if velocities were given"),
+    Field("velocity at impact", "the same immediately after the lock"),
+    Field("force", "per component, if a force or torques were given"),
+    Field("force for unit …", "per component, for each unit force, if none were given"),
+    Field("tip velocity", "per component, if velocities were given"),
+    Field("tip velocity at impact", "the same immediately after the lock"),
+)
+"""The rows of an analysis as a table."""
+# fmt: on
 
 
 def analysis_rows(analysis: Analysis) -> list[Row]:
@@ -331,29 +446,17 @@ def analysis_rows(analysis: Analysis) -> list[Row]:
 
 
 def _convention_rows(analysis: Analysis) -> list[Row]:
-    task, reduced, conditions = analysis.task, analysis.reduced, analysis.conditions
-    healthy = safe_divide(reduced.healthy.s[-1], reduced.sigma_max, 0.0)
-    gravity = zip("xyz", conditions.gravity.tolist(), strict=True)
-    said = [
-        ("robot", "", analysis.robot.name),
-        ("tip", "", analysis.robot.tip),
-        ("axes", "", task.axes),
-        ("task", "", str(task)),
-        ("length", "m", task.length if task.moment_rows else ""),
-        ("limits", "", limits_source(analysis.limits)),
-        *((f"gravity_{axis}", "m/s²", x) for axis, x in gravity),
-        ("payload", "kg", 0.0 if conditions.payload is None else conditions.payload.mass),
-        ("rtol", "", reduced.rtol),
-        ("wary", "", analysis.wary),
-    ]
-    rho = finite(analysis.relative_manipulability)
+    said = [(one.key, one.unit, plain(one.value(analysis))) for one in _CONVENTIONS]
     return [
-        *(("convention", name, unit, value, "", "") for name, unit, value in said),
+        *(("convention", *one, "", "") for one in said),
         ("verdict", "verdict", "", "", analysis.verdict.value, ""),
-        ("jacobian", "rank", "", reduced.rank, reduced.rank_after, ""),
-        ("jacobian", "margin", "", healthy, analysis.margin, ""),
-        ("jacobian", "relative_manipulability", "", 1.0, rho, ""),
+        *(("jacobian", *_before_and_after(one, analysis), "") for one in _NUMBERS),
     ]
+
+
+def _before_and_after(field: Field, analysis: Analysis) -> Row:
+    before = None if field.healthy is None else plain(field.healthy(analysis))
+    return _row_name(field), "", before, plain(field.value(analysis))
 
 
 def _joint_rows(analysis: Analysis) -> list[Row]:
@@ -371,14 +474,9 @@ def _joint_rows(analysis: Analysis) -> list[Row]:
     rows += _changes("motion", robot.names, units, rnea.motion_before, rnea.motion_after)
     if torque is not None:
         rows += _changes("torque", robot.names, units, torque.before, torque.after)
-        after = torque.total_after
-        if after is not None:  # the load of a locked joint is reported as its brake load
-            after = np.where(analysis.reduced.locked, np.nan, after)
-        rows += _changes("total", robot.names, units, torque.total_before, after)
-        if torque.brake_load is not None:
-            for i in analysis.faults.in_mode(FaultMode.LOCKED):
-                load = float(torque.brake_load[i])
-                rows.append(("brake_load", robot.names[i], units[i], "", load, ""))
+        rows += _changes("total", robot.names, units, torque.total_before, _total_after(analysis))
+        for i, load in (_brake_load(analysis) or {}).items():
+            rows.append(("brake_load", robot.names[i], units[i], "", load, ""))
     if (velocity := analysis.velocity) is not None:
         units = [f"{joint.unit}/s" for joint in robot.joints]
         rows += _changes("velocity", robot.names, units, velocity.before, velocity.after)
@@ -398,8 +496,7 @@ def _changes(
     """Return one row per name; unknown values stay empty."""
     rows = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
-        b = None if before is None else finite(float(before[i]))
-        a = None if after is None else finite(float(after[i]))
+        b, a = (None if x is None else plain(x[i]) for x in (before, after))
         rows.append((quantity, name, unit, b, a, None if b is None or a is None else a - b))
     return rows
 

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import LimitingFactor, LockModel
-from ftforce.report import text
-from ftforce.report.analysis import _situation, faults_in_words
-from ftforce.report.parts import (
-    Document,
-    Row,
-    capability_part,
-    finite,
-    limits_part,
-    limits_source,
-    modes_part,
-    polytope_part,
-    rows_of,
-    task_columns,
-)
+from ftforce.report import parts, text
+from ftforce.report.analysis import SITUATION, UNKNOWN_LIMITS, faults_in_words
+from ftforce.report.fields import Document, Field, Row, columns, document, rows_of, under, whole
 from ftforce.report.text import NEGLIGIBLE, direction, joined, size, unit_of_size
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ftforce.analysis.analyze import Analysis
     from ftforce.analysis.capability import Capability, CapabilityRange
+    from ftforce.core.arrays import Vector
 
 
 def capability_sentence(capability: Capability) -> str:
@@ -44,7 +37,7 @@ def _about_force(capability: Capability) -> str:
     if math.isfinite(after.maximum) and after.maximum > 0.0:
         return f"the motors can command {amount_in_words(after, unit)} {everywhere}{earlier}"
     if math.isinf(after.maximum):
-        return f"no known limit ends the force that the motors can command{earlier}"
+        return f"no known limit bounds the force that the motors can command{earlier}"
     if (
         math.isfinite(before.maximum) and after.maximum != before.maximum
     ):  # the ranges belong to different directions
@@ -52,10 +45,10 @@ def _about_force(capability: Capability) -> str:
     if math.isnan(after.maximum):
         why = f"{end_in_words(analysis, after)} and " if after.end is LimitingFactor.WEIGHT else ""
         if analysis.can_stand_still:
-            return f"{why}the arm stands still only with a force at the tip{earlier}"
-        return f"{why}the arm cannot stand still{earlier}"
+            return f"{why}the arm can be held only with a force at the tip{earlier}"
+        return f"{why}the arm cannot be held in static equilibrium{earlier}"
     lost = direction(analysis.task, analysis.task.weigh_force(after.direction))
-    return f"the motors can command no {lost}{earlier}"
+    return f"no motor torque can produce {lost}{earlier}"
 
 
 def _about_payload(capability: Capability) -> str:
@@ -63,11 +56,11 @@ def _about_payload(capability: Capability) -> str:
     more = " more" if capability.analysis.conditions.payload is not None else ""
     earlier = _earlier(capability, before, after, "kg")
     if math.isnan(after.maximum):
-        return f"no payload lets it stand still{earlier}"
+        return f"the arm cannot be held with any payload{earlier}"
     if math.isinf(after.maximum):
-        return f"no known limit ends the payload{earlier}"
+        return f"no known limit bounds the payload{earlier}"
     if after.maximum == 0.0:
-        return f"the tip carries no payload{earlier}"
+        return f"the tip can carry no payload{earlier}"
     return f"the tip carries {amount_in_words(after, 'kg')}{more}{earlier}"
 
 
@@ -105,8 +98,10 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
         return "no known limit"
     if amount.end is LimitingFactor.WEIGHT:
         return f"weight overloads {joined(names)}" if names else "weight"
+    if amount.end is LimitingFactor.DIRECTION:
+        return "the arm lacks it"
     if amount.end is LimitingFactor.FAULT:
-        return f"fault of {joined(names)}" if names else "the arm lacks it"
+        return f"fault of {joined(names)}" if names else "beyond the healthy arm"
     locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
     words = (
         f"{'brake of ' if j in locked else ''}{name}"
@@ -115,55 +110,67 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
     return joined(words)
 
 
+# fmt: off
+CAPABILITY_FIELDS = (
+    *under("analysis", SITUATION),
+    *under("analysis", parts.MODES),
+    Field("limits", parts.LIMITS_MEANING, get=lambda capability: parts.limited(capability.analysis),
+        parts=(*parts.LIMITS_IN_FORCE, UNKNOWN_LIMITS)),
+    Field("capability", "forces and payload that can be held", get=whole, parts=parts.CAPABILITY),
+    parts.POLYTOPE,
+    replace(parts.SUMMARY, get=capability_sentence),
+    *under("analysis", [parts.WARNINGS]),
+)
+# fmt: on
+
+
 def capability_document(capability: Capability) -> Document:
     """Return a capability as a JSON document."""
-    analysis = capability.analysis
-    names = analysis.robot.names
-    limits = None
-    if analysis.limits is not None:
-        unknown = [names[i] for i in analysis.unknown_limits]
-        limits = {**limits_part(names, analysis.limits), "unknown": unknown}
-    return {
-        **_situation(analysis),
-        **modes_part(names, analysis.faults),
-        "limits": limits,
-        "capability": capability_part(capability),
-        "polytope": polytope_part(capability),
-        "summary": capability_sentence(capability),
-        "warnings": list(analysis.warnings),
-    }
+    return document(CAPABILITY_FIELDS, capability, capability.analysis.robot.names)
+
+
+class _Entry(NamedTuple):
+    """A row of a capability's table; no direction for a payload, or if none is the weakest."""
+
+    analysis: Analysis
+    quantity: str
+    unit: str
+    when: str
+    reading: str
+    amount: CapabilityRange
+    direction: Vector | None = None
+
+
+# fmt: off
+CAPABILITY_COLUMNS = (
+    Field("quantity", "`+fx`, `-fx`, …, `direction`, `weakest` or `payload`"),
+    Field("unit", "`N`, `N·m` or `kg`"),
+    Field("when", "`before` or `after`"),
+    Field("reading", "`commanded` or `held`"),
+    *under("amount", parts.AMOUNT),
+    Field("direction", "in the axes of the task; empty for a payload", "1", "m"),
+    *under("analysis", (parts.FAULT_SET, *parts.TASK_COLUMNS, parts.LIMITS_SOURCE)),
+)
+# fmt: on
 
 
 def capability_rows(capability: Capability) -> list[Row]:
     """Return a capability as table rows, one per direction, time and lock model."""
-    reports = [(report, report.unit) for report in capability.directions]
-    reports.append((capability.weakest, text.unit_of_size(capability.analysis.task)))
-    found = [
-        ((report.name, unit, when, reading.value), amounts[reading])
-        for report, unit in reports
-        for when, amounts in (("before", report.before), ("after", report.after))
-        for reading in LockModel
-    ]
-    loads = zip(("before", "after"), capability.payload, strict=True)
-    found += [(("payload", "kg", when, "held"), amount) for when, amount in loads]
-    return rows_of(_amount(capability, *one) for one in found)
+    analysis, components = capability.analysis, capability.analysis.task.components
+    names, units = analysis.robot.names, dict.fromkeys(components, "")
+    return rows_of(
+        columns(CAPABILITY_COLUMNS, entry, names, units) for entry in _entries(capability)
+    )
 
 
-def _amount(
-    capability: Capability, about: tuple[str, str, str, str], amount: CapabilityRange
-) -> Document:
-    analysis, task = capability.analysis, capability.analysis.task
-    names, direction = analysis.robot.names, amount.direction.tolist()
-    if not direction or (about[0] == capability.weakest.name and not math.isfinite(amount.maximum)):
-        direction = [""] * task.m
-    return {
-        **dict(zip(("quantity", "unit", "when", "reading"), about, strict=True)),
-        "most": finite(amount.maximum),
-        "least": finite(amount.minimum),
-        "end": amount.end.value,
-        "stops": " ".join(names[j] for j in amount.limiting_joints),
-        **{f"direction_{axis}": x for axis, x in zip(task.components, direction, strict=True)},
-        "fault_set": str(analysis.faults),
-        **task_columns(task),
-        "limits": limits_source(analysis.limits),
-    }
+def _entries(capability: Capability) -> Iterator[_Entry]:
+    analysis, weakest = capability.analysis, capability.weakest
+    for report in (*capability.directions, weakest):
+        unit = text.unit_of_size(analysis.task) if report is weakest else report.unit
+        for when, amounts in (("before", report.before), ("after", report.after)):
+            for reading in LockModel:
+                amount = amounts[reading]
+                direction = parts.WEAKEST.value(amount) if report is weakest else amount.direction
+                yield _Entry(analysis, report.name, unit, when, reading.value, amount, direction)
+    for when, amount in zip(("before", "after"), capability.payload, strict=True):
+        yield _Entry(analysis, "payload", "kg", when, "held", amount)

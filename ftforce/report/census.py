@@ -3,178 +3,220 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report.parts import (
-    Document,
-    Row,
-    arm_part,
-    conventions_part,
-    finite,
-    limits_part,
-    limits_source,
-    listed,
-    modes_part,
-    posture_part,
-    rows_of,
-    task_columns,
-)
-from ftforce.report.text import ratio, size, unit_of_size, vector_in_words
+from ftforce.report import parts
+from ftforce.report.fields import Document, Field, Row, columns, document, rows_of, under, whole
+from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
+from ftforce.report.text import joined, percent, ratio, size, unit_of_size, vector_in_words
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ftforce.analysis.census import Census
+    from ftforce.analysis.census import Census, JointReport
     from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.ranks import Rank
 
 
 def critical_joint(census: Census) -> str:
-    """Describe the critical joint."""
-    worst, robot = census.joints[0], census.robot
-    name = f"{robot.joints[worst.joint].number} {robot.names[worst.joint]}"
+    """Describe the critical joint, or those that tie."""
+    worst, ties = census.joints[0], census.most_critical
+    name = joined(f"{one.joint + 1} {census.robot.names[one.joint]}" for one in ties)
+    tie = len(ties) > 1
+    critical = f"Critical joints, tied: {name}" if tie else f"Critical joint: {name}"
+    alone = "When one of them fails alone" if tie else "When it fails alone"
     if worst.alone.capability is not None:
-        return f"Critical joint: {name}. When it fails alone, {_left(census, worst.alone)}."
+        return f"{critical}. {alone}, {_left(census, worst.alone)}."
     for count, verdict in (
         (worst.not_tolerated, Verdict.NOT_TOLERATED),
         (worst.borderline, Verdict.BORDERLINE),
     ):
         if count and worst.sets == 1:
-            return f"Critical joint: {name}. Its fault is {verdict.value}."
+            return f"{critical}. {'Each' if tie else 'Its'} fault is {verdict.value}."
         if count:
             share = "all" if count == worst.sets else f"{count} of"
             return (
-                f"Critical joint: {name}. Of the fault sets that hold it, {share} "
-                f"{worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
+                f"{critical}. Of the fault sets that contain {'each of them' if tie else 'it'}, "
+                f"{share} {worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
             )
+    leaves = f"joints {name} leave" if tie else f"joint {name} leaves"
+    when = "one of them" if tie else "it"
     return (
-        f"Every fault set is tolerated here; joint {name} leaves the smallest margin, "
-        f"{ratio(worst.alone.margin)}, when it fails alone."
+        f"Every fault set is tolerated here; {leaves} the smallest margin, "
+        f"{ratio(worst.alone.margin)}, when {when} fails alone."
     )
 
 
 def _left(census: Census, report: SetReport) -> str:
     """Describe the force that remains with a fault set."""
-    found = report.capability
+    found, kept = report.capability, census.capability_kept(report)
     assert found is not None
     where = "in the weakest direction"
     if census.direction is not None:
         where = f"along {vector_in_words(census.direction)}"
     if not report.can_stand_still:
-        return "the arm cannot stand still"
+        return "the arm cannot be held in static equilibrium"
     if math.isnan(found.commanded) and census.direction is None:
-        return "the arm stands still only with a force at the tip"
+        return "the arm can be held only with a force at the tip"
     if math.isnan(found.commanded):
-        return f"the arm does not stand still with any force {where}"
+        return f"the arm cannot be held with any force {where}"
     if math.isinf(found.commanded):
-        return f"no known limit ends the force {where} that the motors can command"
+        return f"no known limit bounds the force {where} that the motors can command"
     if found.commanded == 0.0:
-        return f"the motors can command no force {where}"
+        return f"no motor torque can produce force {where}"
     unit = unit_of_size(census.task, census.direction)
-    return f"the motors can command {size(found.commanded)} {unit} {where}"
+    share = "" if kept is None else f", {percent(kept)} of the healthy arm's"
+    return f"the motors can command {size(found.commanded)} {unit} {where}{share}"
+
+
+class _Ranked(NamedTuple):
+    """A fault set of a census, or the healthy arm, which has no rank."""
+
+    report: SetReport
+    rank: Rank | None
+    capability_kept: float | None
+
+
+def _healthy(census: Census) -> _Ranked:
+    return _Ranked(census.healthy, None, census.capability_kept(census.healthy))
+
+
+def _sets(census: Census) -> list[_Ranked]:
+    pairs = zip(census.sets, census.set_ranks, strict=True)
+    return [_Ranked(report, rank, census.capability_kept(report)) for report, rank in pairs]
+
+
+class _RankedJoint(NamedTuple):
+    """A joint of a census."""
+
+    report: JointReport
+    rank: Rank
+    alone: _Ranked
+
+
+def _joints(census: Census) -> list[_RankedJoint]:
+    sets = {one.report.faults: one for one in _sets(census)}
+    pairs = zip(census.joints, census.joint_ranks, strict=True)
+    return [_RankedJoint(joint, rank, sets[joint.alone.faults]) for joint, rank in pairs]
+
+
+# fmt: off
+RANK_LOST = Field("rank_lost", "rank of J minus rank of K")
+_RELATIVE = (
+    Field("relative_jump", "‖ΔF‖/‖F̂‖, weighted, 1 if the arm cannot be held; without a force, 1 if "
+        "a direction is lost and 0 if not", "1"),
+    Field("kept", "share of the force that is still exerted along it, F̂ᵀF'/F̂ᵀF̂", "1"),
+)
+_SHARE = Field("share", "largest fraction of the force that can be commanded in its direction; "
+    "`null` without a force, with neither limits nor free-swinging joints, or if no fraction is "
+    "feasible", "1")
+_STANDS = Field("can_stand_still", "whether motors, brakes and some tip force can hold the arm in "
+    "static equilibrium")
+_BINDING = Field("binding", "joints at their limits", shape="names")
+_CAPABILITY = (
+    Field("commanded", "largest force that the motors can exert; `null` if no known limit bounds "
+        "it (`end` is `unlimited`), or if the arm cannot be held with any force in this direction",
+        parts.FORCE),
+    Field("held", "largest force that motors and brakes can bear; likewise", parts.FORCE),
+    Field("least", "smallest force that can be commanded, nonzero only with free-swinging joints "
+        "or if weight alone exceeds a limit; `null` if there is none", parts.FORCE, get="minimum"),
+    Field("end", "what limits `commanded`: `limit`, `fault`, `weight`, `unlimited`, or "
+        "`direction`: even the healthy arm exerts no force in this direction"),
+    Field("held_end", "what limits `held`"),
+)
+_SET = (
+    parts.LOCKED,
+    *parts.MODES,
+    Field("jacobian", "before and after the fault", get=whole,
+        parts=(RANK_AFTER, RANK_LOST, SIGMA_MIN_AFTER, *MEASURES)),
+    Field("force", "its values are `null` without a force", get=whole,
+        parts=(*parts.JUMP, *_RELATIVE)),
+    _STANDS,
+    _SHARE,
+    _BINDING,
+    Field("capability", "`null` unless ranked by it; without a direction, for a task with forces "
+        "and moments, in weighted N", parts=(
+        *_CAPABILITY,
+        Field("stops", "joints whose limits end what can be commanded", shape="names",
+            get="limiting_joints"),
+    )),
+    parts.VERDICT,
+)
+_KEPT = Field("capability_kept", "`commanded` over that of the healthy arm; `null` unless ranked "
+    "by it, or if unknown", "1")
+_RANKED_SET = (parts.RANK, *under("report", _SET), _KEPT)
+CENSUS = (
+    parts.ROBOT,
+    Field("conventions", "conventions of the document",
+        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
+    parts.POSTURE,
+    Field("faults", "size of the largest sets", get="largest"),
+    Field("mode", "`locked` or `free`"),
+    Field("rank_by", "`jump` or `capability`"),
+    Field("direction", "of the capability; `null` for the weakest, or if the ranking is by jump",
+        "1", "m"),
+    Field("limits", parts.LIMITS_MEANING, get=parts.limited, parts=parts.LIMITS_IN_FORCE),
+    Field("force", "tip force", get=whole, parts=(parts.REQUESTED, parts.BEFORE)),
+    Field("healthy", "the baseline, no joint failed; keys as an element of `sets`",
+        shape="as of `sets`", get=_healthy, parts=_RANKED_SET),
+    Field("sets", "every fault set, worst first", shape="list", get=_sets, parts=_RANKED_SET),
+    Field("joints", "every joint, most critical first", shape="list", get=_joints, parts=(
+        parts.RANK,
+        Field("joint", "its name", shape="name", get="report.joint"),
+        Field("alone", "the set in which only it fails; keys as an element of `sets`",
+            shape="as of `sets`", parts=_RANKED_SET),
+        *under("report", (
+            Field("sets", "number of sets that contain it"),
+            Field("not_tolerated", "how many of them are not tolerated"),
+            Field("borderline", "how many of them are borderline"),
+            Field("falls", "with how many of them the arm cannot be held in static equilibrium"),
+            Field("mean_relative_jump", "mean of ‖ΔF‖/‖F̂‖ over them", "1"),
+            Field("least_capability", "smallest force over them that can be commanded; `null` "
+                "unless ranked by it, if no known limit bounds it, or if the arm cannot be held",
+                parts.FORCE),
+        )),
+    )),
+    replace(parts.SUMMARY, get=critical_joint),
+    parts.WARNINGS,
+)
+# fmt: on
 
 
 def census_document(census: Census) -> Document:
     """Return a census as a JSON document."""
-    names = census.robot.names
-    return {
-        "robot": arm_part(census.robot),
-        "conventions": conventions_part(census.task, census.rtol, census.wary, census.conditions),
-        "posture": posture_part(census.posture),
-        "faults": census.largest,
-        "mode": census.mode.value,
-        "rank_by": census.rank_by,
-        "direction": listed(census.direction),
-        "limits": None if census.limits is None else limits_part(names, census.limits),
-        "force": {"requested": listed(census.requested), "before": listed(census.before)},
-        "sets": [_set_document(names, report) for report in census.sets],
-        "joints": [
-            {
-                "joint": names[report.joint],
-                "alone": _set_document(names, report.alone),
-                "sets": report.sets,
-                "not_tolerated": report.not_tolerated,
-                "borderline": report.borderline,
-                "mean_relative_jump": report.mean_relative_jump,
-                "least_capability": None
-                if report.least_capability is None
-                else finite(report.least_capability),
-            }
-            for report in census.joints
-        ],
-        "summary": critical_joint(census),
-        "warnings": list(census.warnings),
-    }
+    return document(CENSUS, census, census.robot.names)
 
 
-def _set_document(names: Sequence[str], report: SetReport) -> Document:
-    return {
-        "locked": [names[i] for i in report.faults.in_mode(FaultMode.LOCKED)],
-        **modes_part(names, report.faults),
-        "jacobian": {
-            "rank_after": report.rank_after,
-            "rank_lost": report.rank_lost,
-            "sigma_min_after": report.sigma_min_after,
-            "margin": report.margin,
-            "relative_manipulability": finite(report.relative_manipulability),
-        },
-        "force": {
-            "after": listed(report.after),
-            "jump": listed(report.jump),
-            "jump_norm": report.jump_norm,
-            "moment_jump_norm": report.moment_jump_norm,
-        },
-        "can_stand_still": report.can_stand_still,
-        "share": report.share,
-        "binding": [names[j] for j in report.binding],
-        "capability": None
-        if report.capability is None
-        else {
-            "commanded": finite(report.capability.commanded),
-            "held": finite(report.capability.held),
-            "least": finite(report.capability.minimum),
-            "end": report.capability.end.value,
-            "held_end": report.capability.held_end.value,
-            "stops": [names[j] for j in report.capability.limiting_joints],
-        },
-        "verdict": report.verdict.value,
-    }
+# fmt: off
+_SET_COLUMNS = (
+    parts.FAULT_SET,
+    parts.LOCKED,
+    Field("free", "free-swinging joints", shape="names",
+        get=lambda x: x.faults.in_mode(FaultMode.FREE)),
+    Field("size", "number of failed joints", get=lambda report: len(report.faults)),
+    parts.VERDICT,
+    *parts.JUMP[2:],
+    *_RELATIVE,
+    parts.JUMP[1],
+    *MEASURES,
+    RANK_AFTER,
+    RANK_LOST,
+    _STANDS,
+    _SHARE,
+    _BINDING,
+    *under("capability", _CAPABILITY),
+)
+SET_COLUMNS = (*under("report", _SET_COLUMNS), _KEPT, *parts.RANK_COLUMNS)
+# fmt: on
+QUESTION_COLUMNS = (*parts.TASK_COLUMNS, parts.LIMITS_SOURCE, parts.RTOL, parts.WARY)
 
 
 def census_rows(census: Census) -> list[Row]:
-    """Return a census as table rows, one per fault set."""
-    return rows_of(_set_record(census, report) for report in census.sets)
-
-
-def _set_record(census: Census, report: SetReport) -> Document:
-    task, names, faults = census.task, census.robot.names, report.faults
-    jump = [""] * task.m if report.jump is None else report.jump.tolist()
-    jumps = zip(task.components, task.units, jump, strict=True)
-    found = report.capability
-    return {
-        "fault_set": str(faults),
-        "locked": " ".join(names[i] for i in faults.in_mode(FaultMode.LOCKED)),
-        "free": " ".join(names[i] for i in faults.in_mode(FaultMode.FREE)),
-        "size": len(faults),
-        "verdict": report.verdict.value,
-        "jump_norm [N]": report.jump_norm,
-        "moment_jump_norm [N·m]": report.moment_jump_norm,
-        **{f"jump_{name} [{unit}]": x for name, unit, x in jumps},
-        "margin": report.margin,
-        "relative_manipulability": finite(report.relative_manipulability),
-        "rank_after": report.rank_after,
-        "rank_lost": report.rank_lost,
-        "can_stand_still": report.can_stand_still,
-        "share": report.share,
-        "binding": " ".join(names[j] for j in report.binding),
-        "commanded": "" if found is None else finite(found.commanded),
-        "held": "" if found is None else finite(found.held),
-        "least": "" if found is None else finite(found.minimum),
-        "end": "" if found is None else found.end.value,
-        "held_end": "" if found is None else found.held_end.value,
-        **task_columns(task),
-        "limits": limits_source(census.limits),
-        "rtol": census.rtol,
-        "wary": census.wary,
-    }
+    """Return a census as table rows, one per fault set, then one of the healthy arm."""
+    names, about = census.robot.names, columns(QUESTION_COLUMNS, census)
+    components = dict(zip(census.task.components, census.task.units, strict=True))
+    return rows_of(
+        columns(SET_COLUMNS, one, names, components) | about
+        for one in (*_sets(census), _healthy(census))
+    )

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.arm_report import CONFIDENCE
-from ftforce.report.parts import (
+from ftforce.report import parts
+from ftforce.report.fields import (
     Document,
+    Field,
     Row,
-    estimate_part,
-    finite,
-    interval_columns,
-    listed,
+    columns,
+    constants,
+    document,
     rows_of,
+    under,
+    whole,
 )
+from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.text import NEGLIGIBLE, joined, share, size, vector_in_words
 
 if TYPE_CHECKING:
     from ftforce.batch.arm_report import ArmReport, SizeReport
     from ftforce.batch.comparison import Comparison
     from ftforce.batch.result import SweepSetting
-    from ftforce.batch.summary.criticality import Estimate
 
 _MOST_NAMED = 4
 
@@ -40,7 +44,7 @@ def ranks(arm: ArmReport) -> str:
 
 def fault_words(setting: SweepSetting) -> str:
     """Describe the faults of a sweep: ``one joint locked``."""
-    state = "swinging freely" if setting.mode == "free" else setting.mode
+    state = "free-swinging" if setting.mode == "free" else setting.mode
     if setting.largest == 1:
         return f"one joint {state}"
     return f"up to {setting.largest} joints {state}"
@@ -61,8 +65,8 @@ def _best(comparison: Comparison) -> str:
     best, *others = comparison.best
     rest = [arm.name for arm in others]
     found = (
-        f"{best.name} degrades best: with {fault_words(best.setting)} it {_keeps(best)} at "
-        f"{share(best.tolerated.value)}% of the postures and fault sets "
+        f"{best.name} degrades most gracefully: with {fault_words(best.setting)} it {_keeps(best)} "
+        f"for {share(best.tolerated.value)}% of all combinations of posture and fault set "
         f"({share(best.tolerated.low)} to {share(best.tolerated.high)}%)."
     )
     if not rest:
@@ -75,7 +79,7 @@ def _best(comparison: Comparison) -> str:
 
 def _keeps(arm: ArmReport) -> str:
     if arm.setting.force is None:
-        return "can still command every force that it could"
+        return "keeps every direction of force"
     return "keeps the force"
 
 
@@ -83,7 +87,7 @@ def _worst(comparison: Comparison) -> list[str]:
     worst = comparison.arms[-1]
     if worst.first == 1:
         return []
-    found = f"{worst.name} degrades worst: {share(worst.tolerated.value)}%"
+    found = f"{worst.name} degrades least gracefully: {share(worst.tolerated.value)}%"
     return [f"{found}; its critical joint is {critical_words(worst)}."]
 
 
@@ -104,165 +108,167 @@ def _strongest(comparison: Comparison) -> list[str]:
     known = "" if len(finite) == len(found) else " of those whose limits are known"
     where = f"along {vector_in_words(arm.setting.direction or ())}{known}"
     amount = f"{size(most, 0)} {unit}, the median after a single fault"
-    return [f"{arm.name} can still command most {where}: {amount}."]
+    return [f"{arm.name} retains the largest force {where}: {amount}."]
+
+
+_LOW, _HIGH = ("q05", "q50"), ("q50", "q95")
+# fmt: off
+_RHO = replace(RHO, key="rho")
+_EVERY = "share of the postures that tolerate every set"
+_JUMP = Field("jump", "jump over force; `null` without a force", "1")
+_CAPABILITY = Field("capability", "largest force that can be commanded; `null` if it is not "
+    "evaluated", parts.FORCE)
+_HEALTHY = Field("healthy_capability", "before a fault; `null` if unknown", parts.FORCE)
+_RHO_BOUND = Field("rho_bound", "√(C(n−m, f)/C(n, f))", "1")
+_CASES = "share of postures × sets"
+_ARM = (
+    parts.estimate("tolerated", _CASES),
+    parts.estimate("every", _EVERY),
+    Field("full_rank", "share of the postures at which the healthy arm has full rank", "1"),
+)
+_WORST_RHO = parts.estimate("worst_rho", "median of a posture's smallest ρ")
+_EVENNESS = Field("evenness", "`worst_rho` over the root mean square of ρ, which it cannot exceed",
+    "1")
+_VOLUMES = (
+    Field("visited", "volume of the cells with postures", "m³"),
+    Field("survived", "volume of the cells in which `enough` of the postures tolerate every set",
+        "m³"),
+    Field("some", "volume of the cells in which at least one posture does", "m³"),
+)
+_CELL = Field("cell", "edge length of a cell", "m")
+_REACH = Field("reach", "distance from the first joint to the farthest visited cell", "m")
+_SIZE = (Field("size", "number of joints that fail together"), Field("sets", "number of such sets"))
+_MODE = Field("mode", "`locked` or `free`")
+_ASKED = (
+    parts.SETTING_TASK[1],
+    parts.SETTING_COMPONENTS,
+    parts.SETTING_TASK[0],
+    parts.SETTING_TASK[2],
+    _MODE,
+    Field("faults", "size of the largest sets", get="largest"),
+    Field("force", "requested force; `null` without", parts.FORCE, "m"),
+    Field("direction", "of the capability; `null` without", "1", "m"),
+    Field("limits_count", "whether torque limits bound the capability",
+        get=lambda asked: asked.limits is not None),
+    parts.GRAVITY,
+    Field("payload", "description; `null` without a payload"),
+    parts.RTOL,
+    parts.WARY,
+)
+_CRITICAL = (
+    Field("joint", "name", get=lambda arm: arm.setting.joints[arm.critical.joint]),
+    Field("number", "number from 1", get=lambda arm: arm.critical.joint + 1),
+    Field("tolerated", "share of the cases that contain it", "1", get="critical_tolerated"),
+    *under("critical",
+        (parts.estimate("not_tolerated", "likewise"), Field("borderline", "likewise", "1"))),
+)
+_ARMS = (
+    Field("name", "name of the arm, unique in the comparison"),
+    Field("rank", "first and last rank: arms whose intervals overlap share theirs", shape="2",
+        get=lambda arm: (arm.first, arm.last)),
+    *under("setting", (replace(parts.SETTING_ARM[0], key="robot"), *parts.SETTING_ARM[1:])),
+    Field("sweep", "path of its stored sweep; `null` if it was made for this", get="path"),
+    Field("postures", "the analysed postures", get=whole, parts=(
+        Field("count", "number analysed", get="postures"),
+        Field("source", "description", get="setting.postures"),
+    )),
+    Field("limits", "source of its torque limits; `null` if none apply", get="setting.limits"),
+    Field("unknown_limits", "joints whose limit is unknown", shape="list of names",
+        get="setting.unknown_limits"),
+    *_ARM,
+    _WORST_RHO,
+    _EVENNESS,
+    Field("critical_joint", "the critical joint", get=whole, parts=_CRITICAL),
+    Field("sizes", "one for each number of joints that fail together", shape="list", parts=(
+        *_SIZE,
+        parts.estimate("tolerated", _CASES),
+        Field("borderline", _CASES, "1"),
+        parts.quantiles(MARGIN, _LOW, parts=parts.ESTIMATE),
+        parts.quantiles(_RHO, _LOW, parts=parts.ESTIMATE),
+        _RHO_BOUND,
+        parts.quantiles(_JUMP, _HIGH, parts=parts.ESTIMATE),
+        parts.quantiles(_CAPABILITY, _LOW, parts=parts.ESTIMATE),
+    )),
+    parts.quantiles(_HEALTHY, _LOW, parts=parts.ESTIMATE),
+    Field("capability_kept", "median after over median before; `null` if unknown", "1"),
+    Field("workspace", "volumes visited and survived",
+        parts=(_CELL, *_VOLUMES, Field("share", "survived of visited", "1"), _REACH)),
+)
+COMPARISON = (
+    Field("question", "what was asked of every arm", parts=_ASKED),
+    *constants({"ranked_by": KEY}),
+    Field("confidence", "confidence level of the intervals", "1", get=lambda _: CONFIDENCE),
+    Field("enough", "share of tolerated postures from which a cell counts as survived", "1"),
+    Field("units", "units of the quantities of an arm", shape="by quantities",
+        get=lambda comparison: {
+        "tolerated, every, borderline, full_rank, share": "1",
+        "margin, rho, evenness": "1",
+        "jump": "share of the force",
+        "capability": comparison.question.capability_unit,
+        "visited, survived, some": "m³",
+        "cell, reach": "m",
+    }),
+    Field("arms", "best first", shape="list", parts=_ARMS),
+    replace(parts.SUMMARY, get=comparison_sentence),
+    parts.WARNINGS,
+)
+# fmt: on
 
 
 def comparison_document(comparison: Comparison) -> Document:
     """Return a comparison as a JSON document: the question, and the arms, best first."""
-    asked = comparison.question
-    return {
-        "question": _question(asked),
-        "ranked_by": KEY,
-        "confidence": CONFIDENCE,
-        "enough": comparison.enough,
-        "units": {
-            "tolerated, every, borderline, full_rank, share": "1",
-            "margin, rho, evenness": "1",
-            "jump": "share of the force",
-            "capability": asked.capability_unit,
-            "visited, survived, some": "m³",
-            "cell, reach": "m",
-        },
-        "arms": [_arm(arm) for arm in comparison.arms],
-        "summary": comparison_sentence(comparison),
-        "warnings": list(comparison.warnings),
-    }
+    return document(COMPARISON, comparison)
 
 
-def _question(asked: SweepSetting) -> Document:
-    return {
-        "task": asked.task,
-        "components": list(asked.components),
-        "axes": asked.axes,
-        "length": asked.length if _has_moments(asked) else None,
-        "mode": asked.mode,
-        "faults": asked.largest,
-        "force": listed(asked.force),
-        "direction": listed(asked.direction),
-        "limits_count": asked.limits is not None,
-        "gravity": list(asked.gravity),
-        "payload": asked.payload,
-        "rtol": asked.rtol,
-        "wary": asked.wary,
-    }
+class _Case(NamedTuple):
+    """A row of a comparison's table."""
+
+    arm: ArmReport
+    one: SizeReport
 
 
-def _has_moments(asked: SweepSetting) -> bool:
-    return any(name[0] == "m" for name in asked.components)
-
-
-def _arm(arm: ArmReport) -> Document:
-    setting, place, critical = arm.setting, arm.workspace, arm.critical
-    return {
-        "name": arm.name,
-        "rank": [arm.first, arm.last],
-        "robot": setting.robot,
-        "base": setting.base,
-        "tip": setting.tip,
-        "joints": list(setting.joints),
-        "sweep": arm.path,
-        "postures": {"count": arm.postures, "source": setting.postures},
-        "limits": setting.limits,
-        "unknown_limits": list(setting.unknown_limits),
-        "tolerated": estimate_part(arm.tolerated),
-        "every": estimate_part(arm.every),
-        "full_rank": arm.full_rank,
-        "worst_rho": estimate_part(arm.worst_rho),
-        "evenness": finite(arm.evenness),
-        "critical_joint": {
-            "joint": setting.joints[critical.joint],
-            "number": critical.joint + 1,
-            "tolerated": arm.critical_tolerated,
-            "not_tolerated": estimate_part(critical.not_tolerated),
-            "borderline": critical.borderline,
-        },
-        "sizes": [_size(one) for one in arm.sizes],
-        "healthy_capability": _pair(arm.healthy_capability, "q05", "q50"),
-        "capability_kept": finite(arm.capability_kept),
-        "workspace": {
-            "cell": place.cell,
-            "visited": place.visited,
-            "survived": place.survived,
-            "some": place.some,
-            "share": finite(place.share),
-            "reach": place.reach,
-        },
-    }
-
-
-def _size(one: SizeReport) -> Document:
-    return {
-        "size": one.size,
-        "sets": one.sets,
-        "tolerated": estimate_part(one.tolerated),
-        "borderline": one.borderline,
-        "margin": _pair(one.margin, "q05", "q50"),
-        "rho": _pair(one.rho, "q05", "q50"),
-        "rho_bound": finite(one.rho_bound),
-        "jump": _pair(one.jump, "q50", "q95"),
-        "capability": _pair(one.capability, "q05", "q50"),
-    }
-
-
-def _pair(found: tuple[Estimate, Estimate] | None, first: str, second: str) -> Document | None:
+def comparison_columns(unit: str = parts.FORCE) -> tuple[Field, ...]:
+    """Return the CSV columns, with the unit of the capability."""
+    arm = (
+        Field("arm", "name of the arm", get="name"),
+        Field("rank_first", "first rank", get="first"),
+        Field("rank_last", "last rank", get="last"),
+        Field("joints", "number of joints", get="setting.n"),
+        Field("postures", "number of postures analysed"),
+        *_ARM,
+        replace(_CRITICAL[0], key="critical_joint"),
+        replace(_CRITICAL[2], key="critical_tolerated"),
+        replace(_WORST_RHO, parts=parts.ESTIMATE[:1]),
+        _EVENNESS,
+    )
+    size = (
+        *_SIZE,
+        Field("size_tolerated", _CASES, "1", get="tolerated.value"),
+        Field("size_low", "lower end of its 95 % interval", "1", get="tolerated.low"),
+        Field("size_high", "upper end of its 95 % interval", "1", get="tolerated.high"),
+        Field("size_borderline", _CASES, "1", get="borderline"),
+        parts.quantiles(MARGIN, _LOW, parts=parts.ESTIMATE[:1]),
+        parts.quantiles(_RHO, _LOW, parts=parts.ESTIMATE[:1]),
+        _RHO_BOUND,
+        parts.quantiles(_JUMP, _HIGH, parts=parts.ESTIMATE[:1]),
+    )
+    healthy, capability = (
+        parts.quantiles(replace(one, unit=unit), _LOW, parts=parts.ESTIMATE[:1])
+        for one in (_HEALTHY, _CAPABILITY)
+    )
+    axes, task, length, *others = parts.SETTING_COLUMNS
     return (
-        None if found is None else {first: estimate_part(found[0]), second: estimate_part(found[1])}
+        *under("arm", arm),
+        *under("one", size),
+        *under("arm", [healthy]),
+        *under("one", [capability]),
+        *under("arm.workspace", (_REACH, _CELL, *_VOLUMES)),
+        *under("arm.setting", (axes, task, length, _MODE, *others)),
     )
 
 
 def comparison_rows(comparison: Comparison) -> list[Row]:
     """Return a comparison as table rows, header first: one per arm and set size, best first."""
-    unit = comparison.question.capability_unit
-    return rows_of(_columns(arm, one, unit) for arm in comparison.arms for one in arm.sizes)
-
-
-def _columns(arm: ArmReport, one: SizeReport, unit: str) -> Document:
-    setting, place = arm.setting, arm.workspace
-    return {
-        "arm": arm.name,
-        "rank_first": arm.first,
-        "rank_last": arm.last,
-        "joints": setting.n,
-        "postures": arm.postures,
-        **interval_columns("tolerated", arm.tolerated),
-        **interval_columns("every", arm.every),
-        "full_rank": arm.full_rank,
-        "critical_joint": setting.joints[arm.critical.joint],
-        "critical_tolerated": arm.critical_tolerated,
-        "worst_rho": finite(arm.worst_rho.value),
-        "evenness": finite(arm.evenness),
-        "size": one.size,
-        "sets": one.sets,
-        "size_tolerated": one.tolerated.value,
-        "size_low": one.tolerated.low,
-        "size_high": one.tolerated.high,
-        "size_borderline": one.borderline,
-        **_quantiles("margin", one.margin),
-        **_quantiles("rho", one.rho),
-        "rho_bound": finite(one.rho_bound),
-        **_quantiles("jump", one.jump, ("q50", "q95")),
-        **_quantiles("healthy_capability", arm.healthy_capability, unit=f" [{unit}]"),
-        **_quantiles("capability", one.capability, unit=f" [{unit}]"),
-        "reach [m]": place.reach,
-        "cell [m]": place.cell,
-        "visited [m³]": place.visited,
-        "survived [m³]": place.survived,
-        "some [m³]": place.some,
-        "axes": setting.axes,
-        "task": setting.task,
-        "length [m]": setting.length if _has_moments(setting) else "",
-        "mode": setting.mode,
-        "limits": setting.limits or "none",
-        "rtol": setting.rtol,
-        "wary": setting.wary,
-    }
-
-
-def _quantiles(
-    name: str,
-    pair: tuple[Estimate, Estimate] | None,
-    ends: tuple[str, str] = ("q05", "q50"),
-    unit: str = "",
-) -> Document:
-    values = (None, None) if pair is None else (finite(one.value) for one in pair)
-    return {f"{name}_{end}{unit}": x for end, x in zip(ends, values, strict=True)}
+    fields = comparison_columns(comparison.question.capability_unit)
+    cases = (_Case(arm, one) for arm in comparison.arms for one in arm.sizes)
+    return rows_of(columns(fields, case) for case in cases)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from os import PathLike
     from typing import TypeAlias
 
-    from ftforce.report.parts import Document, Row
+    from ftforce.report.fields import Document, Row
 
     Result: TypeAlias = (
         Analysis
@@ -69,7 +69,7 @@ def to_rows(result: object) -> list[Row]:
     InputError
         The object is neither a result nor a robot.
     """
-    raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
+    raise InputError(f"only a result or a robot can be written, got {type(result).__name__}")
 
 
 to_rows.register(Analysis, analysis_rows)
@@ -99,7 +99,7 @@ def to_dict(result: object) -> Document:
     InputError
         The object is neither a result nor a robot.
     """
-    raise InputError(f"a result or a robot can be written, not a {type(result).__name__}")
+    raise InputError(f"only a result or a robot can be written, got {type(result).__name__}")
 
 
 to_dict.register(Analysis, analysis_document)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.batch.summary.cells import AXES, depth_axis
-from ftforce.report import text
-from ftforce.report.parts import Document, Row, finite, listed, setting_part
-from ftforce.report.text import percent
+from ftforce.report import parts, text
+from ftforce.report.fields import Document, Field, Row, constants, document, plain, under, whole
+from ftforce.report.text import percent, share
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from ftforce.batch.summary.cells import Flat, Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
-_FAIL = {"locked": "locked", "free": "swinging free"}
-_FAILS = {"locked": ("locks", "lock"), "free": ("swings free", "swing free")}
+_FAIL = {"locked": "locked", "free": "free-swinging"}
+_FAILS = {"locked": ("locks", "lock"), "free": ("becomes free-swinging", "become free-swinging")}
 
 
 def faults_in_words(sweep: Sweep, joints: tuple[int, ...] | None) -> str:
@@ -58,7 +59,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     grid = found.located.cells
     postures, tolerated = int(grid.postures.sum()), int(grid.tolerated.sum())
     where = "" if found.plane is None or found.at is None else " of the slice"
-    faults = faults_in_words(found.sweep, found.joints)
+    faults = f"the fault ({faults_in_words(found.sweep, found.joints)})"
     whole = f"{percent(tolerated / postures)} of {postures:,} postures{where} tolerate {faults}"
     if tolerated in {0, postures}:
         return f"{'All' if tolerated else 'None'} of {whole.partition(' of ')[2]}."
@@ -66,79 +67,93 @@ def map_sentence(found: WorkspaceMap) -> str:
     blocks, i = found.blocks, worst[0]
     at = ", ".join(metres(x) for x in blocks.place[i].tolist())
     few = f"{int(blocks.cells.tolerated[i]):,} of {int(blocks.cells.postures[i]):,} do"
-    return f"{whole}; fewest in the {blocks.edge:g} m around ({at}) m: {few}."
+    most = share(float(blocks.cells.high[i]))
+    surely = f"worst, at most {most}% with 95% confidence, is the {blocks.edge:g} m block at"
+    return f"{whole}; {surely} ({at}) m: {few}."
+
+
+class _Selected(NamedTuple):
+    """A fault set and its cells; joints from 0, ``None`` for all sets together."""
+
+    joints: tuple[int, ...] | None
+    located: Located
+
+
+def _selected(found: WorkspaceMap) -> Iterator[_Selected]:
+    """Yield the selected fault set; if none is selected, all sets together, then each one."""
+    joints = None if found.joints is None else tuple(i - 1 for i in found.joints)
+    yield _Selected(joints, found.located)
+    for one in found.sweep.sets if joints is None else ():
+        yield _Selected(one.joints, found.located_of(tuple(i + 1 for i in one.joints)))
 
 
 EVERY = "every"
 """Table label of the postures that tolerate every fault set of the sweep."""
 
 
+# fmt: off
+_CELL = (
+    Field("tolerated", "postures that tolerate it"),
+    Field("share", "their share", "1"),
+    Field("low", "lower end of the 95 % interval of the share", "1"),
+    Field("high", "upper end", "1"),
+)
+_POSTURES = Field("postures", "number of postures")
+MAP = (
+    Field("robot", "the kinematic chain", get="sweep.setting", parts=parts.SETTING_ARM),
+    Field("conventions", "conventions of the document", get="sweep.setting", parts=(
+        *parts.SETTING_TASK[:2],
+        parts.SETTING_COMPONENTS,
+        parts.SIGN,
+        Field("units", "units", get=whole, parts=constants({"place": "m", "force": "N (N·m)"})),
+        *constants({"place": "middle of a cell, in the root's axes", "intervals": "95 %"}),
+    )),
+    Field("postures", "the postures of the sweep", get="sweep", parts=parts.SWEEP_POSTURES),
+    Field("mode", "`locked` or `free`", get="sweep.setting.mode"),
+    Field("force", "requested force; `null` without", parts.FORCE, "m", "sweep.setting.force"),
+    Field("plane", "`xy`, `xz` or `yz`; `null` for cells of the whole workspace"),
+    Field("at", "position of the slice along the third axis; `null` if all are pooled", "m"),
+    Field("edge", "edge length of a cell", "m", get="located.edge"),
+    Field("cells", "the cells that contain postures", get="located", parts=(
+        Field("place", "middles of the cells, in the axes of the root", "m", "c × 3"),
+        replace(_POSTURES, shape="c", get="cells.postures"),
+    )),
+    Field("sets", "the selected fault set, or all sets together (`joints` is `null`) and then each "
+        "one", shape="list", get=_selected, parts=(
+        Field("joints", "joints that fail together", shape="names"),
+        *under("located.cells", (replace(one, shape="c") for one in _CELL)),
+    )),
+    Field("stored", "path of the sweep", get="sweep.path"),
+    replace(parts.SUMMARY, get=map_sentence),
+    parts.WARNINGS,
+)
+# fmt: on
+
+
 def map_document(found: WorkspaceMap) -> Document:
     """Return the occupied cells of a map as a JSON document, with the results of all fault sets."""
-    sweep = found.sweep
-    setting, located = sweep.setting, found.located
-    return {
-        "robot": setting_part(setting),
-        "conventions": {
-            "axes": setting.axes,
-            "task": setting.task,
-            "components": list(setting.components),
-            "sign": text.SIGN,
-            "units": {"place": "m", "force": "N (N·m)"},
-            "place": "middle of a cell, in the root's axes",
-            "intervals": "95 %",
-        },
-        "postures": {"count": setting.count, "done": sweep.done, "random": setting.is_random},
-        "mode": setting.mode,
-        "force": listed(setting.force),
-        "plane": found.plane,
-        "at": found.at,
-        "edge": located.edge,
-        "cells": {
-            "place": located.place.tolist(),
-            "postures": located.cells.postures.tolist(),
-        },
-        "sets": [
-            {
-                "joints": None if joints is None else [setting.joints[i - 1] for i in joints],
-                "tolerated": one.cells.tolerated.tolist(),
-                "share": one.cells.share.tolist(),
-                "low": one.cells.low.tolist(),
-                "high": one.cells.high.tolist(),
-            }
-            for joints, one in _each(found)
-        ],
-        "stored": sweep.path,
-        "summary": map_sentence(found),
-        "warnings": list(found.warnings),
-    }
+    return document(MAP, found, found.sweep.setting.joints)
+
+
+def map_columns(mode: str = "locked") -> tuple[Field, ...]:
+    """Return the CSV columns; the names of the failed joints stand in the column of their mode."""
+    return (
+        Field("fault_set", f"numbers of the failed joints, from 1, or `{EVERY}`"),
+        Field(mode, "names of the failed joints; the column is called `free` in a map of these"),
+        *(Field(axis, "middle of the cell, in the axes of the root", "m") for axis in AXES),
+        Field("edge", "edge length of a cell", "m"),
+        _POSTURES,
+        *_CELL,
+    )
 
 
 def map_rows(found: WorkspaceMap) -> list[Row]:
     """Return a map as table rows, header first: one per fault set and occupied cell."""
-    mode = "locked" if found.sweep.setting.mode == "locked" else "free"
-    lengths = (f"{name} [m]" for name in (*AXES, "edge"))
-    header: Row = ("fault_set", mode, *lengths, *found.located.cells._fields)
-    names, rows = found.sweep.setting.joints, [header]
-    for joints, one in _each(found):
-        faults, which = EVERY, ""
-        if joints is not None:
-            faults = text.set_of(i - 1 for i in joints)
-            which = " ".join(names[i - 1] for i in joints)
+    names = found.sweep.setting.joints
+    rows: list[Row] = [tuple(one.heading for one in map_columns(found.sweep.setting.mode))]
+    for joints, one in _selected(found):
+        faults = EVERY if joints is None else text.set_of(joints)
+        which = " ".join(names[i] for i in joints or ())
         for place, *counts in zip(one.place.tolist(), *one.cells, strict=True):
-            rows.append((faults, which, *place, one.edge, *map(_plain, counts)))
+            rows.append((faults, which, *place, one.edge, *plain(counts)))
     return rows
-
-
-def _plain(x: Any) -> int | float | None:
-    value: int | float = x.item()
-    return value if isinstance(value, int) else finite(value)
-
-
-def _each(found: WorkspaceMap) -> Iterator[tuple[tuple[int, ...] | None, Located]]:
-    """Yield the selected fault set; if none is selected, all sets together, then each one."""
-    yield found.joints, found.located
-    if found.joints is None:
-        for one in found.sweep.sets:
-            joints = tuple(i + 1 for i in one.joints)
-            yield joints, found.located_of(joints)

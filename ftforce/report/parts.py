@@ -1,330 +1,317 @@
-"""Building blocks of JSON documents and tables."""
+"""Fields that several results have in common."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import replace
+from functools import partial
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.feasible_forces import LockModel
 from ftforce.report import text
+from ftforce.report.fields import Field, constants, under, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
-    from ftforce.analysis.capability import Capability, CapabilityRange
+    from ftforce.analysis.capability import Capability
     from ftforce.analysis.conditions import Conditions
-    from ftforce.analysis.paper import Check
     from ftforce.batch.result import SweepSetting
-    from ftforce.batch.summary.criticality import Estimate
-    from ftforce.core.arrays import Vector
-    from ftforce.core.changes import ForceChange, Impact, RneaChange, TorqueChange, VelocityChange
-    from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
+    from ftforce.core.polytope import Polytope
     from ftforce.core.task import Task
-    from ftforce.robot.posture import Posture
-    from ftforce.robot.robot import Robot
 
-Document: TypeAlias = dict[str, Any]
-Row: TypeAlias = tuple[Any, ...]
-
-POSITION_UNIT = "rad (m for prismatic joints)"
+TORQUE = "N·m, N"
+FORCE = "N, N·m"
+SPEED = "rad/s, m/s"
+TIP_SPEED = "m/s, rad/s"
 TORQUE_UNIT = "N·m (N for prismatic joints)"
+POSITION_UNIT = "rad (m for prismatic joints)"
 GRAVITY_UNIT = "m/s², in the root's axes"
 
 MOST_DRAWN = 3  # dimensions: polytopes in higher ones have thousands of vertices
 
-
-def arm_part(robot: Robot) -> Document:
-    """Return the kinematic chain."""
-    return {
-        "name": robot.name,
-        "base": robot.base,
-        "tip": robot.tip,
-        "joints": list(robot.names),
-        "types": [joint.type for joint in robot.joints],
-    }
-
-
-def conventions_part(task: Task, rtol: float, wary: float, conditions: Conditions) -> Document:
-    """Return the conventions: axes, units, gravity, payload and tolerances."""
-    payload = conditions.payload
-    units = {
-        "position": POSITION_UNIT,
-        "velocity": "rad/s (m/s for prismatic joints)",
-        "torque": TORQUE_UNIT,
-        "force": "N",
-        "moment": "N·m",
-        "length": "m",
-        "gravity": GRAVITY_UNIT,
-        "mass": "kg",
-        "tip_velocity": "m/s, rad/s",
-        "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
-        "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
-        "lost_directions": "unit vectors of the weighted force [f; moment / length]",
-    }
-    return {
-        **task_part(task, units),
-        "gravity": conditions.gravity.tolist(),
-        "payload": None
-        if payload is None
-        else {"mass": payload.mass, "offset": payload.offset.tolist()},
-        "rtol": rtol,
-        "wary": wary,
-    }
+# fmt: off
+ARM = (
+    Field("name", "name"),
+    Field("base", "base link"),
+    Field("tip", "tip link"),
+    Field("joints", "joints, base to tip", shape="n names", get="names"),
+    Field("types", "`revolute`, `continuous` or `prismatic`", shape="n names",
+        get=lambda robot: [joint.type for joint in robot.joints]),
+)
+ROBOT = Field("robot", "the kinematic chain", parts=ARM)
+# fmt: on
 
 
-def task_part(task: Task, units: Document) -> Document:
-    """Return axes, components and sign of the force, and the units of a document."""
-    return {
-        "axes": task.axes,
-        "task": str(task),
-        "components": list(task.components),
-        "length": task.length if task.moment_rows else None,
-        "sign": text.SIGN,
-        "units": units,
-    }
+class Asked(NamedTuple):
+    """The question of a result, as the conventions of its document state it."""
+
+    task: Task
+    rtol: float
+    wary: float
+    conditions: Conditions
+    inverse: str = ""
 
 
-def posture_part(posture: Posture) -> Document:
-    """Return the joint positions."""
-    return {"q": posture.q.tolist(), "source": posture.source}
+# fmt: off
+TASK_COLUMNS = (
+    Field("axes", "`tool` or `world`", get="task.axes"),
+    Field("task", "the task as a word or as components", get=lambda one: str(one.task)),
+    Field("length", "characteristic length; `null` if the task has no moments", "m",
+        get=lambda one: one.task.length if one.task.moment_rows else None),
+)
 
 
-def force_part(force: ForceChange | None) -> Document:
-    """Return the tip force before and after the fault."""
-    keys = ("requested", "unsupported", "before", "after", "jump")
-    if force is None:
-        return dict.fromkeys((*keys, "jump_norm", "moment_jump_norm"))
-    vectors = {key: listed(getattr(force, key)) for key in keys}
-    return {
-        **vectors,
-        "jump_norm": force.jump_norm,
-        "moment_jump_norm": force.moment_jump_norm,
-    }
+SIGN = Field("sign", "the sign convention in a sentence", get=lambda _: text.SIGN)
+# fmt: on
 
 
-def torque_part(
-    names: Sequence[str], locked: Iterable[int], torque: TorqueChange | None
-) -> Document:
-    """Return the torques for the force, and the brake loads."""
-    if torque is None:
-        return {"before": None, "after": None, "brake_load": None, "self_motion": None}
-    load = torque.brake_load
-    return {
-        "before": by_name(names, torque.before),
-        "after": by_name(names, torque.after),
-        "brake_load": None if load is None else {names[i]: float(load[i]) for i in locked},
-        "self_motion": by_name(names, torque.self_motion),
-    }
+def task_fields(units: dict[str, str]) -> tuple[Field, ...]:
+    """Return the fields of a task and of the units of a document."""
+    axes, task, length = TASK_COLUMNS
+    about = "some of `fx fy fz mx my mz`: the order of the components of all force vectors"
+    return (
+        axes,
+        task,
+        Field("components", about, shape="m names", get="task.components"),
+        length,
+        SIGN,
+        Field("units", "the unit of each kind of number", get=whole, parts=constants(units)),
+    )
 
 
-def rnea_part(names: Sequence[str], rnea: RneaChange) -> Document:
-    """Return the torques for weight and motion."""
-    gravity = by_name(names, rnea.gravity)
-    return {
-        "gravity": {"before": gravity, "after": gravity},
-        "motion": {
-            "before": by_name(names, rnea.motion_before),
-            "after": by_name(names, rnea.motion_after),
-        },
-    }
-
-
-def total_part(
-    names: Sequence[str], locked: Iterable[int], torque: TorqueChange | None
-) -> Document:
-    """Return the total motor torques; ``None`` at locked joints, which the brake holds."""
-    if torque is None:
-        return {"before": None, "after": None}
-    after = by_name(names, torque.total_after)
-    if after is not None:
-        after |= dict.fromkeys((names[i] for i in locked), None)
-    return {"before": by_name(names, torque.total_before), "after": after}
-
-
-def velocity_part(
-    names: Sequence[str], velocity: VelocityChange | None, impact: Impact | None
-) -> Document | None:
-    """Return velocities before the fault, after the remap, and right after the lock."""
-    if velocity is None:
-        return None
-    return {
-        "before": by_name(names, velocity.before),
-        "after": by_name(names, velocity.after),
-        "tip_before": velocity.tip_before.tolist(),
-        "tip_after": velocity.tip_after.tolist(),
-        "jump": velocity.jump.tolist(),
-        "jump_norm": velocity.jump_norm,
-        "angular_jump_norm": velocity.angular_jump_norm,
-        "impact": None
-        if impact is None
-        else {
-            "after": by_name(names, impact.after),
-            "tip_after": impact.tip_after.tolist(),
-            "jump": impact.jump.tolist(),
-            "jump_norm": impact.jump_norm,
-            "angular_jump_norm": impact.angular_jump_norm,
-        },
-    }
-
-
-def finite(x: float) -> float | None:
-    """Return a number, or ``None`` if it is infinite or NaN."""
-    return x if math.isfinite(x) else None
-
-
-def listed(vector: Vector | tuple[float, ...] | None) -> list[float] | None:
-    """Return a vector as a list, or ``None``."""
-    if vector is None:
-        return None
-    return list(vector) if isinstance(vector, tuple) else vector.tolist()
-
-
-def estimate_part(one: Estimate) -> Document:
-    """Return a value and its interval; ``None`` where infinite or NaN."""
-    return {"value": finite(one.value), "low": finite(one.low), "high": finite(one.high)}
-
-
-def interval_columns(name: str, one: Estimate) -> Document:
-    """Return the table columns of a value and its interval."""
-    return {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
-
-
-def setting_part(setting: SweepSetting) -> Document:
-    """Return the kinematic chain of a sweep."""
-    return {
-        "name": setting.robot,
-        "base": setting.base,
-        "tip": setting.tip,
-        "joints": list(setting.joints),
-    }
-
-
-def check_part(check: Check) -> Document:
-    """Return the comparison of one printed number of the paper."""
-    return {
-        "table": check.table,
-        "row": check.row,
-        "column": check.column,
-        "printed": check.printed,
-        "computed": check.computed,
-        "outcome": check.outcome.value,
-        "erratum": check.erratum,
-    }
-
-
-def rows_of(records: Iterable[Document]) -> list[Row]:
-    """Return records as table rows, preceded by their keys as header; empty without records."""
-    rows: list[Row] = []
-    for record in records:
-        if not rows:
-            rows.append(tuple(record))
-        rows.append(tuple(record.values()))
-    return rows
-
-
-def task_columns(task: Task) -> Document:
-    """Return the table columns that define the task: axes, components and length."""
-    return {
-        "axes": task.axes,
-        "task": str(task),
-        "length [m]": task.length if task.moment_rows else "",
-    }
-
-
-def limits_source(limits: Limits | None) -> str:
-    """Return the source of the torque limits; ``none`` if none are in force."""
-    return "none" if limits is None else limits.source
-
-
-def by_name(names: Sequence[str], vector: Vector | None) -> dict[str, float | None] | None:
-    """Return a vector as a dict by joint name, ``None`` for NaN; ``None`` if there is no vector."""
-    if vector is None:
-        return None
-    return {name: finite(x) for name, x in zip(names, vector.tolist(), strict=True)}
-
-
-def modes_part(names: Sequence[str], faults: FaultSet) -> Document:
-    """Return the fault modes and weak factors."""
-    weak = {names[f.joint]: f.factor for f in faults.faults if f.mode is FaultMode.WEAK}
-    return {"modes": {names[f.joint]: f.mode.value for f in faults.faults}, "weak_factors": weak}
-
-
-def limits_part(names: Sequence[str], limits: Limits) -> Document:
-    """Return the torque limits."""
-    return {
-        "source": limits.source,
-        "effort": by_name(names, limits.effort),
-        "brake": by_name(names, limits.brake),
-    }
-
-
-def amount_part(names: Sequence[str], amount: CapabilityRange) -> Document:
-    """Return a capability range and what limits it."""
-    return {
-        "most": finite(amount.maximum),
-        "least": finite(amount.minimum),
-        "end": amount.end.value,
-        "stops": [names[j] for j in amount.limiting_joints],
-    }
-
-
-def _weakest(amount: CapabilityRange) -> list[float] | None:
-    """Return the weakest direction; ``None`` if there is no finite maximum."""
-    return amount.direction.tolist() if math.isfinite(amount.maximum) else None
-
-
-def polytope_part(capability: Capability) -> Document | None:
-    """Return the force polytopes; ``None`` for tasks of more than 3 dimensions."""
-    if capability.analysis.task.m > MOST_DRAWN:
-        return None
-    return {
-        when: {
-            reading.value: {
-                "vertices": polytope.vertices.tolist(),
-                "faces": [list(face) for face in polytope.faces],
-                "dimension": polytope.dimension,
-                "is_bounded": polytope.is_bounded,
-            }
-            for reading in LockModel
-            for polytope in [capability.polytope(after=late, reading=reading)]
+# fmt: off
+RTOL = Field("rtol", "rank tolerance", "1")
+WARY = Field("wary", "largest tolerance considered for the verdict", "1")
+GRAVITY = Field("gravity", "gravity, in the axes of the root", "m/s²", "3")
+CONVENTIONS = (
+    *task_fields(
+        {
+            "position": POSITION_UNIT,
+            "velocity": "rad/s (m/s for prismatic joints)",
+            "torque": TORQUE_UNIT,
+            "force": "N",
+            "moment": "N·m",
+            "length": "m",
+            "gravity": GRAVITY_UNIT,
+            "mass": "kg",
+            "tip_velocity": "m/s, rad/s",
+            "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
+            "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
+            "lost_directions": "unit vectors of the weighted force [f; moment / length]",
         }
-        for when, late in (("before", False), ("after", True))
-    }
+    ),
+    *under("conditions", [GRAVITY]),
+    Field("payload", "`null` if the tip carries nothing", get="conditions.payload", parts=(
+        Field("mass", "mass", "kg"),
+        Field("offset", "its position, in the axes of the tip frame", "m", "3"),
+    )),
+    RTOL,
+    WARY,
+)
+POSTURE = Field("posture", "joint positions", parts=(
+    Field("q", "joint positions", "rad, m", "n"),
+    Field("source", "where they come from"),
+))
+LIMITS = (
+    Field("source", "`urdf`, the file, or `given`"),
+    Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, "by joint"),
+    Field("brake", "largest brake torques; `null` if unknown", TORQUE, "by joint"),
+)
+FAULT_SET = Field("fault_set", "numbers of the failed joints, from 1",
+    get=lambda one: str(one.faults))
+FAILED = Field("joints", "failed joints", shape="names", get="faults.joints")
+LIMITS_SOURCE = Field("limits", "source of the torque limits in force, or `none`",
+    get=lambda one: "none" if one.limits is None else one.limits.source)
+LIMITS_IN_FORCE = under("limits", LIMITS)
+LIMITS_MEANING = "torque limits in force; `null` if there are none"
+VERDICT = Field("verdict", "`tolerated`, `borderline` or `not tolerated`")
+SUMMARY = Field("summary", "a sentence")
+WARNINGS = Field("warnings", "sentences", shape="list")
+# fmt: on
+
+# fmt: off
+RANK = Field("rank", "first and last rank: ties share theirs; `null` for the healthy arm",
+    shape="2")
+RANK_COLUMNS = (
+    Field("rank_first", "first rank, worst is 1; empty for the healthy arm", get="rank.first"),
+    Field("rank_last", "last rank: ties share theirs", get="rank.last"),
+)
+# fmt: on
 
 
-def capability_part(capability: Capability) -> Document:
-    """Return force and payload capabilities."""
-    names = capability.analysis.robot.names
-    before, after = capability.payload
-    return {
-        "directions": [
-            {
-                "name": report.name,
-                "direction": report.before[LockModel.COMMANDED].direction.tolist(),
-                "unit": report.unit,
-                "before": {r.value: amount_part(names, x) for r, x in report.before.items()},
-                "after": {r.value: amount_part(names, x) for r, x in report.after.items()},
-            }
-            for report in capability.directions
-        ],
-        "weakest": {
-            "unit": text.unit_of_size(capability.analysis.task),
-            **{
-                when: {
-                    r.value: {"direction": _weakest(x), **amount_part(names, x)}
-                    for r, x in amounts.items()
-                }
-                for when, amounts in (
-                    ("before", capability.weakest.before),
-                    ("after", capability.weakest.after),
-                )
-            },
-        },
-        "payload": {
-            "unit": "kg",
-            "before": amount_part(names, before),
-            "after": amount_part(names, after),
-        },
-    }
+def limited(result: Any) -> Any:
+    """Return a result if torque limits are in force, otherwise ``None``."""
+    return None if result.limits is None else result
+
+
+# fmt: off
+LOCKED = Field("locked", "locked joints", shape="names",
+    get=lambda x: x.faults.in_mode(FaultMode.LOCKED))
+MODES = (
+    Field("modes", "`locked`, `free` or `weak`", shape="by failed joint",
+        get=lambda x: {fault.joint: fault.mode for fault in x.faults.faults}),
+    Field("weak_factors", "remaining share of its largest torque", "1", "by weak joint",
+        lambda x: {f.joint: f.factor for f in x.faults.faults if f.mode is FaultMode.WEAK}),
+)
+
+JUMP = (
+    Field("after", "force that the motors can still command; `null` if the arm cannot be held in "
+        "static equilibrium, and so are the values that follow from it", FORCE, "m"),
+    Field("jump", "force jump ΔF = before − after", FORCE, "m"),
+    Field("jump_norm", "norm of the forces of ΔF; `null` if the task has none", "N"),
+    Field("moment_jump_norm", "norm of the moments of ΔF; `null` if the task has none", "N·m"),
+)
+REQUESTED = Field("requested", "requested force; `null` if none was given", FORCE, "m")
+BEFORE = Field("before", "F̂, the part of it that the healthy arm can exert", FORCE, "m")
+
+AMOUNT = (
+    Field("most", "largest value; `null` if no known limit bounds it (`end` is `unlimited`) or if "
+        "no value can be held", "`unit`", get="maximum"),
+    Field("least", "smallest value, nonzero only with free-swinging joints or if weight alone "
+        "exceeds a limit; `null` if no value can be held", "`unit`", get="minimum"),
+    Field("end", "what limits it: `limit`, `fault`, `weight`, `unlimited`, or `direction`: even "
+        "the healthy arm exerts no force in this direction"),
+    Field("stops", "joints that limit it", shape="names", get="limiting_joints"),
+)
+# fmt: on
+
+
+def by_time(parts: tuple[Field, ...], before: Any = "", after: Any = "") -> tuple[Field, ...]:
+    """Return the fields of a quantity before and after the fault.
+
+    Parameters
+    ----------
+    parts :
+        Fields of the quantity.
+    before, after :
+        How to get it, as in `Field`.
+    """
+    return (
+        Field("before", "before the fault", get=before, parts=parts),
+        Field("after", "after the fault; keys as `before`", "", "as `before`", after, parts),
+    )
+
+
+def _by_lock(parts: tuple[Field, ...]) -> tuple[Field, ...]:
+    """Return the fields of a mapping by lock model."""
+    commanded, held = map(itemgetter, (LockModel.COMMANDED, LockModel.HELD))
+    about = "what motors and brakes can bear; keys as `commanded`"
+    return (
+        Field("commanded", "what the motors can exert", get=commanded, parts=parts),
+        Field("held", about, "", "as `commanded`", held, parts),
+    )
+
+
+# fmt: off
+WEAKEST = Field("direction", "in the axes of the task; differs before and after the fault and "
+    "between lock models; `null` if no direction is weaker than another", "1", "m",
+    lambda amount: amount.direction if math.isfinite(amount.maximum) else None)
+CAPABILITY = (
+    Field("directions", "each task axis in both senses, and the requested direction", shape="list",
+        parts=(
+        Field("name", "`+fx`, `-fx`, …, `direction`"),
+        Field("direction", "in the axes of the task", "1", "m",
+            lambda report: report.before[LockModel.COMMANDED].direction),
+        Field("unit", "`N`, or `N·m` for a pure moment"),
+        *by_time(_by_lock(AMOUNT)),
+    )),
+    Field("weakest", "the direction in which the least force can be held", get=whole, parts=(
+        Field("unit", "`N`, `N·m`, or `weighted N` for a task with forces and moments",
+            get=lambda capability: text.unit_of_size(capability.analysis.task)),
+        *under("weakest", by_time(_by_lock((WEAKEST, *AMOUNT)))),
+    )),
+    Field("payload", "additional payload that the tip can carry", parts=(
+        Field("unit", "`kg`", get=lambda _: "kg"),
+        *by_time(AMOUNT, itemgetter(0), itemgetter(1)),
+    )),
+)
+# fmt: on
+
+
+def _polytopes(capability: Capability, after: bool) -> dict[LockModel, Polytope]:
+    return {lock: capability.polytope(after=after, reading=lock) for lock in LockModel}
+
+
+# fmt: off
+POLYTOPE = Field("polytope", "forces that can be held; `null` for a task of more than three "
+    "components",
+    get=lambda capability: capability if capability.analysis.task.m <= MOST_DRAWN else None,
+    parts=by_time(
+    _by_lock((
+        Field("vertices", "corners, in the axes of the task; empty if no force can be held", FORCE,
+            "k × m"),
+        Field("faces", "row numbers of `vertices`, from 0; in three dimensions in order around the "
+            "face", shape="list"),
+        Field("dimension", "0 for a point, 1 for a segment, 2 for a flat polygon, 3 for a body"),
+        Field("is_bounded", "whether known limits bound it in every direction; if not, the corners "
+            "are those of a section"),
+    )),
+    partial(_polytopes, after=False),
+    partial(_polytopes, after=True),
+))
+# fmt: on
+
+
+def _setting_length(setting: SweepSetting) -> float | None:
+    has_moments = any(name[0] == "m" for name in setting.components)
+    return setting.length if has_moments else None
+
+
+# fmt: off
+SETTING_ARM = (
+    Field("name", "name", get="robot"),
+    *ARM[1:3],
+    Field("joints", "joints, base to tip", shape="n names"),
+)
+"""Of the setting of a sweep."""
+SETTING_TASK = (
+    replace(TASK_COLUMNS[0], get=""),
+    replace(TASK_COLUMNS[1], get=""),
+    replace(TASK_COLUMNS[2], get=_setting_length),
+)
+SETTING_COMPONENTS = Field("components", "order of the components of all force vectors",
+    shape="m names")
+SETTING_COLUMNS = (
+    *SETTING_TASK,
+    replace(LIMITS_SOURCE, get=lambda setting: setting.limits or "none"),
+    RTOL,
+    WARY,
+)
+SWEEP_POSTURES = (
+    Field("count", "number requested", get="setting.count"),
+    Field("done", "number analysed"),
+    Field("random", "whether they were drawn at random", get="setting.is_random"),
+)
+
+ESTIMATE = (Field("value"), Field("low"), Field("high"))
+# fmt: on
+"""A number and the ends of its 95 % confidence interval; the shape ``estimate`` stands for it."""
+
+
+def estimate(key: str, meaning: str = "", unit: str = "1", get: Any = "") -> Field:
+    """Return the field of a number with its confidence interval."""
+    return Field(key, meaning, unit, "estimate", get, ESTIMATE)
+
+
+def quantiles(
+    field: Field, keys: Sequence[str], get: str = "", parts: tuple[Field, ...] = ()
+) -> Field:
+    """Return the field of several quantiles of a quantity.
+
+    Parameters
+    ----------
+    field :
+        The quantity.
+    keys :
+        Names of the quantiles, in the order of the values.
+    get :
+        Path of the sequence of values.
+    parts :
+        Fields of each value.
+    """
+    each = tuple(Field(key, get=itemgetter(i), parts=parts) for i, key in enumerate(keys))
+    about = f"quantiles {', '.join(f'`{key}`' for key in keys)} of: {field.meaning}"
+    return replace(field, meaning=about, shape="quantiles", get=get, parts=each)

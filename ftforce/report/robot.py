@@ -2,72 +2,108 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from ftforce.analysis.paper import ERRATA, Replication
-from ftforce.report.parts import Document, Row, arm_part, check_part, finite, rows_of
+from ftforce.errors import listed
+from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
+from ftforce.report.parts import ARM
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
+# fmt: off
+_JOINT_LIMITS = (
+    Field("lower", "lower position limit; `null` or empty if unbounded", "rad, m"),
+    Field("upper", "upper position limit; likewise", "rad, m"),
+    Field("effort", "largest torque; `null` or empty if unknown", "N·m, N"),
+    Field("velocity", "largest velocity; likewise", "rad/s, m/s"),
+)
+ROBOT_FIELDS = (
+    *ARM,
+    Field("base_source", "why this link is the base"),
+    Field("tip_source", "why this link is the tip"),
+    Field("other_tips", "other tool frames fixed to the same link: `distance` and `angle` from the "
+        "tip", "m, rad", "by link", lambda robot: {
+            link: {"distance": distance, "angle": angle}
+            for link, (distance, angle) in robot.other_tips.items()
+        }),
+    Field("limits", "`lower`, `upper`, `effort`, `velocity`; `null` is unbounded or unknown",
+        "rad, m, N·m, N, rad/s, m/s", "by joint",
+        lambda robot: {joint.name: document(_JOINT_LIMITS, joint) for joint in robot.joints}),
+    Field("followers", "names of the mimic joints that move with it", shape="by joint",
+        get=lambda robot: {joint.name: joint.followers for joint in robot.joints}),
+    Field("moving_mass", "mass of the chain and of what is fixed to it; `null` if the URDF has "
+        "none", "kg", get=lambda robot: robot.mass or None),
+    Field("postures", "named postures", "rad, m", "by name, n each"),
+    Field("tip_candidates", "number of moving joints above it", shape="by link", get="tips"),
+    Field("held", "joints outside the chain and where they are held fixed", "rad, m", "by joint"),
+    Field("notes", "sentences", shape="list"),
+    Field("units", "units of the document", get=whole, parts=constants(
+        {"angle": "rad", "length": "m", "effort": "N·m (N if prismatic)", "mass": "kg"}
+    )),
+)
+ROBOT_COLUMNS = (
+    Field("number", "from 1, base to tip"),
+    Field("joint", "its name", get="name"),
+    Field("type", "`revolute`, `continuous` or `prismatic`"),
+    *_JOINT_LIMITS[:2],
+    Field("unit", "unit of the limits: `rad` or `m`"),
+    _JOINT_LIMITS[2],
+    Field("effort_unit", "`N·m` or `N`", get="torque_unit"),
+    replace(_JOINT_LIMITS[3], key="speed", get="velocity"),
+)
+
+_CHECK = (
+    Field("table", "table of the paper"),
+    Field("row", "row of the table"),
+    Field("column", "column of the table"),
+    Field("printed", "text, with all printed digits"),
+    Field("computed", "number in the printed unit, by the formula of the paper"),
+    Field("outcome", "`pass`, `erratum` or `fail`"),
+)
+_ERRATUM = Field("erratum", "the erratum that explains it; `null` or empty if there is none")
+REPLICATION = (
+    Field("successful", "whether no number fails", get="is_successful"),
+    Field("checks", "every printed number", shape="list",
+        parts=(*_CHECK, replace(_ERRATUM, get=lambda check: check.erratum or None))),
+    Field("errata", "all known errata", shape="list", get=lambda _: ERRATA, parts=(
+        Field("where", "place in the paper", get=itemgetter(0)),
+        Field("printed", "what is printed there", get=itemgetter(1)),
+        Field("correct", "what is correct", get=itemgetter(2)),
+    )),
+)
+# fmt: on
+CHECK_COLUMNS = (*_CHECK, _ERRATUM)
+
+
+def tip_in_words(robot: Robot) -> str:
+    """Return the tip, how it was chosen, and the tool frames that it is not."""
+    others = [
+        f"{link} ({1e3 * distance:.1f} mm, {math.degrees(angle):.1f}° away)"
+        for link, (distance, angle) in robot.other_tips.items()
+    ]
+    return f"{robot.tip} ({robot.tip_source})" + (f", not {listed(others)}" if others else "")
+
 
 def robot_document(robot: Robot) -> Document:
     """Return a robot as a JSON document."""
-    return {
-        **arm_part(robot),
-        "base_source": robot.base_source,
-        "tip_source": robot.tip_source,
-        "limits": {
-            joint.name: {
-                "lower": finite(joint.lower),
-                "upper": finite(joint.upper),
-                "effort": joint.effort,
-                "velocity": joint.velocity,
-            }
-            for joint in robot.joints
-        },
-        "followers": {joint.name: list(joint.followers) for joint in robot.joints},
-        "moving_mass": robot.mass or None,
-        "postures": {name: q.tolist() for name, q in robot.postures.items()},
-        "tip_candidates": dict(robot.tips),
-        "held": dict(robot.held),
-        "notes": list(robot.notes),
-        "units": {"angle": "rad", "length": "m", "effort": "N·m (N if prismatic)", "mass": "kg"},
-    }
+    return document(ROBOT_FIELDS, robot)
 
 
 def replication_document(result: Replication) -> Document:
     """Return a replication as a JSON document."""
-    return {
-        "successful": result.is_successful,
-        "checks": [
-            {**check_part(check), "erratum": check.erratum or None} for check in result.checks
-        ],
-        "errata": [
-            {"where": where, "printed": printed, "correct": correct}
-            for where, printed, correct in ERRATA
-        ],
-    }
+    return document(REPLICATION, result)
 
 
 def robot_rows(robot: Robot) -> list[Row]:
     """Return a robot as table rows, one per joint."""
-    return rows_of(
-        {
-            "number": joint.number,
-            "joint": joint.name,
-            "type": joint.type,
-            "lower": finite(joint.lower),
-            "upper": finite(joint.upper),
-            "unit": joint.unit,
-            "effort": joint.effort,
-            "effort_unit": joint.torque_unit,
-            "speed": joint.velocity,
-        }
-        for joint in robot.joints
-    )
+    return rows_of(columns(ROBOT_COLUMNS, joint) for joint in robot.joints)
 
 
 def replication_rows(result: Replication) -> list[Row]:
     """Return a replication as table rows, one per printed number."""
-    return rows_of(map(check_part, result.checks))
+    return rows_of(columns(CHECK_COLUMNS, check) for check in result.checks)

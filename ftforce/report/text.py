@@ -21,6 +21,7 @@ SIGN = (
 )
 
 NEGLIGIBLE = 1e-9  # N or N·m: rounding error
+_ALONG = {"f": "force along", "m": "moment about", "fm": "wrench along"}
 _ON_AXIS = 1e-3  # a direction this close to an axis is named after it
 
 
@@ -53,7 +54,7 @@ def axes_in_words(task: Task | SweepSetting) -> str:
 
 
 def direction(task: Task, row: Vector) -> str:
-    """Describe a direction: by the task axis if it is parallel to one, else by its components.
+    """Describe a direction by the axis it is parallel to, or else by its components.
 
     Parameters
     ----------
@@ -64,10 +65,16 @@ def direction(task: Task, row: Vector) -> str:
     """
     largest = int(np.argmax(np.abs(row)))
     if np.linalg.norm(np.delete(row, largest)) < _ON_AXIS:
-        kind = "force" if task.components[largest][0] == "f" else "moment"
-        return f"{kind} along {task.components[largest][1]}"
-    parts = zip(row.tolist(), task.components, strict=True)
-    return " ".join(f"{x:+.2f} {name}" for x, name in parts if abs(x) >= 0.005)
+        name = task.components[largest]
+        return f"{_ALONG[name[0]]} {name[1]}"
+    parts = list(zip(row.tolist(), task.components, strict=True))
+    noticeable = [(x, name) for x, name in parts if abs(x) >= 0.005]
+    kinds = {name[0] for _, name in noticeable}
+    along = _ALONG["".join(sorted(kinds))]
+    same_kind = [x for x, name in parts if name[0] in kinds]
+    if len(kinds) == 1 and len(same_kind) == 3:
+        return f"{along} ({', '.join(f'{round(x, 2) + 0.0:g}' for x in same_kind)})"
+    return f"{along} {' '.join(f'{x:+.2f} {name}' for x, name in noticeable)}"
 
 
 def lost_directions(task: Task, rows: Sequence[Vector]) -> str:

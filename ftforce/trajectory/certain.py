@@ -32,7 +32,7 @@ class Certain(NamedTuple):
     ----------
     known :
         Where the values are valid.
-    jump, margin, capability, verdict :
+    jump, margin, capability, held, verdict :
         As in `ftforce.trajectory.timeline.Timeline`.
     """
 
@@ -40,6 +40,7 @@ class Certain(NamedTuple):
     jump: Matrix
     margin: Matrix
     capability: Matrix
+    held: Matrix
     verdict: NDArray[np.int8]
 
 
@@ -78,12 +79,14 @@ def certain_cells(
     if capability_limits is not None:
         largest = np.array([capability_limits.largest_torques(faults) for faults in sets])
         rnea = _torques(question, motion, locked)
-    capability = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
+    unit = task.weighted_unit if d is None else 1.0
+    commanded, held = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
     return Certain(
         cells.certain & (cells.scale > floor)[:, None],
         jump,
         cells.margin,
-        capability * (task.weighted_unit if d is None else 1.0),
+        commanded * unit,
+        held * unit,
         cells.verdict,
     )
 

@@ -21,7 +21,12 @@ from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_j
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
-from ftforce.robot.kinematics import quaternion, rotation_vector, tip_pose_and_jacobian
+from ftforce.robot.kinematics import (
+    quaternion,
+    rotation_vector,
+    tip_pose_and_jacobian,
+    without_noise,
+)
 from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 
 if TYPE_CHECKING:
@@ -191,7 +196,7 @@ def _fill(
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
-    J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
+    J = task.weigh_jacobian(without_noise(robot, np.ascontiguousarray(J[task.rows]), task))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     if is_static:
         v = a = robot.at_rest
@@ -295,9 +300,10 @@ def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) 
     """
     # As in all other modules, ranks are decided relative to the healthy arm.
     K = np.where(reduced.locked, 0.0, reduced.J)
-    size = float(np.linalg.norm(K, 2))
-    rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
-    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), rtol)
+    lost, size = reduced.rtol * reduced.sigma_max, float(np.linalg.norm(K, 2))
+    if size <= lost:  # K counts as zero
+        return np.zeros(reduced.m)
+    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), lost / size)
     F = exerted_force(open_joints, rest)
     left = np.where(reduced.locked, 0.0, rest - F.dot(reduced.J))
     if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:

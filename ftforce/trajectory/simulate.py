@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.analyze import analyze_question
+from ftforce.analysis.fault_set import SharedCase, report_set
 from ftforce.analysis.limits_files import NONE, URDF
 from ftforce.analysis.question import Question
 from ftforce.core.arrays import is_number, read_only
@@ -191,12 +191,15 @@ def history_of(
     Raises
     ------
     InputError
-        A fault comes after the end of the trajectory.
+        A fault comes after the end of the trajectory, or the healthy arm cannot exert the force at
+        any instant of it.
     """
     _check_times(events, start)
     tick = _counted(progress, start, is_remapped=delay < NEVER)
     scene = _Scene(question, start, events, _tip_path(start), tick)
     healthy, unremapped, remapped, arrivals = _runs(scene, delay)
+    if _has_nothing_to_keep(question, healthy):
+        raise question.nothing_to_keep("at any instant of the trajectory")
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
@@ -209,6 +212,13 @@ def history_of(
     noisy = noise_warnings(question, start, healthy)
     warnings = (*start.warnings, *noisy, *found)
     return replace(history, setting=replace(history.setting, warnings=warnings))
+
+
+def _has_nothing_to_keep(question: Question, healthy: Run) -> bool:
+    """Return whether the healthy arm exerts none of the force at any instant (theory §2.6)."""
+    assert question.force is not None
+    # Where the arm cannot be held the force is NaN, which is not zero.
+    return bool(question.force.any()) and not (healthy.force + healthy.jump).any()
 
 
 class _Scene(NamedTuple):
@@ -290,10 +300,9 @@ def _event_report(
     place = Posture(state.q, "along the trajectory")
     still = robot.at_rest
     v, a = (still, still) if scene.start.is_static else (state.v, state.a)
-    found = analyze_question(scene.question.at(place, v, a, so_far))
-    force_jump: float | None = None
-    if found.force is not None and found.force.jump is not None:
-        force_jump = found.force.jump_norm if task.force_rows else found.force.moment_jump_norm
+    case = SharedCase.of(scene.question.at(place, v, a))
+    found = report_set(case, so_far, case.reduce(so_far))
+    force_jump = found.jump_norm if task.force_rows else found.moment_jump_norm
     return EventReport(
         time=event.time,
         faults=_in_words(robot, event.faults),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.warnings import unjudged
+from ftforce.analysis.warnings import implausible, unjudged
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
 from ftforce.robot.posture import DEGREES, looks_like_degrees
@@ -51,6 +51,7 @@ def history_warnings(
     robot, limits = question.robot, question.limits
     if robot.mass == 0.0:
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
+    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_warnings(t, history.setting.task, unsupported(history))

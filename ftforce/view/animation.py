@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 PLACES = ("in place", "beside", "hidden")  # of the healthy arm
 _PATH_COLOUR = (90, 90, 90)
 _BESIDE = 0.8  # along the root's y axis, as a share of the size of the arm
-_LOW = 0.85  # from the centre of the camera image to its lower edge, as a share of that distance
+_LOWER_EDGE = 0.85  # height of the clock below the image centre, as a share of half the image
 FRAME = 0.05  # s
-_MOST_FRAMES = 1000  # per animated page: keeps it at a few MB, opening within a second
+_MAX_FRAMES = 1000  # per animated page: keeps it at a few MB, opening within a second
 
 
 class HealthyArm:
@@ -67,7 +67,17 @@ class HealthyArm:
         self._stage.set_geometry(geometry)
 
     def show(self, picture: Picture, now: Snapshot, place: str) -> None:
-        """Show the arm at a snapshot, placed relative to the arm in ``picture``, or hide it."""
+        """Show the arm at one instant, placed relative to the faulty arm, or hide it.
+
+        Parameters
+        ----------
+        picture :
+            Picture of the faulty arm.
+        now :
+            State of the history at that instant.
+        place :
+            Placement of the healthy arm, one of `PLACES`.
+        """
         if place == "hidden" or now.run is now.healthy:
             self._stage.hide()
             return
@@ -76,7 +86,15 @@ class HealthyArm:
 
 
 def draw_path(server: viser.ViserServer, history: History) -> None:
-    """Draw the reference path of the tip."""
+    """Draw the reference path of the tip.
+
+    Parameters
+    ----------
+    server :
+        Server whose scene it is drawn in.
+    history :
+        The history.
+    """
     places = history.path[chosen(history, history.healthy)]
     if len(places) > 1:
         add_lines(
@@ -85,20 +103,42 @@ def draw_path(server: viser.ViserServer, history: History) -> None:
 
 
 def aim(picture: Picture, history: History, name: str) -> Picture:
-    """Return a picture for `Stage.look` that contains the whole tip path."""
+    """Return a picture for `Stage.aim` that contains the whole tip path.
+
+    Parameters
+    ----------
+    picture :
+        Picture of the arm.
+    history :
+        The history.
+    name :
+        Name of the run, one of `ftforce.trajectory.history.RUNS`.
+    """
     run = history.runs[name]
     places = run.position[chosen(history, run)]
-    way = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
-    return replace(picture, lines=tuple(way))
+    lines = (Line(np.array(ends), _PATH_COLOUR, "") for ends in pairwise(places))
+    return replace(picture, lines=tuple(lines))
 
 
 def legend(picture: Picture, name: str, place: str, notes: tuple[str, ...]) -> Markup:
-    """Return the legend of the scene of a run, with notes on missing meshes."""
-    told = ["grey line: the tip's path"]
+    """Return the legend of the scene of a run.
+
+    Parameters
+    ----------
+    picture :
+        The scene.
+    name :
+        Name of the run, one of `ftforce.trajectory.history.RUNS`.
+    place :
+        Placement of the healthy arm, one of `PLACES`.
+    notes :
+        Notes on missing meshes.
+    """
+    entries = ["grey line: reference path of the tip"]
     if place != "hidden" and name != "healthy":
-        where = "at the same place" if place == "in place" else "beside it"
-        told.insert(0, f"transparent arm: as if healthy, {where}; solid: {STROKES[name].words}")
-    return answer.legend(picture, (*told, *notes))
+        where = "in the same place" if place == "in place" else "beside it"
+        entries.insert(0, f"transparent arm: healthy, {where}; opaque arm: {STROKES[name].words}")
+    return answer.legend(picture, (*entries, *notes))
 
 
 # ---- animated page ---------------------------------------------------------------------------
@@ -115,7 +155,7 @@ def animated_page(
 ) -> str:
     """Return a run as a self-contained, animated HTML page with a description beside it.
 
-    It is recorded on a server of its own, so open pages are not disturbed.
+    It is recorded on a separate server, so open pages are not disturbed.
 
     Parameters
     ----------
@@ -153,7 +193,7 @@ def animated_page(
             clock.text = _clock(now)
 
         _, picture = at(0.0)
-        stage.look(aim(picture, history, name))
+        stage.aim(aim(picture, history, name))
         clock: Any = server.scene.add_label(
             "/history/clock", "", position=_below(server.initial_camera), font_screen_scale=1.1
         )
@@ -161,13 +201,13 @@ def animated_page(
         times = frame_times(float(history.t[-1]))
         recording = record(server, times.tolist(), float(times[-1]) / (len(times) - 1), show)
         notes = () if geometry is None else geometry.notes
-        told = _story(history, name, legend(picture, name, place, notes))
-        return scene_html(server, title=title, answer=told, recording=recording)
+        text = _description(history, name, legend(picture, name, place, notes))
+        return scene_html(server, title=title, answer=text, recording=recording)
 
 
 def frame_times(end: float) -> Vector:
     """Return the frame times of a recording from 0 to ``end``, s; at least two."""
-    count = min(math.ceil(end / FRAME), _MOST_FRAMES - 1)
+    count = min(math.ceil(end / FRAME), _MAX_FRAMES - 1)
     return np.linspace(0.0, end, max(count, 1) + 1)
 
 
@@ -178,7 +218,7 @@ def _below(camera: Any) -> Vector:
     towards = (eye - target) / distance
     up = np.array([0.0, 0.0, 1.0]) - towards[2] * towards
     up /= np.linalg.norm(up)
-    return read_only(target - _LOW * distance * math.tan(0.5 * camera.fov) * up)
+    return read_only(target - _LOWER_EDGE * distance * math.tan(0.5 * camera.fov) * up)
 
 
 def _clock(now: Snapshot) -> str:
@@ -187,24 +227,24 @@ def _clock(now: Snapshot) -> str:
     return f"{now.time:.1f} s: {failed or 'healthy'}, {now.verdict}"
 
 
-def _story(history: History, name: str, below: Markup) -> Markup:
+def _description(history: History, name: str, below: Markup) -> Markup:
     """Return the description of a run in chronological order: start, each event, end."""
     delay = history.setting.delay if name == "remapped" else 0.0
     end = float(history.t[-1])
     events = [t for event in history.setting.events for t in (event.time, event.time + delay)]
     times = sorted({0.0, *(first_with(history, t) for t in events if t <= end), end})
-    told, doubts = [], history.warnings
+    parts, warnings = [], history.warnings
     for time in times:
         now = snapshot(history, name, time)
-        told.append(answer.verdict_banner(now.verdict, sentence(history, name, now), doubts))
-        doubts = ()
+        parts.append(answer.verdict_banner(now.verdict, sentence(history, name, now), warnings))
+        warnings = ()  # shown once
     at = next((t for t in times if t > 0.0), end)
     now = snapshot(history, name, at)
-    told += [
+    parts += [
         curves.no_cursor(),
         charts(history, history.runs[name]),
         html.block(html.element("h3", f"At {now.time:.2f} s")),
         tables(history, now),
         below,
     ]
-    return html.element("div", *told, data_testid="static")
+    return html.element("div", *parts, data_testid="static")

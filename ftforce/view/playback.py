@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from ftforce.view.model.state import State
     from ftforce.view.modes import Host
 
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
-_PRINTED = 1e-5  # relative; times are printed with six digits
-_SLOWEST = 0.25  # s: longer stalls of the machine pause the playback instead of skipping ahead
+_SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0)
+_PRINT_RTOL = 1e-5  # times are printed with six digits
+_MAX_STEP = 0.25  # s: if the machine stalls, playback pauses instead of skipping ahead
 
 
 def playback(robot: Robot, state: State, path: str | os.PathLike[str], at: float = 0.0) -> Playback:
@@ -68,17 +68,24 @@ def playback(robot: Robot, state: State, path: str | os.PathLike[str], at: float
         The question contains faults, or ``at`` lies outside the history.
     """
     if state.faults.faults:
-        raise InputError("a history has faults of its own; leave out --locked, --free and --weak")
+        raise InputError("the faults are those of the history; omit --locked, --free and --weak")
     history = load_history(path)
     check_fits(robot, history, path)
     end = float(history.t[-1])
-    if not 0.0 <= at <= end * (1.0 + _PRINTED):  # also rejects NaN
-        raise InputError(f"the history lasts from 0 to {end:g} s; it has nothing at {at:g} s")
+    if not 0.0 <= at <= end * (1.0 + _PRINT_RTOL):  # also rejects NaN
+        raise InputError(f"time {at:g} s is outside the history, which lasts from 0 to {end:g} s")
     return Playback(robot, history, min(at, end))
 
 
 def check_fits(robot: Robot, history: History, path: str | os.PathLike[str]) -> None:
     """Check that a history belongs to this arm.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    history, path :
+        The history, and its file for the message.
 
     Raises
     ------
@@ -155,13 +162,13 @@ class Playback(Mode):
         """Jump to a time, s."""
         with self._lock:
             self._time = min(max(time, 0.0), self.end)
-        self._tell()
+        self._update_page()
 
-    def _tell(self) -> None:
+    def _update_page(self) -> None:
         """Update the page to the current time."""
         with self._session.panel.writing():
-            self._clock.tell(min(round(self.time, 3), self._slider.max))
-        self._ask()
+            self._clock.show(min(round(self.time, 3), self._slider.max))
+        self._request_view()
 
     def play(self) -> None:
         """Start playback; at the end, restart from the beginning."""
@@ -176,19 +183,19 @@ class Playback(Mode):
             self._playing.clear()
         self._button.label = "Play"
 
-    def choose(self, words_: str) -> None:
+    def choose(self, label: str) -> None:
         """Select a run by its label on the page."""
         with self._lock:
-            self._name = self._names[words_]
+            self._name = self._names[label]
         self._draw_charts()
-        self._ask()
+        self._request_view()
 
-    def _put(self, place: str) -> None:
+    def _set_place(self, place: str) -> None:
         with self._lock:
             self._place = place
-        self._ask()
+        self._request_view()
 
-    def _ask(self) -> None:
+    def _request_view(self) -> None:
         """Request the current time's view, passing the history's question to the controls."""
         self._session.change(self._as_played)
 
@@ -208,9 +215,9 @@ class Playback(Mode):
         draw_path(session.server, self.history)
         self._draw_charts()
         task, force = self.history.setting.task, np.array(self.history.setting.force)
-        six = in_components(task.components, force)
-        session.change(lambda s: s.asking(str(task), task.axes, task.length).pushing(six))
-        self._ask()
+        wrench = in_components(task.components, force)
+        session.change(lambda s: s.asking(str(task), task.axes, task.length).pushing(wrench))
+        self._request_view()
         self._thread = threading.Thread(target=self._play, name="ftforce playback", daemon=True)
         self._thread.start()
 
@@ -238,7 +245,7 @@ class Playback(Mode):
             self._healthy.set_geometry(geometry)
         picture = self._session.picture
         if picture is not None:
-            self._session.stage.look(aim(picture, self.history, self.run))
+            self._session.stage.aim(aim(picture, self.history, self.run))
 
     def page(self) -> str:
         """Return the history as an animated page."""
@@ -264,7 +271,7 @@ class Playback(Mode):
             last = clock.perf_counter()
             while self._playing.is_set() and not self._ends.wait(FRAME):
                 now = clock.perf_counter()
-                self._advance(min(now - last, _SLOWEST))
+                self._advance(min(now - last, _MAX_STEP))
                 last = now
 
     def _advance(self, seconds: float) -> None:
@@ -273,7 +280,7 @@ class Playback(Mode):
                 return
             self._time = min(self._time + self._speed * seconds, self.end)
             is_over = self._time >= self.end
-        self._tell()
+        self._update_page()
         if is_over:
             self.pause()
 
@@ -289,20 +296,20 @@ class Playback(Mode):
             "Time (s)", 0.0, end, step, now, marks=faults or None, hint="Faults are marked"
         )
         self._clock = Control(self._slider)
-        self._slider.on_update(lambda _event: self._slid())
+        self._slider.on_update(lambda _event: self._on_slider())
         names = tuple(self._names)
         run = gui.add_dropdown("Run", names, initial_value=names[0])
         run.on_update(lambda _event: self.choose(run.value))
-        speeds = tuple(f"{speed:g}×" for speed in SPEEDS)
+        speeds = tuple(f"{speed:g}×" for speed in _SPEEDS)
         speed = gui.add_dropdown("Speed", speeds, initial_value="1×")
-        speed.on_update(lambda _event: self._hasten(SPEEDS[speeds.index(speed.value)]))
+        speed.on_update(lambda _event: self._set_speed(_SPEEDS[speeds.index(speed.value)]))
         place = gui.add_dropdown("Healthy arm", PLACES, initial_value=self._place)
-        place.on_update(lambda _event: self._put(place.value))
+        place.on_update(lambda _event: self._set_place(place.value))
         self._charts = gui.add_html("")
         self._cursor = gui.add_html("")
         self.controls = {"time": self._slider, "run": run, "speed": speed, "place": place}
 
-    def _slid(self) -> None:
+    def _on_slider(self) -> None:
         if self._session.panel.is_writing:
             return
         self.pause()
@@ -312,7 +319,7 @@ class Playback(Mode):
                 time = first_with(self.history, event.time)
         self.seek(time)
 
-    def _hasten(self, speed: float) -> None:
+    def _set_speed(self, speed: float) -> None:
         self._speed = speed
 
     def _draw_charts(self) -> None:

@@ -19,7 +19,7 @@ from ftforce.view.model.state import HEALTHY, command_line
 from ftforce.view.modes import Mode
 from ftforce.view.page.answer import static_page
 from ftforce.view.page.panel import Panel
-from ftforce.view.scene.picture import HAND, picture, pulled
+from ftforce.view.scene.picture import DRAG_RESOLUTION, dragged_wrench, picture
 from ftforce.view.scene.stage import Stage
 
 if TYPE_CHECKING:
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
     from ftforce.view.model.state import State
     from ftforce.view.scene.picture import Picture
 
-_MISTAKE = "a mistake in ftforce, please report it"
+_BUG = "internal error in ftforce, please report it"
 
 
 @contextmanager
-def ctrl_c() -> Iterator[list[int]]:
+def _ctrl_c() -> Iterator[list[int]]:
     """Yield a list that becomes non-empty once Ctrl-C is pressed.
 
-    `KeyboardInterrupt` is not reliable here: trimesh swallows it while probing for optional
-    libraries, one of which does not survive it, and Python discards it in weakref callbacks.
+    `KeyboardInterrupt` is not reliable here: trimesh swallows it while importing optional
+    libraries, and Python discards it in weakref callbacks.
     """
     pressed: list[int] = []
     if threading.current_thread() is not threading.main_thread():
@@ -98,17 +98,17 @@ class Session:
         self.robot = robot
         self.mode = mode or Mode()
         self.state = state
-        self._refusal = ""  # error of the last change
-        self._failure = ""  # error of the last answered question
-        self._is_pulled = False
+        self._change_error = ""  # error of the last change
+        self._answer_error = ""  # error of the last answered question
+        self._is_dragging = False
         self._lock = threading.RLock()
-        self._news = threading.Condition(self._lock)
-        self._asked, self._answered = 1, 0
-        self._ends = threading.Event()
+        self._updated = threading.Condition(self._lock)
+        self._newest, self._answered = 1, 0
+        self._closing = threading.Event()
         self.seconds = 0.0
-        self._open = open_server(host, port, title=f"ftforce {robot.name}")
-        self.server: viser.ViserServer = self._open.server
-        self.address, self.warning = self._open.address, self._open.warning
+        self._opened = open_server(host, port, title=f"ftforce {robot.name}")
+        self.server: viser.ViserServer = self._opened.server
+        self.address, self.warning = self._opened.address, self._opened.warning
         try:
             with self.server.atomic():
                 self.stage = Stage(self.server, robot, self)
@@ -125,7 +125,7 @@ class Session:
             self._worker.start()
             self.settle()
             if (scene := self.picture) is not None:
-                self.stage.look(scene)
+                self.stage.aim(scene)
         except BaseException:
             self.close()
             raise
@@ -134,7 +134,7 @@ class Session:
     def problem(self) -> str:
         """Why the current question has no answer; empty if it has one."""
         with self._lock:
-            return self._refusal or self._failure
+            return self._change_error or self._answer_error
 
     # ---- thread-safe interface -------------------------------------------------------------------
 
@@ -150,19 +150,19 @@ class Session:
         with self._lock:
             try:
                 self.state = change(self.state)
-                self._refusal = ""
+                self._change_error = ""
             except FtforceError as error:
-                self._refusal = str(error)
-            self._ask()
+                self._change_error = str(error)
+            self._request()
 
     def refresh(self) -> None:
         """Recompute the answer, or query the mode again."""
         with self._lock:
-            self._ask()
+            self._request()
 
-    def _ask(self) -> None:
-        self._asked += 1
-        self._news.notify_all()
+    def _request(self) -> None:
+        self._newest += 1
+        self._updated.notify_all()
 
     def settle(self, seconds: float = 60.0) -> None:
         """Wait until the current question is answered and sent to the tabs.
@@ -177,55 +177,64 @@ class Session:
         TimeoutError
             The timeout expired.
         """
-        with self._news:
-            asked = self._asked
-            if not self._news.wait_for(lambda: self._answered >= asked, seconds):
+        with self._updated:
+            asked = self._newest
+            if not self._updated.wait_for(lambda: self._answered >= asked, seconds):
                 raise TimeoutError(f"no answer within {seconds:g} s")
 
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the tip of the requested force's arrow to a point in root axes, m, shape (3,).
+    def drag(self, end: Callable[[], Vector], done: bool) -> None:
+        """Move the tip of the requested force's arrow.
 
         Displacements below the drag resolution are ignored.
+
+        Parameters
+        ----------
+        end :
+            Returns the new position in root axes, m, shape (3,).
+        done :
+            Whether the drag has ended.
         """
         with self._lock:
-            self._is_pulled = not done  # the arrow scale is fixed during a drag
+            self._is_dragging = not done  # the arrow scale is fixed during a drag
             shown, scene = self.answer, self.picture
-            if shown is None or scene is None or not scene.can_pull:
+            if shown is None or scene is None or not scene.can_drag:
                 return
             place = end()
-            if math.dist(place, scene.arrows[0].end) > 0.5 * HAND:
-                wrench = pulled(scene, shown, place)
+            if math.dist(place, scene.arrows[0].end) > 0.5 * DRAG_RESOLUTION:
+                wrench = dragged_wrench(scene, shown, place)
                 self.change(lambda state: state.pushing(wrench))
             elif done:
-                self._ask()  # rescales the arrows to fit
+                self._request()  # rescales the arrows to fit
 
-    def touch(self, joint: int) -> None:
-        """Toggle a fault: lock a healthy joint (index from 0), or restore a failed one."""
+    def toggle(self, joint: int) -> None:
+        """Lock a healthy joint (index from 0), or restore a failed one."""
         if self.mode.takes_over:
             return
 
-        def toggle(state: State) -> State:
+        def flip(state: State) -> State:
             is_healthy = state.modes[joint] == HEALTHY
             return state.failing(joint, "locked" if is_healthy else HEALTHY)
 
-        self.change(toggle)
+        self.change(flip)
 
     # ---- the worker --------------------------------------------------------------------------
 
     def _work(self) -> None:
         while True:
-            with self._news:
-                self._news.wait_for(lambda: self._asked > self._answered or self._ends.is_set())
-                if self._ends.is_set():
+            with self._updated:
+                self._updated.wait_for(
+                    lambda: self._newest > self._answered or self._closing.is_set()
+                )
+                if self._closing.is_set():
                     return
-                asked, state, earlier = self._asked, self.state, self.answer
+                asked, state, earlier = self._newest, self.state, self.answer
                 like = None
-                if self._is_pulled and earlier is not None and earlier.state.task == state.task:
+                if self._is_dragging and earlier is not None and earlier.state.task == state.task:
                     like = self.picture
             self._answer_now(state, earlier, like)
-            with self._news:
+            with self._updated:
                 self._answered = asked
-                self._news.notify_all()
+                self._updated.notify_all()
 
     def _answer_now(self, state: State, earlier: Answer | None, like: Picture | None) -> None:
         """Compute the complete answer, then send it, so that tabs never show a mixed state."""
@@ -246,21 +255,21 @@ class Session:
                     if view.more is not None:
                         view.more()
         except FtforceError as error:
-            self._show_failure(str(error))
+            self._show_error(str(error))
         except Exception as error:  # keep the page alive and never show a traceback
-            self._show_failure(f"{_MISTAKE} ({error!r})")
+            self._show_error(f"{_BUG} ({error!r})")
         self.seconds = time.perf_counter() - started
 
     def _show(self, scene: Picture) -> None:
-        self.picture, self._failure = scene, ""
+        self.picture, self._answer_error = scene, ""
         self.stage.update(scene)
         self.panel.sync(self.state)
-        if self._refusal:
-            self.panel.show_problem(self._refusal)
+        if self._change_error:
+            self.panel.show_problem(self._change_error)
 
-    def _show_failure(self, problem: str) -> None:
+    def _show_error(self, problem: str) -> None:
         with self._lock, self.server.atomic():
-            self._failure = problem
+            self._answer_error = problem
             self.panel.show_problem(self.problem)
             self.panel.sync(self.state)
 
@@ -270,7 +279,7 @@ class Session:
         """Load and show the arm's meshes; this takes seconds, so the page is opened first."""
         from ftforce.view.geometry.meshes import load_geometry
 
-        with ctrl_c() as pressed:
+        with _ctrl_c() as pressed:
             geometry = load_geometry(self.robot)
         if pressed:
             raise KeyboardInterrupt
@@ -282,7 +291,7 @@ class Session:
             self.stage.set_geometry(geometry)
             self.panel.notes = geometry.notes
             if self.picture is not None:
-                self.stage.look(self.picture)
+                self.stage.aim(self.picture)
             self.mode.set_geometry(geometry)
         self.refresh()  # the legend lists missing meshes
 
@@ -294,26 +303,26 @@ class Session:
         announce :
             Called once Ctrl-C is handled.
         """
-        with ctrl_c() as pressed, suppress(KeyboardInterrupt):
+        with _ctrl_c() as pressed, suppress(KeyboardInterrupt):
             announce()
             self.load_geometry()
-            while not (pressed or self._ends.wait(0.2)):
+            while not (pressed or self._closing.wait(0.2)):
                 pass
         self.close()
 
     def close(self) -> None:
         """Stop the worker, the mode and the server; safe to call twice."""
-        with self._news:
-            was_open = not self._ends.is_set()
-            self._ends.set()
-            self._news.notify_all()
+        with self._updated:
+            was_open = not self._closing.is_set()
+            self._closing.set()
+            self._updated.notify_all()
         if not was_open:
             return
         self.mode.stop()
         worker = getattr(self, "_worker", None)
         if worker is not None:
             worker.join(10.0)
-        self._open.close()
+        self._opened.close()
 
     def __enter__(self) -> Session:
         """Return the open session."""
@@ -354,24 +363,24 @@ class Session:
 
     def save_page(self, client: Any) -> None:
         """Send the page to a tab as a self-contained file."""
-        self._give(client, "html", lambda: self.page().encode())
+        self._send(client, "html", lambda: self.page().encode())
 
     def save_picture(self, client: Any) -> None:
         """Send the scene, as seen in a tab, to that tab as a PNG."""
         from ftforce.view.server.screenshot import render_png
 
-        self._give(client, "png", lambda: render_png(client))
+        self._send(client, "png", lambda: render_png(client))
 
-    def _give(self, client: Any, ending: str, content: Callable[[], bytes]) -> None:
+    def _send(self, client: Any, extension: str, content: Callable[[], bytes]) -> None:
         """Send a file to a tab, or notify it of the error: this runs in a viser thread."""
-        name = f"{_file_name(self.robot)}.{ending}"
+        name = f"{_file_name(self.robot)}.{extension}"
         try:
-            given = content()
-            client.send_file_download(name, given, save_immediately=True)
+            data = content()
+            client.send_file_download(name, data, save_immediately=True)
         except Exception as error:  # for example, the tab was closed
             problem = str(error) if isinstance(error, FtforceError) else repr(error)
             with suppress(Exception):
-                client.add_notification("Nothing was saved", problem, color="red")
+                client.add_notification("Saving failed", problem, color="red")
 
 
 def _file_name(robot: Robot) -> str:

@@ -18,7 +18,7 @@ from ftforce.view.model.fitting import difference, displacement
 from ftforce.view.model.state import in_components
 from ftforce.view.modes import Mode
 from ftforce.view.page import answer
-from ftforce.view.scene.colours import along_ramp
+from ftforce.view.scene.colours import interpolate
 from ftforce.view.scene.picture import Line, scene_size
 from ftforce.view.scene.stage import linear
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from ftforce.view.modes import Host
     from ftforce.view.scene.colours import Colour
 
-MOST = 20_000  # points; a browser without a GPU can still rotate this many
-EVERY = "every set"
+_MAX_POINTS = 20_000  # a browser without a GPU can still rotate this many
+_EVERY = "every set"
 # Matplotlib's cividis from 0 to 1, as in `ftforce map`: bright is good, dark is bad; readable
 # with any kind of colour vision and in greyscale.
 RAMP: tuple[Colour, ...] = (
@@ -51,10 +51,10 @@ VERDICT_POINTS: tuple[Colour, ...] = (RAMP[4], RAMP[2], RAMP[0])  # in the order
 _SEED = 0  # always selects the same points
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # where the ramp's colours are defined
 _RADIUS = 0.007  # of a point, as a share of the size of the arm
-_CUBE = 0.35  # edge of a cell's cube, as a share of the cell's edge
-_AIMED = 400  # enough points to aim the camera
+_CELL_RADIUS = 0.35  # of a cell's marker, as a share of the cell's edge
+_AIM_POINTS = 400  # enough points to aim the camera
 _FORCE_DIGITS = 4
-SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
+_SHOWN = ("all", *(verdict.value for verdict in VERDICTS), "none")
 
 # An octahedron: eight triangles per point.
 _CORNERS = np.array(
@@ -108,9 +108,9 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
         There is no such sweep, it belongs to another arm, or it has no completed postures.
     """
     sweep = open_sweep(path)
-    check_fits(robot, sweep, path)
+    _check_fits(robot, sweep, path)
     if not sweep.done:
-        raise SweepError(path, "has no posture yet; the command that began it goes on")
+        raise SweepError(path, "has no finished postures yet; run its command again to resume it")
     found = Survey(robot, state, sweep)
     if found.points is not None:
         problem = displacement(robot, found.points.q[0], found.points.tip[0])
@@ -119,8 +119,15 @@ def survey(robot: Robot, state: State, path: str | os.PathLike[str]) -> Survey:
     return found
 
 
-def check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
+def _check_fits(robot: Robot, sweep: Sweep, path: str | os.PathLike[str]) -> None:
     """Check that a sweep belongs to this arm.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    sweep, path :
+        The sweep, and its folder for the message.
 
     Raises
     ------
@@ -138,21 +145,21 @@ def choices(sweep: Sweep) -> dict[str, tuple[int, ...] | None]:
     ``None`` stands for every set; it is the only choice if the sweep kept only the worst set of
     each posture.
     """
-    found: dict[str, tuple[int, ...] | None] = {EVERY: None}
+    found: dict[str, tuple[int, ...] | None] = {_EVERY: None}
     if sweep.setting.keep != "worst":
         for one in sweep.sets:
             found[str(one)] = tuple(joint + 1 for joint in one.joints)
     return found
 
 
-def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
+def read_points(sweep: Sweep, count: int = _MAX_POINTS) -> Points | None:
     """Return postures of a sweep; ``None`` if it stored none.
 
     Parameters
     ----------
     sweep :
         The sweep.
-    most :
+    count :
         Maximum number of postures; if there are more, a random subset is returned.
     """
     if sweep.setting.keep == "summary":
@@ -162,8 +169,8 @@ def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
     tips = np.asarray(data["tip"].values)
     done = np.flatnonzero(np.isfinite(tips).all(axis=1))  # unfinished chunks hold NaN
     chosen = done
-    if len(done) > most:
-        chosen = np.sort(np.random.default_rng(_SEED).choice(done, most, replace=False))
+    if len(done) > count:
+        chosen = np.sort(np.random.default_rng(_SEED).choice(done, count, replace=False))
     verdict = np.asarray(data[name].isel(posture=chosen).values).reshape(len(chosen), -1)
     q = np.asarray(data["q"].isel(posture=chosen).values)
     worst = verdict.argmax(axis=1)
@@ -172,7 +179,7 @@ def read_points(sweep: Sweep, most: int = MOST) -> Points | None:
     return Points(q, tips[chosen], verdict.astype(np.int8), worst.astype(np.int64), len(done))
 
 
-def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
+def _verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
     """Return the verdict of each point for a fault set, shape (k,).
 
     Parameters
@@ -188,7 +195,7 @@ def verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
     return found
 
 
-def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
+def _verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
     """Return the colours of verdicts, shape (k, 3)."""
     found: NDArray[np.uint8] = np.array(VERDICT_POINTS, dtype=np.uint8)[verdicts]
     return found
@@ -196,7 +203,7 @@ def verdict_colours(verdicts: NDArray[np.int8]) -> NDArray[np.uint8]:
 
 def share_colours(shares: Vector) -> NDArray[np.uint8]:
     """Return the colours of shares from 0 to 1, shape (k, 3)."""
-    return along_ramp(RAMP, shares)
+    return interpolate(RAMP, shares)
 
 
 class Survey(Mode):
@@ -218,8 +225,8 @@ class Survey(Mode):
         self.robot, self.sweep = robot, sweep
         self.points = read_points(sweep)
         self._choices = choices(sweep)
-        self._chosen, self._shown = EVERY, SHOWN[0]
-        self._asks, self._asks_the_same = state, True
+        self._chosen, self._shown = _EVERY, _SHOWN[0]
+        self._question, self._is_same_question = state, True
         self._lock = threading.RLock()
 
     # ---- Mode --------------------------------------------------------------------------------
@@ -230,35 +237,35 @@ class Survey(Mode):
         with session.panel.first_tab:
             self._build(session.server.gui)
         if self.points is None:
-            self._nodes = self._add_cells(EVERY)
+            self._nodes = self._add_cells(_EVERY)
         else:
             self._nodes = self._add_points(self.points)
-            self._nodes.on_click(lambda event: self.take(event.instance_index))
+            self._nodes.on_click(lambda event: self.move_to(event.instance_index))
         session.change(self._as_swept)
-        self._asks = session.state
-        session.panel.begin_with(self._asks)
-        self._tell()
+        self._question = session.state
+        session.panel.set_initial(self._question)
+        self._update_legend()
 
     def view(self, state: State) -> None:
-        """Return ``None``, the ordinary answer; the legend notes a question not of the sweep."""
+        """Return ``None`` for the ordinary answer; the legend says if the question differs."""
         with self._lock:
-            asks_the_same = state.essence() == self._asks.essence()
-            if asks_the_same != self._asks_the_same:
-                self._asks_the_same = asks_the_same
-                self._tell()
+            is_same = state.essence() == self._question.essence()
+            if is_same != self._is_same_question:
+                self._is_same_question = is_same
+                self._update_legend()
 
     def set_geometry(self, geometry: Geometry) -> None:  # noqa: ARG002 # part of the interface
-        """Aim the camera at all points; there is no second arm to set."""
+        """Aim the camera at all points; there is no second arm."""
         picture = self._session.picture
         if picture is not None:
             places = self._nodes.batched_positions
-            few = places[:: 1 + len(places) // _AIMED]
+            few = places[:: 1 + len(places) // _AIM_POINTS]
             lines = tuple(Line(np.array([x, x], dtype=float), RAMP[0], "") for x in few)
-            self._session.stage.look(replace(picture, lines=lines))
+            self._session.stage.aim(replace(picture, lines=lines))
 
     # ---- controls --------------------------------------------------------------------------------
 
-    def take(self, point: int | None) -> None:
+    def move_to(self, point: int | None) -> None:
         """Move the arm to a point and apply the selected fault set.
 
         With "every set" selected, the worst set at that point is applied; if all sets are tolerated
@@ -268,7 +275,7 @@ class Survey(Mode):
         if points is None or point is None or not 0 <= point < len(points.q):
             return
         q, faults = points.q[point], self._faults()
-        if faults is None and verdicts_of(points, None)[point]:
+        if faults is None and _verdicts_of(points, None)[point]:
             faults = self.sweep.sets[points.worst[point]]
         self._session.change(
             lambda state: state.at(q) if faults is None else state.at(q).with_faults(faults)
@@ -282,13 +289,13 @@ class Survey(Mode):
                 self._nodes.remove()
                 self._nodes = self._add_cells(label)
             self._paint()
-            self._tell()
+            self._update_legend()
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
         """Verdict of each point for the selected fault set, shape (k,)."""
         assert self.points is not None
-        return verdicts_of(self.points, self._place())
+        return _verdicts_of(self.points, self._place())
 
     def _place(self) -> int | None:
         joints = self._choices[self._chosen]
@@ -301,7 +308,7 @@ class Survey(Mode):
     def _as_swept(self, state: State) -> State:
         """Return the sweep's question without limits, so that colours and verdict agree."""
         setting = self.sweep.setting
-        asked = replace(
+        question = replace(
             state.asking(setting.task, setting.axes, setting.length),
             rtol=setting.rtol,
             wary=setting.wary,
@@ -309,8 +316,8 @@ class Survey(Mode):
             own_gravity=self._gravity(),
         )
         if setting.force is None:
-            return asked.loaded("every direction")
-        return asked.pushing(in_components(setting.components, np.array(setting.force)))
+            return question.loaded("every direction")
+        return question.pushing(in_components(setting.components, np.array(setting.force)))
 
     def _gravity(self) -> Vector | None:
         own = read_only(np.array(self.sweep.setting.gravity, dtype=float))
@@ -320,10 +327,10 @@ class Survey(Mode):
 
     def _build(self, gui: Any) -> None:
         labels = tuple(self._choices)
-        sets = gui.add_dropdown("Fault set", labels, initial_value=EVERY)
+        sets = gui.add_dropdown("Fault set", labels, initial_value=_EVERY)
         sets.on_update(lambda _event: self.choose(sets.value))
-        kinds = SHOWN if self.points is not None else (SHOWN[0], SHOWN[-1])
-        shown = gui.add_dropdown("Show", kinds, initial_value=SHOWN[0])
+        kinds = _SHOWN if self.points is not None else (_SHOWN[0], _SHOWN[-1])
+        shown = gui.add_dropdown("Show", kinds, initial_value=_SHOWN[0])
         shown.on_update(lambda _event: self._show(shown.value))
         self._legend = gui.add_html("")
         self.controls = {"sets": sets, "shown": shown}
@@ -335,24 +342,24 @@ class Survey(Mode):
 
     def _paint(self) -> None:
         """Color the points and show those with the selected verdict."""
-        self._nodes.visible = self._shown != SHOWN[-1]
+        self._nodes.visible = self._shown != _SHOWN[-1]
         if self.points is None:
             return
         verdicts = self.verdicts
-        self._nodes.batched_colors = linear(verdict_colours(verdicts))
+        self._nodes.batched_colors = linear(_verdict_colours(verdicts))
         wanted = np.ones(len(verdicts), dtype=np.float32)  # points of zero size cannot be clicked
-        if self._shown in SHOWN[1:-1]:
-            wanted *= verdicts == SHOWN.index(self._shown) - 1
+        if self._shown in _SHOWN[1:-1]:
+            wanted *= verdicts == _SHOWN.index(self._shown) - 1
         self._nodes.batched_scales = wanted
 
     def _add_points(self, points: Points) -> Any:
         radius = _RADIUS * scene_size(self.robot)
-        return self._add("/sweep/points", radius, points.tip, verdict_colours(self.verdicts))
+        return self._add("/sweep/points", radius, points.tip, _verdict_colours(self.verdicts))
 
     def _add_cells(self, label: str) -> Any:
         located = workspace_map(self.sweep, self._choices[label]).located
         colours = share_colours(located.cells.share)
-        return self._add("/sweep/cells", _CUBE * located.edge, located.place, colours)
+        return self._add("/sweep/cells", _CELL_RADIUS * located.edge, located.place, colours)
 
     def _add(self, name: str, radius: float, places: Matrix, colours: NDArray[np.uint8]) -> Any:
         return self._session.server.scene.add_batched_meshes_simple(
@@ -373,7 +380,7 @@ class Survey(Mode):
         """Return the legend of the point colours."""
         return self._cells_legend() if self.points is None else self._points_legend(self.points)
 
-    def _tell(self) -> None:
+    def _update_legend(self) -> None:
         self._legend.content = str(self.part())
 
     def _points_legend(self, points: Points) -> Markup:
@@ -385,20 +392,19 @@ class Survey(Mode):
         ]
         number = f"{shown:,} points"
         if shown < points.total:
-            number += f", at random of {points.total:,} postures"
-        notes = [f"{number}. A click on one takes the arm to its posture."]
-        if self._chosen == EVERY:
-            notes[0] = f"{notes[0][:-1]}, and fails the set that is worst there."
+            number += f", a random subset of {points.total:,} postures"
+        faults = ", with the fault set that is worst there" if self._chosen == _EVERY else ""
+        notes = [f"{number}. Click a point to move the arm to its posture{faults}."]
         if self.sweep.setting.keep == "worst":
-            notes.append("The sweep kept each posture's worst set alone: no other can be chosen.")
+            notes.append("The sweep stored only the worst fault set of each posture.")
         return answer.keys(pairs, [*notes, *self._notes()], "sweep")
 
     def _cells_legend(self) -> Markup:
-        told = (f"{share:.0%} of the postures tolerate it" for share in _SHARES)
-        pairs = list(zip(reversed(RAMP), told, strict=True))
+        labels = (f"tolerated in {share:.0%} of the postures" for share in _SHARES)
+        pairs = list(zip(reversed(RAMP), labels, strict=True))
         note = (
-            "Middles of the cells by the share of their postures. The sweep kept its summary "
-            "alone: a click cannot take the arm to a posture (sweep with --keep all or worst)."
+            "Cell centres, coloured by the share of postures. The sweep stored only its summary, "
+            "so a click cannot move the arm (this needs a sweep with --keep all or worst)."
         )
         return answer.keys(pairs, [note, *self._notes()], "sweep")
 
@@ -412,14 +418,14 @@ class Survey(Mode):
         if setting.force is not None:
             values = ", ".join(f"{x:.{_FORCE_DIGITS}g}" for x in setting.force)
             force = f"force ({values}) in {setting.axes} axes"
-        asks = "the page asks that too"
-        if not self._asks_the_same:
-            asks = "the page asks something else (Reset goes back)"
-        total = f"{percent(share)} of all {self.sweep.done:,} postures tolerate it"
-        carried = f"The sweep carried a payload, {setting.payload}; add it under Force."
+        agrees = "as on this page"
+        if not self._is_same_question:
+            agrees = "unlike on this page (Reset restores them)"
+        total = f"tolerated in {percent(share)} of all {self.sweep.done:,} postures"
+        payload = f"The sweep had a payload, {setting.payload}; set it in the Force tab."
         return [
-            f"Fault set: {what}, {setting.mode}. {total}.",
-            f"The sweep asked for task {setting.task}, {force}; {asks}.",
-            *([carried] if setting.payload else []),
-            *(f"Warning: {doubt}." for doubt in self.sweep.warnings),
+            f"Fault set: {what}, {setting.mode}: {total}.",
+            f"Settings of the sweep: task {setting.task}, {force}; {agrees}.",
+            *([payload] if setting.payload else []),
+            *(f"Warning: {warning}." for warning in self.sweep.warnings),
         ]

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
-ABOVE = 1.0 + 1e-9  # times the last edge; values below count as the last edge, up to rounding
-TILE = 256  # postures transposed at a time
+_EDGE = 1.0 + 1e-9  # values up to this multiple of the last edge lie on it, up to rounding
+_TILE = 256  # postures transposed at a time
 
 
 @kernel
@@ -55,11 +55,11 @@ def count_linear(
     Parameters
     ----------
     values :
-        Shape (S, k); values below 0, due to rounding, count in the first bin.
+        Shape (S, k); values below 0, due to rounding, fall in the first bin.
     largest, bins :
         Upper edge of the last bin, inclusive, and number of bins.
     counts :
-        Incremented in place. With shape (S, bins), larger values count in the last bin; with
+        Incremented in place. With shape (S, bins), larger values fall in the last bin; with
         shape (S, bins + 1), in a separate overflow bin.
     unknown :
         Incremented by the number of NaN, shape (S,).
@@ -75,7 +75,7 @@ def count_linear(
                 histogram[int(y)] += 1
             elif x < 0.0:
                 histogram[0] += 1
-            elif x <= largest * ABOVE:
+            elif x <= largest * _EDGE:
                 histogram[bins - 1] += 1
             elif x > largest:
                 histogram[-1] += 1
@@ -88,7 +88,7 @@ def count_logarithmic(
     values: Matrix,
     first: NDArray[np.int64],
     edges: Vector,
-    guide: Counts,
+    lookup: Counts,
     counts: Counts,
     unlimited: Counts,
     unknown: Counts,
@@ -103,8 +103,8 @@ def count_logarithmic(
         Their `leading_bits`, shape (S, k).
     edges :
         Positive, increasing, shape (b + 1,); the last bin includes its upper edge.
-    guide :
-        Lookup table of the edges, made by `guide_to`.
+    lookup :
+        Lookup table of the edges, made by `lookup_of`.
     counts :
         Incremented in place, shape (S, b + 2): below the first edge, the bins, above the last edge.
     unlimited, unknown :
@@ -118,7 +118,7 @@ def count_logarithmic(
         for i in range(k):
             x = row[i]
             if lowest <= x < highest:
-                b = guide[bits[i] - guide[0] + 1]
+                b = lookup[bits[i] - lookup[0] + 1]
                 histogram[b + 1 + (x >= edges[b + 1])] += 1
             elif x < lowest:
                 histogram[0] += 1
@@ -141,7 +141,7 @@ def leading_bits(values: Matrix) -> NDArray[np.int64]:
     return bits
 
 
-def guide_to(edges: Vector) -> Counts:
+def lookup_of(edges: Vector) -> Counts:
     """Return the leading bits of the first edge, then the bin in which each step begins.
 
     Parameters
@@ -220,24 +220,24 @@ def count_cells(
         Updated in place, see `ftforce.batch.summary.summary.Summary`.
     """
     sets, k = verdict.shape
-    good = np.empty((TILE, sets), np.int64)
-    margins = np.empty((TILE, sets))
-    worst_margin, worst_rho = np.empty(TILE), np.empty(TILE)
-    tolerated = np.empty(TILE, np.int64)
-    for start in range(0, k, TILE):
-        size = min(TILE, k - start)
+    accepted = np.empty((_TILE, sets), np.int64)
+    margins = np.empty((_TILE, sets))
+    worst_margin, worst_rho = np.empty(_TILE), np.empty(_TILE)
+    tolerated = np.empty(_TILE, np.int64)
+    for start in range(0, k, _TILE):
+        size = min(_TILE, k - start)
         worst_margin[:] = math.inf
         worst_rho[:] = math.inf
         tolerated[:] = 0
         for s in range(sets):  # row by row: the stride of columns defeats the cache
             for i in range(size):
-                x = margin[s, start + i] + 0.0  # no negative zero
+                x = margin[s, start + i] + 0.0  # turns -0.0 into 0.0
                 margins[i, s] = x
                 worst_margin[i] = x if x < worst_margin[i] else worst_margin[i]
                 x = rho[s, start + i]
                 worst_rho[i] = x if x < worst_rho[i] else worst_rho[i]
                 ok = np.int64(verdict[s, start + i] == 0)
-                good[i, s] = ok
+                accepted[i, s] = ok
                 tolerated[i] += ok
         for i in range(size):
             c = cell[start + i]
@@ -247,6 +247,6 @@ def count_cells(
             _count_share(worst_margin[i], cell_worst_margin[c])
             _count_share(worst_rho[i], cell_worst_rho[c])
             for s in range(sets):
-                cell_tolerated[c, s] += good[i, s]
+                cell_tolerated[c, s] += accepted[i, s]
                 x = margins[i, s]
                 cell_min_margin[c, s] = x if x < cell_min_margin[c, s] else cell_min_margin[c, s]

@@ -21,10 +21,10 @@ from ftforce.batch.kernels.layout import (
     aligned_zeros,
 )
 
-_SWEEPS = 40
-_ORTHOGONAL = 4e-16
-_LEAST = 1e-18
-_ROUNDING = 1e-12
+_SWEEPS = 40  # most sweeps of Jacobi rotations
+_ORTHOGONAL = 4e-16  # cosine of the angle between rows that need no rotation
+_NEGLIGIBLE = 1e-18  # relative to the longest row
+_ROUNDING = 1e-12  # relative to the gravity torques
 
 
 class Scratch(NamedTuple):
@@ -40,15 +40,21 @@ class Scratch(NamedTuple):
     K: np.ndarray  # (m, n); after decomposition, diag(t) times the right singular vectors
     V: np.ndarray  # (m, m): left singular vectors of K
     t: np.ndarray  # (m,): singular values of K
-    F0: np.ndarray  # (m,)
-    W: np.ndarray  # (m, n)
-    kept: np.ndarray  # (m,)
-    left: np.ndarray  # (n,)
-    limit: np.ndarray  # (n,)
+    F0: np.ndarray  # (m,): force that balances the free-swinging joints
+    W: np.ndarray  # (m, n): columns of the free-swinging joints
+    projected: np.ndarray  # (m,): output of `project`
+    residual: np.ndarray  # (n,): torques of the free-swinging joints that F0 does not balance
+    limit: np.ndarray  # (n,): torque limits
 
 
-def scratch(m, n):
-    """Return a workspace for one posture."""
+def workspace(m, n):
+    """Return a workspace for one posture.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     posture = [(m, n), (m, m), m, m, m, n]
     fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
     return Scratch(aligned_zeros(1, np.int64), *aligned_arrays([*posture, *fault_set]))
@@ -56,20 +62,30 @@ def scratch(m, n):
 
 @inner
 def decompose(W, U, s):
-    """Compute the SVD W = U diag(s) Vᵀ in place: rows become s_i v_iᵀ, sorted by decreasing s."""
+    """Compute the SVD W = U diag(s) Vᵀ in place: rows become s_i v_iᵀ, sorted by decreasing s.
+
+    Parameters
+    ----------
+    W :
+        The matrix, shape (m, n); then the rows s_i v_iᵀ.
+    U :
+        Filled with the left singular vectors as columns, shape (m, m).
+    s :
+        Filled with the singular values, shape (m,).
+    """
     m = W.shape[0]
     U[:] = 0.0
     for i in range(m):
         U[i, i] = 1.0
-    nothing = 0.0  # rows of at most this norm are rounding errors
+    negligible = 0.0  # rows of at most this norm are rounding errors
     for i in range(m):
-        nothing = max(nothing, _LEAST * norm(W[i]))
+        negligible = max(negligible, _NEGLIGIBLE * norm(W[i]))
     for _ in range(_SWEEPS):
-        turned = False
+        rotated = False
         for i in range(m - 1):
             for j in range(i + 1, m):
-                turned |= rotate(W, U, i, j, nothing)
-        if not turned:
+                rotated |= _rotate(W, U, i, j, negligible)
+        if not rotated:
             break
     for i in range(m):
         s[i] = norm(W[i])
@@ -87,7 +103,7 @@ def decompose(W, U, s):
 
 
 @inner
-def rotate(W, U, i, j, nothing):
+def _rotate(W, U, i, j, negligible):
     """Make rows i and j orthogonal, and return whether a rotation of nonzero rows was needed."""
     a, b, c = 0.0, 0.0, 0.0
     for k in range(W.shape[1]):
@@ -95,7 +111,7 @@ def rotate(W, U, i, j, nothing):
         b += W[j, k] * W[j, k]
         c += W[i, k] * W[j, k]
     a_norm, b_norm = math.sqrt(a), math.sqrt(b)
-    if not (abs(c) > _ORTHOGONAL * a_norm * b_norm and min(a_norm, b_norm) > nothing):
+    if not (abs(c) > _ORTHOGONAL * a_norm * b_norm and min(a_norm, b_norm) > negligible):
         return False
     zeta = (b - a) / (2.0 * c)
     t = math.copysign(1.0, zeta) / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
@@ -123,7 +139,15 @@ def norm(x):
 
 @inner
 def rank_of(s, threshold):
-    """Return the number of singular values above a threshold."""
+    """Return the number of singular values above a threshold.
+
+    Parameters
+    ----------
+    s :
+        Singular values, decreasing, shape (m,).
+    threshold :
+        Those up to it count as zero.
+    """
     rank = s.size
     while rank > 0 and s[rank - 1] <= threshold:
         rank -= 1
@@ -132,7 +156,19 @@ def rank_of(s, threshold):
 
 @inner
 def project(U, first, last, x, out):
-    """Project x onto the span of the columns first … last - 1 of U, into ``out``."""
+    """Project x onto the span of the columns first … last - 1 of U, into ``out``.
+
+    Parameters
+    ----------
+    U :
+        Orthonormal columns, shape (m, m).
+    first, last :
+        Half-open range of columns.
+    x :
+        Vector, shape (m,).
+    out :
+        Filled with the projection, shape (m,).
+    """
     m = U.shape[0]
     for i in range(m):
         out[i] = 0.0
@@ -146,157 +182,207 @@ def project(U, first, last, x, out):
 
 @inner
 def reduce_columns(J, locked, K):
-    """Set K to J with the columns of locked joints zeroed (eq. 25, 26)."""
+    """Set K to J with the columns of locked joints zeroed (eq. 25, 26).
+
+    Parameters
+    ----------
+    J :
+        Task Jacobian, shape (m, n).
+    locked :
+        True at the locked joints, shape (n,).
+    K :
+        Filled with the reduced Jacobian, shape (m, n).
+    """
     for i in range(J.shape[0]):
         for k in range(J.shape[1]):
             K[i, k] = 0.0 if locked[k] else J[i, k]
 
 
 @inner
-def project_out_free(one, free, lost):
+def project_out_free(scratch, free, threshold):
     """Project K onto the orthogonal complement of the columns of free-swinging joints.
 
     Stores in F0 the smallest force that balances these joints. Returns the torque at them that no
     force can balance, relative to the gravity torques of the arm, and the smallest singular value
-    of their columns above ``lost`` (infinite if there is none), the next one that a larger
+    of their columns above ``threshold`` (infinite if there is none), the next one that a larger
     tolerance would treat as zero.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with J, K and the gravity torques.
+    free :
+        True at the free-swinging joints, shape (n,).
+    threshold :
+        Singular values of their columns up to it count as zero.
     """
-    m, n = one.J.shape
-    W, s, rest = one.W, one.t, one.kept
+    m, n = scratch.J.shape
+    W, s, rest = scratch.W, scratch.t, scratch.projected
     for k in range(n):
         for i in range(m):
-            W[i, k] = one.J[i, k] if free[k] else 0.0
-    decompose(W, one.V, s)
-    rank = rank_of(s, lost)
+            W[i, k] = scratch.J[i, k] if free[k] else 0.0
+    decompose(W, scratch.V, s)
+    rank = rank_of(s, threshold)
     for k in range(n):
-        project(one.V, rank, m, one.K[:, k], rest)
+        project(scratch.V, rank, m, scratch.K[:, k], rest)
         for i in range(m):
-            one.K[i, k] = 0.0 if free[k] else rest[i]
-    unbalanced = support(one, free, rank)
+            scratch.K[i, k] = 0.0 if free[k] else rest[i]
+    unbalanced = balance_free(scratch, free, rank)
     return unbalanced, s[rank - 1] if rank > 0 else math.inf
 
 
 @inner
-def support(one, free, rank):
+def balance_free(scratch, free, rank):
     """Set F0 to the smallest force that balances the free-swinging joints, -(J_Sᵀ)† [rnea]_S.
 
     Returns the unbalanced torque, relative to the gravity torques. The rows of W are σ_i v_iᵀ.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with the decomposed columns of the free-swinging joints.
+    free :
+        True at these joints, shape (n,).
+    rank :
+        Rank of their columns.
     """
-    m, n = one.J.shape
-    left, F0 = one.left, one.F0
+    m, n = scratch.J.shape
+    residual, F0 = scratch.residual, scratch.F0
     for i in range(m):
         F0[i] = 0.0
     for k in range(n):
-        left[k] = one.rnea[k] if free[k] else 0.0
-    total = norm(one.rnea)
-    if not norm(left) > _ROUNDING * total:
+        residual[k] = scratch.rnea[k] if free[k] else 0.0
+    total = norm(scratch.rnea)
+    if not norm(residual) > _ROUNDING * total:
         return 0.0
     for i in range(rank):
         along = 0.0
         for k in range(n):
-            along += one.W[i, k] * one.rnea[k]
-        along /= one.t[i] * one.t[i]
+            along += scratch.W[i, k] * scratch.rnea[k]
+        along /= scratch.t[i] * scratch.t[i]
         for k in range(m):
-            F0[k] -= along * one.V[k, i]
+            F0[k] -= along * scratch.V[k, i]
         for k in range(n):
-            left[k] -= along * one.W[i, k]
-    return norm(left) / total
+            residual[k] -= along * scratch.W[i, k]
+    return norm(residual) / total
 
 
 @inner
-def tolerance_that_loses(s, scale):
+def _losing_tolerance(s, scale):
     """Return the smallest tolerance t that treats a singular value as zero, s ≤ t · scale."""
     t = s / scale
     return t if s <= t * scale else np.nextafter(t, math.inf)
 
 
 @inner
-def verdict_of(yes, no):
+def _verdict_of(accepted, rejected):
     """Return the verdict, given whether any tolerance accepts and any rejects the fault set."""
-    if yes and no:
+    if accepted and rejected:
         return BORDERLINE
-    return TOLERATED if yes else NOT_TOLERATED
+    return TOLERATED if accepted else NOT_TOLERATED
 
 
 @inner
-def judge_locked(one, asks, rtol, wary):
-    """Return the verdict for locked joints only (`ftforce.core.verdict.verdict`)."""
-    s, scale, m = one.t, one.s[0], one.t.size
+def judge_locked(scratch, has_force, rtol, wary):
+    """Return the verdict for locked joints only (`ftforce.core.verdict.verdict`).
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed.
+    has_force :
+        Whether a force is requested.
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    """
+    s, scale, m = scratch.t, scratch.s[0], scratch.t.size
     if s[m - 1] > wary * scale:
         return TOLERATED
-    if not asks:
-        kept = rank_of(s, rtol * scale) >= one.rank[0]
-        kept_at_wary = rank_of(s, wary * scale) >= one.rank[0]
-        return verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
-    size = norm(one.F)
+    if not has_force:
+        kept = rank_of(s, rtol * scale) >= scratch.rank[0]
+        kept_at_wary = rank_of(s, wary * scale) >= scratch.rank[0]
+        return _verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
+    size = norm(scratch.F)
     if size == 0.0:
         return TOLERATED
-    yes, no, start = False, False, rtol
-    left = rank_of(s, rtol * scale)
+    accepted, rejected, start = False, False, rtol
+    rank = rank_of(s, rtol * scale)
     lost = 0.0  # share of ‖F̂‖² along lost directions
-    for i in range(left, m):
-        lost += share(one, i, size)
+    for i in range(rank, m):
+        lost += _share(scratch, i, size)
     while True:  # from one change of the rank to the next
-        ends = left == 0 or not s[left - 1] <= wary * scale
-        end = wary if ends else tolerance_that_loses(s[left - 1], scale)
+        ends = rank == 0 or not s[rank - 1] <= wary * scale
+        end = wary if ends else _losing_tolerance(s[rank - 1], scale)
         jump = math.sqrt(lost)
-        yes |= jump <= start or jump <= end
-        no |= not (jump <= start and jump <= end)
+        accepted |= jump <= start or jump <= end
+        rejected |= not (jump <= start and jump <= end)
         if ends:
-            return verdict_of(yes, no)
+            return _verdict_of(accepted, rejected)
         start = end
-        while left > 0 and s[left - 1] <= start * scale:
-            left -= 1
-            lost += share(one, left, size)
+        while rank > 0 and s[rank - 1] <= start * scale:
+            rank -= 1
+            lost += _share(scratch, rank, size)
 
 
 @inner
-def share(one, i, size):
+def _share(scratch, i, size):
     """Return the share of ‖F̂‖² along the i-th left singular vector of K."""
     along = 0.0
-    for k in range(one.F.size):
-        along += one.V[k, i] * (one.F[k] / size)
+    for k in range(scratch.F.size):
+        along += scratch.V[k, i] * (scratch.F[k] / size)
     return along * along
 
 
 @inner
-def judge_free(one, locked, free, rtol, wary, asks):
+def judge_free(scratch, locked, free, rtol, wary, has_force):
     """Return the verdict with free-swinging joints (`ftforce.core.verdict.judge` without limits).
 
-    Reevaluated at every change of rank, since K changes when the column of a free joint counts as
-    zero. Overwrites K, its decomposition and F0.
+    Reevaluated at every change of rank, since K changes when the column of a free joint is treated
+    as zero. Overwrites K, its decomposition and F0.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with J decomposed.
+    locked, free :
+        True at the locked, and at the free-swinging joints, shape (n,).
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    has_force :
+        Whether a force is requested.
     """
-    m, scale, rank = one.s.size, one.s[0], one.rank[0]
-    yes, no, start = False, False, rtol
+    m, scale, rank = scratch.s.size, scratch.s[0], scratch.rank[0]
+    accepted, rejected, start = False, False, rtol
     while True:
-        reduce_columns(one.J, locked, one.K)
-        unbalanced, nearest = project_out_free(one, free, start * scale)
-        decompose(one.K, one.V, one.t)
-        after = rank_of(one.t, start * scale)
-        project(one.V, 0, after, one.F, one.kept)
-        jump = relative_jump(one.F, one.F0, one.kept, after == m, scale, one.rnea)
-        if not asks and after < rank:
+        reduce_columns(scratch.J, locked, scratch.K)
+        unbalanced, nearest = project_out_free(scratch, free, start * scale)
+        decompose(scratch.K, scratch.V, scratch.t)
+        after = rank_of(scratch.t, start * scale)
+        project(scratch.V, 0, after, scratch.F, scratch.projected)
+        F0, kept = scratch.F0, scratch.projected
+        jump = _relative_jump(scratch.F, F0, kept, after == m, scale, scratch.rnea)
+        if not has_force and after < rank:
             jump = math.inf  # a direction is lost
         for i in range(m):
-            if one.t[i] > start * scale:
-                nearest = min(nearest, one.t[i])
+            if scratch.t[i] > start * scale:
+                nearest = min(nearest, scratch.t[i])
         ends = not nearest <= wary * scale
-        end = wary if ends else tolerance_that_loses(nearest, scale)
+        end = wary if ends else _losing_tolerance(nearest, scale)
         at_start = unbalanced <= start and jump <= start
         at_end = unbalanced <= end and jump <= end
-        yes |= at_start or at_end
-        no |= not (at_start and at_end)
+        accepted |= at_start or at_end
+        rejected |= not (at_start and at_end)
         if ends:
-            return verdict_of(yes, no)
+            return _verdict_of(accepted, rejected)
         start = end
 
 
 @inner
-def relative_jump(F, F0, kept, is_whole, scale, rnea):
+def _relative_jump(F, F0, projected, is_whole, scale, rnea):
     """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight."""
     jump, size = 0.0, 0.0
     for i in range(F.size):
-        after = F[i] if is_whole else F0[i] + kept[i]
+        after = F[i] if is_whole else F0[i] + projected[i]
         jump += (F[i] - after) * (F[i] - after)
         size += F[i] * F[i]
     if jump == 0.0:
@@ -308,51 +394,72 @@ def relative_jump(F, F0, kept, is_whole, scale, rnea):
 
 
 @inner
-def reach(one, rank, unbalanced, rtol):
+def largest_multiple(scratch, rank, unbalanced, rtol):
     """Return the largest s for which s·d can be commanded, NaN if there is none.
 
     The ratio test of `ftforce.core.feasible_forces.reach`.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed, d, F0 and the torque limits.
+    rank :
+        Rank of K.
+    unbalanced :
+        Torque at free-swinging joints that no force balances, relative to all gravity torques.
+    rtol :
+        Relative tolerance.
     """
     if unbalanced > rtol:
         return math.nan
-    d, limit, rnea = one.d, one.limit, one.rnea
-    least, most = on_plane(one, rank, rtol)
-    size = rtol * one.s[0] * norm(d)
+    d, limit, rnea = scratch.d, scratch.limit, scratch.rnea
+    s_min, s_max = multiples_in_hull(scratch, rank, rtol)
+    min_lever = rtol * scratch.s[0] * norm(d)
     for k in range(limit.size):
         if not limit[k] > 0.0:  # unknown, or a free joint, already accounted for in F0 and K
             continue
         lever = 0.0
         for i in range(d.size):
-            lever += one.J[i, k] * d[i]
+            lever += scratch.J[i, k] * d[i]
         lower, upper = -limit[k] - rnea[k], limit[k] - rnea[k]
-        if abs(lever) <= size:
+        if abs(lever) <= min_lever:
             if lower > 0.0 or upper < 0.0:
                 return math.nan
             continue
         first, last = lower / lever, upper / lever
-        least = max(least, min(first, last))
-        most = min(most, max(first, last))
-    return math.nan if most < least else most
+        s_min = max(s_min, min(first, last))
+        s_max = min(s_max, max(first, last))
+    return math.nan if s_max < s_min else s_max
 
 
 @inner
-def on_plane(one, rank, rtol):
-    """Return the interval of s for which s·d lies in the affine hull of the feasible forces."""
-    m, F0, beyond = one.d.size, one.F0, one.kept
+def multiples_in_hull(scratch, rank, rtol):
+    """Return the interval of s for which s·d lies in the affine hull of the feasible forces.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with K decomposed, d and F0.
+    rank :
+        Rank of K.
+    rtol :
+        Relative tolerance.
+    """
+    m, F0, beyond = scratch.d.size, scratch.F0, scratch.projected
     offset = norm(F0)
     if rank == m and offset == 0.0:
         return 0.0, math.inf
-    project(one.V, rank, m, one.d, beyond)
+    project(scratch.V, rank, m, scratch.d, beyond)
     size = norm(beyond)
-    if size <= rtol * norm(one.d):
+    if size <= rtol * norm(scratch.d):
         return 0.0, (math.inf if offset == 0.0 else -1.0)
     if offset == 0.0:
         return 0.0, 0.0
-    s, miss = 0.0, 0.0
+    s, error = 0.0, 0.0
     for i in range(m):
         s += (F0[i] / size) * (beyond[i] / size)
     for i in range(m):
-        miss += (s * beyond[i] - F0[i]) ** 2
-    if s >= 0.0 and math.sqrt(miss) <= rtol * offset:
+        error += (s * beyond[i] - F0[i]) ** 2
+    if s >= 0.0 and math.sqrt(error) <= rtol * offset:
         return s, s
     return 0.0, -1.0

@@ -23,13 +23,21 @@ if TYPE_CHECKING:
 _FUSED = {"contract"}
 
 UNKNOWN_CACHE = (
-    f"numba {numba.__version__} keeps compiled code in a way that ftforce does not know; "
-    "its kernels are compiled anew in every process"
+    f"the cache format of numba {numba.__version__} is unknown to ftforce; "
+    "kernels are recompiled in every process"
 )
 
 
 def kernel(function: Callable[..., Any], **options: bool) -> Any:
-    """Compile a function of numbers and arrays; division by zero gives infinity or NaN."""
+    """Compile a function of numbers and arrays; division by zero gives infinity or NaN.
+
+    Parameters
+    ----------
+    function :
+        What to compile, for every combination of argument types on its first call.
+    **options :
+        Further options of numba's `njit`.
+    """
     compile_: Any = njit  # its type annotations lack some options
     common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
     compiled = compile_(function, cache=True, **common)
@@ -37,6 +45,25 @@ def kernel(function: Callable[..., Any], **options: bool) -> Any:
         return compiled
     warnings.warn(UNKNOWN_CACHE, RuntimeWarning, stacklevel=2)
     return compile_(function, cache=False, **common)
+
+
+def compile_now(function: Callable[..., Any], signature: Any, **options: bool) -> Any:
+    """Compile a kernel at once, for a single signature; calls never compile anything.
+
+    Parameters
+    ----------
+    function :
+        What to compile.
+    signature :
+        Its numba signature.
+    **options :
+        As of `kernel`.
+    """
+    compiled = kernel(function, **options)
+    if isinstance(compiled, Dispatcher):
+        compiled.compile(signature)
+        compiled.disable_compile()
+    return compiled
 
 
 def inner(function: Callable[..., Any]) -> Any:
@@ -49,10 +76,13 @@ def _is_keyed(compiled: Any) -> bool:
 
     Relies on private attributes, tested with numba 0.61 to 0.68.
     """
-    kept: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if not hasattr(kept, "_source_stamp"):
+    cache: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if not (hasattr(cache, "_source_stamp") and hasattr(cache, "_version")):
         return False
-    kept._source_stamp = _STATE
+    cache._source_stamp = _STATE
+    # The version is compared before the index is unpickled: an older index may contain types that
+    # no longer exist, and loading it would raise.
+    cache._version = f"{numba.__version__} {_STATE}"
     return True
 
 

@@ -19,36 +19,49 @@ CELL_BINS = 32
 """Number of bins of margin and ρ, 0 to 1, per workspace cell, and of a posture's smallest ρ."""
 
 UNDECIDED = -1
-"""Placeholder for a verdict or rank left to the accurate part."""
+"""Placeholder for a verdict or rank that is left to `settle`."""
 
 GUARD_BAND = 1.0 + 1e-6
-"""Relative distance from a tolerance within which the fast parts decide nothing."""
+"""Factor around a tolerance within which the fast kernels leave a case undecided."""
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Whole = NDArray[np.int64]
+Integers = NDArray[np.int64]
 Codes = NDArray[np.int8]
 
 _LINE = 64  # bytes per cache line
 
 
 def aligned(
-    shape: int | tuple[int, ...], kind: type = np.float64, multiple: int = _LINE, offset: int = 0
+    shape: int | tuple[int, ...], dtype: type = np.float64, multiple: int = _LINE, offset: int = 0
 ) -> NDArray[Any]:
-    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes."""
-    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(kind).itemsize
+    """Return an uninitialized array at ``offset`` bytes past a multiple of ``multiple`` bytes.
+
+    Parameters
+    ----------
+    shape, dtype :
+        Shape and data type.
+    multiple, offset :
+        Alignment of the first element, bytes.
+    """
+    size = math.prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(dtype).itemsize
     raw = np.empty(size + 2 * multiple, np.uint8)
     first = -raw.ctypes.data % multiple + offset % multiple
-    return raw[first : first + size].view(kind).reshape(shape)
+    return raw[first : first + size].view(dtype).reshape(shape)
 
 
-def aligned_zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> NDArray[Any]:
+def aligned_zeros(shape: int | tuple[int, ...], dtype: type = np.float64) -> NDArray[Any]:
     """Return zeros aligned to a cache line, for a workspace.
 
     Workspaces are allocated in Python, since compiling their allocation takes too long.
+
+    Parameters
+    ----------
+    shape, dtype :
+        Shape and data type.
     """
-    zeros = aligned(shape, kind)
+    zeros = aligned(shape, dtype)
     zeros.fill(0)
     return zeros
 
@@ -68,7 +81,7 @@ class Mechanism(NamedTuple):
     ----------
     parent :
         Index of each joint's parent joint, -1 for the root, shape (E,).
-    slides :
+    is_prismatic :
         Whether it is prismatic, shape (E,).
     placement :
         Its frame in its parent's at zero displacement: row-major rotation and translation, m,
@@ -91,10 +104,10 @@ class Mechanism(NamedTuple):
         In root axes, m/s², shape (3,).
     """
 
-    parent: Whole
-    slides: Mask
+    parent: Integers
+    is_prismatic: Mask
     placement: Matrix
-    driver: Whole
+    driver: Integers
     ratio: Vector
     offset: Vector
     moves_tip: Mask
@@ -121,8 +134,8 @@ class Faults(NamedTuple):
     locked: Mask
     free: Mask
     has_free: Mask
-    start: Whole
-    joints: Whole
+    start: Integers
+    joints: Integers
 
 
 class Question(NamedTuple):
@@ -132,6 +145,8 @@ class Question(NamedTuple):
     ----------
     rows, weights :
         Rows of the frame Jacobian, linear first, and their weights (1 or L), shape (m,).
+    floor :
+        Entries of the weighted rows up to which J is rounding (theory §2.6), shape (m,).
     in_tool :
         Whether the rows, the force and the direction are in tip axes.
     is_whole :
@@ -145,12 +160,13 @@ class Question(NamedTuple):
         Largest torques of motors and brakes, N·m (N if prismatic), NaN where unknown, shape (n,).
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
-    weighs :
+    needs_gravity :
         Whether gravity torques are needed.
     """
 
-    rows: Whole
+    rows: Integers
     weights: Vector
+    floor: Vector
     in_tool: bool
     is_whole: bool
     force: Vector
@@ -159,7 +175,7 @@ class Question(NamedTuple):
     brake: Vector
     rtol: float
     wary: float
-    weighs: bool
+    needs_gravity: bool
 
 
 class Answers(NamedTuple):
@@ -210,13 +226,13 @@ class Block(NamedTuple):
         σ_min(K), σ_min(K)/σ_max(J) and ρ = w(K)/w(J) (NaN where w(J) = 0), shape (S, k).
     jump, moment_jump, relative_jump :
         ‖ΔF‖ of the forces, N (of the moments, N·m, if the task has no forces); of the moments,
-        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot stand still, except
-        ``relative_jump``, which is then 1. ``None`` without a force; ``moment_jump`` also unless
-        the task has both forces and moments.
+        N·m; and the weighted ‖ΔF‖/‖F̂‖, shape (S, k). NaN where the arm cannot be held in static
+        equilibrium, except ``relative_jump``, which is then 1. ``None`` without a force;
+        ``moment_jump`` also unless the task has both forces and moments.
     capability :
         Largest force that can be commanded in the direction, N (N·m), infinite if no known limit
-        bounds it, NaN if the arm cannot stand still with any force, shape (S, k); ``None`` without
-        a direction.
+        bounds it, NaN if no force holds the arm in static equilibrium, shape (S, k); ``None``
+        without a direction.
     """
 
     tip: Matrix

@@ -24,11 +24,12 @@ from ftforce.batch.kernels.layout import (
 if TYPE_CHECKING:
     import numpy as np
 
-_FIRM = 1e-6
-"""Sets of vectors with a smaller relative squared distance are left to `settle`."""
+_INDEPENDENT = 1e-6
+"""A vector with a smaller squared distance from the span of the others, relative to its squared
+norm, is left to `settle`."""
 
 _ZERO = 1e-14  # relative to σ_max; smaller columns are rounding errors
-_ROUNDING = 1e-12  # smaller torques are rounding errors in `exact.support`
+_ROUNDING = 1e-12  # smaller torques are rounding errors in `exact.balance_free`
 
 
 class Lost(NamedTuple):
@@ -36,50 +37,67 @@ class Lost(NamedTuple):
 
     P: np.ndarray  # (n, m, LANES): (J Jᵀ)⁻¹ J_k, one row per joint
     basis: np.ndarray  # (m, m, LANES): orthonormal rows
-    part: np.ndarray  # (m, LANES): lost part of the force
+    lost_force: np.ndarray  # (m, LANES): lost part of the force
     retained: np.ndarray  # (LANES,): lower bound on the remaining eigenvalues; NaN if unknown
     offset: np.ndarray  # (LANES,): force along the only lost direction that carries the weight
-    idle: np.ndarray  # (LANES,): torque that no force balances, relative to all; -1 if one does
+    # (LANES,): torque that no force balances, relative to all; -1 if a force does
+    unbalanced: np.ndarray
     a: np.ndarray  # (LANES,): workspace, like the rest
     relative: np.ndarray  # (LANES,): ‖ΔF‖/‖F̂‖, written by `write_jump`
     forces: np.ndarray  # (LANES,): norms of the jump
     moments: np.ndarray  # (LANES,)
 
 
-def lost(m, n):
-    """Return a workspace."""
+def workspace(m, n):
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of task rows and of joints.
+    """
     return Lost(*aligned_arrays([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
 
 
 @inner
-def prepare(W, sigma, V, one):
-    """Compute P = U diag(1/σ) Vᵀ = (J Jᵀ)⁻¹ J."""
-    over = one.a
-    one.P[:] = 0.0
+def prepare(W, sigma, V, lost):
+    """Compute P = U diag(1/σ) Vᵀ = (J Jᵀ)⁻¹ J.
+
+    Parameters
+    ----------
+    W, sigma :
+        Left singular vectors and singular values of J, see `SVD`.
+    V :
+        Right singular vectors, shape (n, m, LANES).
+    lost :
+        Workspace; its P is filled in.
+    """
+    inverse_sigma = lost.a
+    lost.P[:] = 0.0
     for i in range(W.shape[0]):
         for b in range(LANES):
-            over[b] = 1.0 / sigma[i, b]
+            inverse_sigma[b] = 1.0 / sigma[i, b]
         for k in range(V.shape[0]):
             for r in range(W.shape[0]):
                 for b in range(LANES):
-                    one.P[k, r, b] += W[i, r, b] * V[k, i, b] * over[b]
+                    lost.P[k, r, b] += W[i, r, b] * V[k, i, b] * inverse_sigma[b]
 
 
 @inner
-def add_to_basis(size, one):
+def _add_to_basis(size, lost):
     """Make row ``size`` of the basis a unit vector orthogonal to the earlier ones."""
-    row, before, after, along = one.basis[size], one.a, one.relative, one.forces
-    m, retained = row.shape[0], one.retained
-    add_squares(row, before)
+    row, before, after, along = lost.basis[size], lost.a, lost.relative, lost.forces
+    m, retained = row.shape[0], lost.retained
+    _square_norm(row, before)
     for j in range(2 * size):  # orthogonalize twice, for accuracy
-        other = one.basis[j % size]
-        dot(other, row, along)
+        other = lost.basis[j % size]
+        _dot(other, row, along)
         for i in range(m):
             for b in range(LANES):
                 row[i, b] -= along[b] * other[i, b]
-    add_squares(row, after)
+    _square_norm(row, after)
     for b in range(LANES):
-        retained[b] = retained[b] if after[b] > _FIRM * before[b] else math.nan
+        retained[b] = retained[b] if after[b] > _INDEPENDENT * before[b] else math.nan
         after[b] = 1.0 / math.sqrt(after[b])
     for i in range(m):
         for b in range(LANES):
@@ -87,13 +105,13 @@ def add_to_basis(size, one):
 
 
 @inner
-def add_squares(row, total):
+def _square_norm(row, total):
     """Set total = ‖row‖²."""
-    dot(row, row, total)
+    _dot(row, row, total)
 
 
 @inner
-def dot(x, y, total):
+def _dot(x, y, total):
     """Set total = xᵀy."""
     for b in range(LANES):
         total[b] = x[0, b] * y[0, b]
@@ -103,54 +121,88 @@ def dot(x, y, total):
 
 
 @inner
-def lose_span(joints, smallest, one):
-    """With as many joints as rows, each locked joint loses one direction, its row of J⁻¹."""
+def lose_span(joints, smallest, lost):
+    """With as many joints as rows, each locked joint loses one direction, its row of J⁻¹.
+
+    Parameters
+    ----------
+    joints :
+        Indices of the locked joints.
+    smallest :
+        Smallest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `prepare`.
+    """
     for b in range(LANES):
-        one.retained[b] = smallest[b]
+        lost.retained[b] = smallest[b]
     for at in range(joints.size):
-        row, P = one.basis[at], one.P[joints[at]]
+        row, P = lost.basis[at], lost.P[joints[at]]
         for i in range(row.shape[0]):
             for b in range(LANES):
                 row[i, b] = P[i, b]
-        add_to_basis(at, one)
+        _add_to_basis(at, lost)
 
 
 @inner
-def lose_pair(i, j, secular, one):
+def lose_pair(i, j, secular, lost):
     """With one joint more than rows, locking i < j loses P_S a with N_SS a = 0: N has rank one.
 
     The remaining eigenvalues are no smaller than with either joint locked alone.
+
+    Parameters
+    ----------
+    i, j :
+        Indices of the locked joints.
+    secular :
+        Workspace of `secular`, with N and the smallest eigenvalues.
+    lost :
+        Workspace, after `prepare`.
     """
-    x, rest, row, retained = secular.x, secular.rest, one.basis[0], one.retained
-    N, first, second = secular.N[j, i], one.a, one.relative
+    x, N_kk, row, retained = secular.x, secular.N_kk, lost.basis[0], lost.retained
+    N, first, second = secular.N[j, i], lost.a, lost.relative
     for b in range(LANES):
-        larger = rest[j, b] > rest[i, b]
-        first[b] = rest[j, b] if larger else N[b]
-        second[b] = -N[b] if larger else -rest[i, b]
+        larger = N_kk[j, b] > N_kk[i, b]
+        first[b] = N_kk[j, b] if larger else N[b]
+        second[b] = -N[b] if larger else -N_kk[i, b]
         retained[b] = x[j, b] if larger else x[i, b]
     for r in range(row.shape[0]):
         for b in range(LANES):
-            row[r, b] = first[b] * one.P[i, r, b] + second[b] * one.P[j, r, b]
+            row[r, b] = first[b] * lost.P[i, r, b] + second[b] * lost.P[j, r, b]
     for b in range(LANES):  # reject if the difference of the two cancels
-        retained[b] = retained[b] if max(rest[i, b], rest[j, b]) > _FIRM else math.nan
-    add_to_basis(0, one)
+        retained[b] = retained[b] if max(N_kk[i, b], N_kk[j, b]) > _INDEPENDENT else math.nan
+    _add_to_basis(0, lost)
 
 
 @inner
-def lose_column(k, wary, J, weight, smallest, largest, one):
+def lose_column(k, wary, J, weight, smallest, largest, lost):
     """With joint k free-swinging, J_kᵀ F' + [rnea]_k = 0 loses the direction of its column.
 
     F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), so the component of F' along û is fixed. If the column is
-    zero, the tip lies on the joint's axis: no force balances the joint, and none is lost.
+    zero, the tip lies on the joint's axis: no force balances the joint, and no direction is lost.
+
+    Parameters
+    ----------
+    k :
+        Index of the free-swinging joint.
+    wary :
+        Relative tolerance of the borderline verdict.
+    J :
+        Task Jacobian, shape (m, n, LANES).
+    weight :
+        Gravity torques, shape (n, LANES).
+    smallest, largest :
+        Extreme eigenvalues of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace.
     """
-    row, size, total = one.basis[0], one.moments, one.a
-    retained, offset, idle = one.retained, one.offset, one.idle
+    row, size, total = lost.basis[0], lost.moments, lost.a
+    retained, offset, unbalanced = lost.retained, lost.offset, lost.unbalanced
     m, n = J.shape[0], J.shape[1]
     for i in range(m):
         for b in range(LANES):
             row[i, b] = J[i, k, b]
-    add_squares(row, size)
-    add_to_basis(0, one)
+    _square_norm(row, size)
+    _add_to_basis(0, lost)
     for b in range(LANES):
         retained[b] = smallest[b]
         total[b] = 0.0
@@ -159,55 +211,79 @@ def lose_column(k, wary, J, weight, smallest, largest, one):
             total[b] += weight[j, b] * weight[j, b]
     for b in range(LANES):
         share = weight[k, b] * weight[k, b]
-        is_some = share > (2.0 * _ROUNDING) ** 2 * total[b]
-        is_none = not share > (0.5 * _ROUNDING) ** 2 * total[b]
-        offset[b] = weight[k, b] / math.sqrt(size[b]) if is_some else 0.0
+        is_significant = share > (2.0 * _ROUNDING) ** 2 * total[b]
+        is_negligible = not share > (0.5 * _ROUNDING) ** 2 * total[b]
+        offset[b] = weight[k, b] / math.sqrt(size[b]) if is_significant else 0.0
         is_column = size[b] > (wary * GUARD_BAND) ** 2 * largest[b]  # whatever the tolerance
         is_zero = size[b] <= _ZERO * _ZERO * largest[b]
-        idle[b] = (math.sqrt(share / total[b]) if is_some else 0.0) if is_zero else -1.0
-        is_known = (is_column | is_zero) & (is_some | is_none)
+        torque = math.sqrt(share / total[b]) if is_significant else 0.0
+        unbalanced[b] = torque if is_zero else -1.0
+        is_known = (is_column | is_zero) & (is_significant | is_negligible)
         retained[b] = retained[b] if is_known else math.nan
 
 
 @inner
-def project(force, size, has_free, one):
-    """Store in ``part`` the lost part of the force, its projection onto the lost directions.
+def project(force, size, has_free, lost):
+    """Store in ``lost_force`` the projection of the force onto the lost directions.
 
     It includes the force that carries the weight of a free-swinging joint.
+
+    Parameters
+    ----------
+    force :
+        Requested force, weighted, shape (m, LANES).
+    size :
+        Number of lost directions.
+    has_free :
+        Whether a joint is free-swinging.
+    lost :
+        Workspace with the lost directions.
     """
-    along, part = one.a, one.part
-    for i in range(part.shape[0]):
+    along, lost_force = lost.a, lost.lost_force
+    for i in range(lost_force.shape[0]):
         for b in range(LANES):
-            part[i, b] = 0.0
+            lost_force[i, b] = 0.0
     for j in range(size):
-        dot(one.basis[j], force, along)
+        _dot(lost.basis[j], force, along)
         if has_free:
             for b in range(LANES):
-                along[b] += one.offset[b]
-        for i in range(part.shape[0]):
+                along[b] += lost.offset[b]
+        for i in range(lost_force.shape[0]):
             for b in range(LANES):
-                part[i, b] += along[b] * one.basis[j, i, b]
+                lost_force[i, b] += along[b] * lost.basis[j, i, b]
 
 
 @inner
-def judge(rtol, wary, largest, first, count, one, verdict):
-    """Decide the verdict by the relative jump from `write_jump`; infinite without a force."""
-    retained, relative = one.retained, one.relative
+def judge(rtol, wary, largest, first, count, lost, verdict):
+    """Decide the verdict from the relative jump of `write_jump`, infinite without a force.
+
+    Parameters
+    ----------
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    first, count :
+        Index of the first posture, and how many lanes are filled.
+    lost :
+        Workspace, after `write_jump`.
+    verdict :
+        Filled in, shape (k,).
+    """
+    retained, relative = lost.retained, lost.relative
     for b in range(count):
         left, jump = retained[b], relative[b]
         code = UNDECIDED
         if left > 0.0 and largest[b] > 0.0:
             if jump > wary * GUARD_BAND:
                 code = NOT_TOLERATED
-            elif (
-                left > (wary * GUARD_BAND) ** 2 * largest[b]
-            ):  # no tolerance removes another direction
-                code = by_tolerance(jump, rtol, wary)
+            elif left > (wary * GUARD_BAND) ** 2 * largest[b]:  # no other direction is at risk
+                code = _verdict_of_jump(jump, rtol, wary)
         verdict[first + b] = code
 
 
 @inner
-def by_tolerance(jump, rtol, wary):
+def _verdict_of_jump(jump, rtol, wary):
     """Return the verdict where the jump itself does not depend on the tolerance."""
     if jump > wary * GUARD_BAND:
         return NOT_TOLERATED
@@ -217,72 +293,120 @@ def by_tolerance(jump, rtol, wary):
 
 
 @inner
-def write_jump(rows, weights, force, one):
-    """Compute ‖ΔF‖/‖F̂‖ and the norms of forces and moments, in the last three fields of `Lost`."""
-    part, whole, relative = one.part, one.a, one.relative
-    forces, moments = one.forces, one.moments
-    dot(force, force, whole)
-    add_squares(part, relative)
+def write_jump(rows, weights, force, lost):
+    """Compute ‖ΔF‖/‖F̂‖ and the norms of forces and moments, in the last three fields of `Lost`.
+
+    Parameters
+    ----------
+    rows, weights :
+        Rows of the task and their weights, shape (m,).
+    force :
+        Requested force, weighted, shape (m, LANES).
+    lost :
+        Workspace, after `project`.
+    """
+    lost_force, whole, relative = lost.lost_force, lost.a, lost.relative
+    forces, moments = lost.forces, lost.moments
+    _dot(force, force, whole)
+    _square_norm(lost_force, relative)
     for b in range(LANES):
         relative[b] = math.sqrt(relative[b]) / math.sqrt(whole[b])
         forces[b], moments[b] = 0.0, 0.0
-    for i in range(part.shape[0]):
+    for i in range(lost_force.shape[0]):
         weight = weights[i]
         if rows[i] < 3:
             for b in range(LANES):
-                forces[b] += part[i, b] * part[i, b]
+                forces[b] += lost_force[i, b] * lost_force[i, b]
         else:
             for b in range(LANES):
-                moments[b] += (part[i, b] * weight) ** 2
+                moments[b] += (lost_force[i, b] * weight) ** 2
     for b in range(LANES):
         forces[b], moments[b] = math.sqrt(forces[b]), math.sqrt(moments[b])
 
 
 @inner
-def limit_capability(direction, rtol, size, has_free, d, one, least, most):
-    """Compute the interval of s·d that can be commanded (`exact.on_plane`), without limits."""
-    along, whole, retained = one.a, one.relative, one.retained
+def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
+    """Compute the interval of s for which s·d can be commanded, without limits.
+
+    As `exact.multiples_in_hull`.
+
+    Parameters
+    ----------
+    direction :
+        Weighted direction, shape (m,).
+    rtol :
+        Relative tolerance.
+    size :
+        Number of lost directions.
+    has_free :
+        Whether a joint is free-swinging.
+    d :
+        The direction in the axes of the rows, shape (m, LANES).
+    lost :
+        Workspace with the lost directions.
+    s_min, s_max :
+        Filled with the ends of the interval, shape (LANES,).
+    """
+    along, whole, retained = lost.a, lost.relative, lost.retained
     for b in range(LANES):
         whole[b] = 0.0
     for j in range(size):
-        dot(one.basis[j], d, along)
+        _dot(lost.basis[j], d, along)
         for b in range(LANES):
             whole[b] += along[b] * along[b]
     square = 0.0
     for i in range(direction.size):
         square += direction[i] ** 2
-    nothing = rtol**2 * square
+    threshold = rtol**2 * square
     for b in range(LANES):
-        offset = one.offset[b] if has_free else 0.0
-        is_aside = whole[b] <= nothing
-        close = abs(whole[b] - nothing) <= (GUARD_BAND - 1.0) * nothing
+        offset = lost.offset[b] if has_free else 0.0
+        is_orthogonal = whole[b] <= threshold
+        close = abs(whole[b] - threshold) <= (GUARD_BAND - 1.0) * threshold
         retained[b] = math.nan if close else retained[b]
-        reach = -offset / along[b]
-        if has_free and one.idle[b] >= 0.0:
-            falls = one.idle[b] > rtol
-            least[b], most[b] = 0.0, (-1.0 if falls else math.inf)
+        s = -offset / along[b]
+        if has_free and lost.unbalanced[b] >= 0.0:
+            falls = lost.unbalanced[b] > rtol
+            s_min[b], s_max[b] = 0.0, (-1.0 if falls else math.inf)
         elif offset == 0.0:
-            least[b], most[b] = 0.0, (math.inf if is_aside else 0.0)
+            s_min[b], s_max[b] = 0.0, (math.inf if is_orthogonal else 0.0)
         else:
-            is_reached = (not is_aside) & (reach >= 0.0)
-            least[b], most[b] = (reach, reach) if is_reached else (0.0, -1.0)
+            is_reached = (not is_orthogonal) & (s >= 0.0)
+            s_min[b], s_max[b] = (s, s) if is_reached else (0.0, -1.0)
 
 
 @inner
-def keep_idle(question, s, first, count, largest, one, answers):
-    """Write the results where the column of the free-swinging joint is zero."""
+def write_zero_columns(question, s, first, count, largest, lost, answers):
+    """Write the results where the column of the free-swinging joint is zero.
+
+    Parameters
+    ----------
+    question :
+        What to compute.
+    s :
+        Index of the fault set.
+    first, count :
+        Index of the first posture, and how many lanes are filled.
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `lose_column`.
+    answers :
+        Updated in place.
+    """
     rtol, wary = question.rtol, question.wary
     for b in range(count):
-        at, idle, left = first + b, one.idle[b], one.retained[b]
-        if idle < 0.0:
+        at, unbalanced, left = first + b, lost.unbalanced[b], lost.retained[b]
+        if unbalanced < 0.0:
             continue
         answers.rank_lost[s, at] = 0
         answers.sigma_min[s, at] = math.sqrt(left)
         answers.margin[s, at] = math.sqrt(left / largest[b])
         answers.rho[s, at] = 1.0
-        is_sure = left > (wary * GUARD_BAND) ** 2 * largest[b]  # no tolerance removes a direction
-        answers.verdict[s, at] = by_tolerance(idle, rtol, wary) if is_sure else UNDECIDED
-        falls = idle > rtol  # the arm cannot stand still
+        code = UNDECIDED
+        if left > (wary * GUARD_BAND) ** 2 * largest[b]:  # no tolerance removes a direction
+            code = _verdict_of_jump(unbalanced, rtol, wary)
+        answers.verdict[s, at] = code
+        falls = unbalanced > rtol  # the arm cannot be held in static equilibrium
         if question.force.size:
             answers.jump[s, at] = math.nan if falls else 0.0
             answers.relative_jump[s, at] = 1.0 if falls else 0.0

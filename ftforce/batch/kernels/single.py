@@ -3,7 +3,7 @@
 It gives the results of `ftforce.analyze`. J is decomposed, ``J = U diag(s) Vᵀ``, and everything
 else is expressed in its left singular vectors: the rows of J become the orthogonal s_i v_iᵀ, F̂ is
 one quotient per row, and K, which lacks only a few columns, is nearly diagonal. For most sets
-σ_min(K) shows that nothing is lost; the others are left to `exact`.
+σ_min(K) shows that no rank is lost; the others are left to `exact`.
 
 Nothing here allocates: it is compiled without numba's allocator, so that it cannot.
 """
@@ -11,13 +11,13 @@ Nothing here allocates: it is compiled without numba's allocator, so that it can
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, int64, types
 
 from ftforce.batch.kernels import exact
-from ftforce.batch.kernels.jit import inner
-from ftforce.batch.kernels.layout import TOLERATED
+from ftforce.batch.kernels.jit import compile_now, inner
+from ftforce.batch.kernels.layout import GUARD_BAND, NOT_TOLERATED, TOLERATED
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,24 +29,23 @@ FRAME, BODY = 16, 18
 MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
 """Sizes of the workspace."""
 
-SIDE = 8
+SET_LANES = 8
 """Fault sets processed side by side: loops over them are innermost, so that they vectorize."""
 
-LEAST_MARGIN = 1e-3
+_MIN_MARGIN = 1e-3
 """K Kᵀ does not determine a smaller σ_min/σ_max accurately enough."""
 
-_CLEAR = 1.0 + 1e-6  # σ_min is certain if it exceeds all tolerances by this factor
-_LARGEST = 1e200  # of a sum of squares, so that products with it do not overflow
-_ROUNDING = 1e-12
-_STEPS, _CLOSE, _NEAR, _SHORT = 40, 1e-13, 1e-9, 1.0 - 1e-7
-_NOTHING = 1e-300
+_MAX_SQUARE = 1e200  # of a sum of squares, so that products with it do not overflow
+_ROUNDING = 1e-12  # smaller forces, relative to those given, are rounding errors
+_ITERATIONS, _CONVERGED, _NEAR, _SHORTENED = 40, 1e-13, 1e-9, 1.0 - 1e-7
+_TINY = 1e-300
 
 
-class One(NamedTuple):
+class _Posture(NamedTuple):
     """A decomposed posture, in the left singular vectors of J; m task rows, n joints."""
 
     scratch: exact.Scratch  # its J has the rows s_i v_iᵀ, its F is F̂ in the left vectors
-    left: np.ndarray  # (m, m): U
+    left_vectors: np.ndarray  # (m, m): U
     task: np.ndarray  # argument of `answer`
     carried: np.ndarray  # (n,): torques that exert F̂, JᵀF̂
     before: np.ndarray  # (m,): F̂ in the task's axes, unweighted
@@ -70,14 +69,15 @@ def answer(
         Placement, ratio, offset, mass and centre of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
-        Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
+        Rows of the frame Jacobian, their weights, the two tolerances, and the entries of each row
+        up to which J is rounding, (4, max(m, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
-        1 at the locked joints, SIDE sets at a time, (S / SIDE, n, SIDE).
+        1 at the locked joints, SET_LANES sets at a time, (S / SET_LANES, n, SET_LANES).
     frame, matrix, square, vector, side, line :
-        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m), (m, m, SIDE)
-        and (LINES, SIDE).
+        Workspace: (E + 1, FRAME), (MATRICES, m, n), (SQUARES, m, m), (VECTORS, m),
+        (m, m, SET_LANES) and (LINES, SET_LANES).
     torque :
         Workspace, whose last row is the output τ_N; then the outputs U; (TORQUES + S, n).
     force :
@@ -91,27 +91,28 @@ def answer(
         Force in the task's axes, unweighted, (m,); or torques (n,).
     """
     m, n, sets = matrix.shape[1], matrix.shape[2], locked.shape[0]
-    if q.size != n or given.size != (m if is_force else n) or not is_sound(q, given):
+    if q.size != n or given.size != (m if is_force else n) or not _is_valid(q, given):
         return MALFORMED
-    place(tree, body, q, frame)
-    task_jacobian(tree, body, task, frame, matrix[0])
+    _place(tree, body, q, frame)
+    _task_jacobian(tree, body, task, frame, matrix[0])
+    _drop_noise(task[3], matrix[0])
     if tree[tree.shape[0] - 1, 2]:
-        weight_torque(tree, body, frame, torque[0])
+        _weight_torque(tree, body, frame, torque[0])
     scratch = exact.Scratch(
         code[2], matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
     )  # fmt: skip
-    one = One(scratch, square[2], task, torque[3], force[0])
-    learn(one, is_force, given, torque[4])
-    clear = max(task[2, 1], LEAST_MARGIN) * _CLEAR
+    posture = _Posture(scratch, square[2], task, torque[3], force[0])
+    has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[4])
+    clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
         U, after, jump = torque[TORQUES + at], force[1 + at], force[1 + sets + at]
-        if is_clear and at % SIDE == 0:
-            margins(one, failed[at // SIDE], side, line, line[8])
-        margin = line[8, at % SIDE] if is_clear else 0.0
-        if margin > clear and not any_of(free[at]):
-            keep_all(one, locked[at], U, after, jump)
+        if is_clear and at % SET_LANES == 0:
+            _margins(posture, failed[at // SET_LANES], side, line, line[8])
+        margin = line[8, at % SET_LANES] if is_clear else 0.0
+        if margin > clear and not _any_true(free[at]):
+            _write_unchanged(posture, locked[at], U, after, jump)
             number[0, at] = margin
             number[1, at] = margin * scratch.s[0]
             number[2, at] = 0.0
@@ -119,23 +120,25 @@ def answer(
             code[0, at] = TOLERATED
             code[1, at] = 0
         else:
-            settle(one, locked[at], free[at], at, number, code, U, after, jump)
+            _settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
+            if not has_force_to_keep:
+                code[0, at] = NOT_TOLERATED
     return DONE
 
 
 @inner
-def is_sound(q, given):
+def _is_valid(q, given):
     """Return whether all numbers are finite, and small enough not to overflow."""
     size = 0.0
     for i in range(q.size):
         size += q[i] * q[i]
     for i in range(given.size):
         size += given[i] * given[i]
-    return size <= _LARGEST
+    return size <= _MAX_SQUARE
 
 
 @inner
-def any_of(mask):
+def _any_true(mask):
     """Return whether any element of a mask is true."""
     found = False
     for k in range(mask.size):
@@ -147,11 +150,11 @@ def any_of(mask):
 
 
 @inner
-def place(tree, body, q, frame):
+def _place(tree, body, q, frame):
     """Compute the frames of all joints and the tip in root axes: rotation by rows, translation."""
     last = tree.shape[0] - 1
     for e in range(last + 1):
-        carry(tree[e, 0], body[e], frame, frame[e])
+        _compose_frame(tree[e, 0], body[e], frame, frame[e])
         if e == last:
             return
         own, angle = frame[e], body[e, 12] * q[tree[e, 1]] + body[e, 13]
@@ -167,7 +170,7 @@ def place(tree, body, q, frame):
 
 
 @inner
-def carry(parent, placement, frame, own):
+def _compose_frame(parent, placement, frame, own):
     """Compose a placement with its parent frame: ``R = R_above P``, ``p = p_above + R_above t``."""
     if parent < 0:
         for i in range(12):
@@ -182,7 +185,7 @@ def carry(parent, placement, frame, own):
 
 
 @inner
-def task_jacobian(tree, body, task, frame, J):
+def _task_jacobian(tree, body, task, frame, J):
     """Compute the weighted task Jacobian J̃, (m, n); mimic joints add to their leader's column."""
     last = tree.shape[0] - 1
     tip, in_tool = frame[last], tree[last, 1]
@@ -195,8 +198,8 @@ def task_jacobian(tree, body, task, frame, J):
         own, ratio = frame[e], body[e, 12]
         u, v, w = ratio * own[2], ratio * own[5], ratio * own[8]
         x, y, z = tip[9] - own[9], tip[10] - own[10], tip[11] - own[11]
-        turns = (v * z - w * y, w * x - u * z, u * y - v * x)
-        linear, angular = turns, (u, v, w)
+        velocity = (v * z - w * y, w * x - u * z, u * y - v * x)
+        linear, angular = velocity, (u, v, w)
         if tree[e, 2]:
             linear, angular = (u, v, w), (0.0, 0.0, 0.0)
         for r in range(J.shape[0]):
@@ -211,7 +214,19 @@ def task_jacobian(tree, body, task, frame, J):
 
 
 @inner
-def weight_torque(tree, body, frame, weight):
+def _drop_noise(floor, J):
+    """Set J to zero if it holds nothing but rounding errors (theory §2.6)."""
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            if abs(J[r, k]) > floor[r]:
+                return
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            J[r, k] = 0.0
+
+
+@inner
+def _weight_torque(tree, body, frame, weight):
     """Compute the gravity torques G(q), (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
     g0, g1, g2 = body[last, 12], body[last, 13], body[last, 14]
@@ -221,8 +236,8 @@ def weight_torque(tree, body, frame, weight):
         own, mass = frame[e], body[e, 14]
         own[12] = mass
         for i in range(3):  # first moment of the mass, kg·m
-            place = own[3 * i] * body[e, 15] + own[3 * i + 1] * body[e, 16]
-            own[13 + i] = mass * (own[9 + i] + place + own[3 * i + 2] * body[e, 17])
+            _place = own[3 * i] * body[e, 15] + own[3 * i + 1] * body[e, 16]
+            own[13 + i] = mass * (own[9 + i] + _place + own[3 * i + 2] * body[e, 17])
     for e in range(last - 1, -1, -1):
         own, above = frame[e], tree[e, 0]
         u, v, w, mass = own[2], own[5], own[8], own[12]
@@ -240,49 +255,53 @@ def weight_torque(tree, body, frame, weight):
 
 
 @inner
-def learn(one, is_force, given, self_motion):
-    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F."""
-    J, s, F = one.scratch.J, one.scratch.s, one.scratch.F
+def _evaluate_healthy(posture, is_force, given, self_motion):
+    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F.
+
+    Returns whether it can exert any of what is asked (theory §2.6).
+    """
+    J, s, F = posture.scratch.J, posture.scratch.s, posture.scratch.F
     m, n = J.shape
-    exact.decompose(J, one.left, s)
-    rank = exact.rank_of(s, one.task[2, 0] * s[0])
-    one.scratch.rank[0] = rank
-    whole, part = 0.0, 0.0
+    exact.decompose(J, posture.left_vectors, s)
+    rank = exact.rank_of(s, posture.task[2, 0] * s[0])
+    posture.scratch.rank[0] = rank
+    given_squared, exerted_squared = 0.0, 0.0
     for i in range(given.size):
-        x = given[i] / one.task[1, i] if is_force else given[i]
-        whole += x * x
+        x = given[i] / posture.task[1, i] if is_force else given[i]
+        given_squared += x * x
     for i in range(m):
         F[i] = 0.0
         if i < rank:
             if is_force:
                 for r in range(m):
-                    F[i] += one.left[r, i] * (given[r] / one.task[1, r])
+                    F[i] += posture.left_vectors[r, i] * (given[r] / posture.task[1, r])
             else:
                 for k in range(n):
                     F[i] += J[i, k] * given[k]  # s_i v_iᵀ τ
                 F[i] /= s[i] * s[i]  # eq. (18) with z = 0
-        part += F[i] * F[i]
-    carry_force(J, F, one.carried)
+        exerted_squared += F[i] * F[i]
+    _joint_torques(J, F, posture.carried)
     if not is_force:
-        part = 0.0
+        exerted_squared = 0.0
         for k in range(n):
-            part += one.carried[k] * one.carried[k]
-    # A force that is only rounding error counts as zero, or its direction would affect the verdict.
-    if not part > _ROUNDING * _ROUNDING * whole:
+            exerted_squared += posture.carried[k] * posture.carried[k]
+    # A force that is only rounding error is treated as zero, or its direction would matter.
+    if not exerted_squared > _ROUNDING * _ROUNDING * given_squared:
         for i in range(m):
             F[i] = 0.0
         for k in range(n):
-            one.carried[k] = 0.0
+            posture.carried[k] = 0.0
     for k in range(n):
-        self_motion[k] = 0.0 if is_force else given[k] - one.carried[k]  # τ_N
-    into_task(one, F, one.before)
+        self_motion[k] = 0.0 if is_force else given[k] - posture.carried[k]  # τ_N
+    _into_task_axes(posture, F, posture.before)
     if is_force and rank == m:
         for i in range(m):
-            one.before[i] = given[i]
+            posture.before[i] = given[i]
+    return rank > 0 and not (is_force and given_squared > 0.0 and exact.norm(F) == 0.0)
 
 
 @inner
-def carry_force(J, F, torque):
+def _joint_torques(J, F, torque):
     """Compute the torques JᵀF."""
     for k in range(J.shape[1]):
         torque[k] = 0.0
@@ -291,50 +310,50 @@ def carry_force(J, F, torque):
 
 
 @inner
-def into_task(one, x, out):
+def _into_task_axes(posture, x, out):
     """Transform a force from the left singular vectors of J to the task's axes, unweighted."""
     for r in range(x.size):
         out[r] = 0.0
         for i in range(x.size):
-            out[r] += one.left[r, i] * x[i]
-        out[r] *= one.task[1, r]
+            out[r] += posture.left_vectors[r, i] * x[i]
+        out[r] *= posture.task[1, r]
 
 
-# ---- sets that lose nothing --------------------------------------------------------------------
+# ---- sets without a force jump ------------------------------------------------------------------
 
 
 @inner
-def keep_all(one, locked, U, after, jump):
-    """Write the results where nothing is lost: U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42), no jump."""
+def _write_unchanged(posture, locked, U, after, jump):
+    """Write the results of a set without a jump, U = ᔆJᵀ F̂ (eq. 24, 39 as in eq. 42)."""
     for k in range(U.size):
-        U[k] = 0.0 if locked[k] else one.carried[k]
+        U[k] = 0.0 if locked[k] else posture.carried[k]
     for i in range(after.size):
-        after[i] = one.before[i]
+        after[i] = posture.before[i]
         jump[i] = 0.0
 
 
 @inner
-def margins(one, failed, A, line, margin):
-    """Compute σ_min(K)/σ_max(J) of SIDE sets from A = K Kᵀ/σ_max(J)².
+def _margins(posture, failed, A, line, margin):
+    """Compute σ_min(K)/σ_max(J) of SET_LANES sets from A = K Kᵀ/σ_max(J)².
 
-    Below `LEAST_MARGIN` the value is not accurate, only known to be below.
+    Below `_MIN_MARGIN` the value is not accurate, only known to be below.
     """
-    J, s = one.scratch.J, one.scratch.s
+    J, s = posture.scratch.J, posture.scratch.s
     m, n = J.shape
     scale = 1.0 / (s[0] * s[0])
     for i in range(m):
         for j in range(i + 1):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[i, j, b] = s[i] * s[i] * scale if i == j else 0.0
             for k in range(n):
                 product = scale * J[i, k] * J[j, k]
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= failed[k, b] * product
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 A[j, i, b] = A[i, j, b]
     tridiagonalize(A, line)
     smallest(A, line, margin)
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         margin[b] = math.sqrt(max(margin[b], 0.0))
 
 
@@ -343,41 +362,48 @@ def tridiagonalize(A, line):
     """Reduce symmetric matrices to tridiagonal form by reflections H = I - β v vᵀ, A ← H A H.
 
     Stores the diagonals, and in A[k, k + 1] the squares of the off-diagonal elements.
+
+    Parameters
+    ----------
+    A :
+        The matrices, shape (m, m, SET_LANES); overwritten.
+    line :
+        Workspace, shape (LINES, SET_LANES).
     """
     m, w = A.shape[0], line
     beta, along = line[6], line[7]
     for k in range(m - 2):
         v = A[k]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             beta[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 beta[b] += v[i, b] * v[i, b]
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             square, head = beta[b], v[k + 1, b]
             length = math.sqrt(square)
             v[k + 1, b] = head + math.copysign(length, head)
-            beta[b] = 1.0 / (square + abs(head) * length + _NOTHING)  # 2 / vᵀv
+            beta[b] = 1.0 / (square + abs(head) * length + _TINY)  # 2 / vᵀv
             A[k + 1, k, b] = square
             along[b] = 0.0
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] = 0.0
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     w[i, b] += A[i, j, b] * v[j, b]
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] *= beta[b]
                 along[b] += w[i, b] * v[i, b]
         for i in range(k + 1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 w[i, b] -= 0.5 * beta[b] * along[b] * v[i, b]
         for i in range(k + 1, m):
             for j in range(k + 1, m):
-                for b in range(SIDE):
+                for b in range(SET_LANES):
                     A[i, j, b] -= v[i, b] * w[j, b] + w[i, b] * v[j, b]
     if m > 1:
-        for b in range(SIDE):
+        for b in range(SET_LANES):
             A[m - 1, m - 2, b] *= A[m - 1, m - 2, b]
 
 
@@ -390,20 +416,29 @@ def smallest(A, line, x):
     resolved from a distance act like one between them, so every step is shortened slightly. The
     leading minors, all positive below the smallest root, verify that it was not passed. The result
     is NaN where rounding led past it, and 0 if there is no positive root or no convergence.
+
+    Parameters
+    ----------
+    A :
+        The matrices as left by `tridiagonalize`, shape (m, m, SET_LANES).
+    line :
+        Workspace, shape (LINES, SET_LANES).
+    x :
+        Filled with the eigenvalues, shape (SET_LANES,).
     """
     m = A.shape[0]
     p, dp, ddp, q, dq, ddq = line[0], line[1], line[2], line[3], line[4], line[5]
     last, minor = line[6], line[7]
-    for b in range(SIDE):
+    for b in range(SET_LANES):
         x[b] = 0.0
         last[b] = 0.0
-    for _ in range(_STEPS):
-        for b in range(SIDE):
+    for _ in range(_ITERATIONS):
+        for b in range(SET_LANES):
             p[b], dp[b], ddp[b] = A[0, 0, b] - x[b], -1.0, 0.0
             q[b], dq[b], ddq[b] = 1.0, 0.0, 0.0
             minor[b] = p[b]
         for i in range(1, m):
-            for b in range(SIDE):
+            for b in range(SET_LANES):
                 a, c = A[i, i, b] - x[b], A[i, i - 1, b]
                 up, dup, ddup = p[b], dp[b], ddp[b]
                 p[b] = a * up - c * q[b]
@@ -411,39 +446,39 @@ def smallest(A, line, x):
                 ddp[b] = a * ddup - 2.0 * dup - c * ddq[b]
                 q[b], dq[b], ddq[b] = up, dup, ddup
                 minor[b] = p[b] if p[b] < minor[b] else minor[b]
-        far = 0
-        for b in range(SIDE):
+        remaining = 0
+        for b in range(SET_LANES):
             over = 1.0 / p[b]
             G = -dp[b] * over  # Σ 1/(λ - x)
             H = G * G - ddp[b] * over  # Σ 1/(λ - x)²
-            step = _SHORT * m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
+            step = _SHORTENED * m / (G + math.sqrt(max((m - 1) * (m * H - G * G), 0.0)))
             if minor[b] > 0.0:  # below all roots
                 x[b] += step
                 last[b] = step
-                far += 1 if step > _CLOSE * x[b] else 0
+                remaining += 1 if step > _CONVERGED * x[b] else 0
             elif 0.0 <= last[b] <= _NEAR * x[b]:  # at the root, to rounding accuracy
                 last[b] = 0.0
             elif last[b] > 0.0:  # rounding may have led slightly past the root
                 x[b] -= 0.1 * _NEAR * x[b]
                 last[b] = -1.0
-                far += 1
+                remaining += 1
             else:
                 x[b] = math.nan
                 last[b] = 0.0
-        if far == 0:
+        if remaining == 0:
             return
-    for b in range(SIDE):
-        x[b] = 0.0 if last[b] > _CLOSE * x[b] else x[b]
+    for b in range(SET_LANES):
+        x[b] = 0.0 if last[b] > _CONVERGED * x[b] else x[b]
 
 
-# ---- sets that may lose something --------------------------------------------------------------
+# ---- sets with a possible jump ------------------------------------------------------------------
 
 
 @inner
-def settle(one, locked, free, at, number, code, U, after, jump):
+def _settle_set(posture, locked, free, at, number, code, U, after, jump):
     """Evaluate a set by the singular values of K, like the module `settle`."""
-    scratch, has_free = one.scratch, any_of(free)
-    rtol, wary, s, t = one.task[2, 0], one.task[2, 1], scratch.s, scratch.t
+    scratch, has_free = posture.scratch, _any_true(free)
+    rtol, wary, s, t = posture.task[2, 0], posture.task[2, 1], scratch.s, scratch.t
     verdict = TOLERATED
     if has_free:
         verdict = exact.judge_free(scratch, locked, free, rtol, wary, True)
@@ -460,37 +495,37 @@ def settle(one, locked, free, at, number, code, U, after, jump):
     code[1, at] = scratch.rank[0] - rank
     number[0, at] = t[m - 1] / s[0] if s[0] > 0.0 else 0.0
     number[1, at] = t[m - 1]
-    if unbalanced > rtol:  # the arm cannot stand still
+    if unbalanced > rtol:  # the arm cannot be held in static equilibrium
         for k in range(U.size):
             U[k] = math.nan
         for i in range(m):
             after[i] = math.nan
             jump[i] = math.nan
     elif rank == m:
-        keep_all(one, locked, U, after, jump)
+        _write_unchanged(posture, locked, U, after, jump)
     else:
-        lose(one, locked, has_free, rank, U, after, jump)
-    number[2, at], number[3, at] = norms(one.task, jump)
+        _write_jump(posture, locked, has_free, rank, U, after, jump)
+    number[2, at], number[3, at] = _norms(posture.task, jump)
 
 
 @inner
-def lose(one, locked, has_free, rank, U, after, jump):
+def _write_jump(posture, locked, has_free, rank, U, after, jump):
     """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), minus F0 with free-swinging joints.
 
     Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
     """
-    scratch = one.scratch
-    J, lost = scratch.J, scratch.kept
+    scratch = posture.scratch
+    J, lost = scratch.J, scratch.projected
     m = lost.size
     exact.project(scratch.V, rank, m, scratch.F, lost)
     if has_free:
         for i in range(m):
             lost[i] -= scratch.F0[i]
-    into_task(one, lost, jump)
+    _into_task_axes(posture, lost, jump)
     for i in range(m):
-        after[i] = one.before[i] - jump[i]
+        after[i] = posture.before[i] - jump[i]
     for k in range(U.size):
-        U[k] = one.carried[k]
+        U[k] = posture.carried[k]
         if has_free:
             for i in range(m):
                 U[k] -= J[i, k] * lost[i]
@@ -499,7 +534,7 @@ def lose(one, locked, has_free, rank, U, after, jump):
 
 
 @inner
-def norms(task, jump):
+def _norms(task, jump):
     """Return the norms of the forces, N, and of the moments, N·m."""
     forces, moments = 0.0, 0.0
     for i in range(jump.size):
@@ -511,16 +546,13 @@ def norms(task, jump):
 
 
 _VECTOR = types.Array(float64, 1, "A", readonly=True)  # accepts strided and read-only ones
-_MASK, _WHOLE = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
+_MASK, _INTEGERS = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
 _MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
 _TYPES = int64(
-    boolean, _WHOLE, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
-    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _WHOLE,
+    boolean, _INTEGERS, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
+    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _INTEGERS,
     _VECTOR, _VECTOR,
 )  # fmt: skip
 # The GIL is not released: reacquiring it can take longer than the call. One explicit signature, so
 # that nothing is ever compiled inside a control loop.
-_compile: Any = njit  # its type annotations lack the last option
-answer = _compile(_TYPES, cache=True, error_model="numpy", fastmath={"contract"}, _nrt=False)(
-    answer
-)
+answer = compile_now(answer, _TYPES, nogil=False, _nrt=False)

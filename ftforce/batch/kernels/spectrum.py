@@ -17,16 +17,16 @@ from ftforce.batch.kernels.layout import LANES, aligned_arrays
 if TYPE_CHECKING:
     import numpy as np
 
-_SWEEPS = 12
-_CLOSE = 1e-8**2
+_SWEEPS = 12  # most sweeps of Jacobi rotations
+_CONVERGED = 1e-8**2
 """Squared cosine of the angle between rows, below which one sweep makes them orthogonal."""
 
-_NOTHING = 1e-14  # relative to a row; a smaller remainder is rounding error
-_HALF = math.sqrt(2.0) - 1.0
-_LEAST = 1e-300  # avoids division by zero if two rows are zero
+_NEGLIGIBLE = 1e-14  # relative to a row; a smaller remainder is rounding error
+_CHORD = math.sqrt(2.0) - 1.0  # slope of the chord of √(1 + x) from 0 to 1
+_TINY = 1e-300  # avoids division by zero if two rows are zero
 
 
-class Spectrum(NamedTuple):
+class SVD(NamedTuple):
     """LANES matrices J = U diag(σ) Vᵀ with m rows and n columns, σ decreasing."""
 
     Q: np.ndarray  # (m, n, LANES): J = L Q, the last row of J first
@@ -40,30 +40,44 @@ class Spectrum(NamedTuple):
     c: np.ndarray  # (LANES,)
 
 
-def spectrum(m, n):
-    """Return a workspace."""
+def workspace(m, n):
+    """Return a workspace.
+
+    Parameters
+    ----------
+    m, n :
+        Numbers of rows and columns.
+    """
     rows = [(m, n, LANES), (m, m, LANES), (m, LANES), (m, LANES)]
-    return Spectrum(*aligned_arrays([*rows, *[LANES] * 4]))
+    return SVD(*aligned_arrays([*rows, *[LANES] * 4]))
 
 
 @inner
-def decompose(J, one):
-    """Decompose J, shape (m, n, LANES)."""
-    orthonormalize(J, one)
-    rotate(one)
+def decompose(J, svd):
+    """Decompose J, shape (m, n, LANES).
+
+    Parameters
+    ----------
+    J :
+        The matrices, shape (m, n, LANES).
+    svd :
+        Filled with the decomposition.
+    """
+    _orthonormalize(J, svd)
+    _rotate(svd)
     for i in range(J.shape[0]):
-        add_squares(one.W[i], one.square[i])
-        sigma, over = one.sigma[i], one.a
+        _square_norm(svd.W[i], svd.square[i])
+        sigma, over = svd.sigma[i], svd.a
         for b in range(LANES):
-            sigma[b] = math.sqrt(one.square[i, b])
+            sigma[b] = math.sqrt(svd.square[i, b])
             over[b] = 1.0 / sigma[b] if sigma[b] > 0.0 else 0.0
         for r in range(J.shape[0]):
             for b in range(LANES):
-                one.W[i, r, b] *= over[b]
+                svd.W[i, r, b] *= over[b]
 
 
 @inner
-def add_squares(row, total):
+def _square_norm(row, total):
     """Set total = ‖row‖², row of shape (k, LANES)."""
     for b in range(LANES):
         total[b] = row[0, b] * row[0, b]
@@ -73,14 +87,14 @@ def add_squares(row, total):
 
 
 @inner
-def orthonormalize(J, one):
+def _orthonormalize(J, svd):
     """Factorize J = L Q, with L's columns in the rows of W, starting from the last row of J.
 
     For a wrench the last rows are the moments, usually the longest: the closer L is to graded, the
     fewer sweeps follow.
     """
     m, n = J.shape[0], J.shape[1]
-    Q, W, size, along = one.Q, one.W, one.a, one.b
+    Q, W, size, along = svd.Q, svd.W, svd.a, svd.b
     for p in range(m):
         i, row = m - 1 - p, Q[p]
         for k in range(n):
@@ -89,24 +103,24 @@ def orthonormalize(J, one):
         for j in range(m):
             for b in range(LANES):
                 W[j, i, b] = 0.0
-        add_squares(row, size)
+        _square_norm(row, size)
         for j in range(2 * p):  # orthogonalize twice, for accuracy
-            take_out(Q[j % p], row, along)
+            _remove_component(Q[j % p], row, along)
             for b in range(LANES):
                 W[j % p, i, b] += along[b]
-        add_squares(row, along)
+        _square_norm(row, along)
         for b in range(LANES):
             length = math.sqrt(along[b])
-            is_some = along[b] > _NOTHING * _NOTHING * size[b]
-            W[p, i, b] = length if is_some else 0.0
-            along[b] = 1.0 / length if is_some else 0.0
+            is_significant = along[b] > _NEGLIGIBLE * _NEGLIGIBLE * size[b]
+            W[p, i, b] = length if is_significant else 0.0
+            along[b] = 1.0 / length if is_significant else 0.0
         for k in range(n):
             for b in range(LANES):
                 row[k, b] *= along[b]
 
 
 @inner
-def take_out(unit, row, along):
+def _remove_component(unit, row, along):
     """Remove the component along a unit vector from a row, (n, LANES); its length is (LANES,)."""
     for b in range(LANES):
         along[b] = unit[0, b] * row[0, b]
@@ -119,36 +133,36 @@ def take_out(unit, row, along):
 
 
 @inner
-def rotate(one):
+def _rotate(svd):
     """Make the rows of W orthogonal, the longest first.
 
     Lanes that have converged are left unchanged, so that no lane depends on the others.
     """
-    W, square, fails, active = one.W, one.square, one.fails, one.a
+    W, square, fails, active = svd.W, svd.square, svd.fails, svd.a
     m = W.shape[0]
     for b in range(LANES):
         fails[b] = 1.0
     for _ in range(_SWEEPS):
-        far = 0
+        remaining = 0
         for b in range(LANES):
             active[b] = fails[b]
-            far += 1 if fails[b] > 0.0 else 0
-        if far == 0:
+            remaining += 1 if fails[b] > 0.0 else 0
+        if remaining == 0:
             return
         for b in range(LANES):
             fails[b] = 0.0
         for i in range(m):
-            add_squares(W[i], square[i])
+            _square_norm(W[i], square[i])
         for i in range(m - 1):
             for j in range(i + 1, m):
-                turn_angle(W[i], W[j], square[i], square[j], one)
-                turn_rows(W[i], W[j], one.b, one.c)
+                _find_rotation(W[i], W[j], square[i], square[j], svd)
+                _rotate_rows(W[i], W[j], svd.b, svd.c)
 
 
 @inner
-def turn_angle(x, y, longer, shorter, one):
+def _find_rotation(x, y, longer, shorter, svd):
     """Compute the rotation that makes two rows orthogonal, and the first one the longer."""
-    fails, active, cosine, sine = one.fails, one.a, one.b, one.c
+    fails, active, cosine, sine = svd.fails, svd.a, svd.b, svd.c
     for b in range(LANES):
         cosine[b] = x[0, b] * y[0, b]
     for k in range(1, x.shape[0]):
@@ -161,14 +175,14 @@ def turn_angle(x, y, longer, shorter, one):
         # tan θ = 2c/(|gap| + h), and tan θ/2 = tan θ/(1 + √(1 + tan² θ)), here as p/q with the root
         # exact at 0 and 45°; any p and q give a proper rotation.
         up, down = 2.0 * c, abs(gap) + h
-        p, q = up * down, 2.0 * down * down + _HALF * up * up
+        p, q = up * down, 2.0 * down * down + _CHORD * up * up
         length = q * q + p * p
-        over = 1.0 / (length * down + _LEAST)
+        over = 1.0 / (length * down + _TINY)
         twice = 2.0 * p * down * over
         large, small = 1.0 - p * twice, q * twice  # 1 and 0 if no rotation is needed
         change = c * up * length * over  # of the squares, c tan θ
         swaps = gap * active[b] < 0.0
-        fails[b] = 1.0 if c * c > _CLOSE * (first * second) else fails[b]
+        fails[b] = 1.0 if c * c > _CONVERGED * (first * second) else fails[b]
         cosine[b] = abs(small) if swaps else large
         sine[b] = math.copysign(large, c) if swaps else small
         longer[b] = max(first, second) + change
@@ -176,7 +190,7 @@ def turn_angle(x, y, longer, shorter, one):
 
 
 @inner
-def turn_rows(x, y, cosine, sine):
+def _rotate_rows(x, y, cosine, sine):
     """Rotate two rows in their plane."""
     for k in range(x.shape[0]):
         for b in range(LANES):

@@ -54,7 +54,15 @@ class CsvReader:
         return int(self.starts[-1])
 
     def read(self, path: str, start: int, stop: int) -> Matrix:
-        """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n)."""
+        """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n), unconverted.
+
+        Parameters
+        ----------
+        path :
+            The file.
+        start, stop :
+            Half-open range of rows, from 0.
+        """
         if start == stop:
             return np.empty((0, len(self.columns)))
         first = int(np.searchsorted(self.starts, start, "right")) - 1
@@ -98,7 +106,7 @@ def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) ->
             offsets.append(offsets[-1] + len(piece))
             line += text.count("\n") + text.count("\r") - text.count("\r\n")
     if not starts[-1]:
-        raise InputError("holds no postures below its header")
+        raise InputError("has a header but no postures")
     return CsvReader(table, columns, read_only(np.array(starts)), read_only(np.array(offsets)))
 
 
@@ -108,7 +116,7 @@ def _header(data: bytes) -> tuple[Table, int]:
     complete = data if len(data) < PIECE else data[: _end_of_lines(data)]
     table = Table.of(_decoded(complete[offset:]), one_line=True)
     if table is None:
-        raise InputError("holds no header with the joints' names")
+        raise InputError("has no header with the joint names")
     return table._replace(text=""), len(complete) - len(table.text.encode())
 
 
@@ -118,7 +126,7 @@ def _pieces(stream: BinaryIO) -> Iterator[bytes]:
         data = rest + data
         end = _end_of_lines(data)
         if not end and len(data) > PIECE:
-            raise InputError(f"has a line of more than {PIECE:,} bytes: is it a CSV file?")
+            raise InputError(f"has a line longer than {PIECE:,} bytes; is it a CSV file?")
         if end:
             yield data[:end]
         rest = data[end:]
@@ -137,5 +145,5 @@ def _decoded(data: bytes, where: str = "at its beginning") -> str:
     except UnicodeDecodeError:
         raise InputError(f"is not UTF-8 text ({where})") from None
     if "\0" in text:
-        raise InputError(f"is a binary file ({where}); CSV was expected")
+        raise InputError(f"contains binary data ({where}); expected CSV text")
     return text

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-Integers: TypeAlias = NDArray[np.uint32]
+_Integers: TypeAlias = NDArray[np.uint32]
 
-BITS = 30  # SciPy's default
-LARGEST: int = 1 << BITS  # postures, the length of SciPy's sequence
+_BITS = 30  # SciPy's default
+_MAX_SOBOL: int = 1 << _BITS  # postures, the length of SciPy's sequence
 _TABLE = 12  # bits of the index that are looked up, few enough for the table to stay in cache
 _TILE = 64  # rows processed as one: NumPy's inner loop over only n numbers is slow
 
@@ -32,19 +32,19 @@ class Columns(NamedTuple):
         Point 0, then the columns for bits 0, 1, … of the Gray code, shape (1 + bits, n).
     """
 
-    points: Integers
+    points: _Integers
 
     @property
     def size(self) -> int:
         """Scale of the integers, 2**30."""
-        return LARGEST
+        return _MAX_SOBOL
 
-    def point(self, i: int) -> Integers:
+    def point(self, i: int) -> _Integers:
         """Return the integers of point i, shape (n,)."""
         code = i ^ (i >> 1)
         bits = [b for b in range(code.bit_length()) if code >> b & 1]
         columns = self.points[[0, *(b + 1 for b in bits)]]
-        point: Integers = np.bitwise_xor.reduce(columns, axis=0)
+        point: _Integers = np.bitwise_xor.reduce(columns, axis=0)
         return point
 
 
@@ -81,17 +81,19 @@ def _engine(n: int, seed: int) -> Any:
 
     generator = np.random.default_rng(seed)
     try:
-        return qmc.Sobol(n, scramble=True, bits=BITS, rng=generator)
+        return qmc.Sobol(n, scramble=True, bits=_BITS, rng=generator)
     except TypeError:  # before SciPy 1.15
-        return qmc.Sobol(n, scramble=True, bits=BITS, seed=generator)
+        return qmc.Sobol(n, scramble=True, bits=_BITS, seed=generator)
 
 
-def _integers(points: NDArray[np.float64]) -> Integers:
-    integers: Integers = (points * LARGEST).astype(np.uint32)  # exact: multiples of 1 / LARGEST
+def _integers(points: NDArray[np.float64]) -> _Integers:
+    integers: _Integers = (points * _MAX_SOBOL).astype(
+        np.uint32
+    )  # exact: multiples of 1 / _MAX_SOBOL
     return integers
 
 
-def sobol_integers(columns: Columns, start: int, stop: int) -> Integers:
+def sobol_integers(columns: Columns, start: int, stop: int) -> _Integers:
     """Return points of the sequence as integers, scaled by 2**30.
 
     Parameters
@@ -116,11 +118,11 @@ def sobol_integers(columns: Columns, start: int, stop: int) -> Integers:
         # An aligned block is the first block XOR a constant, whatever the parity of its index.
         shift = columns.point(first) ^ columns.points[0]
         low, high = max(start, first), min(stop, first + size)
-        rowwise(np.bitwise_xor, table[low - first : high - first], shift, out[low - start :])
+        _rowwise(np.bitwise_xor, table[low - first : high - first], shift, out[low - start :])
     return out
 
 
-def _first_points(columns: Columns, bits: int) -> Integers:
+def _first_points(columns: Columns, bits: int) -> _Integers:
     """Return points 0 to 2**bits - 1; the Gray code runs backwards where its next bit is set."""
     table = columns.points[:1]
     for b in range(bits):
@@ -128,8 +130,18 @@ def _first_points(columns: Columns, bits: int) -> Integers:
     return table
 
 
-def rowwise(function: np.ufunc, rows: NDArray[Any], row: NDArray[Any], out: NDArray[Any]) -> None:
-    """Apply a binary ufunc to each of ``rows`` and ``row``, into the first rows of ``out``."""
+def _rowwise(function: np.ufunc, rows: NDArray[Any], row: NDArray[Any], out: NDArray[Any]) -> None:
+    """Apply a binary ufunc to each of ``rows`` and ``row``.
+
+    Parameters
+    ----------
+    function :
+        The ufunc.
+    rows, row :
+        Its arguments, shapes (k, n) and (n,).
+    out :
+        The result is written to its first k rows.
+    """
     k, width = len(rows), _TILE * len(row)
     whole = k - k % _TILE
     tiles = out[:whole].reshape(-1, width)
@@ -137,7 +149,7 @@ def rowwise(function: np.ufunc, rows: NDArray[Any], row: NDArray[Any], out: NDAr
     function(rows[whole:], row, out=out[whole:k])
 
 
-METHODS = ("sobol", "uniform")
+_METHODS = ("sobol", "uniform")
 _WORDS = {"sobol": "scrambled Sobol postures", "uniform": "uniform random postures"}
 
 
@@ -201,14 +213,14 @@ class Drawn:
         >>> postures.block(700_000, 700_002).shape
         (2, 5)
         """
-        if method not in METHODS:
-            raise UnknownNameError("method", method, METHODS, "of drawing postures")
+        if method not in _METHODS:
+            raise UnknownNameError("sampling method", method, _METHODS)
         number = whole_number(count, "the number of postures", 1)
         _check_seed(seed)
-        if method == "sobol" and number > LARGEST:
+        if method == "sobol" and number > _MAX_SOBOL:
             raise InputError(
-                f"a Sobol sequence has up to {LARGEST:,} (2**30) postures, got {number:,}; "
-                "the method uniform draws more"
+                f"a Sobol sequence has at most {_MAX_SOBOL:,} (2**30) postures, got {number:,}; "
+                "use the method 'uniform' for more"
             )
         return cls(*ranges_of(robot), number, method, int(seed))
 
@@ -218,7 +230,13 @@ class Drawn:
         return len(self.lower)
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`."""
+        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`.
+
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices, from 0.
+        """
         start, stop = checked_block(start, stop, self.count)
         if self.columns is not None:
             integers = sobol_integers(self.columns, start, stop)
@@ -231,9 +249,9 @@ class Drawn:
     def _within(self, points: Any, unit: float) -> Matrix:
         """Return lower + (upper - lower) · points · unit; ``unit`` is a power of two."""
         q = points if points.dtype == np.float64 else np.empty(points.shape)
-        rowwise(np.multiply, points, (self.upper - self.lower) * unit, q)
+        _rowwise(np.multiply, points, (self.upper - self.lower) * unit, q)
         # Never above ``upper``: points < 1, so the product is at least one ulp below the width.
-        rowwise(np.add, q, self.lower, q)
+        _rowwise(np.add, q, self.lower, q)
         return q
 
     def identity(self) -> dict[str, Any]:
@@ -256,4 +274,4 @@ class Drawn:
 def _check_seed(seed: object) -> None:
     whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, (bool, np.bool_))
     if not (whole and seed >= 0):  # type: ignore[operator]
-        raise InputError(f"the seed is a whole number from 0, got {seed!r}")
+        raise InputError(f"the seed must be a non-negative integer, got {seed!r}")

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-FORMATS = ("npy", "csv", "parquet")
-_KIND = "a file of postures (.npy, .csv or .parquet)"
+_FORMATS = ("npy", "csv", "parquet")
+_KIND = "a posture file (.npy, .csv or .parquet)"
 
 
 class Reader(Protocol):
@@ -35,7 +35,15 @@ class Reader(Protocol):
         """Number of rows."""
 
     def read(self, path: str, start: int, stop: int) -> Matrix:
-        """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n)."""
+        """Return the rows ``start`` to ``stop`` - 1, shape (stop - start, n).
+
+        Parameters
+        ----------
+        path :
+            The file.
+        start, stop :
+            Half-open range of rows, from 0.
+        """
 
 
 class Stamp(NamedTuple):
@@ -88,6 +96,11 @@ class FilePostures:
     def block(self, start: int, stop: int) -> Matrix:
         """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`.
 
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices, from 0.
+
         Raises
         ------
         InputError
@@ -100,17 +113,19 @@ class FilePostures:
             self._check_unchanged()
             q = self.reader.read(self.path, start, stop)
             self._check_unchanged()
-        except Exception as problem:  # a file changed meanwhile can raise anything in its reader
+        except Exception as problem:  # the reader of a file that changes can raise anything
             raise _as_error(self.path, problem) from None
         if len(q) != stop - start:
-            raise TrajectoryError(self.path, f"lacks rows {start + 1} to {stop}: is it damaged?")
+            raise TrajectoryError(
+                self.path, f"rows {start + 1} to {stop} are missing; is the file damaged?"
+            )
         q *= self.scales
         return q
 
     def _check_unchanged(self) -> None:
         if (now := Stamp.of(self.path)) != self.stamp:
-            sizes = f": {now.size:,} bytes instead of {self.stamp.size:,}"
-            what = sizes if now.size != self.stamp.size else ": it was written anew"
+            sizes = f" ({now.size:,} bytes instead of {self.stamp.size:,})"
+            what = sizes if now.size != self.stamp.size else " (it was rewritten)"
             raise InputError(f"has changed since it was opened{what}; open it again")
 
     def identity(self) -> dict[str, Any]:
@@ -163,18 +178,16 @@ def postures_from_file(
     >>> postures = postures_from_file(robot, "fleet.parquet")  # doctest: +SKIP
     """
     form = Path(path).suffix.lower().removeprefix(".")
-    if form not in FORMATS:
-        raise InputError(
-            f"{printable(path)}: the name of a file of postures ends in .npy, .csv or .parquet"
-        )
+    if form not in _FORMATS:
+        raise InputError(f"{printable(path)}: unknown file extension; expected {_KIND}")
     try:
         file = _checked_file(path)
         stamp = Stamp.of(file)
         if not stamp.size:
-            raise InputError(f"is empty; {_KIND} was expected")
+            raise InputError(f"is empty; expected {_KIND}")
         postures = FilePostures(file, *_OPEN[form](robot, file, degrees), stamp, _sha256(file))
         postures._check_unchanged()
-    except Exception as problem:  # a damaged file can raise anything in its reader
+    except Exception as problem:  # the reader of a damaged file can raise anything
         raise _as_error(path, problem) from None
     return postures
 
@@ -186,16 +199,16 @@ def _as_error(path: str | PathLike[str], problem: Exception) -> FtforceError:
         return TrajectoryError(path, printable(problem))
     if isinstance(problem, OSError) and problem.strerror:
         return TrajectoryError(path, f"cannot be read ({printable(problem.strerror)})")
-    return TrajectoryError(path, f"is damaged, or no {_KIND[2:]} ({printable(problem)})")
+    return TrajectoryError(path, f"is damaged or not {_KIND}: {printable(problem)}")
 
 
 def _checked_file(path: str | PathLike[str]) -> str:
     file = Path(path)
     if not file.exists():
-        raise InputError(f"no such file; {_KIND} was expected")
+        raise InputError(f"no such file; expected {_KIND}")
     if not file.is_file():  # blocks are read in any order, which a pipe does not support
         what = "a folder" if file.is_dir() else "not a regular file"
-        raise InputError(f"is {what}; {_KIND} was expected")
+        raise InputError(f"is {what}; expected {_KIND}")
     return str(file.absolute())
 
 

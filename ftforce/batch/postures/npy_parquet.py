@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-ROWS = 1 << 16  # rows checked at a time
+_ROWS = 1 << 16  # rows checked at a time
 
 
 def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple[int, ...], Vector]:
@@ -51,15 +51,22 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     columns = find_columns(header, units)
     if missing := [name for name in robot.names if name not in columns]:
         raise InputError(
-            f"lacks the column{'s' if len(missing) > 1 else ''} {listed(missing)}; postures need "
-            f"every joint by its name; the columns are: {listed(header)}"
+            f"missing column{'s' if len(missing) > 1 else ''}: {listed(missing)}; expected one "
+            f"column per joint, with its name; columns found: {listed(header)}"
         )
     numbers, scales = zip(*(columns[name] for name in robot.names), strict=True)
     return numbers, read_only(np.array(scales))
 
 
-def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
+def _check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
     """Check that all numbers are finite and of plausible size.
+
+    Parameters
+    ----------
+    blocks :
+        Consecutive rows, shape (k, n).
+    names :
+        Names of the n joints, for the message.
 
     Raises
     ------
@@ -68,12 +75,12 @@ def check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
     """
     first = 0
     for block in blocks:
-        wrong = ~(np.abs(block) <= LARGEST_NUMBER)  # negated, so that NaN counts as wrong
+        wrong = ~(np.abs(block) <= LARGEST_NUMBER)  # negated, so that NaN is wrong
         if wrong.any():
             i, j = np.argwhere(wrong)[0].tolist()
             raise InputError(
-                f"row {first + i + 1}, joint {names[j]}: {block[i, j]:g} cannot be used; every "
-                f"posture needs every joint, a number up to {LARGEST_NUMBER:g}"
+                f"row {first + i + 1}, joint {names[j]}: invalid position {block[i, j]:g}; "
+                f"expected a finite number of magnitude at most {LARGEST_NUMBER:g}"
             )
         first += len(block)
 
@@ -103,7 +110,15 @@ class NpyReader:
     by_columns: bool
 
     def read(self, path: str, start: int, stop: int) -> Matrix:
-        """Return rows, see `Reader.read`."""
+        """Return the rows ``start`` to ``stop`` - 1, see `Reader.read`.
+
+        Parameters
+        ----------
+        path :
+            The file.
+        start, stop :
+            Half-open range of rows, from 0.
+        """
         with Path(path).open("rb") as stream:
             if not self.by_columns:
                 rows = self._numbers(stream, start * self.n, (stop - start) * self.n)
@@ -121,12 +136,21 @@ class NpyReader:
 
     def blocks(self, path: str) -> Iterator[Matrix]:
         """Yield all rows."""
-        for start in range(0, self.count, ROWS):
-            yield self.read(path, start, min(start + ROWS, self.count))
+        for start in range(0, self.count, _ROWS):
+            yield self.read(path, start, min(start + _ROWS, self.count))
 
 
 def open_npy(robot: Robot, path: str, degrees: bool) -> tuple[NpyReader, Vector]:
     """Check a file and return its reader, and the factors that convert its columns to rad or m.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    path :
+        The file.
+    degrees :
+        Whether angles are in degrees.
 
     Raises
     ------
@@ -138,16 +162,16 @@ def open_npy(robot: Robot, path: str, degrees: bool) -> tuple[NpyReader, Vector]
     array = np.lib.format.open_memmap(path, mode="r")
     if array.ndim != 2 or array.shape[1] != robot.n or not len(array):
         raise InputError(
-            f"needs an array of shape k x {robot.n}, one row per posture and one column per "
-            f"joint, got the shape {array.shape}: {robot.numbered()}"
+            f"expected an array of shape (k, {robot.n}), one row per posture and one column per "
+            f"joint ({robot.numbered()}), got shape {array.shape}"
         )
     if array.dtype.kind not in "fiu":
-        raise InputError(f"needs real numbers, got an array of type {array.dtype}")
+        raise InputError(f"expected an array of real numbers, got dtype {array.dtype}")
     by_columns = not array.flags.c_contiguous
     reader = NpyReader(len(array), robot.n, array.dtype, array.offset, by_columns)
-    check_numbers(reader.blocks(path), robot.names)
-    turn = math.radians(1.0) if degrees else 1.0
-    scales = np.array([1.0 if joint.type == "prismatic" else turn for joint in robot.joints])
+    _check_numbers(reader.blocks(path), robot.names)
+    unit = math.radians(1.0) if degrees else 1.0
+    scales = np.array([1.0 if joint.type == "prismatic" else unit for joint in robot.joints])
     return reader, read_only(scales)
 
 
@@ -172,7 +196,17 @@ class ParquetReader:
         return self.starts[-1]
 
     def read(self, path: str, start: int, stop: int) -> Matrix:
-        """Return rows, see `Reader.read`; preceding rows of the row group are read as well."""
+        """Return the rows ``start`` to ``stop`` - 1, see `Reader.read`.
+
+        Preceding rows of the row group are read as well.
+
+        Parameters
+        ----------
+        path :
+            The file.
+        start, stop :
+            Half-open range of rows, from 0.
+        """
         groups = range(len(self.starts) - 1)
         wanted = [g for g in groups if self.starts[g] < stop and self.starts[g + 1] > start]
         q = np.empty((stop - start, len(self.names)))
@@ -192,9 +226,9 @@ class ParquetReader:
 
     def _batches(self, path: str, groups: list[int]) -> Iterator[Any]:
         with _parquet_file(path) as file:
-            # Without threads: at exit they may crash the interpreter.
+            # Without threads, which may crash the interpreter at exit.
             batches = file.iter_batches(
-                ROWS, row_groups=groups, columns=list(self.names), use_threads=False
+                _ROWS, row_groups=groups, columns=list(self.names), use_threads=False
             )
             yield from batches if groups else ()
 
@@ -207,6 +241,15 @@ class ParquetReader:
 
 def open_parquet(robot: Robot, path: str, degrees: bool) -> tuple[ParquetReader, Vector]:
     """Check a file and return its reader, and the factors that convert its columns to rad or m.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    path :
+        The file.
+    degrees :
+        Whether angles without a unit are in degrees.
 
     Raises
     ------
@@ -224,10 +267,10 @@ def open_parquet(robot: Robot, path: str, degrees: bool) -> tuple[ParquetReader,
     for i in columns:
         _check_type(schema.field(i))
     if not sum(groups):
-        raise InputError("holds no postures")
+        raise InputError("contains no postures")
     starts = (0, *np.cumsum(groups).tolist())
     reader = ParquetReader(tuple(schema.names[i] for i in columns), starts)
-    check_numbers(reader.blocks(path), robot.names)
+    _check_numbers(reader.blocks(path), robot.names)
     return reader, scales
 
 
@@ -235,7 +278,7 @@ def _check_type(column: Any) -> None:
     from pyarrow import types
 
     if not (types.is_floating(column.type) or types.is_integer(column.type)):
-        raise InputError(f"column {column.name!r} needs numbers, holds {column.type}")
+        raise InputError(f"column {column.name!r} must be numeric, got type {column.type}")
 
 
 def _parquet_file(path: str) -> Any:
@@ -243,7 +286,8 @@ def _parquet_file(path: str) -> Any:
         from pyarrow.parquet import ParquetFile
     except ImportError:
         raise FtforceError(
-            "Parquet files need pyarrow: pip install 'ftforce[parquet]'; .npy and .csv need nothing"
+            "reading Parquet files requires pyarrow (pip install 'ftforce[parquet]'); "
+            ".npy and .csv files do not"
         ) from None
     # Buffered: otherwise the columns of a row group are loaded into memory completely.
     return ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)

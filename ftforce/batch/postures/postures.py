@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-MOST = 2**63 - 1  # postures; their indices are 64-bit integers
+_MAX_COUNT = 2**63 - 1  # postures; their indices are 64-bit integers
 
 
 class Postures(Protocol):
@@ -64,13 +64,22 @@ class Postures(Protocol):
 def checked_block(start: int, stop: int, count: int) -> tuple[int, int]:
     """Check a range of postures, and return it as Python integers, which cannot overflow.
 
+    Parameters
+    ----------
+    start, stop :
+        Half-open range of indices, from 0.
+    count :
+        Number of postures.
+
     Raises
     ------
     InputError
         The range is not within the postures.
     """
     if not 0 <= start <= stop <= count:
-        raise InputError(f"the block {start} to {stop} does not lie within 0 to {count}")
+        raise InputError(
+            f"block {start} to {stop} is outside the range 0 to {count} of the postures"
+        )
     return int(start), int(stop)
 
 
@@ -82,27 +91,38 @@ def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
     InputError
         A prismatic joint has no limits.
     """
-    limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    for joint, has_limits in zip(robot.joints, limited.tolist(), strict=True):
-        if joint.type == "prismatic" and not has_limits:
+    below, above = np.isfinite(robot.lower), np.isfinite(robot.upper)
+    for joint, has_lower, has_upper in zip(robot.joints, below, above, strict=True):
+        if joint.type == "prismatic" and not (has_lower and has_upper):
+            missing = "position limits"
+            if has_lower or has_upper:
+                missing = "upper position limit" if has_lower else "lower position limit"
             raise InputError(
-                f"joint {joint.number} ({joint.name}) slides without limits: give it some in the "
-                "URDF, or give the postures"
+                f"prismatic joint {joint.number} ({joint.name}) has no {missing}; add "
+                f"{'them' if missing[-1] == 's' else 'it'} to the URDF, or provide the postures"
             )
-    lower, upper = np.where(limited, robot.lower, -math.pi), np.where(limited, robot.upper, math.pi)
-    return read_only(lower), read_only(upper)
+    return robot.ranges
 
 
-def whole_number(value: float, name: str, least: int) -> int:
-    """Return an integer of at least ``least``, which may be given as a float such as 1e6.
+def whole_number(value: float, name: str, minimum: int) -> int:
+    """Return an integer, which may be given as a float such as 1e6.
+
+    Parameters
+    ----------
+    value :
+        The number.
+    name :
+        What it is, for the message.
+    minimum :
+        Smallest valid value.
 
     Raises
     ------
     InputError
         It is not an integer, too small, or above 2**63 - 1.
     """
-    if not is_number(value) or value != int(value) or not least <= value <= MOST:
-        raise InputError(f"{name} is a whole number from {least} to 2**63 - 1, got {value!r}")
+    if not is_number(value) or value != int(value) or not minimum <= value <= _MAX_COUNT:
+        raise InputError(f"{name} must be an integer from {minimum} to 2**63 - 1, got {value!r}")
     return int(value)
 
 
@@ -153,18 +173,22 @@ class Grid:
         27 postures on a grid of 1 x 3 x 3 x 3 x 1
         """
         given = counts if np.iterable(counts) else [counts] * robot.n
-        numbers = tuple(whole_number(count, "the positions of a joint", 1) for count in given)
+        numbers = tuple(
+            whole_number(count, "the number of positions of a joint", 1) for count in given
+        )
         if len(numbers) != robot.n:
             raise InputError(
-                f"a grid needs {robot.n} numbers of positions, got {len(numbers)}; "
-                f"the chain has: {robot.numbered()}"
+                f"expected one number of positions, or one for each of the {robot.n} joints "
+                f"({robot.numbered()}), got {len(numbers)}"
             )
-        if math.prod(numbers) > MOST:
-            raise InputError(f"a grid of {math.prod(numbers):.3g} postures is beyond 2**63 - 1")
+        if math.prod(numbers) > _MAX_COUNT:
+            raise InputError(
+                f"a grid of {math.prod(numbers):.3g} postures exceeds the maximum of 2**63 - 1"
+            )
         lower, upper = ranges_of(robot)
-        endless = (lower != robot.lower) | (upper != robot.upper)
-        circle = endless & (np.array(numbers) > 1)  # both ends are the same position
-        gap = np.where(circle, (upper - lower) / np.array(numbers), 0.0)
+        is_periodic = (lower != robot.lower) | (upper != robot.upper)
+        open_ended = is_periodic & (np.array(numbers) > 1)  # both ends are the same position
+        gap = np.where(open_ended, (upper - lower) / np.array(numbers), 0.0)
         return cls(lower, read_only(upper - gap), numbers)
 
     @property
@@ -178,17 +202,23 @@ class Grid:
         return math.prod(self.counts)
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`."""
+        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`.
+
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices, from 0.
+        """
         start, stop = checked_block(start, stop, self.count)
         q = np.empty((stop - start, self.n))
         stride = 1  # number of consecutive postures with the same position of the joint
         for joint in reversed(range(self.n) if stop > start else ()):
             first, last = start // stride, (stop - 1) // stride
             points = self._positions(joint, np.arange(first, last + 1) % self.counts[joint])
-            rests = np.full(len(points), stride)
-            rests[0] -= start - first * stride
-            rests[-1] -= stride - 1 - (stop - 1 - last * stride)
-            q[:, joint] = np.repeat(points, rests)
+            repeats = np.full(len(points), stride)
+            repeats[0] -= start - first * stride
+            repeats[-1] -= stride - 1 - (stop - 1 - last * stride)
+            q[:, joint] = np.repeat(points, repeats)
             stride *= self.counts[joint]
         return q
 
@@ -247,8 +277,8 @@ class Listed:
         values = as_floats(q, "q")
         if values.ndim != 2 or values.shape[1] != robot.n or not len(values):
             raise InputError(
-                f"postures need an array of shape k x {robot.n}, one row per posture and one "
-                f"column per joint, got the shape {values.shape}: {robot.numbered()}"
+                f"expected postures of shape (k, {robot.n}), one row per posture and one column "
+                f"per joint ({robot.numbered()}), got shape {values.shape}"
             )
         check_finite(values, "q")
         return cls(read_only(np.ascontiguousarray(values)))
@@ -264,7 +294,13 @@ class Listed:
         return int(self.q.shape[1])
 
     def block(self, start: int, stop: int) -> Matrix:
-        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`."""
+        """Return the postures ``start`` to ``stop`` - 1, see `Postures.block`.
+
+        Parameters
+        ----------
+        start, stop :
+            Half-open range of indices, from 0.
+        """
         start, stop = checked_block(start, stop, self.count)
         return self.q[start:stop].copy()
 

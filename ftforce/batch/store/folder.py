@@ -21,15 +21,20 @@ if TYPE_CHECKING:
 
 LOCK = ".ftforce.lock"
 """Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
-PARTIAL = ".partial"
+_PARTIAL = ".partial"
 """Suffix of files being written, also used by Zarr."""
-_NOT_ALLOWED = {errno.EACCES, errno.EPERM, errno.EROFS}
+_PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
 
 @contextmanager
 def disk_errors(path: Path | None) -> Iterator[None]:
     """Convert file system errors to `OutputError`.
+
+    Parameters
+    ----------
+    path :
+        The folder, for the message; ``None`` for memory.
 
     Raises
     ------
@@ -40,10 +45,10 @@ def disk_errors(path: Path | None) -> Iterator[None]:
         yield
     except OSError as problem:
         reason = problem.strerror or str(problem)
-        kept = "; what is finished is kept: the same command goes on from there"
-        if problem.errno in _NOT_ALLOWED:
-            kept = ""
-        raise OutputError(path or "memory", f"cannot be written ({reason}){kept}") from None
+        advice = "; finished chunks are kept, and the same command resumes the sweep"
+        if problem.errno in _PERMISSION:
+            advice = ""
+        raise OutputError(path or "memory", f"cannot be written ({reason}){advice}") from None
 
 
 def lock(path: Path) -> FileLock:
@@ -70,7 +75,7 @@ def lock(path: Path) -> FileLock:
             by = f" (process {who['process']} on {who['host']})" if who else ""
             raise OutputError(
                 path,
-                f"is being written by another sweep{by}; wait for it, or give another --output",
+                f"is being written by another sweep{by}; wait for it, or choose another --output",
             ) from None
         except OSError as problem:
             if problem.errno not in _NO_LOCKS:
@@ -85,7 +90,7 @@ def lock(path: Path) -> FileLock:
 
 
 def lock_of(path: Path) -> dict[str, object]:
-    """Return the content of the lock file: process, host and token; empty if there is none."""
+    """Return the content of the lock file: process, host and token; empty without a lock file."""
     try:
         found = json.loads((path / LOCK).read_text("utf-8"))
         return {name: found[name] for name in ("process", "host", "token")}
@@ -94,8 +99,16 @@ def lock_of(path: Path) -> dict[str, object]:
 
 
 def write_durably(file: Path, data: bytes) -> None:
-    """Write a file atomically, and wait until it is on disk."""
-    partial = file.with_name(file.name + PARTIAL)
+    """Write a file atomically, and wait until it is on disk.
+
+    Parameters
+    ----------
+    file :
+        Path of the file.
+    data :
+        Its content.
+    """
+    partial = file.with_name(file.name + _PARTIAL)
     with partial.open("wb") as stream:
         stream.write(data)
         stream.flush()
@@ -108,14 +121,14 @@ def sync(path: Path) -> None:
     """Flush a file, or the entries of a folder, to disk."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        with suppress_unsupported():
+        with _suppress_unsupported():
             os.fsync(descriptor)
     finally:
         os.close(descriptor)
 
 
 @contextmanager
-def suppress_unsupported() -> Iterator[None]:
+def _suppress_unsupported() -> Iterator[None]:
     """Ignore operations that the file system does not support: some cannot sync folders."""
     try:
         yield
@@ -126,11 +139,11 @@ def suppress_unsupported() -> Iterator[None]:
 
 def remove_partial(path: Path) -> None:
     """Remove files that a killed process left partially written."""
-    for left in path.rglob(f"*{PARTIAL}"):
+    for left in path.rglob(f"*{_PARTIAL}"):
         left.unlink(missing_ok=True)
 
 
-def is_half_made(path: Path, known: Collection[str]) -> bool:
+def is_partly_created(path: Path, known: Collection[str]) -> bool:
     """Return whether a folder is left over from a sweep killed during its creation.
 
     Parameters
@@ -142,14 +155,22 @@ def is_half_made(path: Path, known: Collection[str]) -> bool:
     """
     if not (path / LOCK).exists():
         return False
-    names = {entry.name.removesuffix(PARTIAL) for entry in path.iterdir()}
+    names = {entry.name.removesuffix(_PARTIAL) for entry in path.iterdir()}
     return names <= {LOCK, *known}
 
 
 def clear(path: Path, known: Collection[str]) -> None:
-    """Remove what ftforce created in an incomplete folder, except its lock."""
+    """Remove what ftforce created in an incomplete folder, except its lock.
+
+    Parameters
+    ----------
+    path :
+        The folder.
+    known :
+        Names of all files that ftforce creates there.
+    """
     for entry in path.iterdir():
-        if entry.name.removesuffix(PARTIAL) in known:
+        if entry.name.removesuffix(_PARTIAL) in known:
             if entry.is_dir() and not entry.is_symlink():
                 shutil.rmtree(entry)
             else:

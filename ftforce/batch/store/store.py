@@ -2,15 +2,15 @@
 
 A sweep can be killed at any time:
 
-- A chunk counts as done once it is listed in the progress file, which is replaced atomically after
+- A chunk is done once it is listed in the progress file, which is replaced atomically after
   the arrays of the chunk are on disk.
 - The attributes of the group are written last, both on creation and on completion.
 - A lock excludes other processes, and its file marks the folder as ftforce's until completion.
 
-Running the same command again therefore resumes the sweep and ends with the same bytes.
+Running the same command again therefore resumes the sweep and yields the same bytes.
 
-The store uses Zarr format 2 with consolidated metadata, which all versions of Zarr from 2 on, and
-of xarray, open without a warning. Format 3 has no stable specification yet of strings or of
+The store uses Zarr format 2 with consolidated metadata, which xarray and all versions of Zarr from
+2 on open without a warning. Format 3 has no stable specification yet of strings or of
 consolidated metadata: current versions of Zarr warn about both, and 3.0.8 cannot read strings
 written by 3.1.
 """
@@ -46,16 +46,16 @@ if TYPE_CHECKING:
 
     Tree = dict[str, Any]  # keys and contents of a Zarr group
 
-FORMAT = 1
+_FORMAT = 1
 _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
-_KIND = "a sweep that ftforce wrote"
+_EXPECTED = "a sweep stored by ftforce"
 _ARRAYS = "arrays"  # key in the identity: digest of all kernel inputs
-_UNTOLD = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error message
+_DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error message
 _SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
-class Asked(NamedTuple):
+class SweepRequest(NamedTuple):
     """A requested sweep.
 
     Attributes
@@ -72,12 +72,12 @@ class Asked(NamedTuple):
     identity: dict[str, Any]
 
 
-class Opened(NamedTuple):
+class OpenStore(NamedTuple):
     """A sweep that is being written.
 
     Attributes
     ----------
-    asked :
+    request :
         The requested sweep.
     path :
         The folder; ``None`` in memory.
@@ -92,10 +92,10 @@ class Opened(NamedTuple):
     done :
         Whether each chunk is finished, shape (chunks,).
     lock :
-        Lock of the folder; ``None`` if nothing is left to write.
+        Lock of the folder; ``None`` if the sweep is complete.
     """
 
-    asked: Asked
+    request: SweepRequest
     path: Path | None
     store: Any
     tree: Tree
@@ -106,7 +106,7 @@ class Opened(NamedTuple):
 
     @property
     def is_complete(self) -> bool:
-        """Whether nothing is left to write."""
+        """Whether the sweep is complete."""
         return self.path is not None and self.lock is None
 
     def close(self) -> None:
@@ -115,77 +115,77 @@ class Opened(NamedTuple):
             self.lock.release()
 
 
-def create(path: Path | None, asked: Asked) -> Opened:
-    """Create an empty sweep, or resume an existing one; close it with `Opened.close`.
+def create(path: Path | None, request: SweepRequest) -> OpenStore:
+    """Create an empty sweep, or resume an existing one; close it with `OpenStore.close`.
 
     Parameters
     ----------
     path :
         Path of the Zarr group; ``None`` for memory.
-    asked :
+    request :
         The requested sweep.
 
     Raises
     ------
     OutputError
-        The folder holds something else, is being written by another process, or is not writable.
+        The folder contains something else, is being written by another process, or is not writable.
     """
-    job, identity = asked.job, asked.identity
+    job, identity = request.job, request.identity
     none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
     if path is None:
-        return _opened(asked, None, _tree(asked), none_done, None)
-    if not _is_new(path) and _checked(path, identity)["complete"]:
-        return _complete(asked, path)
+        return _opened(request, None, _tree(request), none_done, None)
+    if not _must_create(path) and _checked_metadata(path, identity)["complete"]:
+        return _open_complete(request, path)
     lock = folder.lock(path)
     try:
-        if _is_new(path):  # checked again, now that the folder is locked
+        if _must_create(path):  # checked again, now that the folder is locked
             with disk_errors(path):
-                folder.clear(path, _known())
-                _put(path, _tree(asked))
-        elif _checked(path, identity)["complete"]:
+                folder.clear(path, _known_names())
+                _write_tree(path, _tree(request))
+        elif _checked_metadata(path, identity)["complete"]:
             lock.release()
-            return _complete(asked, path)
+            return _open_complete(request, path)
         with disk_errors(path):
             folder.remove_partial(path)
-        so_far = _progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
-        return _opened(asked, path, {}, so_far, lock)
+        progress = _stored_progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
+        return _opened(request, path, {}, progress, lock)
     except BaseException:
         lock.release()
         raise
 
 
 def _opened(
-    asked: Asked, path: Path | None, tree: Tree, so_far: tuple[Summary, Any], lock: Any
-) -> Opened:
+    request: SweepRequest, path: Path | None, tree: Tree, progress: tuple[Summary, Any], lock: Any
+) -> OpenStore:
     import zarr
     from zarr.storage import MemoryStore
 
     store: Any = MemoryStore(tree) if path is None else str(path)
     with disk_errors(path):
         group = zarr.open_group(store, mode="r+", zarr_format=2)
-        arrays = {name: group[name] for name in sample_names(asked.job)}
-    return Opened(asked, path, store, tree, arrays, *so_far, lock)
+        arrays = {name: group[name] for name in _sample_names(request.job)}
+    return OpenStore(request, path, store, tree, arrays, *progress, lock)
 
 
-def _complete(asked: Asked, path: Path) -> Opened:
+def _open_complete(request: SweepRequest, path: Path) -> OpenStore:
     """Open a complete sweep, and remove what a killed process left behind."""
-    job = asked.job
+    job = request.job
     with suppress(OSError):  # a complete sweep can be read without write permission
-        _remove_traces(path)
+        _clean_up(path)
     try:
         summary = _stored_summary(path, job.bins, job.workspace)
     except Exception as problem:  # a damaged store may raise anything
-        raise SweepError(path, f"is damaged ({problem}); remove it to begin anew") from None
-    return Opened(asked, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None)
+        raise SweepError(path, f"is damaged ({problem}); remove it to start again") from None
+    return OpenStore(request, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None)
 
 
-def _remove_traces(path: Path) -> None:
+def _clean_up(path: Path) -> None:
     folder.remove_partial(path)
     (path / _PROGRESS).unlink(missing_ok=True)
     (path / folder.LOCK).unlink(missing_ok=True)
 
 
-def _is_new(path: Path) -> bool:
+def _must_create(path: Path) -> bool:
     """Return whether a folder must be created: it is missing, empty, or left incomplete."""
     with disk_errors(path):
         if not path.exists():
@@ -195,76 +195,76 @@ def _is_new(path: Path) -> bool:
         entries = {entry.name for entry in path.iterdir()}
         if entries <= {folder.LOCK}:
             return True
-        return _ATTRIBUTES not in entries and folder.is_half_made(path, _known())
+        return _ATTRIBUTES not in entries and folder.is_partly_created(path, _known_names())
 
 
-def _known() -> set[str]:
+def _known_names() -> set[str]:
     """Return the names of all files that ftforce may create for a sweep, except its lock."""
     dimensions = variables.all_coordinates()
     return {".zgroup", _ATTRIBUTES, _CONSOLIDATED, _PROGRESS, *_SAMPLES, *dimensions}
 
 
-def _checked(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
+def _checked_metadata(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
     """Return the stored description of a sweep, if it is the requested one.
 
     Raises
     ------
     OutputError
-        The folder holds another sweep, or none.
+        The folder contains a different sweep, or none.
     """
-    about = _about(path, OutputError)
-    found = about["identity"]
+    metadata = _metadata_of(path, OutputError)
+    found = metadata["identity"]
     if found != identity:
-        differs = _differences(found, identity) or "the robot, its limits or its masses are others"
+        differs = _differences(found, identity) or "a different robot, or other limits or masses"
         raise OutputError(
-            path, f"holds another sweep ({differs}); give another --output, or remove that one"
+            path, f"contains a different sweep ({differs}); choose another --output, or remove it"
         )
-    return about
+    return metadata
 
 
-def _differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
+def _differences(found: dict[str, Any], request: dict[str, Any]) -> str:
     """Describe how two identities differ, with details for the postures."""
-    there, here = ({**one, **_postures(one)} for one in (found, asked))
-    keys = sorted(key for key in {*there, *here} if there.get(key) != here.get(key))
+    stored, requested = ({**values, **_postures(values)} for values in (found, request))
+    keys = sorted(key for key in {*stored, *requested} if stored.get(key) != requested.get(key))
     if "source of postures" in keys:  # then their other differences add nothing
-        keys = [key for key in keys if key not in {*_postures(found), *_postures(asked)}]
+        keys = [key for key in keys if key not in {*_postures(found), *_postures(request)}]
         keys.append("source of postures")
-    told = [key for key in keys if key not in _UNTOLD]
-    return "; ".join(_difference(key, there.get(key), here.get(key)) for key in told)
+    named = [key for key in keys if key not in _DIGESTS]
+    return "; ".join(_difference(key, stored.get(key), requested.get(key)) for key in named)
 
 
 def _postures(identity: dict[str, Any]) -> dict[str, Any]:
-    about = dict(identity["postures"])
-    return {"source of postures": about.pop("source"), **about}
+    metadata = dict(identity["postures"])
+    return {"source of postures": metadata.pop("source"), **metadata}
 
 
-def _difference(key: str, found: object, asked: object) -> str:
-    there, here = (json.dumps(value, ensure_ascii=False) for value in (found, asked))
-    if max(len(there), len(here)) > 60:
-        return f"another {key}"
-    return f"{key} {there} there, {here} here"
+def _difference(key: str, found: object, request: object) -> str:
+    stored, requested = (json.dumps(value, ensure_ascii=False) for value in (found, request))
+    if max(len(stored), len(requested)) > 60:
+        return f"different {key}"
+    return f"{key} {stored} instead of {requested}"
 
 
 # ---- writing ---------------------------------------------------------------------------------
 
 
-def sample_names(job: Job) -> list[str]:
+def _sample_names(job: Job) -> list[str]:
     """Return the names of the arrays of samples."""
-    return [] if job.keep == "summary" else list(_one(job))
+    return [] if job.keep == "summary" else list(_sample_of_one(job))
 
 
-def _one(job: Job) -> dict[str, NDArray[Any]]:
+def _sample_of_one(job: Job) -> dict[str, NDArray[Any]]:
     """Return the samples of one posture, as a template of names, types and shapes."""
     q = job.postures.block(0, 1)
     return samples_of(q, job.plan.evaluator()(q), job.keep)
 
 
-def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
+def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
     """Return keys and contents of the Zarr group, without the samples.
 
     Parameters
     ----------
-    asked :
+    request :
         The requested sweep.
     summary :
         Summary of the complete sweep; ``None`` if it is not complete.
@@ -272,26 +272,26 @@ def _tree(asked: Asked, summary: Summary | None = None) -> Tree:
     import zarr
     from zarr.storage import MemoryStore
 
-    job, setting, sets, identity = asked
+    job, setting, sets, identity = request
     tree: Tree = {}
     store = MemoryStore(tree)
     group = zarr.open_group(store, mode="w", zarr_format=2)
     if job.keep != "summary":
-        for name, one in _one(job).items():
-            shape = (job.postures.count, *one.shape[1:])
+        for name, values in _sample_of_one(job).items():
+            shape = (job.postures.count, *values.shape[1:])
             # Unfinished chunks read as NaN. A complete sweep needs no fill value, and xarray
             # would convert integers that have one to floats.
             fill = -1 if summary is None else None
-            _create(group, name, (shape, one.dtype, fill), variables.sample(name, setting), job)
+            _create(group, name, (shape, values.dtype, fill), variables.sample(name, setting), job)
     given = (setting, sets, job.bins, job.workspace)
     for name, (values, variable) in variables.coordinates(*given).items():
         _create(group, name, values, variable)
     for name, values in (summary.arrays() if summary is not None else {}).items():
         whole = variables.shaped(name, values, job.workspace)
-        _create(group, f"{variables.SUMMARY}{name}", whole, variables.counted(name, setting))
+        _create(group, f"{variables.SUMMARY_PREFIX}{name}", whole, variables.counted(name, setting))
     complete = summary is not None
-    about = variables.attributes(*given, version=FORMAT, identity=identity, complete=complete)
-    group.attrs.update(about)
+    metadata = variables.attributes(*given, version=_FORMAT, identity=identity, complete=complete)
+    group.attrs.update(metadata)
     zarr.consolidate_metadata(store, zarr_format=2)
     return tree
 
@@ -311,11 +311,11 @@ def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None 
         shape=shape,
         dtype=dtype,
         chunks=chunks,
-        # Measures in double precision hardly compress: this costs 0.2 µs per kB, saves a quarter.
+        # Measures in double precision hardly compress: this saves a quarter, at 0.2 µs per kB.
         compressors=Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE),
         fill_value=_fill(np.dtype(dtype), fill),
         attributes={"_ARRAY_DIMENSIONS": list(variable.dimensions), **variable.attributes},
-        config={"write_empty_chunks": True},  # a missing chunk means one not done
+        config={"write_empty_chunks": True},  # a missing chunk is an unfinished one
     )
     if values is not None:
         array[...] = values
@@ -327,7 +327,7 @@ def _fill(dtype: np.dtype[Any], fill: int | None) -> Any:
     return "" if dtype.kind == "U" else fill
 
 
-def _put(path: Path, tree: Tree) -> None:
+def _write_tree(path: Path, tree: Tree) -> None:
     """Write the keys of a group to files, the attributes last: they mark it as created."""
     last = [_CONSOLIDATED, _ATTRIBUTES]
     for key in [*(key for key in tree if key not in last), *last]:
@@ -337,8 +337,17 @@ def _put(path: Path, tree: Tree) -> None:
             folder.write_durably(file, data)
 
 
-def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) -> None:
+def write_samples(opened: OpenStore, index: int, samples: dict[str, NDArray[Any]]) -> None:
     """Write the samples of a chunk, and wait until they are on disk.
+
+    Parameters
+    ----------
+    opened :
+        The sweep being written.
+    index :
+        Number of the chunk.
+    samples :
+        Its samples, by name.
 
     Raises
     ------
@@ -346,7 +355,7 @@ def write_samples(opened: Opened, index: int, samples: dict[str, NDArray[Any]]) 
         They cannot be written.
     """
     with disk_errors(opened.path):
-        _write(opened.arrays, opened.asked.job, opened.path, index, samples)
+        _write(opened.arrays, opened.request.job, opened.path, index, samples)
 
 
 def write_chunk(
@@ -373,8 +382,8 @@ def write_chunk(
     if folder.lock_of(path).get("token") != token:
         raise OutputError(
             path,
-            "is not seen by all workers; --output needs a file system that they share, or "
-            "keep the summary alone",
+            "is not visible to all workers; --output must be on a file system that they share, or "
+            "use --keep summary",
         )
     with disk_errors(path):
         group = zarr.open_group(str(path), mode="r+", zarr_format=2)
@@ -389,7 +398,7 @@ def _write(arrays: dict[str, Any], job: Job, path: Path | None, index: int, samp
             folder.sync(path / name / ".".join([str(index), *["0"] * (values.ndim - 1)]))
 
 
-def save_progress(opened: Opened) -> None:
+def save_progress(opened: OpenStore) -> None:
     """Save the finished chunks and their summary, atomically.
 
     Raises
@@ -408,7 +417,7 @@ def save_progress(opened: Opened) -> None:
         folder.write_durably(opened.path / _PROGRESS, stream.getvalue())
 
 
-def finish(opened: Opened) -> None:
+def finish(opened: OpenStore) -> None:
     """Write the summary, mark the sweep as complete, and remove progress and lock files.
 
     Raises
@@ -417,13 +426,13 @@ def finish(opened: Opened) -> None:
         A file cannot be written.
     """
     save_progress(opened)  # if killed after this, no chunk is repeated
-    tree = _tree(opened.asked, opened.summary)
+    tree = _tree(opened.request, opened.summary)
     if opened.path is None:
         opened.tree.update(tree)
         return
     with disk_errors(opened.path):
-        _put(opened.path, tree)
-        _remove_traces(opened.path)
+        _write_tree(opened.path, tree)
+        _clean_up(opened.path)
 
 
 # ---- reading ---------------------------------------------------------------------------------
@@ -442,32 +451,32 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
     Raises
     ------
     SweepError
-        There is no sweep, or it is damaged.
+        The folder does not contain a sweep, or it is damaged.
     """
     where = Path(path)
-    about = _about(where, SweepError)
-    if not about["complete"] and not (where / _PROGRESS).exists():
-        about = _about(where, SweepError)  # it may have completed in the meantime
+    metadata = _metadata_of(where, SweepError)
+    if not metadata["complete"] and not (where / _PROGRESS).exists():
+        metadata = _metadata_of(where, SweepError)  # it may have completed in the meantime
     _needs_zarr()
     try:
-        setting = SweepSetting.from_dict(about["setting"])
-        sets = sets_from_lists(about["sets"])
-        bins = Bins(**about["bins"])
-        stored = about["workspace"].items()
+        setting = SweepSetting.from_dict(metadata["setting"])
+        sets = sets_from_lists(metadata["sets"])
+        bins = Bins(**metadata["bins"])
+        stored = metadata["workspace"].items()
         grid: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stored}
         workspace = Workspace(**grid)
-        if about["complete"]:
+        if metadata["complete"]:
             summary = _stored_summary(where, bins, workspace)
         else:
             chunks = -(-setting.count // setting.chunk)
-            summary, _ = _progress(where, bins, workspace, len(sets), chunks)
+            summary, _ = _stored_progress(where, bins, workspace, len(sets), chunks)
         opening = partial(dataset_of, str(where))
         opening()  # detect damage now, not on first access
         return Sweep(setting, sets, summary, str(where), opening)
     except FtforceError:
         raise
     except Exception as problem:  # a damaged store may raise anything
-        raise SweepError(path, f"is damaged ({problem}); {_KIND} was expected") from None
+        raise SweepError(path, f"is damaged ({problem}); expected {_EXPECTED}") from None
 
 
 def _needs_zarr() -> None:
@@ -476,8 +485,7 @@ def _needs_zarr() -> None:
         import zarr  # noqa: F401
     except ImportError as problem:
         raise FtforceError(
-            f"stored sweeps need {problem.name}: install the extra with "
-            "pip install 'ftforce[sweep]'"
+            f"stored sweeps require {problem.name} (pip install 'ftforce[sweep]')"
         ) from None
 
 
@@ -488,22 +496,22 @@ def dataset_of(store: Any) -> Any:
     return xr.open_dataset(store, engine="zarr", consolidated=True, chunks=None)
 
 
-def _about(path: Path, error: Any) -> dict[str, Any]:
+def _metadata_of(path: Path, error: Any) -> dict[str, Any]:
     """Return the stored description of the sweep in a folder."""
     if not path.exists():
-        raise error(path, f"no such folder; {_KIND} was expected")
+        raise error(path, f"no such folder; expected {_EXPECTED}")
     try:
         attributes = json.loads((path / _ATTRIBUTES).read_text("utf-8"))
-        found = json.loads(attributes[variables.ABOUT])
+        found = json.loads(attributes[variables.METADATA])
         version, _, _ = found["format"], found["identity"], found["complete"]
     except (OSError, ValueError, KeyError, TypeError):
-        raise error(path, f"is there but is no sweep; {_KIND} was expected") from None
-    if version != FORMAT:
-        raise error(path, f"is of format {version}; this ftforce knows format {FORMAT}")
+        raise error(path, f"is not a sweep; expected {_EXPECTED}") from None
+    if version != _FORMAT:
+        raise error(path, f"has format {version}; this version of ftforce reads format {_FORMAT}")
     return dict(found)
 
 
-def _progress(
+def _stored_progress(
     path: Path, bins: Bins, workspace: Workspace, n_sets: int, chunks: int
 ) -> tuple[Summary, NDArray[np.bool_]]:
     """Return the summary of the finished chunks, and which chunks are finished."""
@@ -516,7 +524,7 @@ def _progress(
         done = np.unpackbits(arrays.pop("done"), count=chunks).astype(np.bool_)
         return Summary.from_arrays(arrays, bins, workspace), done
     except Exception as problem:  # a damaged file may raise anything
-        raise SweepError(file, f"is damaged ({problem}); remove it to begin anew") from None
+        raise SweepError(file, f"is damaged ({problem}); remove it to start again") from None
 
 
 def _stored_summary(path: Path, bins: Bins, workspace: Workspace) -> Summary:
@@ -525,7 +533,7 @@ def _stored_summary(path: Path, bins: Bins, workspace: Workspace) -> Summary:
     group = zarr.open_group(str(path), mode="r", zarr_format=2, use_consolidated=True)
     arrays = {}
     for name, array in _arrays(group):
-        bare = name.removeprefix(variables.SUMMARY)
+        bare = name.removeprefix(variables.SUMMARY_PREFIX)
         if bare != name:
             arrays[bare] = variables.unshaped(bare, np.asarray(array[...]), workspace)
     return Summary.from_arrays(arrays, bins, workspace)

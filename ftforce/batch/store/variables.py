@@ -1,6 +1,6 @@
 """Dimensions, coordinates, units and descriptions of the arrays of a stored sweep.
 
-Names of units and attributes follow the CF conventions, which xarray and netCDF know.
+Units and attributes follow the CF conventions, which xarray and netCDF understand.
 """
 
 from __future__ import annotations
@@ -22,63 +22,94 @@ if TYPE_CHECKING:
     from ftforce.batch.summary.bins import Bins, Workspace
     from ftforce.core.faults import FaultSet
 
-ABOUT = "ftforce"
+METADATA = "ftforce"
 """Attribute of the group that holds ftforce's own metadata, as JSON."""
-SUMMARY = "summary_"
+SUMMARY_PREFIX = "summary_"
+"""Prefix of the names of the arrays of the summary."""
 _CELLS = ("cell_x", "cell_y", "cell_z")
 _SET = ("fault_set",)
 
 _VERDICT = {"flag_values": [0, 1, 2], "flag_meanings": "tolerated borderline not_tolerated"}
 
-# Unit and description; "force" and "turn" stand for units that depend on the task and the joints.
-_WORDS: dict[str, tuple[str, str]] = {
-    "q": ("turn", "joint position"),
-    "tip": ("m", "position of the tip in the root's axes"),
+# Unit and description; "force" and "joint" stand for units that depend on the task and the joints.
+_SAMPLES: dict[str, tuple[str, str]] = {
+    "q": ("joint", "joint position"),
+    "tip": ("m", "position of the tip in root axes"),
     "healthy_rank": ("1", "rank of the healthy arm's task Jacobian J"),
     "healthy_margin": ("1", "margin of the healthy arm, sigma_min(J)/sigma_max(J)"),
     "verdict": ("1", "verdict"),
-    "rank_lost": ("1", "rank of J less that of K, J without the failed joints"),
-    "sigma_min": ("m/turn", "smallest singular value of K, moment rows weighted with the length"),
+    "rank_lost": (
+        "1",
+        "rank lost, rank(J) - rank(K), with K the columns of J of the healthy joints",
+    ),
+    "sigma_min": (
+        "m/joint",
+        "smallest singular value of K, moment rows scaled by the characteristic length",
+    ),
     "margin": ("1", "margin, sigma_min(K)/sigma_max(J)"),
     "rho": ("1", "relative manipulability w(K)/w(J); NaN where w(J) = 0"),
-    "jump": ("force", "norm of the force jump; NaN where the arm cannot stand still"),
-    "moment_jump": ("N m", "norm of the jump of the moments; NaN where the arm cannot stand still"),
-    "relative_jump": ("1", "weighted jump over the weighted force; 1 if nothing holds the arm"),
+    "jump": (
+        "force",
+        "norm of the force jump; NaN where the arm cannot be held in static equilibrium",
+    ),
+    "moment_jump": (
+        "N m",
+        "norm of the moment jump; NaN where the arm cannot be held in static equilibrium",
+    ),
+    "relative_jump": (
+        "1",
+        "weighted jump relative to the weighted force; 1 without static equilibrium",
+    ),
     "capability": (
         "capability",
-        "largest force in the direction; infinite if no limit ends it, NaN if none is held",
+        "largest force in the direction; infinite if not limited, NaN if no force is feasible",
     ),
     "worst_set": (
         "1",
-        "fault set, from 0, with the worst verdict, then relative jump, then margin",
+        "index from 0 of the fault set with the worst verdict, then relative jump, then margin",
     ),
 }
 
 # Dimensions and descriptions of the arrays of the summary.
 _COUNTS: dict[str, tuple[tuple[str, ...], str]] = {
-    "postures": ((), "postures"),
+    "postures": ((), "number of postures"),
     "outside": ((), "postures whose tip lies outside the cells"),
     "healthy_rank": (("rank",), "postures by rank of the healthy arm"),
     "healthy_margin": (("share_bin",), "postures by margin of the healthy arm"),
-    "healthy_unknown": ((), "postures where the healthy arm has no margin"),
-    "tolerated_sets": (("tolerated_set_count",), "postures that tolerate so many fault sets"),
+    "healthy_unknown": ((), "postures where the margin of the healthy arm is undefined"),
+    "tolerated_sets": (
+        ("tolerated_set_count",),
+        "postures by number of fault sets that they tolerate",
+    ),
     "verdicts": ((*_SET, "verdict_code"), "postures by verdict"),
-    "rank_lost": ((*_SET, "rank"), "postures by ranks lost"),
+    "rank_lost": ((*_SET, "rank"), "postures by rank lost"),
     "margin": ((*_SET, "share_bin"), "postures by margin"),
     "rho": ((*_SET, "share_bin"), "postures by relative manipulability"),
     "jump": ((*_SET, "jump_bin"), "postures by force jump"),
     "capability": ((*_SET, "capability_bin"), "postures by capability"),
     "margin_unknown": (_SET, "postures whose margin is NaN"),
     "rho_unknown": (_SET, "postures whose relative manipulability is NaN"),
-    "jump_unknown": (_SET, "postures whose jump is NaN: the arm cannot stand still"),
-    "capability_unknown": (_SET, "postures whose capability is NaN: no force that way"),
-    "capability_unlimited": (_SET, "postures whose capability no known limit ends"),
-    "cell_postures": (_CELLS, "postures with the tip in the cell"),
+    "jump_unknown": (_SET, "postures without static equilibrium, whose jump is NaN"),
+    "capability_unknown": (
+        _SET,
+        "postures without a feasible force in the direction, whose capability is NaN",
+    ),
+    "capability_unlimited": (_SET, "postures whose capability is not limited"),
+    "cell_postures": (_CELLS, "postures whose tip lies in the cell"),
     "cell_tolerates_all": (_CELLS, "postures of the cell that tolerate every fault set"),
     "cell_tolerated": ((*_CELLS, *_SET), "postures of the cell that tolerate the fault set"),
-    "cell_worst_margin": ((*_CELLS, "cell_bin"), "postures of the cell by their worst margin"),
-    "cell_worst_rho": ((*_CELLS, "cell_bin"), "postures of the cell by their worst rho"),
-    "cell_min_margin": ((*_CELLS, *_SET), "smallest margin in the cell; infinite if it is empty"),
+    "cell_worst_margin": (
+        (*_CELLS, "cell_bin"),
+        "postures of the cell by smallest margin over the fault sets",
+    ),
+    "cell_worst_rho": (
+        (*_CELLS, "cell_bin"),
+        "postures of the cell by smallest relative manipulability over the fault sets",
+    ),
+    "cell_min_margin": (
+        (*_CELLS, *_SET),
+        "smallest margin in the cell; infinite if the cell is empty",
+    ),
 }
 _BINS = ("share_bin", "cell_bin", "jump_bin", "capability_bin")
 _EXTREMES = {"min": "smallest", "max": "largest"}
@@ -100,14 +131,22 @@ class Variable(NamedTuple):
 
 
 def sample(name: str, setting: SweepSetting) -> Variable:
-    """Return the description of a sample array."""
+    """Return the description of a sample array.
+
+    Parameters
+    ----------
+    name :
+        Name of the array.
+    setting :
+        The setting of the sweep.
+    """
     own = {"q": ("joint",), "tip": ("axis",)}.get(name, ())
     per_set = _SET if setting.keep == "all" and name in PER_SET else ()
     bare = name if name == "worst_set" else name.removeprefix("worst_")
-    unit, words = _WORDS[bare]
+    unit, text = _SAMPLES[bare]
     if bare != name:
-        words = f"of the worst fault set: {words}"
-    attributes: dict[str, Any] = {**_units(unit, setting), "long_name": words}
+        text = f"of the worst fault set: {text}"
+    attributes: dict[str, Any] = {**_units(unit, setting), "long_name": text}
     if bare == "verdict":
         attributes |= _VERDICT
     if name == "q":
@@ -116,19 +155,27 @@ def sample(name: str, setting: SweepSetting) -> Variable:
 
 
 def counted(name: str, setting: SweepSetting) -> Variable:
-    """Return the description of an array of the summary, by its name in `Summary`."""
+    """Return the description of an array of the summary.
+
+    Parameters
+    ----------
+    name :
+        Its name in `Summary`.
+    setting :
+        The setting of the sweep.
+    """
     if name in _COUNTS:
-        dimensions, words = _COUNTS[name]
-        return Variable(dimensions, {"units": "1", "long_name": words})
+        dimensions, text = _COUNTS[name]
+        return Variable(dimensions, {"units": "1", "long_name": text})
     kind, _, measure = name.partition("_")
     measure = measure.removesuffix("_at")
-    unit, words = _WORDS[measure]
-    words = words.partition(",")[0].partition(";")[0]
+    unit, text = _SAMPLES[measure]
+    text = text.partition(",")[0].partition(";")[0]
     if name.endswith("_at"):
-        words = f"first posture, from 0, with the {_EXTREMES[kind]} {words}; -1 if there is none"
-        return Variable(_SET, {"units": "1", "long_name": words})
-    words = f"{_EXTREMES[kind]} {words} of all postures; infinite if there is none"
-    return Variable(_SET, _units(unit, setting) | {"long_name": words})
+        text = f"index from 0 of the first posture with the {_EXTREMES[kind]} {text}; -1 if none"
+        return Variable(_SET, {"units": "1", "long_name": text})
+    text = f"{_EXTREMES[kind]} {text} over all postures; infinite if undefined"
+    return Variable(_SET, _units(unit, setting) | {"long_name": text})
 
 
 def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
@@ -136,16 +183,16 @@ def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
     if unit in {"force", "capability"}:
         named = setting.size_unit if unit == "force" else setting.capability_unit
         return {"units": named.replace("·", " ")}
-    if "turn" not in unit:
+    if "joint" not in unit:
         return {"units": unit}
     kinds = set(setting.joint_units)
     if kinds == {"rad"}:
-        return {"units": unit.replace("turn", "rad")}
+        return {"units": unit.replace("joint", "rad")}
     if kinds == {"m"}:
-        return {"units": {"turn": "m", "m/turn": "1"}[unit]}
+        return {"units": {"joint": "m", "m/joint": "1"}[unit]}
     both = {
-        "turn": "rad or m, see joint_unit",
-        "m/turn": "columns of joints that turn are in m/rad, of joints that slide in m/m",
+        "joint": "rad or m, see joint_unit",
+        "m/joint": "columns of revolute joints are in m/rad, of prismatic joints in m/m",
     }
     return {"comment": both[unit]}
 
@@ -153,16 +200,26 @@ def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
 def coordinates(
     setting: SweepSetting, sets: tuple[FaultSet, ...], bins: Bins, workspace: Workspace
 ) -> dict[str, tuple[NDArray[Any], Variable]]:
-    """Return the coordinates, and the edges of the bins, by name."""
+    """Return the coordinates, and the edges of the bins, by name.
+
+    Parameters
+    ----------
+    setting, sets :
+        The setting and the fault sets of the sweep.
+    bins, workspace :
+        Histogram bins, and workspace cells.
+    """
     n = setting.n
-    fails = np.array([[joint in one.joints for joint in range(n)] for one in sets], np.int8)
+    has_failed = np.array([[joint in one.joints for joint in range(n)] for one in sets], np.int8)
     found: dict[str, tuple[NDArray[Any], Variable]] = {
         "joint": _names(setting.joints, "joint", "joint of the chain, from base to tip"),
         "joint_unit": _names(setting.joint_units, "joint", "unit of the joint's position"),
-        "axis": _names(("x", "y", "z"), "axis", "axis of the root"),
-        "fault_set": _names([str(one) for one in sets], "fault_set", "joints that fail together"),
+        "axis": _names(("x", "y", "z"), "axis", "root axis"),
+        "fault_set": _names(
+            [str(one) for one in sets], "fault_set", "set of joints that fail together"
+        ),
         "joint_fails": (
-            fails.reshape(len(sets), n),
+            has_failed.reshape(len(sets), n),
             Variable(
                 ("fault_set", "joint"),
                 {
@@ -178,19 +235,17 @@ def coordinates(
     }
     for axis, (name, start) in enumerate(zip(_CELLS, workspace.origin, strict=True)):
         centres = start + (np.arange(workspace.shape[axis]) + 0.5) * workspace.edge
-        words = {"units": "m", "long_name": f"centre of the cell along {name[-1]} of the root"}
-        found[name] = (centres, Variable((name,), words | {"axis": name[-1].upper()}))
+        text = {"units": "m", "long_name": f"centre of the cell along the root's {name[-1]} axis"}
+        found[name] = (centres, Variable((name,), text | {"axis": name[-1].upper()}))
     return found | _bins(bins, setting)
 
 
-def _names(values: Any, dimension: str, words: str) -> tuple[NDArray[Any], Variable]:
-    return np.array(list(values), np.str_), Variable((dimension,), {"long_name": words})
+def _names(values: Any, dimension: str, text: str) -> tuple[NDArray[Any], Variable]:
+    return np.array(list(values), np.str_), Variable((dimension,), {"long_name": text})
 
 
-def _codes(
-    name: str, count: int, words: str, more: dict[str, Any]
-) -> tuple[NDArray[Any], Variable]:
-    return np.arange(count), Variable((name,), {"units": "1", "long_name": words} | more)
+def _codes(name: str, count: int, text: str, more: dict[str, Any]) -> tuple[NDArray[Any], Variable]:
+    return np.arange(count), Variable((name,), {"units": "1", "long_name": text} | more)
 
 
 def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Variable]]:
@@ -210,9 +265,9 @@ def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Va
         all_edges = np.concatenate([[0.0], bins.capability, infinite])
         edges["capability_bin"] = (all_edges, capability, "capability")
     found = {}
-    for name, (values, unit, words) in edges.items():
+    for name, (values, unit, text) in edges.items():
         bounds = f"{name}_bounds"
-        about = {"units": unit, "long_name": f"lower edge of the bin of the {words}"}
+        about = {"units": unit, "long_name": f"lower edge of the bin of {text}"}
         found[name] = (np.array(values[:-1]), Variable((name,), about | {"bounds": bounds}))
         both = np.stack([values[:-1], values[1:]], axis=1)
         found[bounds] = (both, Variable((name, "bound"), {}))
@@ -232,8 +287,21 @@ def attributes(
     """Return the attributes of the group, for readers and for ftforce itself.
 
     They do not depend on when, where or by whom the sweep was run.
+
+    Parameters
+    ----------
+    setting, sets :
+        The setting and the fault sets of the sweep.
+    bins, workspace :
+        Histogram bins, and workspace cells.
+    version :
+        Version of the format.
+    identity :
+        Everything the sweep depends on, in JSON form.
+    complete :
+        Whether the sweep is complete.
     """
-    tools = f"{setting.axes} axes"
+    axes = f"{setting.axes} axes"
     own = {
         "format": version,
         "complete": complete,
@@ -247,29 +315,45 @@ def attributes(
         "Conventions": "CF-1.11",
         "title": f"fault sweep of {setting.robot}",
         "source": f"ftforce {setting.version}",
-        "comment": f"Positions are in the root's axes, m. Forces are in {tools}, N and N m, and "
-        "are what the robot exerts on its environment. A posture's number counts from 0. A rank "
-        "counts singular values above rtol times the largest; a verdict is borderline if it "
-        "changes with a tolerance between rtol and wary.",
+        "comment": "Positions are in root axes, m. Forces, exerted by the robot on its "
+        f"environment, are in {axes}, N and N m. Postures are numbered from 0. A rank is the "
+        "number of singular values above rtol times the largest one of J; a verdict is borderline "
+        "if it changes with the tolerance between rtol and wary.",
         "task": setting.task,
         "axes": setting.axes,
         "length": setting.length,
         "fault_mode": setting.mode,
         "rtol": setting.rtol,
         "wary": setting.wary,
-        ABOUT: json.dumps(own, ensure_ascii=False),
+        METADATA: json.dumps(own, ensure_ascii=False),
     }
 
 
 def shaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[Any]:
-    """Reshape the cell dimension of a summary array to three dimensions, if it has one."""
+    """Reshape the cell dimension of a summary array to three dimensions, if it has one.
+
+    Parameters
+    ----------
+    name, values :
+        The array, and its name in `Summary`.
+    workspace :
+        The cells.
+    """
     if not name.startswith("cell_"):
         return values
     return values.reshape(*workspace.shape, *values.shape[1:])
 
 
 def unshaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[Any]:
-    """Undo `shaped`."""
+    """Reshape an array returned by `shaped` to a single cell dimension.
+
+    Parameters
+    ----------
+    name, values :
+        The array, and its name in `Summary`.
+    workspace :
+        The cells.
+    """
     if not name.startswith("cell_"):
         return values
     return values.reshape(workspace.cells, *values.shape[3:])

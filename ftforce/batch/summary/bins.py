@@ -48,11 +48,13 @@ class Bins:
             It is not positive.
         """
         if self.force is not None and not (is_number(self.force) and self.force > 0.0):
-            raise InputError(f"the norm of the force must be positive, got {self.force!r}")
+            raise InputError(
+                f"the norm of the force must be positive, in N (N·m), got {self.force!r}"
+            )
 
     @cached_property
     def share(self) -> Vector:
-        """Edges for margin and ρ, 0 to 1, shape (1001,); larger values go to the last bin."""
+        """Edges for margin and ρ, 0 to 1, shape (1001,); larger values fall in the last bin."""
         return read_only(np.arange(LINEAR_BINS + 1) / LINEAR_BINS)
 
     @cached_property
@@ -75,11 +77,11 @@ class Bins:
         return read_only(np.array([float(f"{edge:.13e}") for edge in edges]))
 
     @cached_property
-    def capability_guide(self) -> Counts | None:
-        """Lookup table of the capability edges, see `ftforce.batch.kernels.counting.guide_to`."""
-        from ftforce.batch.kernels.counting import guide_to
+    def capability_lookup(self) -> Counts | None:
+        """Lookup table of the capability edges, see `ftforce.batch.kernels.counting.lookup_of`."""
+        from ftforce.batch.kernels.counting import lookup_of
 
-        return None if self.capability is None else guide_to(self.capability)
+        return None if self.capability is None else lookup_of(self.capability)
 
 
 @dataclass(frozen=True)
@@ -117,9 +119,9 @@ class Workspace:
             The edge is not positive, the radius negative, or one is not finite.
         """
         if not (is_number(edge) and edge > 0.0):
-            raise InputError(f"the edge of a cell must be positive, in m, got {edge!r}")
+            raise InputError(f"the cell size must be a positive number, in m, got {edge!r}")
         if not (is_number(radius) and radius >= 0.0):
-            raise InputError(f"the radius must be 0 or more, in m, got {radius!r}")
+            raise InputError(f"the radius must be a non-negative number, in m, got {radius!r}")
         # The factor absorbs rounding: 0.3 / 0.1 makes three cells.
         count = max(1, math.ceil(2.0 * radius / edge * (1.0 - 1e-12)))
         x, y, z = (as_vector(centre, 3, "centre") - 0.5 * count * edge).tolist()

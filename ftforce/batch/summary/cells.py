@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 PLANES = ("xy", "xz", "yz")
-ROBUST = 60  # postures per block for a meaningful share
-_FEWEST_BLOCKS = 8  # along the longest side of the workspace
+_MIN_POSTURES = 60  # postures per block for a meaningful share
+_MIN_BLOCKS = 8  # along the longest side of the workspace
 
 
 class Cells(NamedTuple):
@@ -131,11 +131,19 @@ def window_of(postures: Counts) -> Counts:
 
 
 def factor_of(postures: Counts, window: Counts) -> int:
-    """Return the number of cells along each side of a block."""
+    """Return the number of cells along each side of a block.
+
+    Parameters
+    ----------
+    postures :
+        Postures per cell, shape (nx, ny, nz).
+    window :
+        Half-open range of layers to cover along each axis, shape (3, 2).
+    """
     longest, factor = int((window[:, 1] - window[:, 0]).max()), 1
-    while longest // (factor + 1) >= _FEWEST_BLOCKS:
+    while longest // (factor + 1) >= _MIN_BLOCKS:
         counts = pooled(postures, factor, window[:, 0].tolist())
-        if np.median(counts[counts > 0]) >= ROBUST:
+        if np.median(counts[counts > 0]) >= _MIN_POSTURES:
             break
         factor += 1
     return factor

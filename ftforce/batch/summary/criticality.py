@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Estimate(NamedTuple):
-    """A number and its confidence interval; NaN where nothing was counted.
+    """A number and its confidence interval; NaN without data.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Estimate(NamedTuple):
     high: float
 
 
-UNKNOWN = Estimate(math.nan, math.nan, math.nan)
+_UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 
 class Survival(NamedTuple):
@@ -80,8 +80,8 @@ class JointCriticality:
     margin, rho :
         5 % and 50 % quantiles when it fails alone.
     capability :
-        Median when it fails alone, N (N·m): 0 where the arm cannot stand still, infinite where no
-        limit is known; ``None`` without a direction.
+        Median when it fails alone, N (N·m): 0 where the arm cannot be held in static
+        equilibrium, infinite where no limit is known; ``None`` without a direction.
     """
 
     joint: int
@@ -119,7 +119,9 @@ def criticality(
         The number of sets does not match the summary, or the confidence is not between 0 and 1.
     """
     if len(sets) != summary.n_sets:
-        raise InputError(f"the summary counts {summary.n_sets} fault sets, got {len(sets)}")
+        raise InputError(
+            f"expected {summary.n_sets} fault sets, as in the summary, got {len(sets)}"
+        )
     joints = [_of_joint(summary, sets, joint, confidence) for joint in range(n)]
     return tuple(sorted(joints, key=_joint_key))
 
@@ -143,7 +145,7 @@ def survival(summary: Summary, set_index: int | None = None, confidence: float =
     """
     if set_index is not None and not 0 <= set_index < summary.n_sets:
         raise InputError(
-            f"no fault set {set_index}; the summary has {summary.n_sets}, counted from 0"
+            f"no fault set with index {set_index}; the summary has {summary.n_sets}, from 0"
         )
     tolerated = summary.cell_tolerates_all
     if set_index is not None:
@@ -181,10 +183,18 @@ def _of_joint(
     )
 
 
-def share_of(count: float, postures: int, confidence: float) -> Estimate:
-    """Return a share of the postures with its Wilson interval."""
+def _share_of(count: float, postures: int, confidence: float) -> Estimate:
+    """Return a share of the postures with its Wilson interval.
+
+    Parameters
+    ----------
+    count, postures :
+        Numbers of postures: those of the share, and all.
+    confidence :
+        Confidence level of the interval.
+    """
     if not postures:
-        return UNKNOWN
+        return _UNKNOWN
     low, high = wilson(count, postures, confidence)
     return Estimate(count / postures, float(low), float(high))
 
@@ -192,9 +202,9 @@ def share_of(count: float, postures: int, confidence: float) -> Estimate:
 def _share(summary: Summary, sets: list[int], verdict: int, confidence: float) -> Estimate:
     """Return the share of postures x sets; each posture is one trial, as sets are correlated."""
     if not sets:
-        return UNKNOWN
+        return _UNKNOWN
     mean = int(summary.verdicts[sets, verdict].sum()) / len(sets)
-    return share_of(mean, int(summary.postures), confidence)
+    return _share_of(mean, int(summary.postures), confidence)
 
 
 def _quantile(counts: Counts, edges: Vector, p: float, confidence: float) -> Estimate:
@@ -228,7 +238,7 @@ def _joint_key(joint: JointCriticality) -> tuple[float, ...]:
     return tuple(math.inf if math.isnan(key) else key for key in keys)
 
 
-LOW, HIGH = 0.05, 0.95
+_LOW, _HIGH = 0.05, 0.95
 """Quantiles reported for measures that are bad when small, and when large."""
 
 
@@ -251,10 +261,12 @@ class SetSummary:
         50 % and 95 % quantiles and maximum of ‖ΔF‖, N (N·m). A quantile above the force itself,
         possible with free-swinging joints, is infinite. ``None`` without a force.
     falls :
-        Share of the postures in which the arm cannot stand still; NaN without force and direction.
+        Share of the postures in which the arm cannot be held in static equilibrium; NaN without a
+        force.
     capability :
         5 % and 50 % quantiles of the force that can be commanded in the direction, N (N·m): 0 where
-        the arm cannot stand still, infinite where no limit is known; ``None`` without a direction.
+        the arm cannot be held in static equilibrium, infinite where no limit is known; ``None``
+        without a direction.
     """
 
     faults: FaultSet
@@ -291,15 +303,23 @@ def set_summaries(
 
 
 def tolerating_every_set(summary: Summary, confidence: float = 0.95) -> Estimate:
-    """Return the share of the postures that tolerate every fault set of the sweep."""
-    return share_of(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
+    """Return the share of the postures that tolerate every fault set of the sweep.
+
+    Parameters
+    ----------
+    summary :
+        Counts over the sets.
+    confidence :
+        Confidence level of the interval.
+    """
+    return _share_of(int(summary.tolerated_sets[-1]), int(summary.postures), confidence)
 
 
 def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> SetSummary:
     postures = int(summary.postures)
 
     def share(code: int) -> Estimate:
-        return share_of(int(summary.verdicts[s, code]), postures, confidence)
+        return _share_of(int(summary.verdicts[s, code]), postures, confidence)
 
     return SetSummary(
         faults=faults,
@@ -316,22 +336,22 @@ def _of_set(summary: Summary, s: int, faults: FaultSet, confidence: float) -> Se
 
 
 def _quantiles(counts: Counts, edges: Vector) -> tuple[float, float]:
-    return float(quantile(counts, edges, LOW)), float(quantile(counts, edges, 0.5))
+    return float(quantile(counts, edges, _LOW)), float(quantile(counts, edges, 0.5))
 
 
 def _jump(summary: Summary, s: int) -> tuple[float, float, float] | None:
     edges, counts, largest = summary.bins.jump, summary.jump, summary.max_jump
     if edges is None or counts is None or largest is None:
         return None
-    most = float(largest[s])
-    most = most if math.isfinite(most) else math.nan
+    maximum = float(largest[s])
+    maximum = maximum if math.isfinite(maximum) else math.nan
     # Quantiles are accurate to one bin, a thousandth of the force; the maximum is exact.
-    middle, high = (float(quantile(counts[s], edges, p)) for p in (0.5, HIGH))
-    return _at_most(middle, most), _at_most(high, most), most
+    middle, high = (float(quantile(counts[s], edges, p)) for p in (0.5, _HIGH))
+    return _capped(middle, maximum), _capped(high, maximum), maximum
 
 
-def _at_most(x: float, most: float) -> float:
-    return min(x, most) if math.isfinite(x) else x
+def _capped(x: float, maximum: float) -> float:
+    return min(x, maximum) if math.isfinite(x) else x
 
 
 def _falls(summary: Summary, s: int, postures: int) -> float:

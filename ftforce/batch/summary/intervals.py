@@ -147,8 +147,8 @@ def _borders(bins: int, edges: Vector) -> tuple[Vector, Vector]:
     extra = bins - (len(edges) - 1)
     if extra not in {0, 1, 2}:
         raise InputError(
-            f"{len(edges)} edges need {len(edges) - 1} bins, one more above them, or one more on "
-            f"either side, got {bins}"
+            f"{len(edges)} edges make {len(edges) - 1} bins, optionally with an overflow bin, or "
+            f"an underflow and an overflow bin; got {bins} bins"
         )
     below, above = [0.0] * (extra == 2), [math.inf] * (extra > 0)
     lower = np.concatenate((below, edges[:-1], edges[-1:] if extra else []))
@@ -168,9 +168,11 @@ def _ordered(histogram: Counts, sums: Counts, rank: Counts, lower: Vector, upper
 
 def _check_share(p: float) -> None:
     if not 0.0 <= p <= 1.0:
-        raise InputError(f"a quantile needs a share from 0 to 1, got {p!r}")
+        raise InputError(f"the probability of a quantile must be from 0 to 1, got {p!r}")
 
 
 def _check_confidence(confidence: float) -> None:
     if not 0.0 < confidence < 1.0:
-        raise InputError(f"a confidence lies between 0 and 1, such as 0.95, got {confidence!r}")
+        raise InputError(
+            f"the confidence level must be between 0 and 1, e.g. 0.95, got {confidence!r}"
+        )

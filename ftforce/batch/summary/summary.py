@@ -26,8 +26,14 @@ if TYPE_CHECKING:
 _MEASURES = ("rank_lost", "margin", "rho", "jump", "capability")
 
 
-def add_block(summary: Summary, block: Block, start: int) -> None:
-    """Add a block of postures, in place, see `Summary.add`."""
+def _add_block(summary: Summary, block: Block, start: int) -> None:
+    """Add a block of postures, in place.
+
+    Parameters
+    ----------
+    summary, block, start :
+        The summary, and the arguments of `Summary.add`.
+    """
     _check(summary, block)
     k = len(block.tip)
     summary.postures[...] += k
@@ -41,19 +47,20 @@ def _check(summary: Summary, block: Block) -> None:
     sets, k = summary.n_sets, len(block.tip)
     if block.verdict.shape != (sets, k):
         raise InputError(
-            f"a block needs verdicts of shape ({sets}, {k}), got {block.verdict.shape}"
+            f"verdict of the block: expected shape ({sets}, {k}), got {block.verdict.shape}"
         )
     if block.tip.shape != (k, 3):
-        raise InputError(f"a block needs tips of shape ({k}, 3), got {block.tip.shape}")
+        raise InputError(f"tip of the block: expected shape ({k}, 3), got {block.tip.shape}")
     wanted = {"rank": (k,), "healthy_margin": (k,)}
     counted = [name for name in _MEASURES if getattr(summary, name) is not None]
     for name, shape in (wanted | dict.fromkeys(counted, (sets, k))).items():
         if (values := getattr(block, name)) is None or values.shape != shape:
-            raise InputError(f"a block needs an array {name!r} of shape {shape}")
-    for name, end in (("verdict", VERDICTS), ("rank_lost", RANKS), ("rank", RANKS)):
+            got = None if values is None else values.shape
+            raise InputError(f"{name} of the block: expected shape {shape}, got {got}")
+    for name, end in (("verdict", _VERDICTS), ("rank_lost", RANKS), ("rank", RANKS)):
         codes = getattr(block, name)
         if codes.size and not 0 <= codes.min() <= codes.max() < end:
-            raise InputError(f"{name} of a block lies from 0 to {end - 1}")
+            raise InputError(f"{name} of the block: expected values from 0 to {end - 1}")
 
 
 def _add_healthy(summary: Summary, block: Block) -> None:
@@ -98,31 +105,31 @@ def _add_measures(summary: Summary, block: Block, start: int) -> None:
         largest = summary.bins.force if name == "jump" else 1.0
         unknown = getattr(summary, f"{name}_unknown")
         count_linear(values, largest, LINEAR_BINS, counts, unknown)
-        _note(summary, extreme, values, start)
+        _update_extreme(summary, extreme, values, start)
     if summary.capability is not None and block.capability is not None:
         _add_capability(summary, np.ascontiguousarray(block.capability))
-        _note(summary, "min_capability", block.capability, start)
+        _update_extreme(summary, "min_capability", block.capability, start)
 
 
 def _add_capability(summary: Summary, values: Matrix) -> None:
     from ftforce.batch.kernels.counting import count_logarithmic, leading_bits
 
-    edges, guide = summary.bins.capability, summary.bins.capability_guide
+    edges, lookup = summary.bins.capability, summary.bins.capability_lookup
     count_logarithmic(
         values,
         leading_bits(values),
         edges,
-        guide,
+        lookup,
         summary.capability,
         summary.capability_unlimited,
         summary.capability_unknown,
     )
 
 
-def _note(summary: Summary, name: str, values: Matrix, start: int) -> None:
+def _update_extreme(summary: Summary, name: str, values: Matrix, start: int) -> None:
     """Record the extreme of each row and its first occurrence, ignoring NaN."""
     largest = name.startswith("max")
-    found = (np.fmax if largest else np.fmin).reduce(values, axis=1) + 0.0  # no negative zero
+    found = (np.fmax if largest else np.fmin).reduce(values, axis=1) + 0.0  # turns -0.0 into 0.0
     held, held_at = getattr(summary, name), getattr(summary, f"{name}_at")
     better = found > held if largest else found < held
     at = np.full(len(found), -1)
@@ -131,8 +138,8 @@ def _note(summary: Summary, name: str, values: Matrix, start: int) -> None:
     summary.take(name, found, at)
 
 
-LARGEST_SUMMARY = 1_000_000_000  # bytes
-VERDICTS, RANKS = 3, 7
+_MAX_BYTES = 1_000_000_000
+_VERDICTS, RANKS = 3, 7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -165,7 +172,8 @@ class Summary:
     capability :
         Histogram, the first bin below the edges and the last above, shape (S, 902).
     margin_unknown, rho_unknown, jump_unknown, capability_unknown :
-        Numbers of NaN, where J vanishes, w(J) = 0, or the arm cannot stand still, shape (S,).
+        Numbers of NaN, where J vanishes, w(J) = 0, or the arm cannot be held in static
+        equilibrium, shape (S,).
     capability_unlimited :
         Postures where no known limit bounds the capability, shape (S,).
     min_margin, min_rho, max_jump, min_capability :
@@ -257,7 +265,7 @@ class Summary:
         InputError
             The number of sets differs, jumps or capabilities are missing, or a code is invalid.
         """
-        add_block(self, block, start)
+        _add_block(self, block, start)
 
     def merge(self, other: Summary) -> None:
         """Add the postures of another summary, in place; the order of merging does not matter.
@@ -269,7 +277,9 @@ class Summary:
         """
         mine = (self.bins, self.workspace, self.n_sets)
         if mine != (other.bins, other.workspace, other.n_sets):
-            raise InputError("only summaries of the same bins, workspace and fault sets can merge")
+            raise InputError(
+                "summaries can be merged only if their bins, workspace and fault sets are the same"
+            )
         theirs = other.arrays()
         for name, array in self.arrays().items():
             if array.dtype == np.int64 and not name.endswith("_at"):
@@ -318,16 +328,18 @@ class Summary:
         """
         sets = np.shape(arrays["verdicts"])[:1] if "verdicts" in arrays else ()
         if not sets:
-            raise InputError("a summary needs an array 'verdicts' of shape (sets, 3)")
+            raise InputError("missing array 'verdicts' of shape (sets, 3)")
         made = cls.empty(sets[0], bins, workspace)
         wanted = made.arrays()
         if different := sorted(wanted.keys() ^ arrays.keys()):
-            raise InputError(f"a summary holds {', '.join(wanted)}; look at {', '.join(different)}")
+            raise InputError(
+                f"missing or unknown arrays: {', '.join(different)}; expected: {', '.join(wanted)}"
+            )
         for name, array in wanted.items():
             given = np.asarray(arrays[name])
             if (given.shape, given.dtype) != (array.shape, array.dtype):
                 raise InputError(
-                    f"{name} needs {array.dtype} of shape {array.shape}, "
+                    f"{name}: expected {array.dtype} of shape {array.shape}, "
                     f"got {given.dtype} of shape {given.shape}"
                 )
             array[...] = given
@@ -342,7 +354,7 @@ class Summary:
 def _shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
     shapes: dict[str, tuple[int, ...]] = {"postures": (), "outside": (), "healthy_unknown": ()}
     shapes |= {"healthy_rank": (RANKS,), "healthy_margin": (LINEAR_BINS,)}
-    shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, VERDICTS)}
+    shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, _VERDICTS)}
     shapes |= {"rank_lost": (sets, RANKS)}
     shapes |= _measure("margin", "min_margin", sets, LINEAR_BINS)
     shapes |= _measure("rho", "min_rho", sets, LINEAR_BINS)
@@ -372,12 +384,12 @@ def _blank(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
 
 def _check_size(sets: int, workspace: Workspace, shapes: dict[str, tuple[int, ...]]) -> None:
     size = 8 * sum(math.prod(shape) for shape in shapes.values())
-    if size <= LARGEST_SUMMARY:
+    if size <= _MAX_BYTES:
         return
     of_cells = 8 * sum(math.prod(shape) for name, shape in shapes.items() if "cell" in name)
     advice = f"the number of fault sets ({sets})"
     if of_cells > size // 2:
-        advice = f"the number of cells ({workspace.cells}) by an edge above {workspace.edge:g} m"
+        advice = f"the number of cells ({workspace.cells}), with an edge above {workspace.edge:g} m"
     raise InputError(
-        f"the summary would take {size / 1e9:.3g} GB where 1 GB is the most; reduce {advice}"
+        f"the summary would need {size / 1e9:.3g} GB, above the maximum of 1 GB; reduce {advice}"
     )

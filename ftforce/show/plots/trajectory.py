@@ -242,7 +242,7 @@ def path(history: History, *, ax: Axes | None = None) -> Axes:
     """
     with canvas(ax, 4.2, solid=True) as axes:
         solid: Any = axes
-        solid.plot(*history.path.T, color="0.85", linewidth=7.0, label="wanted")
+        solid.plot(*history.path.T, color="0.85", linewidth=7.0, label="reference")
         for name, run in history.runs.items():
             stroke = STROKES[name]
             solid.plot(*run.position[run.until_fall].T, label=stroke.words, **stroke.options())

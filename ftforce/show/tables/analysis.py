@@ -12,6 +12,8 @@ from ftforce.core.faults import FaultMode
 from ftforce.errors import listed, printable
 from ftforce.report import analysis as sentences
 from ftforce.report import text
+from ftforce.report.measures import MEASURES
+from ftforce.report.robot import tip_in_words
 from ftforce.report.text import number, ratio
 from ftforce.show.tables.joints import (
     by_joint,
@@ -73,7 +75,7 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
     robot = analysis.robot
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        ("Tip", f"{robot.tip} ({robot.tip_source})"),
+        ("Tip", tip_in_words(robot)),
         *task_facts(analysis.task),
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
@@ -81,6 +83,11 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
         ("Limits", _limits(analysis)),
         ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
     ]
+
+
+def tip_facts(robot: Robot) -> list[tuple[str, str]]:
+    """Return the tip where another tool frame could have been meant."""
+    return [("Tip", tip_in_words(robot))] if robot.other_tips else []
 
 
 def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:
@@ -133,12 +140,12 @@ def limits_in_words(
 ) -> str:
     """Return which limits apply, and which are unknown, in words."""
     if limits is None:
-        return "not counted (--limits urdf counts them)"
+        return "not enforced (--limits urdf enforces them)"
     motors = [robot.names[i] for i in unknown if i not in locked]
     brakes = [robot.names[i] for i in unknown if i in locked]
     missing = [f"motors of {listed(motors)}"] if motors else []
     missing += [f"brakes of {listed(brakes)}"] if brakes else []
-    unknown_ones = f"; unknown, count as none: {'; '.join(missing)}" if missing else ""
+    unknown_ones = f"; unknown and ignored: {'; '.join(missing)}" if missing else ""
     return printable(limits.source) + unknown_ones
 
 
@@ -174,18 +181,18 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
         rows.append([asked, *zip(task.components, after, strict=True), *jumps])
     result = listing("Force at the tip after the fault, for each unit force", rows)
     if any(text.is_noticeable(force.unsupported) for force, _ in analysis.unit_forces):
-        result.caption = "* partly beyond even the healthy arm; that part is no jump"
+        result.caption = "* partly beyond even the healthy arm; that part is not counted as a jump"
     return result
 
 
 def _measures(analysis: Analysis) -> list[tuple[str, str]]:
     reduced, task = analysis.reduced, analysis.task
-    rho = analysis.relative_manipulability
-    tolerances = f"rank tolerance {reduced.rtol:g}, wary below {analysis.wary:g}"
+    tolerances = f"rank tolerance {reduced.rtol:g}, borderline below {analysis.wary:g}"
+    (margin, value), *others = ((one.label, defined(one.value(analysis))) for one in MEASURES)
     measures = [
-        ("Margin σ_min(K)/σ_max(J)", f"{ratio(analysis.margin)}  ({tolerances})"),
+        (margin, f"{value}  ({tolerances})"),
         ("Rank", f"{reduced.rank_after} of {reduced.m} (healthy arm: {reduced.rank})"),
-        ("Relative manipulability ρ", defined(rho)),
+        *others,
         ("Lost directions", text.lost_directions(task, list(analysis.lost_directions))),
         ("Tip force error", _force_error(analysis)),
     ]
@@ -200,7 +207,7 @@ def _limit_measures(analysis: Analysis, bounded: BoundedRemap) -> list[tuple[str
     if analysis.limits is not None:
         measures.append(("At its limit", ", ".join(names[j] for j in bounded.binding) or "none"))
     if analysis.force is not None and bounded.nearest.F.any():
-        share = sentences.share_in_words(bounded.share).removeprefix("in its own direction ")
+        share = sentences.share_in_words(bounded.share).removesuffix(" in its own direction")
         measures.append(("Share in its direction", share))
     return measures
 
@@ -231,7 +238,7 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
 def _force_error(analysis: Analysis) -> str:
     task = analysis.task
     if analysis.reduced.rank_after == 0:
-        return "– (no direction is left)"
+        return "– (no direction remains)"
     unit = text.unit_of_size(task)
     sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
     per = "N·m or N" if sliding else "N·m"

@@ -42,24 +42,24 @@ def capability_view(capability: Capability) -> RenderableType:
 def _direction(capability: Capability) -> list[tuple[str, str]]:
     if capability.direction is None:
         return []
-    return [("Direction", f"{text.vector_in_words(capability.direction)}, asked for")]
+    return [("Direction", f"{text.vector_in_words(capability.direction)}, requested")]
 
 
 def _directions(capability: Capability) -> TitledTable:
-    title = "Largest force at the tip: commanded by the motors, or held with the locks' help"
+    title = "Largest force at the tip: commanded by the motors, or held with the locks"
     each = ("before\ncommanded", "\nheld", "after\ncommanded", "\nheld")
-    end = "after, commanded:\nends at"
+    end = "after, commanded:\nlimited by"
     result = table(title, "direction", "unit", *each, end, left=2, folded=(6,))
     for report in capability.directions:
         end = capability_words.end_in_words(capability.analysis, report.after[LockModel.COMMANDED])
-        name = "asked for" if report.name == "direction" else report.name
+        name = "requested" if report.name == "direction" else report.name
         result.add_row(name, report.unit, *map(_cell, _amounts(report)), end)
     amounts = [amount for report in capability.directions for amount in _amounts(report)]
     notes = []
     if any(math.isnan(amount.maximum) for amount in amounts):
-        notes.append("– the arm does not stand still with any force in this direction")
+        notes.append("– the arm cannot be held with any force in this direction")
     if any(amount.minimum > text.NEGLIGIBLE for amount in amounts):
-        notes.append("only a, a to b: with less than a the arm does not stand still either")
+        notes.append("only a, a to b: with less than a the arm cannot be held either")
     result.caption = "\n".join(notes)
     return result
 
@@ -96,21 +96,21 @@ def _weakest_row(
     for name, x in zip(task.components, amount.direction.tolist() or [0.0] * task.m, strict=True):
         # unbounded: there is no weakest direction
         yield name, text.number(x) if math.isfinite(amount.maximum) else "–"
-    yield "ends at", capability_words.end_in_words(analysis, amount, after=when == "after")
+    yield "limited by", capability_words.end_in_words(analysis, amount, after=when == "after")
 
 
 def _payload(capability: Capability) -> TitledTable:
     already = capability.analysis.conditions.payload
     title = "Payload [kg] that the tip can carry" + (
-        ", on top of the present one" if already else ""
+        ", in addition to the present one" if already else ""
     )
-    result = table(title, "when", "kg", "ends at", left=1, folded=(2,))
+    result = table(title, "when", "kg", "limited by", left=1, folded=(2,))
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
         late = when == "after"
         end = capability_words.end_in_words(capability.analysis, amount, after=late)
         result.add_row(when, _cell(amount, 2), end)
     if any(math.isnan(amount.maximum) for amount in capability.payload):
-        result.caption = "– no payload lets the arm stand still"
+        result.caption = "– the arm cannot be held with any payload"
     return result
 
 

@@ -11,6 +11,7 @@ from rich.text import Text
 from ftforce.core.verdict import VERDICTS
 from ftforce.report import text
 from ftforce.report.history import history_sentence, peak, worst_verdict
+from ftforce.report.measures import MARGIN
 from ftforce.report.text import number, ratio, size
 from ftforce.show.tables.analysis import arm_fact, force_fact, task_facts
 from ftforce.show.tables.parts import (
@@ -64,7 +65,7 @@ def _situation(history: History) -> list[tuple[str, str]]:
         ("Faults", "; ".join(f"{e.faults} at {e.time:g} s" for e in setting.events) or "none"),
         ("Remap", _remap(history)),
         ("Loads", _loads(setting)),
-        ("Limits", "none are counted" if setting.limits == "none" else setting.limits),
+        ("Limits", "not enforced" if setting.limits == "none" else setting.limits),
         ("Samples", f"{len(history.t):,} from 0 to {history.t[-1]:g} s"),
     ]
 
@@ -80,9 +81,9 @@ def _positions(history: History) -> str:
 
 def _remap(history: History) -> str:
     if history.remapped is None:
-        return "never: the controller does not learn of the faults"
+        return "never: the controller does not detect the faults"
     delay = history.setting.delay
-    return f"{delay:g} s after a fault" if delay else "in the instant of a fault"
+    return f"{delay:g} s after a fault" if delay else "at the instant of a fault"
 
 
 def _loads(setting: Setting) -> str:
@@ -116,7 +117,7 @@ def _speed(jump: tuple[float, ...]) -> str:
 def _runs(history: History) -> TitledTable:
     rows = [_run(history, name, run) for name, run in history.runs.items()]
     result = listing("The histories, at their worst", rows, folded=(0, 6))
-    result.caption = "unbalanced: torque that nothing balances and that moves the arm, N·m (N)"
+    result.caption = "unbalanced: torque out of equilibrium, which moves the arm, N·m (N)"
     return result
 
 
@@ -124,8 +125,8 @@ def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Tex
     here, unit = run.until_fall, history.setting.task.size_unit
     yield "", RUN_NAMES[name]
     yield "off path", _off_path(run)
-    yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "nothing holds")
-    yield "margin", ratio(float(run.margin.min()))
+    yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "not held")
+    yield MARGIN.symbol, ratio(float(run.margin.min()))
     yield "unbalanced", _largest(np.abs(run.unbalanced[here]).max(axis=1), "–")
     yield "limit used", _used(run)
     yield "verdict", verdict_text(worst_verdict(run))
@@ -183,7 +184,7 @@ def _instant(
         yield heading, _force_cell(rows, run.force[i])
     yield "jump", "–" if falls else size(jump)
     yield "off path", "–" if falls else length_in_words(float(run.path_error_norm[i]))
-    yield "margin", ratio(float(run.margin[i]))
+    yield MARGIN.symbol, ratio(float(run.margin[i]))
     yield "verdict", verdict_text(VERDICTS[run.verdict[i]])
 
 

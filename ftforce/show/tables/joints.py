@@ -42,7 +42,7 @@ def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> 
     if not analysis.rnea.is_known:
         notes.append("? unknown: the URDF has no masses; used: of the force part")
     if analysis.limits is None:
-        notes.append("limits are the URDF's and not counted")
+        notes.append("limits are those of the URDF and not enforced")
     result.caption = "; ".join(notes)
     return result
 
@@ -102,13 +102,13 @@ def motion_table(analysis: Analysis) -> TitledTable | None:
     if not analysis.conditions.moves or rnea.motion_before is None or rnea.motion_after is None:
         return None
     headings = ("#", "joint", "\nweight", "motion\nbefore", "\nafter", "sum\nbefore", "\nafter")
-    title = "Weight and motion [N·m]: what rnea(q, v, a) is made of"
+    title = "Weight and motion [N·m]: the parts of rnea(q, v, a)"
     result = table(title, *headings, left=2, folded=(1,))
     columns = (rnea.gravity, rnea.motion_before, rnea.motion_after, rnea.before, rnea.after)
     for i, joint in enumerate(analysis.robot.joints):
         cells = (_shown(column, i, _unit(joint)) for column in columns)
         result.add_row(str(joint.number), joint.name, *cells)
-    result.caption = "after: v and a of locked joints are zero, those of the others as before"
+    result.caption = "after: v and a of locked joints are zero, those of the others unchanged"
     return result
 
 
@@ -124,7 +124,7 @@ def _unit_torque_table(analysis: Analysis, axes: range, *, degrees: bool) -> Tit
     rows = [_unit_torque_row(analysis, axes, i, x) for i, x in enumerate(positions)]
     title = "Motor torque [N·m] for each unit force: before, → after where it changes"
     result = listing(title, rows, left=3, folded=(1,))
-    result.caption = "weight comes on top of each"
+    result.caption = "the weight torque is added to each"
     return result
 
 
@@ -156,10 +156,10 @@ def velocity_tables(analysis: Analysis) -> RenderableType | None:
         return None
     rows = [_velocity_row(analysis, velocity, i) for i in range(analysis.robot.n)]
     title = "Joint velocities: Appendix A's remap"
-    title += "" if impact is None else ", and right after the lock"
+    title += "" if impact is None else ", and immediately after the lock"
     joints = listing(title, rows, left=3, folded=(1,))
     if analysis.reduced.free is not None:
-        joints.caption = "a joint without torque is taken to keep its velocity"
+        joints.caption = "a joint without torque is assumed to keep its velocity"
     task = analysis.task
     norms = [("|v|", "m/s", task.force_rows), ("|w|", "rad/s", task.moment_rows)]
     components = Components(task.velocity_components, task.velocity_units, norms)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ftforce.errors import FileError, printable
-from ftforce.io.text import parse_xml
+from ftforce.io.xml_text import parse_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 Faces: TypeAlias = NDArray[np.int64]
 
-MOST_NODES = 10_000
-_MOST_READ = 1_000_000  # elements of the scene, counting repeated reads by pycollada
-_FARTHEST = 1e9  # bound on the entries of a transformation, in the file's unit
+_MAX_NODES = 10_000
+_MAX_READ = 1_000_000  # elements of the scene, counting repeated reads by pycollada
+_MAX_ENTRY = 1e9  # bound on the entries of a transformation, in the file's unit
 _NAMESPACE = "http://www.collada.org/2005/11/COLLADASchema"
 
 _SCENES = ("library_nodes", "library_visual_scenes")
@@ -48,14 +48,14 @@ _READ = {
 }
 
 
-def read_collada(text: str, path: Path, most_triangles: int) -> Trimesh:
+def read_collada(text: str, path: Path, max_triangles: int) -> Trimesh:
     """Read the triangles of a COLLADA file.
 
     Parameters
     ----------
     text, path :
         Content of the file, and its path for error messages.
-    most_triangles :
+    max_triangles :
         Maximum number of triangles.
 
     Raises
@@ -65,10 +65,10 @@ def read_collada(text: str, path: Path, most_triangles: int) -> Trimesh:
     """
     root = parse_xml(text, path, FileError)
     if root.tag != "COLLADA":
-        raise FileError(path, f"is no COLLADA: its root element is <{root.tag}>")
+        raise FileError(path, f"is not a COLLADA file: its root element is <{root.tag}>")
     try:
         metre = _metre(root)
-        return _scene(_parsed(root), most_triangles).apply_scale(metre)
+        return _scene(_parsed(root), max_triangles).apply_scale(metre)
     except Exception as problem:  # pycollada raises all kinds of exceptions on invalid input
         reason = printable(getattr(problem, "msg", problem))[:200]
         raise FileError(path, f"cannot be read as COLLADA ({reason})") from None
@@ -78,7 +78,7 @@ def _metre(root: Element) -> float:
     unit = root.find("asset/unit")
     metre = float(unit.get("meter", "1")) if unit is not None else 1.0
     if not (math.isfinite(metre) and metre > 0.0):
-        raise ValueError("its unit is no length")
+        raise ValueError("its unit is not a positive length")
     return metre
 
 
@@ -93,12 +93,14 @@ def _parsed(root: Element) -> Collada:
     for parent in root.iter():
         if parent.tag in _READ:
             parent[:] = [child for child in parent if child.tag in _READ[parent.tag]]
-    scene = [one.tag for tag in _SCENES for library in root.findall(tag) for one in library.iter()]
+    scene = [
+        node.tag for tag in _SCENES for library in root.findall(tag) for node in library.iter()
+    ]
     # A node is read again for each node that it references and that is defined later.
-    if len(scene) * (1 + scene.count("instance_node")) > _MOST_READ:
+    if len(scene) * (1 + scene.count("instance_node")) > _MAX_READ:
         raise ValueError("its scene has too many nodes")
-    for one in root.iter("rotate"):
-        one.text = _of_unit_axis(one.text or "")
+    for rotation in root.iter("rotate"):
+        rotation.text = _of_unit_axis(rotation.text or "")
     root.set("xmlns", _NAMESPACE)
     return Collada(io.BytesIO(ElementTree.tostring(root)))
 
@@ -110,17 +112,17 @@ def _of_unit_axis(rotation: str) -> str:
     return f"{x / length} {y / length} {z / length} {angle}"
 
 
-def _scene(file: Collada, most: int) -> Trimesh:
+def _scene(file: Collada, maximum: int) -> Trimesh:
     from trimesh.util import concatenate
 
     done: dict[int, Trimesh] = {}
     meshes, count = [], 0
     for geometry, pose in _instances(file):
         if id(geometry) not in done:
-            done[id(geometry)] = _mesh(geometry, most)
+            done[id(geometry)] = _mesh(geometry, maximum)
         mesh = done[id(geometry)]
         count += len(mesh.faces)
-        _check_count(count, most)
+        _check_count(count, maximum)
         meshes.append(mesh.copy().apply_transform(pose))
     return concatenate(meshes)
 
@@ -133,30 +135,30 @@ def _instances(file: Collada) -> Iterator[tuple[Geometry, Matrix]]:
     if scene is None:  # the file has geometries but no scene
         yield from ((geometry, np.eye(4)) for geometry in file.geometries)
         return
-    waiting = [(node, np.eye(4)) for node in scene.nodes]
-    for _ in range(MOST_NODES):
-        if not waiting or len(waiting) > MOST_NODES:
+    queue = [(node, np.eye(4)) for node in scene.nodes]
+    for _ in range(_MAX_NODES):
+        if not queue or len(queue) > _MAX_NODES:
             break
-        node, above = waiting.pop()
+        node, above = queue.pop()
         if isinstance(node, GeometryNode):
             yield node.geometry, above
         elif isinstance(node, Node):
             pose = above @ node.matrix
-            if not np.abs(pose).max() < _FARTHEST:  # also rejects NaN
-                raise ValueError("a node's place is not finite, or far away")
-            waiting += [(child, pose) for child in node.children]
-    if waiting:
+            if not np.abs(pose).max() < _MAX_ENTRY:  # also rejects NaN
+                raise ValueError("the transformation of a node is too large or not finite")
+            queue += [(child, pose) for child in node.children]
+    if queue:
         raise ValueError("its scene has too many nodes")
 
 
-def _mesh(geometry: Geometry, most: int) -> Trimesh:
+def _mesh(geometry: Geometry, maximum: int) -> Trimesh:
     """Return a geometry in its own axes and unit."""
     import trimesh
 
     meshes, count = [], 0
     for part in geometry.primitives:
         count += _count(part)
-        _check_count(count, most)
+        _check_count(count, maximum)
         meshes.append(_triangles(part))
     if not meshes:
         return trimesh.Trimesh()
@@ -171,7 +173,7 @@ def _count(part: Primitive) -> int:
     if not isinstance(part, Polylist):
         return max(len(part), 1)
     if len(part) and (part.vcounts.min() < 0 or part.nvertices > len(part.index)):
-        raise ValueError("polygons have more corners than there are")
+        raise ValueError("polygons have more corners than the file defines")
     return max(int(np.maximum(part.vcounts - 2, 0).sum()), 1)
 
 
@@ -184,10 +186,10 @@ def _triangles(part: Primitive) -> tuple[Matrix, Faces]:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     used, faces = np.unique(triangles.vertex_index, return_inverse=True)
     if used[0] < 0:  # pycollada checks only the largest index
-        raise ValueError("it names vertices that do not exist")
+        raise ValueError("a triangle refers to a vertex that does not exist")
     return triangles.vertex[used], faces.reshape(-1, 3)
 
 
-def _check_count(count: int, most: int) -> None:
-    if count > most:
-        raise ValueError(f"over {most} triangles")
+def _check_count(count: int, maximum: int) -> None:
+    if count > maximum:
+        raise ValueError(f"more than {maximum} triangles")

@@ -13,18 +13,18 @@ from ftforce.errors import FileError, printable
 from ftforce.io.text import read_bytes, read_text
 from ftforce.view.geometry.collada import read_collada
 from ftforce.view.geometry.shapes import is_degenerate
-from ftforce.view.geometry.visuals import LARGEST_LENGTH
+from ftforce.view.geometry.visuals import MAX_LENGTH
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from trimesh import Trimesh
 
-LARGEST_MESH = 64_000_000  # bytes per file; the largest file of the known robots has 6 MB
-MOST_TRIANGLES = 1_000_000  # per file
+MAX_BYTES = 64_000_000  # bytes per file; the largest file of the known robots has 6 MB
+MAX_TRIANGLES = 1_000_000  # per file
 
-_SMALLEST_SCALE = 1e-4  # of a mesh in the URDF; many are in mm
-_MOST_SOLIDS = 1_000  # per ASCII STL
+_MIN_SCALE = 1e-4  # of a mesh in the URDF; many are in mm
+_MAX_SOLIDS = 1_000  # per ASCII STL
 
 
 def read_mesh(path: Path) -> Trimesh:
@@ -33,7 +33,7 @@ def read_mesh(path: Path) -> Trimesh:
     Parameters
     ----------
     path :
-        File with one of the extensions in `ftforce.view.geometry.visuals.MESH_ENDINGS`.
+        File with one of the extensions in `ftforce.view.geometry.visuals.MESH_EXTENSIONS`.
 
     Raises
     ------
@@ -44,33 +44,33 @@ def read_mesh(path: Path) -> Trimesh:
         # Older numpy versions only warn about non-numeric text and return the numbers before it.
         warnings.filterwarnings("error", "string or file could not be read")
         mesh = _read(path)
-    if len(mesh.faces) > MOST_TRIANGLES:
+    if len(mesh.faces) > MAX_TRIANGLES:
         count = len(mesh.faces)
-        raise FileError(path, f"holds {count} triangles; at most {MOST_TRIANGLES} are shown")
-    if not np.abs(mesh.vertices).max(initial=0.0) <= LARGEST_LENGTH / _SMALLEST_SCALE:  # also NaN
-        raise FileError(path, "has vertices that are not finite, or far away")
+        raise FileError(path, f"has {count} triangles, more than the maximum of {MAX_TRIANGLES}")
+    if not np.abs(mesh.vertices).max(initial=0.0) <= MAX_LENGTH / _MIN_SCALE:  # also NaN
+        raise FileError(path, "has vertices that are too far away or not finite")
     if path.suffix.lower() == ".stl":  # STL stores three separate vertices per triangle
         mesh.merge_vertices()
         mesh.update_faces(~is_degenerate(np.asarray(mesh.faces)))
     if not len(mesh.faces):
-        raise FileError(path, "holds no triangles")
+        raise FileError(path, "contains no triangles")
     return mesh
 
 
 def _read(path: Path) -> Trimesh:
-    ending = path.suffix.lower()
-    if ending == ".stl":
-        return _stl(read_bytes(path, FileError, "a mesh", LARGEST_MESH), path)
-    text = read_text(path, FileError, "a mesh", LARGEST_MESH)
-    return read_collada(text, path, MOST_TRIANGLES) if ending == ".dae" else _obj(text, path)
+    extension = path.suffix.lower()
+    if extension == ".stl":
+        return _stl(read_bytes(path, FileError, "a mesh", MAX_BYTES), path)
+    text = read_text(path, FileError, "a mesh", MAX_BYTES)
+    return read_collada(text, path, MAX_TRIANGLES) if extension == ".dae" else _obj(text, path)
 
 
 def _stl(data: bytes, path: Path) -> Trimesh:
     import trimesh
 
     try:
-        if data.lower().count(b"endsolid") > _MOST_SOLIDS:  # trimesh gives each a unique name
-            raise ValueError(f"over {_MOST_SOLIDS} solids")
+        if data.lower().count(b"endsolid") > _MAX_SOLIDS:  # trimesh gives each a unique name
+            raise ValueError(f"more than {_MAX_SOLIDS} solids")
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
     except Exception as problem:  # trimesh raises all kinds of exceptions on invalid input
         raise FileError(path, f"cannot be read as an STL ({printable(problem)[:200]})") from None
@@ -80,7 +80,7 @@ def _stl(data: bytes, path: Path) -> Trimesh:
 def _obj(text: str, path: Path) -> Trimesh:
     """Return the polygons of an OBJ file as triangle fans, with all its objects merged.
 
-    trimesh would count relative indices from the end of the file, and take 0 for the first vertex.
+    trimesh would count relative indices from the end of the file, and treat 0 as the first vertex.
     """
     import trimesh
 

@@ -18,7 +18,7 @@ from ftforce.errors import FileError, FtforceError, printable
 from ftforce.robot.kinematics import reach_bound
 from ftforce.view.geometry import shapes
 from ftforce.view.geometry.mesh_files import read_mesh
-from ftforce.view.geometry.visuals import LARGEST_LENGTH, Visuals, read_visuals
+from ftforce.view.geometry.visuals import MAX_LENGTH, Visuals, read_visuals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.visuals import Visual
 
-MOST_SHOWN = 70_000  # triangles; more are too slow in a browser without a GPU
-LARGEST_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known robots have up to 21 MB
-_BONE = 0.03  # radius of a link without a mesh, as a share of the arm's reach
+MAX_SHOWN = 70_000  # triangles; more are too slow in a browser without a GPU
+MAX_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known robots have up to 21 MB
+_ROD = 0.03  # radius of a link without a mesh, as a share of the arm's reach
 _UNSCALED = (1.0, 1.0, 1.0)
-_COARSER = 1.4
-_FINEST = 1.0 / 4000.0  # initial grid cell, as a share of the largest mesh
+_GROWTH = 1.4  # least factor between grid cells
+_FIRST_CELL = 1.0 / 4000.0  # initial grid cell, as a share of the largest mesh
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +86,7 @@ class _Piece:
     mesh: Trimesh
     scale: tuple[float, ...]
     placement: Matrix
-    is_of_file: bool
+    is_from_file: bool
 
 
 def load_geometry(robot: Robot) -> Geometry:
@@ -101,15 +101,15 @@ def load_geometry(robot: Robot) -> Geometry:
     try:
         visuals = read_visuals(robot.path)
     except FtforceError as problem:
-        visuals = Visuals((), (f"the arm's look cannot be read: {problem}",))
-    pieces, bare, notes = _pieces(robot, visuals.shapes)
+        visuals = Visuals((), (f"the visual geometry cannot be read: {problem}",))
+    pieces, without_mesh, notes = _pieces(robot, visuals.shapes)
     notes = [*visuals.notes, *notes]
-    if not pieces and not bare:
-        bare = set(range(robot.model.njoints))
-        notes.append("the URDF does not say what the arm looks like: links are shown as rods")
-    from_files = {piece.joint for piece in pieces if piece.is_of_file}
-    meshes = [(piece.joint, _placed(piece)) for piece in _few(pieces)]
-    meshes += [(joint, mesh) for joint in sorted(bare) for mesh in _bones(robot, joint)]
+    if not pieces and not without_mesh:
+        without_mesh = set(range(robot.model.njoints))
+        notes.append("the URDF has no visual geometry: links are shown as rods")
+    from_files = {piece.joint for piece in pieces if piece.is_from_file}
+    meshes = [(piece.joint, _placed(piece)) for piece in _decimated(pieces)]
+    meshes += [(joint, mesh) for joint in sorted(without_mesh) for mesh in _rods(robot, joint)]
     parts = (
         _part(joint, [mesh for owner, mesh in meshes if owner == joint], joint in from_files)
         for joint in range(robot.model.njoints)
@@ -128,25 +128,25 @@ def _part(joint: int, meshes: Sequence[Trimesh], is_flat: bool) -> Part:
 def _pieces(robot: Robot, visuals: Sequence[Visual]) -> tuple[list[_Piece], set[int], list[str]]:
     """Return the shapes, the joints with missing meshes, and notes on these meshes."""
     frames = {frame.name: frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY}
-    files = _Files()
+    files = _MeshFiles()
     pieces: list[_Piece] = []
-    bare: set[int] = set()
+    without_mesh: set[int] = set()
     for visual in visuals:
         frame = frames.get(visual.link)
         if frame is None:
             continue
         mesh = files.mesh(visual) if visual.shape == "mesh" else _simple(visual)
         if mesh is None:
-            bare.add(frame.parentJoint)
+            without_mesh.add(frame.parentJoint)
             continue
         placement = frame.placement.homogeneous @ visual.placement
-        is_of_file = visual.shape == "mesh"
-        scale = visual.size if is_of_file else _UNSCALED
-        pieces.append(_Piece(frame.parentJoint, mesh, scale, placement, is_of_file))
-    return pieces, bare, files.notes()
+        is_from_file = visual.shape == "mesh"
+        scale = visual.size if is_from_file else _UNSCALED
+        pieces.append(_Piece(frame.parentJoint, mesh, scale, placement, is_from_file))
+    return pieces, without_mesh, files.notes()
 
 
-class _Files:
+class _MeshFiles:
     """Mesh files, each read only once."""
 
     def __init__(self) -> None:
@@ -158,12 +158,12 @@ class _Files:
         """Return the mesh of a visual; ``None`` if it is not available."""
         path = visual.path
         if path is None:
-            self._problems[visual.named] = f"mesh {printable(visual.named)!r} is missing"
+            self._problems[visual.named] = f"mesh {printable(visual.named)!r} was not found"
             return None
         if path not in self._meshes:
             self._meshes[path] = self._read(path)
         mesh = self._meshes[path]
-        if mesh is not None and not _is_of_an_arm(mesh, visual):
+        if mesh is not None and not _is_plausible(mesh, visual):
             self._problems[str(path)] = f"mesh {printable(path)}: too large for an arm"
             return None
         return mesh
@@ -171,9 +171,9 @@ class _Files:
     def _read(self, path: Path) -> Trimesh | None:
         try:
             self._bytes += path.stat().st_size
-            if self._bytes > LARGEST_TOTAL:
+            if self._bytes > MAX_TOTAL:
                 raise FileError(
-                    path, f"is left out: all meshes have over {LARGEST_TOTAL // 1_000_000} MB"
+                    path, f"is skipped: the meshes exceed {MAX_TOTAL // 1_000_000} MB in total"
                 )
             return read_mesh(path)
         except (FtforceError, OSError) as problem:
@@ -185,9 +185,9 @@ class _Files:
         return list(self._problems.values())
 
 
-def _is_of_an_arm(mesh: Trimesh, visual: Visual) -> bool:
+def _is_plausible(mesh: Trimesh, visual: Visual) -> bool:
     reach = np.abs(mesh.vertices).max(axis=0) * np.abs(visual.size)
-    return bool(reach.max() <= LARGEST_LENGTH)
+    return bool(reach.max() <= MAX_LENGTH)
 
 
 def _simple(visual: Visual) -> Trimesh:
@@ -205,19 +205,19 @@ def _placed(piece: _Piece) -> Trimesh:
 # ---- decimation ------------------------------------------------------------------------------
 
 
-def _few(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
+def _decimated(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
     """Return the shapes, decimated to the maximum number of triangles."""
-    if sum(len(piece.mesh.faces) for piece in pieces) <= MOST_SHOWN:
+    if sum(len(piece.mesh.faces) for piece in pieces) <= MAX_SHOWN:
         return pieces
     largest = max(_size(piece) for piece in pieces)
-    cell = _FINEST * largest
+    cell = _FIRST_CELL * largest
     while True:
-        coarse = _coarser(pieces, cell)
+        coarse = _clustered(pieces, cell)
         count = sum(len(piece.mesh.faces) for piece in coarse)
-        if count <= MOST_SHOWN or cell > largest:
+        if count <= MAX_SHOWN or cell > largest:
             return coarse
         # The triangle count falls at most with the square of the cell size: no step overshoots.
-        cell *= max(_COARSER, (count / MOST_SHOWN) ** 0.5)
+        cell *= max(_GROWTH, (count / MAX_SHOWN) ** 0.5)
 
 
 def _size(piece: _Piece) -> float:
@@ -225,23 +225,23 @@ def _size(piece: _Piece) -> float:
     return float(spans.max(initial=0.0))
 
 
-def _coarser(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
+def _clustered(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
     """Cluster the shapes' vertices on a grid, cell in m; shared meshes are processed once."""
     done: dict[tuple[int, tuple[float, ...]], Trimesh] = {}
     for piece in pieces:
         key = (id(piece.mesh), piece.scale)
         if key not in done:
             with np.errstate(divide="ignore"):  # zero scale: the axis collapses into one cell
-                done[key] = shapes.coarser(piece.mesh, cell / np.abs(piece.scale))
+                done[key] = shapes.decimated(piece.mesh, cell / np.abs(piece.scale))
     return [replace(piece, mesh=done[id(piece.mesh), piece.scale]) for piece in pieces]
 
 
 # ---- links without a mesh --------------------------------------------------------------------
 
 
-def _bones(robot: Robot, joint: int) -> Iterator[Trimesh]:
+def _rods(robot: Robot, joint: int) -> Iterator[Trimesh]:
     """Yield a drum at the joint and rods to the next joints or the tip, in joint axes."""
-    radius = _BONE * min(reach_bound(robot)[1], 4.0) or _BONE
+    radius = _ROD * min(reach_bound(robot)[1], 4.0) or _ROD
     start = np.zeros(3)
     ends = _ends(robot, joint)
     for end in ends:
@@ -251,7 +251,7 @@ def _bones(robot: Robot, joint: int) -> Iterator[Trimesh]:
         yield shapes.cylinder(1.5 * radius, radius)
         return
     drum = shapes.cylinder(radius, 2.2 * radius)
-    yield shapes.along(drum, _axis(robot, joint))
+    yield shapes.aligned(drum, _axis(robot, joint))
 
 
 def _ends(robot: Robot, joint: int) -> list[Vector]:

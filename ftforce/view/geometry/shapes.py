@@ -13,12 +13,18 @@ if TYPE_CHECKING:
 
     from ftforce.core.arrays import Matrix, Vector
 
-ROUND = 32  # segments of a circle
+SEGMENTS = 32  # of a circle
 _SMOOTH = np.radians(30.0)  # edges with smaller angles are shaded smoothly
 
 
 def box(x: float, y: float, z: float) -> Trimesh:
-    """Return a box centred at the origin, side lengths in m."""
+    """Return a box centred at the origin, with side lengths in m.
+
+    Parameters
+    ----------
+    x, y, z :
+        Side lengths, m.
+    """
     return _unit_box().copy().apply_scale((x, y, z))
 
 
@@ -28,34 +34,62 @@ def sphere(radius: float) -> Trimesh:
 
 
 def capsule(radius: float, length: float) -> Trimesh:
-    """Return a capsule along z; ``length`` is that of its cylindrical part, m."""
+    """Return a capsule along z; ``length`` is that of its cylindrical part, m.
+
+    Parameters
+    ----------
+    radius, length :
+        Radius, and length of the cylindrical part, m.
+    """
     from trimesh import creation
 
     # trimesh's own capsule has its full width only since version 5.
-    quarter = np.linspace(0.0, np.pi / 2.0, ROUND // 4 + 1)
+    quarter = np.linspace(0.0, np.pi / 2.0, SEGMENTS // 4 + 1)
     half = np.column_stack([np.cos(quarter), np.sin(quarter)]) * radius + [0.0, length / 2.0]
-    return creation.revolve(np.concatenate([half[::-1] * [1.0, -1.0], half]), sections=ROUND)
+    return creation.revolve(np.concatenate([half[::-1] * [1.0, -1.0], half]), sections=SEGMENTS)
 
 
 def cylinder(radius: float, length: float) -> Trimesh:
-    """Return a cylinder along z, centred at the origin, m."""
+    """Return a cylinder along z, centred at the origin, m.
+
+    Parameters
+    ----------
+    radius, length :
+        m.
+    """
     return _unit_cylinder().copy().apply_scale((radius, radius, length))
 
 
 def between(start: Vector, end: Vector, radius: float) -> Trimesh:
-    """Return a capsule between two points, m, shape (3,) each."""
-    mesh = along(capsule(radius, float(np.linalg.norm(end - start))), end - start)
+    """Return a capsule between two points.
+
+    Parameters
+    ----------
+    start, end :
+        The points, m, shape (3,).
+    radius :
+        m.
+    """
+    mesh = aligned(capsule(radius, float(np.linalg.norm(end - start))), end - start)
     return mesh.apply_translation((start + end) / 2.0)
 
 
-def along(mesh: Trimesh, direction: Vector) -> Trimesh:
-    """Return the mesh, rotated about the origin so that its z axis points in a direction."""
+def aligned(mesh: Trimesh, direction: Vector) -> Trimesh:
+    """Return the mesh, rotated about the origin so that its z axis points in a direction.
+
+    Parameters
+    ----------
+    mesh :
+        The mesh, which is modified.
+    direction :
+        Nonzero, shape (3,).
+    """
     from trimesh.geometry import align_vectors
 
     return mesh.apply_transform(align_vectors([0.0, 0.0, 1.0], direction))
 
 
-def coarser(mesh: Trimesh, cell: Vector) -> Trimesh:
+def decimated(mesh: Trimesh, cell: Vector) -> Trimesh:
     """Return the mesh with all vertices in a grid cell merged at their mean.
 
     Parameters
@@ -99,7 +133,7 @@ def _unit_box() -> Trimesh:
 def _unit_cylinder() -> Trimesh:
     from trimesh import creation
 
-    return _with_sharp_edges(creation.cylinder(radius=1.0, height=1.0, sections=ROUND))
+    return _with_sharp_edges(creation.cylinder(radius=1.0, height=1.0, sections=SEGMENTS))
 
 
 def _with_sharp_edges(mesh: Trimesh) -> Trimesh:

@@ -1,6 +1,6 @@
 """The ``<visual>`` elements of a URDF, validated.
 
-Faulty visuals are no reason to reject a robot: each problem becomes a note, and the remaining
+Invalid visuals do not make a robot unusable: each problem becomes a note, and the remaining
 visuals are shown.
 """
 
@@ -16,8 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from ftforce.core.arrays import Matrix, read_only
-from ftforce.errors import URDFError, printable
-from ftforce.io.text import parse_xml, read_numbers, read_text, shortened
+from ftforce.errors import printable
+from ftforce.io.text import read_numbers, shortened
+from ftforce.robot.formats.urdf import robot_element
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
 
     from ftforce.robot.formats.tree import Numbers
 
-MESH_ENDINGS = (".stl", ".dae", ".obj")
-MOST_VISUALS = 5_000  # far more than any robot has
-LARGEST_LENGTH = 1e3  # m; anything larger cannot be part of an arm
+MESH_EXTENSIONS = (".stl", ".dae", ".obj")
+_MAX_VISUALS = 5_000  # far more than any robot has
+MAX_LENGTH = 1e3  # m; anything larger cannot be part of an arm
 
 _NUMBERS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 _COUNT = {"size": 3, "radius": 1, "length": 1}
@@ -74,15 +75,15 @@ def read_visuals(path: str | os.PathLike[str]) -> Visuals:
 
     Raises
     ------
-    URDFError
-        The file cannot be read or is not valid XML.
+    FileError
+        The file cannot be read, or is neither a URDF nor a DH table.
     """
-    root = parse_xml(read_text(path, URDFError, "a URDF"), path, URDFError)
+    root = robot_element(path).root
     shapes: list[Visual] = []
     notes: list[str] = []
     for link, element in _elements(root):
-        if len(shapes) + len(notes) >= MOST_VISUALS:
-            notes.append(f"only the first {MOST_VISUALS} <visual> elements are shown")
+        if len(shapes) + len(notes) >= _MAX_VISUALS:
+            notes.append(f"only the first {_MAX_VISUALS} <visual> elements are shown")
             break
         try:
             shapes.append(_visual(link, element, Path(path)))
@@ -110,14 +111,16 @@ def find_mesh(named: str, urdf: Path) -> Path | None:
     """
     scheme, is_url, rest = named.partition("://")
     if is_url and scheme not in {"package", "model", "file"}:
-        raise ValueError(f"{shortened(named)} is no local file; nothing is fetched for it")
+        raise ValueError(f"{shortened(named)} is not a local file; remote files are not fetched")
     local = Path(unquote(rest) if scheme == "file" else rest) if is_url else Path(named)
-    if local.suffix.lower() not in MESH_ENDINGS:
-        raise ValueError(f"{shortened(named)}: meshes end in {', '.join(MESH_ENDINGS)}")
+    if local.suffix.lower() not in MESH_EXTENSIONS:
+        raise ValueError(
+            f"{shortened(named)}: unknown mesh format; expected {', '.join(MESH_EXTENSIONS)}"
+        )
     if "\0" in named:
-        raise ValueError(f"{shortened(named)} is no file name")
+        raise ValueError(f"{shortened(named)} is not a valid file name")
     if is_url and scheme != "file" and (local.is_absolute() or ".." in local.parts):
-        raise ValueError(f"{shortened(named)} leads out of its package")
+        raise ValueError(f"{shortened(named)} is outside its package")
     return next((place for place in _places(local, urdf) if _is_file(place)), None)
 
 
@@ -179,7 +182,7 @@ def _sizes(shape: Element) -> Numbers:
     for key in _NUMBERS[shape.tag]:
         size += _read(shape.get(key, ""), _COUNT[key], key)
     if min(size) <= 0.0:
-        raise ValueError(f"the {shape.tag} has no size")
+        raise ValueError(f"the dimensions of a {shape.tag} must be positive")
     return size
 
 
@@ -193,6 +196,6 @@ def _placement(origin: Element | None) -> Matrix:
 
 def _read(text: str, count: int, what: str) -> Numbers:
     try:
-        return read_numbers(text, count, LARGEST_LENGTH)
+        return read_numbers(text, count, MAX_LENGTH)
     except ValueError as problem:
         raise ValueError(f"{what} {problem}") from None

@@ -1,4 +1,4 @@
-"""What controls and scene may request of the session, without depending on it."""
+"""Interface of the session to controls and scene, which do not depend on it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,27 @@ class Controller(Protocol):
     """Receives user actions on the page; may be called from any thread."""
 
     def change(self, change: Callable[[State], State]) -> None:
-        """Modify the current question and recompute the answer."""
+        """Modify the current question and recompute the answer.
 
-    def pull(self, end: Callable[[], Vector], done: bool) -> None:
-        """Move the tip of the requested force's arrow to a point in root axes, m, shape (3,)."""
+        Parameters
+        ----------
+        change :
+            Maps the current question to a new one.
+        """
 
-    def touch(self, joint: int) -> None:
-        """Toggle a fault: lock a healthy joint (index from 0), or restore a failed one."""
+    def drag(self, end: Callable[[], Vector], done: bool) -> None:
+        """Move the tip of the requested force's arrow.
+
+        Parameters
+        ----------
+        end :
+            Returns the new position in root axes, m, shape (3,).
+        done :
+            Whether the drag has ended.
+        """
+
+    def toggle(self, joint: int) -> None:
+        """Lock a healthy joint (index from 0), or restore a failed one."""
 
     def save_picture(self, event: Any) -> None:
         """Send an image of the scene to the tab that requested it."""

@@ -1,4 +1,7 @@
-"""Whether stored results belong to the current arm; joint names do not tell a UR5 from a UR10."""
+"""Check that stored results belong to the current arm.
+
+Joint names are not enough: those of a UR5 and a UR10 are the same.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.history import Setting
 
-_SAME = 1e-5  # m: accuracy of single-precision storage for an arm of a few metres
+_TOLERANCE = 1e-5  # m, for an arm of a few metres stored in single precision
 
 
 def difference(
@@ -33,13 +36,15 @@ def difference(
     """
     if (joints, units) != (robot.names, tuple(joint.unit for joint in robot.joints)):
         names, own = (", ".join(map(printable, x)) for x in (joints, robot.names))
-        return f"is of another arm: its joints are {names}; here: {own}"
+        return f"belongs to another arm, with joints {names} instead of {own}"
     if setting.robot != robot.name:
-        return f"is of another arm, {printable(setting.robot)}; here: {printable(robot.name)}"
+        return (
+            f"belongs to another arm, {printable(setting.robot)} instead of {printable(robot.name)}"
+        )
     if (setting.base, setting.tip) != (robot.base, robot.tip):
-        there = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
-        here = f"{printable(robot.base)} to {printable(robot.tip)}"
-        return f"is of another chain: {there}; here: {here}"
+        stored = f"--base {printable(setting.base)} --tip {printable(setting.tip)}"
+        current = f"--base {printable(robot.base)} --tip {printable(robot.tip)}"
+        return f"belongs to another chain, {stored} instead of {current}"
     return ""
 
 
@@ -55,11 +60,11 @@ def displacement(robot: Robot, q: Vector, place: Vector) -> str:
     place :
         Stored tip position in root axes, m, shape (3,).
     """
-    _, here = tip_pose(robot, q)
-    distance = math.dist(here, place)
-    if distance <= _SAME * max(1.0, math.hypot(*place)):
+    _, tip = tip_pose(robot, q)
+    distance = math.dist(tip, place)
+    if distance <= _TOLERANCE * max(1.0, math.hypot(*place)):
         return ""
     return (
-        f"is of another arm, or of one whose other joints are held elsewhere (--posture): its tip "
-        f"was {distance:.2g} m away from where this arm has it"
+        f"belongs to another arm, or to one whose joints outside the chain are at other positions "
+        f"(--posture): its tip is {distance:.2g} m away from that of this arm"
     )

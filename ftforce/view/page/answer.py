@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from ftforce.view.scene.colours import Colour
     from ftforce.view.scene.picture import Picture
 
-MOST_SETS = 40
-_FALLS = "cannot stand still"
+_MAX_SETS = 40
+_NO_EQUILIBRIUM = "no equilibrium"
 _ROUNDING = 1e-6  # smaller shares of a force are treated as zero
 
 # The text is passed as a data attribute and never becomes part of the script.
@@ -48,28 +48,40 @@ def banner(answer: Answer) -> Markup:
     """Return the verdict in words, with warnings."""
     analysis = answer.analysis
     no_census = [f"No census: {answer.census_problem}."] if answer.census_problem else []
-    told = sentences.verdict_sentence(analysis)
-    return verdict_banner(analysis.verdict, told, analysis.warnings, no_census)
+    sentence = sentences.verdict_sentence(analysis)
+    return verdict_banner(analysis.verdict, sentence, analysis.warnings, no_census)
 
 
 def verdict_banner(
-    verdict: Verdict, words_: str, doubts: Iterable[str], notes: Iterable[str] = ()
+    verdict: Verdict, sentence: str, warnings: Iterable[str], notes: Iterable[str] = ()
 ) -> Markup:
-    """Return a verdict in words, the reasons to doubt it, and further warnings."""
-    warned = [*(f"Warning: {doubt}." for doubt in doubts), *notes]
-    warnings = (element("div", text, class_="warning") for text in warned)
-    told = _banner(VERDICT_COLOURS[verdict], words_)
-    return block(style(), told, element("div", *warnings, data_testid="warnings"))
+    """Return the banner of a verdict.
+
+    Parameters
+    ----------
+    verdict :
+        The verdict, which determines the colour.
+    sentence :
+        The verdict in words.
+    warnings :
+        Reasons to doubt it, each shown as a warning.
+    notes :
+        Further sentences shown like warnings.
+    """
+    texts = [*(f"Warning: {warning}." for warning in warnings), *notes]
+    shown = (element("div", text, class_="warning") for text in texts)
+    headline = _banner(VERDICT_COLOURS[verdict], sentence)
+    return block(style(), headline, element("div", *shown, data_testid="warnings"))
 
 
 def problem_banner(problem: str) -> Markup:
-    """Return the reason why there is no answer."""
+    """Return the banner that states why there is no answer."""
     return block(style(), _banner((90, 90, 90), problem))
 
 
-def _banner(colour: Colour, words_: str) -> Markup:
-    look, name = f"background:{css(colour)}", "verdict"
-    return element("div", words_, class_=name, style=look, data_testid=name, role="status")
+def _banner(colour: Colour, text: str) -> Markup:
+    background, name = f"background:{css(colour)}", "verdict"
+    return element("div", text, class_=name, style=background, data_testid=name, role="status")
 
 
 # ---- the answer -----------------------------------------------------------------------------
@@ -88,7 +100,7 @@ def measures(answer: Answer) -> Markup:
     ]
     if bounded is not None and analysis.limits is not None:
         names = ", ".join(analysis.robot.names[j] for j in bounded.binding)
-        pairs.append(("At the limit", names or "none"))
+        pairs.append(("At limit", names or "none"))
     pairs += brake_loads(answer.loads)
     if (weakest := answer.weakest) is not None:
         before, after = (_weakest(amount.maximum) for amount in weakest)
@@ -97,17 +109,17 @@ def measures(answer: Answer) -> Markup:
     return facts(pairs, "measures")
 
 
-def _weakest(most: float) -> str:
-    if math.isnan(most):
+def _weakest(capability: float) -> str:
+    if math.isnan(capability):
         return "none"
-    return "no limit" if math.isinf(most) else size(most, 1)
+    return "unlimited" if math.isinf(capability) else size(capability, 1)
 
 
 def answer_part(answer: Answer) -> Markup:
     """Return the tables of torques and forces, and the measures."""
     analysis = answer.analysis
-    asked = facts(situation(analysis), "question")
-    question = element("details", element("summary", "The question"), asked)
+    settings = facts(situation(analysis), "question")
+    question = element("details", element("summary", "Analysis settings"), settings)
     torques = load_table(answer.loads, analysis.rnea.is_known)
     tables = torques, force_table(analysis), measures(answer)
     return block(*tables, question, testid="answer")
@@ -120,7 +132,7 @@ def set_label(report: SetReport) -> str:
     """Return a fault set and its effect on one line of plain text."""
     share = report.relative_jump
     if not report.can_stand_still:
-        return f"{_joints(report)} {_FALLS}"
+        return f"{_joints(report)} {_NO_EQUILIBRIUM}"
     lost = f", {100.0 * share:.2g}% lost" if share > _ROUNDING else ""
     return f"{_joints(report)} {report.verdict}{lost}"
 
@@ -147,8 +159,8 @@ def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
         ("jump", "", "84px"),
         ("margin", "", "54px"),
     ]
-    rows = [_set_row(report, chosen) for report in census.sets[:MOST_SETS]]
-    more = len(census.sets) - MOST_SETS
+    rows = [_set_row(report, chosen) for report in census.sets[:_MAX_SETS]]
+    more = len(census.sets) - _MAX_SETS
     note = f"… and {more} more in the list above" if more > 0 else ""
     return block(
         element("div", critical_joint(census)),
@@ -158,14 +170,14 @@ def census_part(census: Census | None, chosen: tuple[int, ...] = ()) -> Markup:
 
 
 def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
-    verdict = report.verdict.value if report.can_stand_still else _FALLS
-    look = f"color:{css(VERDICT_COLOURS[report.verdict])}"
+    verdict = report.verdict.value if report.can_stand_still else _NO_EQUILIBRIUM
+    colour = f"color:{css(VERDICT_COLOURS[report.verdict])}"
     parts = ((report.jump_norm, "N"), (report.moment_jump_norm, "N·m"))
     jump = " ".join(f"{size(norm)} {unit}" for norm, unit in parts if norm is not None) or "–"
     return row(
         [
             cell(_joints(report), "l"),
-            element("td", verdict, class_="l", style=look),
+            element("td", verdict, class_="l", style=colour),
             cell(jump),
             cell(ratio(report.margin)),
         ],
@@ -177,38 +189,66 @@ def _set_row(report: SetReport, chosen: tuple[int, ...]) -> Markup:
 
 
 def legend(picture: Picture, remarks: Iterable[str] = ()) -> Markup:
-    """Return the legend of colours, arrows and lines, with remarks, mostly on missing meshes."""
-    told = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
+    """Return the legend of colours, arrows and lines.
+
+    Parameters
+    ----------
+    picture :
+        The scene.
+    remarks :
+        Further notes, mostly on missing meshes.
+    """
+    entries = [_key(ARROW_COLOURS[arrow.kind], arrow.label, "line") for arrow in picture.arrows]
     lines = {line.label: line.colour for line in picture.lines}  # lost ones share one entry
-    told += [_key(colour, label, "line") for label, colour in lines.items()]
-    told += [_key(solid.colour, solid.label) for solid in picture.solids]
-    told += [_key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()]
-    told.append(_key(NEUTRAL, "unknown"))
+    entries += [_key(colour, label, "line") for label, colour in lines.items()]
+    entries += [_key(solid.colour, solid.label) for solid in picture.solids]
+    entries += [
+        _key(colour, f"{mode} ({mode[0].upper()})") for mode, colour in FAULT_COLOURS.items()
+    ]
+    entries.append(_key(NEUTRAL, "unknown"))
     steps = ", ".join(css(colour) for colour in RAMP)
-    look = f"width:50px;background:linear-gradient(90deg,{steps})"
-    ramp = element("span", class_="key", style=look)
-    told.append(element("span", ramp, "motor load, 0–100% of its limit", class_="entry"))
+    gradient = f"width:50px;background:linear-gradient(90deg,{steps})"
+    ramp = element("span", class_="key", style=gradient)
+    entries.append(element("span", ramp, "motor load, 0–100% of the limit", class_="entry"))
     notes = _notes(*picture.notes, *remarks)
-    return block(element("h3", "Legend"), *told, *notes, testid="legend")
+    return block(element("h3", "Legend"), *entries, *notes, testid="legend")
 
 
 def keys(pairs: Iterable[tuple[Colour, str]], notes: Iterable[str], testid: str) -> Markup:
-    """Return a legend of colours, with notes."""
-    told = (_key(colour, words_) for colour, words_ in pairs)
-    return block(style(), *told, *_notes(*notes), testid=testid)
+    """Return a legend of colours, with notes.
+
+    Parameters
+    ----------
+    pairs :
+        Colours and what they stand for.
+    notes :
+        Sentences below the legend.
+    testid :
+        Identifier for tests.
+    """
+    entries = (_key(colour, label) for colour, label in pairs)
+    return block(style(), *entries, *_notes(*notes), testid=testid)
 
 
 def _notes(*notes: str) -> list[Markup]:
     return [element("div", note, class_="note") for note in notes]
 
 
-def _key(colour: Colour, words_: str, kind: str = "") -> Markup:
+def _key(colour: Colour, label: str, kind: str = "") -> Markup:
     sample = element("span", class_=f"key {kind}".strip(), style=f"background:{css(colour)}")
-    return element("span", sample, words_, class_="entry")
+    return element("span", sample, label, class_="entry")
 
 
 def command_part(command: str, note: str = "") -> Markup:
-    """Return the command line with a copy button."""
+    """Return a command line with a copy button.
+
+    Parameters
+    ----------
+    command :
+        The command line.
+    note :
+        Sentence below it.
+    """
     label = "Copy command line"
     button = element(
         "button", label, data_text=command, data_label=label, data_testid="copy", onclick=_COPY
@@ -220,7 +260,17 @@ def command_part(command: str, note: str = "") -> Markup:
 def static_page(
     answer: Answer, picture: Picture, command: str, remarks: Iterable[str] = ()
 ) -> Markup:
-    """Return the complete answer for a page without controls."""
+    """Return the complete answer for a page without controls.
+
+    Parameters
+    ----------
+    answer, picture :
+        The answer and its scene.
+    command :
+        Command line that gives the same answer.
+    remarks :
+        Further notes for the legend.
+    """
     parts = [banner(answer), answer_part(answer), legend(picture, remarks)]
     if answer.census is not None:
         parts.append(census_part(answer.census, answer.analysis.faults.joints))

@@ -77,14 +77,14 @@ def cursor(share: float) -> Markup:
 
 
 def no_cursor() -> Markup:
-    """Return HTML that hides the cursors of all charts, for pages whose time they cannot follow."""
+    """Return HTML that hides the cursors of all charts, for pages on which they could not move."""
     return style(".ftf .plot b{display:none}")
 
 
 def _stroke(points: Iterable[tuple[float, float]], colour: str, dashes: str = "") -> Markup:
-    look = {"fill": "none", "stroke_width": "1.6", "vector_effect": "non-scaling-stroke"}
+    attributes = {"fill": "none", "stroke_width": "1.6", "vector_effect": "non-scaling-stroke"}
     places = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
-    return element("polyline", points=places, stroke=colour, stroke_dasharray=dashes, **look)
+    return element("polyline", points=places, stroke=colour, stroke_dasharray=dashes, **attributes)
 
 
 def _unbroken(x: Vector, y: Vector) -> list[list[tuple[float, float]]]:

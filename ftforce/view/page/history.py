@@ -1,4 +1,4 @@
-"""A history beside the scene: charts over time, and tables for one instant."""
+"""A history on the page: charts over time, and tables for one instant."""
 
 from __future__ import annotations
 
@@ -31,17 +31,38 @@ _DASHES = ("", "5 2", "1.5 2")
 
 
 def charts(history: History, run: Run) -> Markup:
-    """Return all charts of a run."""
+    """Return all charts of a run.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    run :
+        One of its runs.
+    """
     task, found = history.setting.task, []
     if task.force_rows:
         found.append(_vector_chart(history, run, forces_of, "Force at the tip", "N"))
     if task.moment_rows:
         found.append(_vector_chart(history, run, moments_of, "Moment at the tip", "N·m"))
-    return html.block(html.style(), *found, torque_chart(history, run), testid="charts")
+    return html.block(html.style(), *found, _torque_chart(history, run), testid="charts")
 
 
 def chosen(history: History, run: Run) -> Vector:
-    """Return the indices of the samples to plot, including both sides of each jump."""
+    """Return the indices of the samples to plot, including both sides of each jump.
+
+    Parameters
+    ----------
+    history :
+        The history, of N samples.
+    run :
+        One of its runs.
+
+    Returns
+    -------
+    :
+        Increasing indices from 0 to N - 1.
+    """
     count = len(history.t)
     some = np.rint(np.linspace(0, count - 1, min(count, _POINTS))).astype(int)
     jumps = np.flatnonzero(np.diff(run.verdict)).tolist()[:_POINTS]
@@ -53,13 +74,21 @@ def chosen(history: History, run: Run) -> Vector:
 
 
 def tables(history: History, now: Snapshot) -> Markup:
-    """Return the tables of joints, force, path and margin at a snapshot."""
+    """Return the tables of joints, force, path and margin at one instant.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    now :
+        Its state at that instant.
+    """
     i = now.sample
-    vectors = {"asked": now.requested, "kept": now.kept, "lost": now.lost}
-    holds = now.kept is not None
-    off = math.hypot(*now.run.path_error[i].tolist()) if holds else math.nan
-    pairs = [("Off path", "–" if math.isnan(off) else f"{1e3 * off:.2f} mm")]
-    if holds:
+    vectors = {"requested": now.requested, "kept": now.kept, "lost": now.lost}
+    is_held = now.kept is not None
+    error = math.hypot(*now.run.path_error[i].tolist()) if is_held else math.nan
+    pairs = [("Path error", "–" if math.isnan(error) else f"{1e3 * error:.2f} mm")]
+    if is_held:
         margin = text.ratio(float(now.run.margin[i]))
         pairs.append(("Margin", f"{margin} = σ_min(K)/σ_max(J)"))
     pairs += brake_loads(now.loads)
@@ -76,9 +105,9 @@ def _vector_chart(
 ) -> Markup:
     """Return a chart of the requested, kept and lost forces, or moments."""
     task, at = history.setting.task, chosen(history, run)
-    asked = np.tile(np.array(history.setting.force), (len(at), 1))
+    requested = np.tile(np.array(history.setting.force), (len(at), 1))
     kept, lost = (_until_fall(run, at, F[at]) for F in (run.force, run.jump))
-    vectors = {"requested": asked, "kept": kept, "lost": lost}
+    vectors = {"requested": requested, "kept": kept, "lost": lost}
     curves = [
         Curve(kind, np.linalg.norm(part(task, F), axis=1), html.css(ARROW_COLOURS[kind]))
         for kind, F in vectors.items()
@@ -86,18 +115,26 @@ def _vector_chart(
     return chart(title, unit, history.t[at], curves, marks(history))
 
 
-def torque_chart(history: History, run: Run) -> Markup:
-    """Return a chart of motor torques as shares of their limits, or as such if none is known."""
+def _torque_chart(history: History, run: Run) -> Markup:
+    """Return a chart of motor torques in percent of their limits, or in N·m (N) if none is known.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    run :
+        One of its runs.
+    """
     at = chosen(history, run)
     is_known = bool(np.isfinite(run.used).any())
     values = 100.0 * np.abs(run.used[at]) if is_known else run.motor[at]
     values = _until_fall(run, at, values)
-    looks = cycle(product(_DASHES, LINE_COLOURS))  # vary the colour first, then the dashes
+    styles = cycle(product(_DASHES, LINE_COLOURS))  # vary the colour first, then the dashes
     curves = [
         Curve(f"{j + 1}", torques, colour, dashes)
-        for j, (torques, (dashes, colour)) in enumerate(zip(values.T, looks, strict=False))
+        for j, (torques, (dashes, colour)) in enumerate(zip(values.T, styles, strict=False))
     ]
-    unit = "% of its limit" if is_known else "N·m (N)"
+    unit = "% of the limit" if is_known else "N·m (N)"
     title = "Motor load by joint" if is_known else "Motor torque by joint"
     return chart(title, unit, history.t[at], curves, marks(history))
 

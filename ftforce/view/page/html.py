@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from ftforce.view.scene.colours import Colour
 
-STYLE = """
+_STYLE = """
 .ftf{font:12px/1.35 system-ui,'Noto Sans','DejaVu Sans',sans-serif;color:#1a1a1a;padding:4px 10px}
 .ftf h3{font-size:12px;font-weight:600;margin:8px 0 2px}
 .ftf table{border-collapse:collapse;width:100%;table-layout:fixed}
@@ -70,18 +70,26 @@ def element(name: str, *children: str, **attributes: str) -> Markup:
         for key, value in attributes.items()
         if value
     )
-    # `escape` returns markup unchanged, too, but through a method in Python, which takes longer.
-    inner = "".join(one if isinstance(one, Markup) else escape(one) for one in children)
+    # `escape` returns markup unchanged, too, but through a slower method in Python.
+    inner = "".join(x if isinstance(x, Markup) else escape(x) for x in children)
     return Markup(f"<{name}{given}>{inner}</{name}>")
 
 
-def style(rules: str = STYLE) -> Markup:
+def style(rules: str = _STYLE) -> Markup:
     """Return a style element with trusted CSS rules, by default those of the page."""
     return Markup(f"<style>{rules}</style>")
 
 
 def block(*children: str, testid: str = "") -> Markup:
-    """Return a section of the page."""
+    """Return a section of the page.
+
+    Parameters
+    ----------
+    children :
+        Text and `Markup`.
+    testid :
+        Identifier for tests.
+    """
     return element("div", *children, class_="ftf", data_testid=testid)
 
 
@@ -116,16 +124,42 @@ def table(columns: Sequence[tuple[str, str, str]], rows: Iterable[Markup], testi
 
 
 def row(cells: Iterable[Markup], kind: str = "") -> Markup:
-    """Return a table row."""
+    """Return a table row.
+
+    Parameters
+    ----------
+    cells :
+        Cells made by `cell`.
+    kind :
+        Class of the row.
+    """
     return element("tr", *cells, class_=kind)
 
 
-def cell(words_: str, kind: str = "", title: str = "") -> Markup:
-    """Return a table cell; ``title`` is its tooltip."""
-    return element("td", words_, class_=kind, title=title)
+def cell(content: str, kind: str = "", title: str = "") -> Markup:
+    """Return a table cell.
+
+    Parameters
+    ----------
+    content :
+        Text of the cell.
+    kind :
+        Its class.
+    title :
+        Its tooltip.
+    """
+    return element("td", content, class_=kind, title=title)
 
 
 def facts(pairs: Iterable[tuple[str, str]], testid: str) -> Markup:
-    """Return names and values in two columns."""
+    """Return names and values in two columns.
+
+    Parameters
+    ----------
+    pairs :
+        Names and values.
+    testid :
+        Identifier for tests.
+    """
     rows = (row([cell(name, "l w"), cell(value, "l w")]) for name, value in pairs)
     return table([("", "l", "96px"), ("", "l", "")], rows, testid)

@@ -45,14 +45,14 @@ if TYPE_CHECKING:
     from ftforce.view.scene.picture import Picture
 
     Change: TypeAlias = Callable[[State, Any], State]
-    """What becomes of a question when a control is given a value."""
+    """Function that applies the value of a control to a question."""
 
-ANSWER_WIDTH, CONTROL_WIDTH = 350, 385  # px
+_ANSWER_WIDTH, _CONTROL_WIDTH = 350, 385  # px
 _TASKS = ("force", "moment", "wrench", "fx,fy", "fx,fz", "fy,fz", "fx", "fy", "fz")
 _CENSUS = ("none", "single faults", "single and double faults")
 _BUTTONS = 8  # number of buttons for the worst fault sets
-_CHOOSE = "choose …"
-_HEAVIEST = 1000.0  # kg
+_SELECT = "select …"
+_MAX_PAYLOAD = 1000.0  # kg
 _DIGITS = 4  # decimals of number inputs
 
 
@@ -99,12 +99,12 @@ class Panel:
         self._session = session
         self._start = state
         self._is_played = is_played
-        self._own = threading.local()  # whether this thread is writing control values
+        self._thread = threading.local()  # whether this thread is writing control values
         self._controls: dict[str, Control] = {}
         self._labels: tuple[str, ...] = ()
         self._sets: tuple[FaultSet, ...] = ()
         others = (name for name in BUILT_IN_POSTURES if name not in robot.postures)
-        self._postures = (_CHOOSE, *robot.postures, *others)
+        self._postures = (_SELECT, *robot.postures, *others)
         self._initial = self._values(state)
         self._build_answer()
         self._build_controls(state, first_tab)
@@ -118,7 +118,7 @@ class Panel:
             self._answer = self._gui.add_html("")
             self._legend = self._gui.add_html("")
         panel.dock_left()
-        panel.set_width(ANSWER_WIDTH)
+        panel.set_width(_ANSWER_WIDTH)
 
     def _build_controls(self, state: State, first_tab: str) -> None:
         gui = self._gui
@@ -126,23 +126,23 @@ class Panel:
         self.first_tab: Any = tabs.add_tab(first_tab) if first_tab else None
         with tabs.add_tab("Arm"):
             if self._is_played:
-                self._build_look()
+                self._build_display()
             self._build_arm(state)
         if not self._is_played:
             with tabs.add_tab("Force"):
                 self._build_force(state)
             with tabs.add_tab("Census"):
                 self._build_census()
-        with tabs.add_tab("Take along"):
+        with tabs.add_tab("Export"):
             if not self._is_played:
                 self._command = gui.add_html("")
-            self._button("save_picture", "Save picture", self._session.save_picture)
+            self._button("save_picture", "Save image", self._session.save_picture)
             self._button("save_page", "Save page", self._session.save_page)
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(CONTROL_WIDTH)
+        gui.main_panel.set_width(_CONTROL_WIDTH)
 
     def _build_arm(self, state: State) -> None:
-        hint = f"At the start: {state.posture.source}"
+        hint = f"Initially: {state.posture.source}"
         self._choice("posture", "Posture", self._postures, self._in_posture, hint)
         self._button("reset", "Reset", lambda _client: self._reset())
         for i, joint in enumerate(self.robot.joints):
@@ -178,7 +178,9 @@ class Panel:
         def weaken(state: State, percent: float) -> State:
             return state.failing(i, FaultMode.WEAK.value, percent / 100.0)
 
-        self._choice(f"mode{i}", f"Fault {joint.number}", MODES, fail, f"How {joint.name} fails")
+        self._choice(
+            f"mode{i}", f"Fault {joint.number}", MODES, fail, f"Fault mode of {joint.name}"
+        )
         factor = self._gui.add_slider(
             f"Torque {joint.number} (%)",
             0.0,
@@ -186,45 +188,47 @@ class Panel:
             0.1,
             self._initial[f"factor{i}"],
             visible=self._initial[f"mode{i}"] == FaultMode.WEAK,
-            hint=f"Share of its largest torque that {joint.name} can still give",
+            hint=f"Remaining share of the torque limit of {joint.name}",
         )
         self._control(f"factor{i}", factor, weaken)
 
     def _build_force(self, state: State) -> None:
         loads = tuple(x for x in LOADS if x != "torques" or state.torque is not None)
-        hint = "A force at the tip, or what becomes of every direction"
+        hint = "A load at the tip, or 1 N (N·m) along each axis"
         self._choice("load", "Load", loads, State.loaded, hint)
         self._vector("force", "Force (N)", slice(0, 3))
         self._vector("moment", "Moment (N·m)", slice(3, 6))
-        hint = "Components of force and moment that count"
-        self._choice("task", "Task", _tasks(str(state.task)), _with_task, hint)
+        hint = "Components of force and moment to be exerted"
+        self._choice("task", "Task", _tasks(str(state.task)), _set_task, hint)
         self._choice(
-            "axes", "Axes", AXES, _with_axes, "tool: of the tip; world: of the root, at the tip"
+            "axes", "Axes", AXES, _set_axes, "tool: axes of the tip; world: axes of the root"
         )
-        self._number("length", "Length L (m)", _with_length, 0.01, "Weighs moments against forces")
-        hint = f"Limits: {state.limits.source}"
-        self._checkbox("limits", "Torque limits count", State.limited, hint)
+        self._number("length", "Length L (m)", _set_length, 0.01, "Scales moments to forces")
+        hint = f"Torque limits: {state.limits.source}"
+        self._checkbox("limits", "Enforce torque limits", State.limited, hint)
         self._checkbox("gravity", "Gravity", State.weighing)
-        heaviest = max(_HEAVIEST, self._initial["payload"])
-        self._number("payload", "Payload (kg)", _carrying, 0.1, "At the tip", min=0.0, max=heaviest)
-        hint = "All forces before and after the fault; a polytope needs known limits"
-        self._choice("solid", "Forces as", SOLIDS, _showing("solid"), hint)
-        self._checkbox("weakest", "Weakest direction", _showing("weakest"))
-        self._build_look()
+        maximum = max(_MAX_PAYLOAD, self._initial["payload"])
+        self._number(
+            "payload", "Payload (kg)", _set_payload, 0.1, "At the tip", min=0.0, max=maximum
+        )
+        hint = "Forces that can be exerted before and after the fault; a polytope needs limits"
+        self._choice("solid", "Force set", SOLIDS, _option("solid"), hint)
+        self._checkbox("weakest", "Weakest direction", _option("weakest"))
+        self._build_display()
 
-    def _build_look(self) -> None:
-        self._checkbox("see_through", "See through the arm", _showing("see_through"))
+    def _build_display(self) -> None:
+        self._checkbox("see_through", "Transparent arm", _option("see_through"))
 
     def _build_census(self) -> None:
         gui, modes = self._gui, (FaultMode.LOCKED.value, FaultMode.FREE.value)
-        self._choice("census", "Census of", _CENSUS, _showing("census", _CENSUS.index))
-        self._choice("census_mode", "Joints are", modes, _showing("census_mode", FaultMode))
+        self._choice("census", "Census of", _CENSUS, _option("census", _CENSUS.index))
+        self._choice("census_mode", "Fault mode", modes, _option("census_mode", FaultMode))
         self._all_sets = gui.add_dropdown(
-            "Show a set", (_CHOOSE,), initial_value=_CHOOSE, hint="All fault sets, worst first"
+            "Fault set", (_SELECT,), initial_value=_SELECT, hint="All fault sets, worst first"
         )
         self._chosen_set = Control(self._all_sets)
         self._all_sets.on_update(lambda _event: self._choose_set())
-        self._buttons = [gui.add_button(_CHOOSE, visible=False) for _ in range(_BUTTONS)]
+        self._buttons = [gui.add_button(_SELECT, visible=False) for _ in range(_BUTTONS)]
         for k, button in enumerate(self._buttons):
             button.on_click(lambda _event, k=k: self._show_set(k))
         self._census = gui.add_html("")
@@ -236,26 +240,26 @@ class Panel:
         name: str,
         label: str,
         options: Sequence[str],
-        meaning: Change,
+        apply: Change,
         hint: str | None = None,
     ) -> None:
         first = self._initial[name]
         handle = self._gui.add_dropdown(label, tuple(options), initial_value=first, hint=hint)
-        self._control(name, handle, meaning)
+        self._control(name, handle, apply)
 
-    def _checkbox(self, name: str, label: str, meaning: Change, hint: str | None = None) -> None:
+    def _checkbox(self, name: str, label: str, apply: Change, hint: str | None = None) -> None:
         handle = self._gui.add_checkbox(label, self._initial[name], hint=hint)
-        self._control(name, handle, meaning)
+        self._control(name, handle, apply)
 
     def _number(
-        self, name: str, label: str, meaning: Change, step: float, hint: str, **ends: float
+        self, name: str, label: str, apply: Change, step: float, hint: str, **ends: float
     ) -> None:
         handle = self._gui.add_number(label, self._initial[name], step=step, hint=hint, **ends)
-        handle.precision = _DIGITS  # viser derives it from the step
-        self._control(name, handle, meaning)
+        handle.precision = _DIGITS  # by default, viser derives it from the step
+        self._control(name, handle, apply)
 
     def _vector(self, name: str, label: str, rows: slice) -> None:
-        def push(state: State, value: tuple[float, float, float]) -> State:
+        def set_load(state: State, value: tuple[float, float, float]) -> State:
             wrench = state.wrench.copy()
             wrench[rows] = value
             return state.pushing(wrench)
@@ -264,14 +268,14 @@ class Panel:
             label,
             self._initial[name],
             step=1.0,
-            hint="Of the robot on its environment, x, y, z in the task's axes; or drag the "
-            "handle at the tip of the blue arrow",
+            hint="Exerted by the robot on its environment, x, y, z in task axes; also set by "
+            "dragging the handle at the tip of the blue arrow",
         )
         handle.precision = _DIGITS
-        self._control(name, handle, push)
+        self._control(name, handle, set_load)
 
-    def _control(self, name: str, handle: Any, meaning: Change) -> None:
-        """Register a control; ``meaning`` changes a question according to its value.
+    def _control(self, name: str, handle: Any, apply: Change) -> None:
+        """Register a control; ``apply`` changes a question according to its value.
 
         Controls are written by users and by the session's worker; `writing` marks the latter, whose
         updates must not change the question.
@@ -285,15 +289,15 @@ class Panel:
             def change(state: State) -> State:
                 # Evaluated under the session's lock: a delayed call still uses the current value.
                 control.value = handle.value
-                return meaning(state, handle.value)
+                return apply(state, handle.value)
 
             self._session.change(change)
 
         handle.on_update(update)
 
-    def _button(self, name: str, label: str, act: Callable[[Any], None]) -> None:
+    def _button(self, name: str, label: str, action: Callable[[Any], None]) -> None:
         handle = self._gui.add_button(label)
-        handle.on_click(lambda event: act(event.client))
+        handle.on_click(lambda event: action(event.client))
         self._controls[name] = Control(handle)
 
     # ---- use of the controls ---------------------------------------------------------------------
@@ -306,11 +310,11 @@ class Panel:
         return self._controls[name].handle
 
     def _in_posture(self, state: State, name: str) -> State:
-        if name == _CHOOSE:
+        if name == _SELECT:
             return state
         return state.in_posture(choose_posture(self.robot, None, name))
 
-    def begin_with(self, state: State) -> None:
+    def set_initial(self, state: State) -> None:
         """Set the question to which Reset returns, for a `Mode` with its own question."""
         self._start = state
 
@@ -336,24 +340,24 @@ class Panel:
     @property
     def is_writing(self) -> bool:
         """Whether this thread is writing control values, as opposed to a user changing them."""
-        return getattr(self._own, "writes", False)
+        return getattr(self._thread, "writes", False)
 
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Write control values without reacting: viser runs callbacks for such writes too."""
-        self._own.writes = True
+        self._thread.writes = True
         try:
             yield
         finally:
-            self._own.writes = False
+            self._thread.writes = False
 
     def sync(self, state: State) -> None:
         """Update the controls to a question; called with the session's lock held."""
         values = self._values(state)
         with self.writing():
-            self._offer_task(values["task"])
+            self._add_task_option(values["task"])
             for name in values.keys() & self._controls.keys():
-                self._controls[name].tell(values[name])
+                self._controls[name].show(values[name])
             visible = {f"factor{i}": mode == FaultMode.WEAK for i, mode in enumerate(state.modes)}
             visible |= dict.fromkeys(("moment", "length"), bool(state.task.moment_rows))
             for name in visible.keys() & self._controls.keys():
@@ -364,7 +368,7 @@ class Panel:
         shown, task = state.shown, state.task
         name = state.posture.source.removeprefix("posture '").removesuffix("'")
         values: dict[str, Any] = {
-            "posture": name if name in self._postures else _CHOOSE,
+            "posture": name if name in self._postures else _SELECT,
             "load": state.load,
             "force": tuple(state.wrench[:3].tolist()),
             "moment": tuple(state.wrench[3:].tolist()),
@@ -386,7 +390,7 @@ class Panel:
             values[f"factor{i}"] = round(100.0 * state.factors[i], 6)
         return values
 
-    def _offer_task(self, task: str) -> None:
+    def _add_task_option(self, task: str) -> None:
         """Add a task to the choices if needed: a mode may use an unusual one."""
         if "task" in self._controls:
             control = self._controls["task"]
@@ -395,7 +399,13 @@ class Panel:
                 control.value = control.handle.value  # viser may have changed it
 
     def show(self, answer: Answer, picture: Picture) -> None:
-        """Show an answer."""
+        """Show an answer.
+
+        Parameters
+        ----------
+        answer, picture :
+            The answer and its scene.
+        """
         self.show_parts(banner(answer), answer_part(answer), legend(picture, self.notes))
         if self._is_played:
             return
@@ -414,7 +424,13 @@ class Panel:
         return Markup().join(Markup(part.content) for part in parts)  # written by `_write`
 
     def show_parts(self, top: Markup, parts: Markup, below: Markup) -> None:
-        """Show HTML in place of the verdict, the tables and the legend."""
+        """Show HTML in place of the verdict, the tables and the legend.
+
+        Parameters
+        ----------
+        top, parts, below :
+            As in `ftforce.view.modes.View`.
+        """
         _write(self._banner, top)
         _write(self._answer, parts)
         _write(self._legend, below)
@@ -426,14 +442,14 @@ class Panel:
         shown = answer.analysis.faults
         chosen = next(
             (label for label, faults in zip(labels, self._sets, strict=True) if faults == shown),
-            _CHOOSE,
+            _SELECT,
         )
         with self.writing():
             if labels != self._labels:
                 self._labels = labels
-                self._all_sets.options = (_CHOOSE, *labels)
+                self._all_sets.options = (_SELECT, *labels)
                 self._chosen_set.value = self._all_sets.value  # viser may select another value
-            self._chosen_set.tell(chosen)
+            self._chosen_set.show(chosen)
         for k, button in enumerate(self._buttons):
             assign(button, "visible", k < len(labels))
             if k < len(labels):
@@ -446,26 +462,26 @@ def _tasks(task: str) -> tuple[str, ...]:
     return _TASKS if task in _TASKS else (task, *_TASKS)
 
 
-def _with_task(state: State, task: str) -> State:
+def _set_task(state: State, task: str) -> State:
     return state.asking(task, state.task.axes)
 
 
-def _with_axes(state: State, axes: str) -> State:
+def _set_axes(state: State, axes: str) -> State:
     return state.asking(str(state.task), axes)
 
 
-def _with_length(state: State, length: float) -> State:
+def _set_length(state: State, length: float) -> State:
     return state.asking(str(state.task), state.task.axes, length)
 
 
-def _carrying(state: State, mass: float) -> State:
+def _set_payload(state: State, mass: float) -> State:
     offset = np.zeros(3) if state.payload is None else state.payload.offset
     return state.carrying(Payload.of(mass, offset) if mass > 0.0 else None)
 
 
-def _showing(name: str, meant: Callable[[Any], Any] = lambda value: value) -> Change:
+def _option(name: str, convert: Callable[[Any], Any] = lambda value: value) -> Change:
     """Return a function that sets one field of `Shown` from a control's value."""
-    return lambda state, value: state.showing(**{name: meant(value)})
+    return lambda state, value: state.showing(**{name: convert(value)})
 
 
 def _write(handle: Any, content: Markup) -> None:

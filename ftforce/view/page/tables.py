@@ -42,7 +42,7 @@ def load_table(
     """
     units = {load.unit for load in loads}
     unit = units.pop() if len(units) == 1 else "N·m, N"
-    title = f"Motor torque [{unit}], " + ("weight included" if has_masses else "weight unknown")
+    title = f"Motor torque [{unit}], " + ("gravity included" if has_masses else "gravity unknown")
     columns = [
         ("#", "l", "31px"),
         ("joint", "l", ""),
@@ -56,22 +56,22 @@ def load_table(
 
 
 def _load_row(load: JointLoad) -> Markup:
-    after = torque_text(load.after)
-    hint = f"force part {torque_text(load.part_before)} → {torque_text(load.part_after)}"
+    after = _torque_text(load.after)
+    hint = f"for the tip force: {_torque_text(load.part_before)} → {_torque_text(load.part_after)}"
     mode = None if load.fault is None else load.fault.mode
     if mode is FaultMode.LOCKED:
-        after, hint = "brake", f"the brake carries {torque_text(load.brake)} {load.unit}; {hint}"
+        after, hint = "brake", f"brake load {_torque_text(load.brake)} {load.unit}; {hint}"
     colour = colour_of(mode, load.used)
-    look = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
-    # The state must not depend on colour alone; the full word would not fit beside the name.
+    background = "" if mode is None else f"background:{css(colour)};color:{text_on(colour)}"
+    # The mode must not depend on colour alone; the full word would not fit beside the name.
     place = str(load.number) if mode is None else f"{load.number} {mode[0].upper()}"
     name = load.name if load.fault is None else f"{load.name}: {load.fault}"
     limit = "unknown" if math.isnan(load.limit) else f"{load.limit:g} {load.unit}"
     return row(
         [
-            element("td", place, class_="l", style=look, title=name),
+            element("td", place, class_="l", style=background, title=name),
             cell(load.name, "l", name),
-            cell(torque_text(load.before), "", hint),
+            cell(_torque_text(load.before), "", hint),
             cell(after, "", hint),
             element("td", bar(load.used, colour), title=f"limit {limit}"),
             cell(share_text(load.used), "over" if load.used > 1.0 else "", f"limit {limit}"),
@@ -81,11 +81,11 @@ def _load_row(load: JointLoad) -> Markup:
 
 def brake_loads(loads: Sequence[JointLoad]) -> list[tuple[str, str]]:
     """Return the brake loads with their labels, as accepted by `facts`; empty if none is locked."""
-    told = [f"{x.name} {number(x.brake)} {x.unit}" for x in loads if not math.isnan(x.brake)]
-    return [("Brake load", ", ".join(told))] if told else []
+    texts = [f"{x.name} {number(x.brake)} {x.unit}" for x in loads if not math.isnan(x.brake)]
+    return [("Brake load", ", ".join(texts))] if texts else []
 
 
-def torque_text(torque: float) -> str:
+def _torque_text(torque: float) -> str:
     """Return a torque as text, or a placeholder if unknown."""
     return "–" if math.isnan(torque) else number(torque)
 
@@ -98,7 +98,15 @@ def share_text(share: float) -> str:
 
 
 def bar(share: float, colour: Colour) -> Markup:
-    """Return a bar filled in proportion to a share of a limit."""
+    """Return a bar filled in proportion to a share of a limit.
+
+    Parameters
+    ----------
+    share :
+        Motor torque as a share of its limit; NaN if unknown.
+    colour :
+        Colour of the filled part.
+    """
     width = 0.0 if math.isnan(share) else 100.0 * min(share, 1.0)
     # Only the darker half of the ramp: its light end would be invisible on a white page.
     filled = element("i", style=f"width:{width:.0f}%;background:{css(colour)}")
@@ -112,7 +120,7 @@ def force_table(analysis: Analysis) -> Markup:
         return element("div", element("h3", _force_title(task)), _unit_forces(analysis))
     vectors: dict[str, Vector | None] = {}
     if change.requested is not None and text.is_noticeable(change.unsupported):
-        vectors["asked"] = change.requested
+        vectors["request"] = change.requested  # the longer word would not fit
     vectors |= {"before": change.before, "after": change.after, "jump": change.jump}
     return vector_table(task, vectors)
 
@@ -122,7 +130,15 @@ def _force_title(task: Task) -> str:
 
 
 def vector_table(task: Task, vectors: Mapping[str, Vector | None]) -> Markup:
-    """Return named tip forces by axis, N and N·m, with their norms."""
+    """Return tip forces by axis, with their norms.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    vectors :
+        Forces and moments by name, N and N·m, shape (m,); ``None`` if undefined.
+    """
     columns = [("", "l", "72px"), ("", "l", "34px"), *((name, "", "") for name in vectors)]
     values = [np.full(task.m, np.nan) if F is None else F for F in vectors.values()]
     rows = [
@@ -146,11 +162,11 @@ def _force_row(names: Iterable[str], values: Iterable[float], kind: str = "") ->
 def _unit_forces(analysis: Analysis) -> Markup:
     """Return the kept and lost parts of 1 N (1 N·m) along each axis."""
     task = analysis.task
-    columns = [("asked", "l", "64px"), *((name, "", "") for name in task.components)]
-    asked = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))
+    columns = [("requested", "l", "70px"), *((name, "", "") for name in task.components)]
+    requested = (f"{name} 1 {unit}" for name, unit in zip(task.components, task.units, strict=True))
     kept = (force.after for force, _ in analysis.unit_forces)
     rows = [
         _force_row([name], np.full(task.m, np.nan) if after is None else after)
-        for name, after in zip(asked, kept, strict=True)
+        for name, after in zip(requested, kept, strict=True)
     ]
     return table(columns, rows, "forces")

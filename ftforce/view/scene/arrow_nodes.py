@@ -34,8 +34,8 @@ _MOMENT_ANCHOR: dict[str, Any] = {
     "kept": "center-left",
     "lost": "top-center",
 }
-_SHORTEST = 1e-4  # m: shorter arrows are not drawn
-_SAME = 1e-9  # m: smaller displacements are ignored
+_MIN_LENGTH = 1e-4  # m: shorter arrows are not drawn
+_RESOLUTION = 1e-9  # m: smaller displacements are ignored
 _SECOND_HEAD = 0.78  # of a moment's arrow: position of the second head, as a share of its length
 _WIDTH, _MOMENT_WIDTH = 6.0, 4.0  # px
 
@@ -74,20 +74,20 @@ class ArrowNodes:
             active_axes=(self._axis == 0, self._axis == 1, self._axis == 2),
             **IN_FRONT,
         )
-        node.on_update(lambda event: self._put_back(node, event))
+        node.on_update(lambda event: self._undo_drag(node, event))
         return node
 
-    def _put_back(self, node: Any, event: Any) -> None:
+    def _undo_drag(self, node: Any, event: Any) -> None:
         """Undo a drag: only the separate handle at the arrow's tip may be dragged."""
         if event.phase == "end" and self._last is not None:
-            node.position = self._last.start + np.array([0.0, 0.0, _SAME])  # forces an update
+            node.position = self._last.start + np.array([0.0, 0.0, _RESOLUTION])  # forces an update
             node.position = self._last.start
 
     def show(self, arrow: Arrow) -> None:
         """Show the arrow in its current state."""
         self._last = arrow
         # A coinciding arrow below would only flicker.
-        is_shown = arrow.length > _SHORTEST and (bool(arrow.mark) or arrow.kind == "kept")
+        is_shown = arrow.length > _MIN_LENGTH and (bool(arrow.mark) or arrow.kind == "kept")
         assign(self._label, "visible", is_shown and bool(arrow.mark))
         for node, length in zip(self._handles, self._lengths, strict=True):
             assign(node, "visible", is_shown)
@@ -106,24 +106,46 @@ class ArrowNodes:
 
 
 def along(vector: Vector, axis: int) -> Vector:
-    """Return a rotation (w, x, y, z) that aligns an axis (0, 1, 2) with a nonzero vector."""
-    turn = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
-    return np.array([turn.w, turn.x, turn.y, turn.z])
+    """Return a rotation that aligns an axis with a vector, as a quaternion w, x, y, z.
+
+    Parameters
+    ----------
+    vector :
+        Nonzero, shape (3,).
+    axis :
+        Index of the axis, 0 to 2.
+    """
+    rotation = pin.Quaternion.FromTwoVectors(np.eye(3)[axis], vector)
+    return np.array([rotation.w, rotation.x, rotation.y, rotation.z])
 
 
 def assign(node: Any, name: str, value: Any) -> None:
-    """Set an attribute if its value differs: viser sends every assignment to all tabs."""
+    """Set an attribute if its value differs: viser sends every assignment to all tabs.
+
+    Parameters
+    ----------
+    node :
+        viser's handle of a node or a control.
+    name, value :
+        Name of the attribute, and its new value.
+    """
     if not is_same(getattr(node, name), value):
         setattr(node, name, value)
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; arrays up to rounding."""
+    """Return whether two values are equal; arrays up to rounding.
+
+    Parameters
+    ----------
+    one, other :
+        Numbers, strings or arrays.
+    """
     if isinstance(other, np.ndarray):
-        return np.shape(one) == other.shape and not moved(one, other)
+        return np.shape(one) == other.shape and not _differs(one, other)
     return bool(one == other)
 
 
-def moved(one: Vector, other: Vector) -> bool:
+def _differs(one: Vector, other: Vector) -> bool:
     """Return whether two positions or rotations differ by more than rounding."""
-    return bool(np.abs(one - other).max(initial=0.0) > _SAME)
+    return bool(np.abs(one - other).max(initial=0.0) > _RESOLUTION)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
 
 ARROW_KINDS = ("requested", "kept", "lost")
-LONGEST = 0.45  # length of the longest arrow, as a share of the size of the arm
-_LONGEST_MOMENT = 0.3  # shorter, so that along a force both heads lie on the force's shaft
+MAX_LENGTH = 0.45  # length of the longest arrow, as a share of the size of the arm
+_MAX_MOMENT_LENGTH = 0.3  # shorter, so that along a force both heads lie on the force's shaft
 _NICE = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -35,9 +35,9 @@ class Scales(NamedTuple):
     def notes(self) -> tuple[str, ...]:
         """Return the scales in words."""
         found = []
-        for scale, what, unit in ((self.force, "arrows", "N"), (self.moment, "two heads", "N·m")):
+        for scale, what, unit in ((self.force, "force", "N"), (self.moment, "moment", "N·m")):
             if not math.isnan(scale):
-                found.append(f"{what}: 0.1 m is {size(0.1 / scale, 1)} {unit}")
+                found.append(f"{what} arrows: 0.1 m = {size(0.1 / scale, 1)} {unit}")
         return tuple(found)
 
 
@@ -96,17 +96,41 @@ def has_both(task: Task) -> bool:
 
 
 def forces_of(task: Task, F: Vector) -> Vector:
-    """Return the force part of task vectors, shape (..., m), as (..., 3), N."""
+    """Return the force part of task vectors, shape (..., m), as (..., 3), N.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    F :
+        Task vectors, N and N·m, shape (..., m).
+    """
     return in_components(task.components, F)[..., :3]
 
 
 def moments_of(task: Task, F: Vector) -> Vector:
-    """Return the moment part of task vectors, shape (..., m), as (..., 3), N·m."""
+    """Return the moment part of task vectors, shape (..., m), as (..., 3), N·m.
+
+    Parameters
+    ----------
+    task :
+        The task.
+    F :
+        Task vectors, N and N·m, shape (..., m).
+    """
     return in_components(task.components, F)[..., 3:]
 
 
 def spatial(task: Task, F: Vector) -> Vector:
-    """Return the force part of task vectors, (..., m), or the moments if there are no forces."""
+    """Return the force part of task vectors, (..., m), or the moments if there are no forces.
+
+    Parameters
+    ----------
+    task :
+        The task, of forces or of moments.
+    F :
+        Task vectors, N (N·m), shape (..., m).
+    """
     return forces_of(task, F) if task.force_rows else moments_of(task, F)
 
 
@@ -127,14 +151,14 @@ def scales_for(task: Task, vectors: Iterable[Vector], extent: float) -> Scales:
     force, moment = (
         float(np.linalg.norm(part(task, whole), axis=1).max()) for part in (forces_of, moments_of)
     )
-    longest = _LONGEST_MOMENT if has_both(task) else LONGEST
+    longest = _MAX_MOMENT_LENGTH if has_both(task) else MAX_LENGTH
     return Scales(
         nice_scale(force, extent) if task.force_rows else math.nan,
         nice_scale(moment, extent, longest) if task.moment_rows else math.nan,
     )
 
 
-def nice_scale(largest: float, extent: float, longest: float = LONGEST) -> float:
+def nice_scale(largest: float, extent: float, longest: float = MAX_LENGTH) -> float:
     """Return a length per N (N·m), m, at which the largest force fits, in steps of 1, 2, 5.
 
     Parameters
@@ -190,7 +214,7 @@ def _three(
         requested is not None and kept is not None and norm(requested - kept) <= NEGLIGIBLE
     )
     for kind, F in vectors.items():
-        end, label, mark = axes.place, f"{noun}{kind}: nothing holds the arm", ""
+        end, label, mark = axes.place, f"{noun}{kind}: no static equilibrium", ""
         if F is not None:
             amount = f"{size(norm(F), 1)} {unit}"
             label = f"{noun}{kind} {amount}"

@@ -57,12 +57,20 @@ def colour_of(mode: FaultMode | None, used: float) -> Colour:
         return FAULT_COLOURS[mode]
     if math.isnan(used):
         return NEUTRAL
-    red, green, blue = along_ramp(RAMP, np.array([used]))[0].tolist()
+    red, green, blue = interpolate(RAMP, np.array([used]))[0].tolist()
     return red, green, blue
 
 
-def along_ramp(ramp: tuple[Colour, ...], shares: Vector) -> NDArray[np.uint8]:
-    """Return the interpolated colours of a ramp at shares from 0 to 1, shape (k, 3)."""
+def interpolate(ramp: tuple[Colour, ...], shares: Vector) -> NDArray[np.uint8]:
+    """Return the interpolated colours of a ramp, shape (k, 3).
+
+    Parameters
+    ----------
+    ramp :
+        Colours at equal distances.
+    shares :
+        Positions along the ramp, 0 to 1, shape (k,).
+    """
     steps = np.linspace(0.0, 1.0, len(ramp))
     channels = [np.interp(shares, steps, channel) for channel in np.array(ramp, dtype=float).T]
     found: NDArray[np.uint8] = np.rint(np.column_stack(channels)).astype(np.uint8)

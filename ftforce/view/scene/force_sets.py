@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ftforce.errors import InputError
 from ftforce.report.text import size
-from ftforce.view.scene.arrows import LONGEST, TipAxes, has_both, norm, spatial
+from ftforce.view.scene.arrows import MAX_LENGTH, TipAxes, has_both, norm, spatial
 from ftforce.view.scene.colours import AFTER_SOLID, BEFORE_SOLID, Colour
 
 if TYPE_CHECKING:
@@ -42,13 +42,13 @@ def polytopes_of(answer: Answer) -> tuple[tuple[Polytope, ...], tuple[str, ...]]
     if found is None or answer.state.shown.solid != "polytope":
         return (), ()
     if has_both(task):
-        return (), ("a polytope is drawn for forces alone or moments alone",)
+        return (), ("polytopes are drawn only for tasks of forces or of moments",)
     try:
         both = found.polytope(after=False), found.polytope(after=True)
     except InputError as problem:  # too many joints
         return (), (str(problem),)
     if not all(one.is_bounded for one in both):
-        return (), ("no known limit ends the forces: no polytope",)
+        return (), ("no polytope: known limits do not bound the forces",)
     return both, ()
 
 
@@ -75,7 +75,7 @@ def solids_of(
     if answer.state.shown.solid != "ellipsoid":
         return (), ()
     if has_both(answer.analysis.task):
-        return (), ("an ellipsoid is drawn for forces alone or moments alone",)
+        return (), ("ellipsoids are drawn only for tasks of forces or of moments",)
     return _ellipsoids(answer, axes, extent)
 
 
@@ -87,7 +87,7 @@ def _polytopes(
         label = f"forces {when} the fault"
         faces = triangles(polytope.faces)
         if polytope.is_empty:
-            empty.append(f"no force holds the arm {when} the fault")
+            empty.append(f"forces {when} the fault: no static equilibrium")
         elif not len(faces):
             flat.append(_flat(label))
         else:
@@ -112,8 +112,8 @@ def _ellipsoids(
     after = _axes_of(reduced.damaged.U, reduced.damaged.s, reduced.rank_after) * weighted
     longest = max((norm(axis) for axis in (*before, *after)), default=0.0)
     if longest == 0.0:
-        return (), ("no force can be commanded: no ellipsoid",)
-    scale = LONGEST * extent / longest
+        return (), ("no ellipsoid: no force can be commanded",)
+    scale = MAX_LENGTH * extent / longest
     solids, flat = [], []
     for axes, (when, colour) in zip((before, after), _LOOKS.items(), strict=True):
         label = f"ellipsoid {when} the fault"
@@ -123,11 +123,11 @@ def _ellipsoids(
         else:
             flat.append(_flat(label) if len(axes) else f"{label}: no force can be commanded")
     per = f"{size(longest, 1)} {task.size_unit} for joint torques of norm 1"
-    return tuple(solids), (f"ellipsoids, in a scale of their own: longest axis {per}", *flat)
+    return tuple(solids), (f"ellipsoids, at their own scale: longest semi-axis {per}", *flat)
 
 
 def _flat(label: str) -> str:
-    return f"{label}: along one line alone, no surface"
+    return f"{label}: a line segment, not drawn"
 
 
 def _axes_of(U: Matrix, s: list[float], rank: int) -> Matrix:
@@ -147,8 +147,8 @@ def ellipsoid(axes: Matrix) -> tuple[Matrix, Faces]:
     if len(axes) == 3:
         vertices, faces = _sphere()
         return vertices @ axes, faces
-    turn = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
-    disk = np.vstack([np.column_stack([np.cos(turn), np.sin(turn)]), np.zeros((1, 2))])
+    angle = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
+    disk = np.vstack([np.column_stack([np.cos(angle), np.sin(angle)]), np.zeros((1, 2))])
     i = np.arange(_CIRCLE)
     fan = np.column_stack([i, (i + 1) % _CIRCLE, np.full(_CIRCLE, _CIRCLE)])
     return disk @ axes, fan.astype(np.uint32)

@@ -1,4 +1,4 @@
-"""What the scene shows of an answer: poses, colours, arrows, lines, surfaces. Arrays only."""
+"""The scene of an answer: poses, colours, arrows, lines, surfaces. Arrays only."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from ftforce.view.scene.force_sets import Solid
 
 _LINE = 0.3  # half length of a line, as a share of the size of the arm
-HAND = 0.005  # m: resolution of a dragged force
+DRAG_RESOLUTION = 0.005  # m: resolution of a dragged force
 
 
 class Pose(NamedTuple):
@@ -79,7 +79,7 @@ class Picture:
         Notes for the legend: scales, and why something is not drawn.
     see_through :
         Whether the arm is transparent.
-    can_pull :
+    can_drag :
         Whether there is a force that can be dragged.
     """
 
@@ -92,7 +92,7 @@ class Picture:
     scales: Scales
     notes: tuple[str, ...]
     see_through: bool
-    can_pull: bool
+    can_drag: bool
 
 
 def picture(answer: Answer, like: Picture | None = None) -> Picture:
@@ -108,8 +108,8 @@ def picture(answer: Answer, like: Picture | None = None) -> Picture:
     """
     analysis, task = answer.analysis, answer.analysis.task
     robot, shown = analysis.robot, answer.state.shown
-    poses, (turn, place) = joint_poses(robot, analysis.posture.q)
-    axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
+    poses, (tip_rotation, place) = joint_poses(robot, analysis.posture.q)
+    axes = TipAxes(place, tip_rotation if task.axes == "tool" else np.eye(3))
     polytopes, problem = polytopes_of(answer)
     vectors = _vectors(answer)
     extent = scene_size(robot)
@@ -130,7 +130,7 @@ def picture(answer: Answer, like: Picture | None = None) -> Picture:
         scales=scales,
         notes=(*(scales.notes() if vectors or polytopes else ()), *problem, *notes),
         see_through=shown.see_through,
-        can_pull=analysis.force is not None,
+        can_drag=analysis.force is not None,
     )
 
 
@@ -159,7 +159,15 @@ def chain_joints(robot: Robot) -> tuple[int | None, ...]:
 
 
 def joint_colours(robot: Robot, loads: tuple[JointLoad, ...]) -> tuple[Colour, ...]:
-    """Return the colour of each joint of the model, by its fault or motor load."""
+    """Return the colour of each joint of the model, by its fault or motor load.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    loads :
+        Loads of the n joints of the chain.
+    """
     return tuple(FIXED if i is None else _colour(loads[i]) for i in chain_joints(robot))
 
 
@@ -173,7 +181,7 @@ def scene_size(robot: Robot) -> float:
     return min(length, 4.0) if length > 0.0 else 1.0
 
 
-def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
+def dragged_wrench(picture: Picture, answer: Answer, end: Vector) -> Vector:
     """Return the wrench that puts the tip of the requested force's arrow at a given point.
 
     Parameters
@@ -192,7 +200,7 @@ def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
     task = answer.analysis.task
     scale = picture.scales.of(task)
     F = rotation(picture.tip.wxyz).T @ (end - picture.tip.position) / scale
-    step = 10.0 ** math.floor(math.log10(HAND / scale))
+    step = 10.0 ** math.floor(math.log10(DRAG_RESOLUTION / scale))
     wrench = answer.state.wrench.copy()
     if (requested := requested_of(answer)) is not None:  # if given by torques
         for name, value in zip(task.components, requested.tolist(), strict=True):
@@ -208,7 +216,8 @@ def pulled(picture: Picture, answer: Answer, end: Vector) -> Vector:
 def _vectors(answer: Answer) -> dict[str, Vector | None]:
     """Return requested, kept and lost force in task components, N and N·m, shape (m,) each.
 
-    The last two are ``None`` if the arm cannot stand still; empty if no force is requested.
+    The last two are ``None`` if the arm cannot be held in static equilibrium; empty if no force is
+    requested.
     """
     change = answer.analysis.force
     if change is None:
@@ -229,8 +238,16 @@ def requested_of(answer: Answer) -> Vector | None:
 
 
 def pose_of(rotation: Matrix, place: Vector) -> Pose:
-    """Return a rotation (3, 3) and a position, m, shape (3,), as a pose."""
-    return Pose(place, wxyz_of(rotation))
+    """Return a rotation (3, 3) and a position, m, shape (3,), as a pose.
+
+    Parameters
+    ----------
+    rotation :
+        Rotation matrix, shape (3, 3).
+    place :
+        Position in root axes, m, shape (3,).
+    """
+    return Pose(place, _wxyz_of(rotation))
 
 
 def _lines(answer: Answer, axes: TipAxes, extent: float) -> tuple[Line, ...]:
@@ -256,7 +273,7 @@ def _line(
     whose = ""
     if has_both(task):  # one line cannot show both parts
         is_mixed = norm(force) > NEGLIGIBLE and norm(moment) > NEGLIGIBLE
-        whose = ", its force" if is_mixed else " of forces" if force.any() else " of moments"
+        whose = ", force part" if is_mixed else " of forces" if force.any() else " of moments"
     part = force if force.any() else moment
     unit = axes.rotation @ (part / norm(part))
     return read_only(np.array([axes.place + behind * unit, axes.place + ahead * unit])), whose
@@ -269,7 +286,7 @@ def rotation(wxyz: Vector) -> Matrix:
     return R
 
 
-def wxyz_of(R: Matrix) -> Vector:
+def _wxyz_of(R: Matrix) -> Vector:
     """Return the unit quaternion w, x, y, z of a rotation matrix (3, 3)."""
     x, y, z, w = quaternion(R).tolist()
     return np.array([w, x, y, z])

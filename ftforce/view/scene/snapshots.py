@@ -69,11 +69,19 @@ class Snapshot(NamedTuple):
 
 
 def faults_at(history: History, time: float) -> FaultSet:
-    """Return the faults that have occurred by a time, s."""
-    told = [event.all_faults for event in history.setting.events if event.time <= time + ROUNDING]
-    if not told:
+    """Return the faults that have occurred by a given time.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    time :
+        Time, s.
+    """
+    events = [event.all_faults for event in history.setting.events if event.time <= time + ROUNDING]
+    if not events:
         return FaultSet()
-    found, rest = [], told[-1]
+    found, rest = [], events[-1]
     for i, joint in enumerate(history.setting.joints):  # fault sets are listed in joint order
         start = f"{i + 1} {joint.name} "
         if rest.startswith(start):
@@ -102,30 +110,38 @@ def snapshot(history: History, name: str, time: float) -> Snapshot:
     i, run = history.index(time + ROUNDING), history.runs[name]
     at, fall = float(history.t[i]), run.falls_from
     faults = FaultSet() if name == "healthy" else faults_at(history, at)
-    holds = fall is None or i < fall
+    is_held = fall is None or i < fall
     return Snapshot(
         sample=i,
         time=at,
-        q=run.q[i if holds else fall],
+        q=run.q[i if is_held else fall],
         run=run,
         healthy=history.healthy,
         faults=faults,
         requested=np.array(history.setting.force),
-        kept=run.force[i] if holds else None,
-        lost=run.jump[i] if holds else None,
-        loads=_loads(history, run, i, faults, holds),
+        kept=run.force[i] if is_held else None,
+        lost=run.jump[i] if is_held else None,
+        loads=_loads(history, run, i, faults, is_held),
         verdict=VERDICTS[int(run.verdict[i])],
     )
 
 
 def first_with(history: History, time: float) -> float:
-    """Return the time of the first sample that includes an event at ``time``, s."""
+    """Return the time of the first sample that includes an event, s.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    time :
+        Time of the event, s.
+    """
     i = int(np.searchsorted(history.t, time - ROUNDING))
     return float(history.t[min(i, len(history.t) - 1)])
 
 
 def _loads(
-    history: History, run: Run, i: int, faults: FaultSet, holds: bool
+    history: History, run: Run, i: int, faults: FaultSet, is_held: bool
 ) -> tuple[JointLoad, ...]:
     by_joint = {fault.joint: fault for fault in faults.faults}
     rows = []
@@ -139,12 +155,12 @@ def _loads(
                 unit=joint.torque_unit,
                 fault=fault,
                 before=float(history.healthy.motor[i, j]),
-                after=float(run.motor[i, j]) if holds else math.nan,
+                after=float(run.motor[i, j]) if is_held else math.nan,
                 part_before=float(run.force_part[i, j]),
-                part_after=float(run.U[i, j]) if holds else math.nan,
-                brake=float(run.brake[i, j]) if is_locked and holds else math.nan,
+                part_after=float(run.U[i, j]) if is_held else math.nan,
+                brake=float(run.brake[i, j]) if is_locked and is_held else math.nan,
                 limit=_limit(history, run, i, j, fault),
-                used=float(run.used[i, j]) if holds else math.nan,
+                used=float(run.used[i, j]) if is_held else math.nan,
             )
         )
     return tuple(rows)
@@ -163,21 +179,30 @@ def _limit(history: History, run: Run, i: int, j: int, fault: Fault | None) -> f
 
 
 def sentence(history: History, name: str, now: Snapshot) -> str:
-    """Return a sentence on what a run keeps of the force at a snapshot."""
-    told = [event for event in history.setting.events if event.time <= now.time + ROUNDING]
-    faults = told[-1].all_faults if told else "every joint healthy"
+    """Return a sentence on the force that a run keeps at one instant.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    name :
+        Name of the run, one of `ftforce.trajectory.history.RUNS`.
+    now :
+        Its state at that instant.
+    """
+    events = [event for event in history.setting.events if event.time <= now.time + ROUNDING]
+    faults = events[-1].all_faults if events else "every joint healthy"
     parts = [
         f"{now.time:.2f} s, {STROKES[name].words}, {faults}: {now.verdict}.",
         _kept(now, history),
     ]
-    acts = [event.time + history.setting.delay for event in told]
-    pending = [f"{time:g} s" for time in acts if now.time < time - ROUNDING]
+    effective = [event.time + history.setting.delay for event in events]
+    pending = [f"{time:g} s" for time in effective if now.time < time - ROUNDING]
     if name == "remapped" and pending:
-        parts.append(f"The remap acts at {text.joined(pending)}.")
+        parts.append(f"The remap takes effect at {text.joined(pending)}.")
     if now.kept is None and (fall := now.run.falls_from) is not None:
         parts.append(
-            f"From {history.t[fall]:g} s on nothing holds the arm; where that takes it is not "
-            "simulated."
+            f"This has been so since {history.t[fall]:g} s; the resulting motion is not simulated."
         )
     return " ".join(parts)
 
@@ -185,23 +210,31 @@ def sentence(history: History, name: str, now: Snapshot) -> str:
 def _kept(now: Snapshot, history: History) -> str:
     task = history.setting.task
     if now.kept is None or now.lost is None:
-        return "Nothing holds the arm."
+        return "The arm cannot be held in static equilibrium."
     if text.is_noticeable(now.lost):
         lost = text.amounts(task, now.lost)
-        return f"{lost} of {text.amounts(task, now.requested)} are missing at the tip."
+        return f"{lost} of {text.amounts(task, now.requested)} is lost at the tip."
     if not now.requested.any():
         return "The arm carries its own weight."
     whole = text.amounts(task, now.requested)
     if text.is_noticeable(now.requested - now.kept):
-        return f"It exerts what the healthy arm can of the {whole}."
-    return f"The whole {whole} is exerted."
+        return f"The arm exerts as much of the {whole} as the healthy arm can."
+    return f"The full {whole} is exerted."
 
 
 # ---- the scene -------------------------------------------------------------------------------
 
 
 def history_scales(history: History, extent: float) -> Scales:
-    """Return scales at which the largest force and the largest moment of a history fit."""
+    """Return scales at which the largest force and the largest moment of a history fit.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    extent :
+        Size of the scene, m.
+    """
     vectors = [np.array(history.setting.force)]
     vectors += [x for run in history.runs.values() for x in (run.force, run.jump)]
     return scales_for(history.setting.task, vectors, extent)
@@ -210,10 +243,24 @@ def history_scales(history: History, extent: float) -> Scales:
 def scene(
     robot: Robot, history: History, now: Snapshot, scales: Scales, see_through: bool
 ) -> Picture:
-    """Return the scene at a snapshot."""
+    """Return the scene at one instant.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    history :
+        A history of this arm.
+    now :
+        Its state at that instant.
+    scales :
+        Arrow scales.
+    see_through :
+        Whether the arm is transparent.
+    """
     task = history.setting.task
-    poses, (turn, place) = joint_poses(robot, now.q)
-    axes = TipAxes(place, turn if task.axes == "tool" else np.eye(3))
+    poses, (tip_rotation, place) = joint_poses(robot, now.q)
+    axes = TipAxes(place, tip_rotation if task.axes == "tool" else np.eye(3))
     forces = {
         "requested": now.requested,
         "kept": now.kept,
@@ -229,7 +276,7 @@ def scene(
         scales=scales,
         notes=scales.notes(),
         see_through=see_through,
-        can_pull=False,
+        can_drag=False,
     )
 
 

@@ -56,7 +56,7 @@ class Stage:
         Server whose scene it is drawn in.
     robot :
         The arm.
-    hands :
+    controller :
         Controller notified when a user drags the force or clicks on a joint; without it, the
         scene is not interactive.
     prefix :
@@ -69,13 +69,13 @@ class Stage:
         self,
         server: viser.ViserServer,
         robot: Robot,
-        hands: Controller | None = None,
+        controller: Controller | None = None,
         prefix: str = "",
         *,
         floor: bool = True,
     ) -> None:
         self.server, self.robot, self.prefix = server, robot, prefix
-        self._hands = hands
+        self._controller = controller
         self._moves = chain_joints(robot)
         self._extent = scene_size(robot)
         self._parts: list[_Part] = []
@@ -96,8 +96,8 @@ class Stage:
             opacity=0.8,
             **IN_FRONT,
         )
-        if hands is not None:
-            self._handle.on_update(lambda event: self._dragged(event, hands))
+        if controller is not None:
+            self._handle.on_update(lambda event: self._dragged(event, controller))
 
     # ---- the arm -----------------------------------------------------------------------------
 
@@ -119,15 +119,15 @@ class Stage:
                 visible=self._last is not None,
                 **_BOTH_SIDES,
             )
-            if self._hands is not None and moves is not None:
-                node.on_click(partial(_touch, self._hands, moves))
+            if self._controller is not None and moves is not None:
+                node.on_click(partial(_toggle, self._controller, moves))
             few = part.vertices[:: 1 + len(part.vertices) // _SAMPLE]
             self._parts.append(_Part(part.joint, node, few.astype(float)))
         if self._last is not None:
             self._pose(self._last, None)
             self._paint(self._last, None)
 
-    def look(self, picture: Picture) -> None:
+    def aim(self, picture: Picture) -> None:
         """Aim the camera of new tabs and images at the moving links and the force."""
         points = [pose.position for pose in picture.joints[1:]]
         points += [end for arrow in picture.arrows for end in (arrow.start, arrow.end)]
@@ -136,7 +136,7 @@ class Stage:
             if line.label:  # the label extends to the right of the line's end
                 points += [end + _LABEL * self._extent * _RIGHT for end in line.ends]
         points += [corner for solid in picture.solids for corner in solid.vertices]
-        points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # the arm's foot
+        points.append(picture.joints[1].position * np.array([1.0, 1.0, 0.0]))  # the arm's base
         for part in self._parts:
             if self._moves[part.joint] is not None:
                 pose = picture.joints[part.joint]
@@ -211,18 +211,18 @@ class Stage:
             self._arrows[key].hide()
 
     def _place_handle(self, picture: Picture) -> None:
-        assign(self._handle, "visible", picture.can_pull)
-        if picture.can_pull and not self._drags:  # not while it is being dragged
+        assign(self._handle, "visible", picture.can_drag)
+        if picture.can_drag and not self._drags:  # not while it is being dragged
             assign(self._handle, "position", picture.arrows[0].end)
             assign(self._handle, "wxyz", picture.tip.wxyz)
 
-    def _dragged(self, event: Any, hands: Controller) -> None:
+    def _dragged(self, event: Any, controller: Controller) -> None:
         if event.phase == "start":  # no displacement yet
             self._drags.add(event.client_id)
             return
         if event.phase == "end":
             self._drags.discard(event.client_id)
-        hands.pull(self._end, not self._drags)
+        controller.drag(self._end, not self._drags)
 
     def _end(self) -> Vector:
         return read_only(np.array(self._handle.position, dtype=float))
@@ -290,8 +290,8 @@ def viewpoint(points: Matrix, margin: float) -> tuple[Vector, Vector]:
     # Centred in the image, neglecting perspective.
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     target = target + middle[0] * right + middle[1] * up
-    aside = (np.abs(seen - middle) + margin) / slopes
-    distance = float((aside.max(axis=1) + (points - target) @ towards).max())
+    needed = (np.abs(seen - middle) + margin) / slopes
+    distance = float((needed.max(axis=1) + (points - target) @ towards).max())
     return read_only(target + distance * towards), read_only(target)
 
 
@@ -301,7 +301,21 @@ def linear(colours: NDArray[Any]) -> Any:
 
 
 def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: float) -> Any:
-    """Add line segments of one colour: ends in root axes, m, shape (k, 2, 3), thickness in px."""
+    """Add line segments of one colour to a scene, and return their node.
+
+    Parameters
+    ----------
+    scene :
+        viser's scene.
+    name :
+        Name of the node.
+    ends :
+        In root axes, m, shape (k, 2, 3).
+    colour :
+        The colour.
+    thickness :
+        px.
+    """
     colours = np.broadcast_to(linear(np.array(colour)), ends.shape)
     places = ends.astype(np.float32)
     return scene.add_line_segments(
@@ -309,8 +323,8 @@ def add_lines(scene: Any, name: str, ends: Matrix, colour: Colour, thickness: fl
     )
 
 
-def _touch(hands: Controller, joint: int, _event: Any) -> None:
-    hands.touch(joint)
+def _toggle(controller: Controller, joint: int, _event: Any) -> None:
+    controller.toggle(joint)
 
 
 def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
@@ -328,9 +342,9 @@ def _floor(server: viser.ViserServer, prefix: str, extent: float) -> Any:
     )
 
 
-def _are_same(ones: tuple[Line | Solid, ...], others: tuple[Line | Solid, ...]) -> bool:
-    return len(ones) == len(others) and all(
+def _are_same(old: tuple[Line | Solid, ...], new: tuple[Line | Solid, ...]) -> bool:
+    return len(old) == len(new) and all(
         is_same(a, b)
-        for one, other in zip(ones, others, strict=True)
-        for a, b in zip(one, other, strict=True)
+        for before, after in zip(old, new, strict=True)
+        for a, b in zip(before, after, strict=True)
     )

@@ -60,7 +60,7 @@ def scene_html(
     head = policy.format(content_policy("")) + style(_STYLE)
     body, end, rest = viser_private.titled(page, title, head).rpartition("</body>")
     if head not in body:
-        raise viser_private.changed("has another page than expected")
+        raise viser_private.changed("has an unexpected page format")
     aside = Markup('<aside id="ftforce-answer">{}</aside>').format(answer)
     return f"{body}{aside}{end}{rest}"
 

@@ -1,7 +1,7 @@
 """Access control of the page's server: only the page that it served itself may connect.
 
-viser answers every request. Any web page could thus connect to the server on the user's own
-machine and read along, as the same-origin policy does not cover WebSockets. viser has no hook for
+viser answers every request. Any web page could thus connect to the server on the user's machine
+and eavesdrop, as the same-origin policy does not cover WebSockets. viser has no hook for
 an access check, so the function that starts its server is replaced during startup
 (`viser_private`); `server` verifies that the check is effective before anything is shown.
 """
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
-_PATIENCE = 1.0  # s: how long shutdown waits for connections to close
+_CLOSE_TIMEOUT = 1.0  # s: how long shutdown waits for connections to close
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; "
@@ -56,7 +56,7 @@ class Names:
     names: frozenset[str]
     any_address: bool = False
 
-    def hold(self, name: str) -> bool:
+    def accepts(self, name: str) -> bool:
         """Return whether the server may be addressed by ``name``."""
         return name.lower() in self.names or (self.any_address and _as_address(name) is not None)
 
@@ -102,25 +102,25 @@ def refusal(path: str, headers: Headers, names: Names, protocol: str) -> str:
     """
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
     if len(hosts) != 1 or (match := _HOST.fullmatch(hosts[0])) is None:
-        return "one Host header is needed"
-    if not names.hold(match["name"].strip("[]")):
-        return "this server has another name"
+        return "exactly one Host header is required"
+    if not names.accepts(match["name"].strip("[]")):
+        return "unknown host name"
     own = f"http://{hosts[0]}"
     if headers.get_all("Upgrade"):
         return _connection_refusal(headers, own, protocol)
     if origins not in ([], [own]):
-        return "another page may not read this one"
-    if viser_private.ELSEWHERE & set(parse_qs(urlsplit(path).query, keep_blank_values=True)):
-        return "this page connects to no other server"
+        return "cross-origin requests are not allowed"
+    if viser_private.REDIRECTING & set(parse_qs(urlsplit(path).query, keep_blank_values=True)):
+        return "the page must not connect to another server"
     return ""
 
 
 def _connection_refusal(headers: Headers, own: str, protocol: str) -> str:
     # Browsers always send an Origin that pages cannot forge; only non-browsers omit it.
     if headers.get_all("Origin") != [own]:
-        return "only the page that this server sent may connect"
+        return "only pages served by this server may connect"
     if headers.get_all("Sec-WebSocket-Protocol") != [protocol]:
-        return "the page is of another version; reload it"
+        return "the page is from another version of viser; reload it"
     return ""
 
 
@@ -152,14 +152,24 @@ class Guard:
         process_request: Any,
         **options: Any,
     ) -> Any:
-        """Start the websockets server as viser would, but guarded and on our own socket."""
+        """Start the websockets server as viser would, but guarded and on our own socket.
+
+        Parameters
+        ----------
+        serve :
+            The function of websockets that starts a server.
+        handler, process_request :
+            viser's handlers of connections and requests.
+        options :
+            Further options that viser passes.
+        """
         self.is_used = True
         options |= {
             "sock": self._listening,
             "process_request": self.wrap(process_request),
             "create_connection": self._tracked(),
-            "close_timeout": _PATIENCE,
-            "logger": _silent(),
+            "close_timeout": _CLOSE_TIMEOUT,
+            "logger": _null_logger(),
         }
         return serve(handler, **options)
 
@@ -177,14 +187,14 @@ class Guard:
             _set_header(request, "Accept-Encoding", "identity")
             response = answer(connection, request)
             if response is not None:
-                self._name(response)
+                self._set_title(response)
                 self._harden(response, f"'self' ws://{request.headers['Host']}")
             return response
 
         return checked
 
     def _tracked(self) -> Any:
-        """Return a connection class that records connections for `hang_up`."""
+        """Return a connection class that records connections for `abort_idle`."""
         from websockets.asyncio.server import ServerConnection
 
         transports = self._transports
@@ -197,7 +207,7 @@ class Guard:
 
         return Tracked
 
-    def hang_up(self) -> None:
+    def abort_idle(self) -> None:
         """Abort connections on which no request was sent; shutdown would wait for them.
 
         Browsers open such connections in advance.
@@ -209,7 +219,7 @@ class Guard:
                 with suppress(RuntimeError):  # the server has already stopped
                     abort()
 
-    def _name(self, response: Any) -> None:
+    def _set_title(self, response: Any) -> None:
         if response.headers.get("Content-Type", "").startswith("text/html"):
             page = viser_private.titled(response.body.decode(), self.title)
             response.body = page.encode()
@@ -251,8 +261,8 @@ def _set_header(message: Any, name: str, value: str) -> None:
     message.headers[name] = value
 
 
-def _silent() -> logging.Logger:
-    """Return a logger without output: malformed requests of strangers do not concern the user."""
+def _null_logger() -> logging.Logger:
+    """Return a logger without output: malformed requests from outside do not concern the user."""
     logger = logging.getLogger("ftforce.view")
     logger.disabled = True
     return logger

@@ -31,9 +31,9 @@ BROWSERS = (
     "chrome",
     "microsoft-edge",
 )
-LARGEST_SIDE = 8192  # px
+_MAX_SIDE = 8192  # px
 
-_ON_MAC = (
+_MAC_PATHS = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
@@ -59,10 +59,10 @@ _FLAGS = (
     "--enable-unsafe-swiftshader",
     "--no-proxy-server",
 )
-_PATIENCE = 5.0  # s for the browser to exit
-_LONGEST_FOLDER = 50  # socket paths are limited to 104 bytes on macOS; Chromium needs 45
-_STEP = 0.05  # s between polls
-_MOST_PICTURES = 6  # attempts to obtain two equal images in a row
+_EXIT_TIMEOUT = 5.0  # s for the browser to exit
+_MAX_FOLDER = 50  # socket paths are limited to 104 bytes on macOS; Chromium needs 45
+_POLL_INTERVAL = 0.05  # s between polls
+_MAX_IMAGES = 6  # attempts to obtain two equal images in a row
 
 
 def screenshot(
@@ -91,8 +91,10 @@ def screenshot(
     InputError
         The image size is invalid.
     """
-    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
-        raise InputError(f"a picture has 1 to {LARGEST_SIDE} px a side, got {width} x {height}")
+    if not (1 <= width <= _MAX_SIDE and 1 <= height <= _MAX_SIDE):
+        raise InputError(
+            f"an image must be 1 to {_MAX_SIDE} px wide and high, got {width} x {height}"
+        )
     end = time.monotonic() + seconds
     before = set(server.get_clients())
     with _browser(find_browser(), address, width, height) as process:
@@ -135,11 +137,11 @@ def find_browser() -> str:
     for name in BROWSERS:
         if found := shutil.which(name):
             return found
-    for path in _ON_MAC:
+    for path in _MAC_PATHS:
         if Path(path).is_file():
             return path
     raise FtforceError(
-        f"a screenshot needs Chromium or Chrome; none of {', '.join(BROWSERS)} is on PATH"
+        f"a screenshot requires Chromium or Chrome; not found on PATH: {', '.join(BROWSERS)}"
     )
 
 
@@ -153,7 +155,7 @@ def _browser(
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             flags.append("--no-sandbox")  # Chromium's sandbox does not work as root
         scratch = {"XDG_CONFIG_HOME": folder, "XDG_CACHE_HOME": folder}
-        if len(folder) <= _LONGEST_FOLDER:
+        if len(folder) <= _MAX_FOLDER:
             scratch["TMPDIR"] = folder
         try:
             process = subprocess.Popen(
@@ -177,7 +179,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
         _signal(process, number)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(_PATIENCE)
+            process.wait(_EXIT_TIMEOUT)
             break
     _signal(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # remaining child processes
 
@@ -199,16 +201,16 @@ def _connected(
         if new:
             return new[0]
         if process.poll() is not None:
-            raise FtforceError(f"the browser ended by itself (status {process.returncode})")
+            raise FtforceError(f"the browser exited unexpectedly (status {process.returncode})")
         if time.monotonic() > end:
             raise FtforceError("the browser did not open the page in time")
-        time.sleep(_STEP)
+        time.sleep(_POLL_INTERVAL)
 
 
 def _settled(client: Any, width: int, height: int, end: float) -> NDArray[np.uint8]:
     """Return an image once two in a row are equal: meshes load one after the other."""
     last = _render(client, width, height, end)
-    for _ in range(_MOST_PICTURES):
+    for _ in range(_MAX_IMAGES):
         picture = _render(client, width, height, end)
         if picture[..., 3].any() and np.array_equal(picture, last):
             break
@@ -223,7 +225,7 @@ def _render(client: Any, width: int, height: int, end: float) -> NDArray[np.uint
             height, width, transport_format="png", timeout=seconds
         )
     except (TimeoutError, RuntimeError) as problem:
-        raise FtforceError(f"the browser drew no picture ({problem})") from None
+        raise FtforceError(f"the browser did not render the image ({problem})") from None
     return picture
 
 

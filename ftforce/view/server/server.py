@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from ftforce.view.server.guard import Guard
 
 FIRST_PORT = 8080
-_MOST_PORTS = 100  # ports tried before leaving the choice to the system
+_MAX_PORTS = 100  # ports tried before leaving the choice to the system
 _BRAND = (30, 90, 160)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Opened:
+class OpenServer:
     """An open server.
 
     Attributes
@@ -48,14 +48,14 @@ class Opened:
 
     def close(self) -> None:
         """Close the server and all connections, suppressing viser's output."""
-        self._guard.hang_up()
+        self._guard.abort_idle()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
 
 
 def open_server(
     host: str = "127.0.0.1", port: int | None = None, *, title: str = "ftforce"
-) -> Opened:
+) -> OpenServer:
     """Open a server with an empty page.
 
     Parameters
@@ -76,18 +76,18 @@ def open_server(
         viser is not installed, or its version cannot be guarded.
     """
     if port is not None and not 0 <= port <= 65535:
-        raise InputError(f"a port is a number from 1 to 65535, got {port}")
+        raise InputError(f"the port must be from 0 (any free one) to 65535, got {port}")
     viser = _viser()
     listening = _listening(host, port)
     address, found, *_ = listening.getsockname()
     here = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(address, address)
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as undone:
-        undone.callback(listening.close)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.ExitStack() as cleanup:
+        cleanup.callback(listening.close)
         with guarding(names_of(host), title, listening) as guard:
             server = viser.ViserServer(host=address, port=found, verbose=False)
-        undone.pop_all()  # now owned by the server
+        cleanup.pop_all()  # now owned by the server
     place = f"[{here}]:{found}" if ":" in here else f"{here}:{found}"
-    opened = Opened(server, f"http://{place}/", found, exposure(host), guard)
+    opened = OpenServer(server, f"http://{place}/", found, exposure(host), guard)
     try:
         _check(guard, (here, found), place)
         close_tunnel(server)
@@ -103,8 +103,8 @@ def exposure(host: str) -> str:
     if is_loopback(host):
         return ""
     return (
-        f"everybody who reaches {printable(host)} can see and change what this page shows, "
-        "without a password and unencrypted"
+        f"anyone who can reach {printable(host)} can see and control this page, without a "
+        "password or encryption"
     )
 
 
@@ -135,12 +135,12 @@ def _viser() -> Any:
 def _listening(host: str, port: int | None) -> socket.socket:
     """Return a listening socket; viser would retry forever, or use another port."""
     name = "127.0.0.1" if host == "localhost" else host
-    ports = [*range(FIRST_PORT, FIRST_PORT + _MOST_PORTS), 0] if port is None else [port]
+    ports = [*range(FIRST_PORT, FIRST_PORT + _MAX_PORTS), 0] if port is None else [port]
     try:
         family, *_, place = socket.getaddrinfo(name, 0, type=socket.SOCK_STREAM)[0]
-        for one in ports[:-1]:
+        for number in ports[:-1]:
             with contextlib.suppress(OSError):
-                return socket.create_server((str(place[0]), one), family=family)
+                return socket.create_server((str(place[0]), number), family=family)
         return socket.create_server((str(place[0]), ports[-1]), family=family)
     except (OSError, UnicodeError) as problem:
         raise _refused(host, port, getattr(problem, "errno", None)) from None
@@ -149,18 +149,18 @@ def _listening(host: str, port: int | None) -> socket.socket:
 def _refused(host: str, port: int | None, reason: int | None) -> InputError:
     """Return the error for an address on which the server cannot listen."""
     if reason == errno.EACCES:
-        words = f"port {port} needs an administrator's rights; give one from 1024 to 65535"
+        message = f"port {port} requires administrator privileges; choose one from 1024 to 65535"
     elif reason == errno.EADDRINUSE:
-        words = (
-            f"port {port} of {printable(host)} is taken; end the program that uses it, give "
-            "another --port, or none for the first one that is free"
+        message = (
+            f"port {port} of {printable(host)} is in use; stop the program that uses it, choose "
+            "another --port, or omit it to use the first free one"
         )
     else:
-        words = (
-            f"{printable(host)!r} is no address of this machine; "
-            "give 127.0.0.1, or 0.0.0.0 for all of its addresses"
+        message = (
+            f"{printable(host)!r} is not an address of this machine; "
+            "use 127.0.0.1, or 0.0.0.0 for all of its addresses"
         )
-    return InputError(words)
+    return InputError(message)
 
 
 # ---- check of the guard ----------------------------------------------------------------------
@@ -188,13 +188,13 @@ def _check(guard: Guard, address: tuple[str, int], own: str) -> None:
         f"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
         f"Sec-WebSocket-Protocol: {guard.protocol}\r\n"
     )
-    strangers = (
+    outsiders = (
         "Host: ftforce.invalid\r\n",
         f"Host: {own}\r\n{connect}",
         f"Host: {own}\r\nOrigin: http://ftforce.invalid\r\n{connect}",
     )
-    if not guard.is_used or not all(_is_refused(address, one) for one in strangers):
-        raise changed("cannot be guarded against other web pages")
+    if not guard.is_used or not all(_is_refused(address, headers) for headers in outsiders):
+        raise changed("cannot be protected from other web pages")
 
 
 def _is_refused(address: tuple[str, int], headers: str) -> bool:

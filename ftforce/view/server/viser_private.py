@@ -1,7 +1,7 @@
 """Non-public parts of viser that the page depends on; tested with viser 1.1.1.
 
-No other module uses them. ``tests/test_view_viser_private.py`` has a test for each, which names
-the tested version, so that a failure shows where to look.
+No other module uses them. Each has a test in ``tests/test_view_viser_private.py``, whose failure
+names the tested version.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
-TRIED = "1.1.1"
+TESTED = "1.1.1"
 
-ELSEWHERE = frozenset({"websocket", "playbackPath"})
+REDIRECTING = frozenset({"websocket", "playbackPath"})
 """URL parameters that make a page connect to another server and show its HTML.
 
 Private: read by viser's page but undocumented. They cannot be disabled.
@@ -79,7 +79,7 @@ def close_tunnel(server: Any) -> None:
     Raises
     ------
     FtforceError
-        viser has changed.
+        viser's internals have changed.
     """
     import viser
 
@@ -88,7 +88,7 @@ def close_tunnel(server: Any) -> None:
         for request in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
             server._websock_server.unregister_handler(request)
     except (AttributeError, AssertionError, KeyError):
-        raise changed("does not let its public tunnel be closed") from None
+        raise changed("does not allow disabling its public tunnel") from None
 
 
 def titled(page: str, title: str, before: Markup = Markup()) -> str:  # noqa: B008 # immutable
@@ -109,10 +109,10 @@ def titled(page: str, title: str, before: Markup = Markup()) -> str:  # noqa: B0
 
 
 def changed(what: str) -> FtforceError:
-    """Return an error stating what the installed version of viser no longer does."""
+    """Return an error stating what is different in the installed version of viser."""
     import viser
 
     return FtforceError(
-        f"viser {viser.__version__} {what}; install the one that ftforce was tested with: "
+        f"viser {viser.__version__} {what}; install the version that ftforce was tested with: "
         "pip install 'ftforce[view]'"
     )
