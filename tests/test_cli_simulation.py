@@ -256,7 +256,7 @@ def test_timeline_tables_and_csv():
     text = run("timeline", "dh5", *LINE, *PUSH, "--format", "csv").stdout
     rows = list(csv.DictReader(io.StringIO(text)))
     assert {"t [s]", "fault_set", "jump [N]", "margin", "capability [N]", "verdict"} <= set(rows[0])
-    assert len({row["fault_set"] for row in rows}) == 5
+    assert len({row["fault_set"] for row in rows}) == 6  # and the healthy arm
 
 
 def test_json_holds_no_nan():
