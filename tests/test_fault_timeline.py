@@ -251,10 +251,13 @@ def test_progress_goes_up_to_the_end(dh5):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"faults": 6}, "faults must be a number from 1 to 5, got 6"),
-        ({"faults": True}, "faults must be a number from 1 to 5, got True"),
-        ({"mode": "weak"}, "many fault sets are either locked or free; weak joints need a factor"),
-        ({"direction": (0, 0, 0)}, "the direction needs a component that is not zero"),
+        ({"faults": 6}, "faults must be an integer from 1 to 5, got 6"),
+        ({"faults": True}, "faults must be an integer from 1 to 5, got True"),
+        (
+            {"mode": "weak"},
+            "fault sets of many joints are locked or free; weak joints need individual",
+        ),
+        ({"direction": (0, 0, 0)}, "the direction must not be zero"),
         ({"force": (1, 2)}, ""),
         ({"rate": -1}, ""),
         ({"task": "push"}, ""),

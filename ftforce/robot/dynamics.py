@@ -153,6 +153,39 @@ def rnea_torque(
     return read_only(fold.fold_torque(torque))
 
 
+def rnea_torques(
+    robot: Robot,
+    q: Vector,
+    v: Matrix,
+    a: Matrix,
+    *,
+    gravity: Vector | None = None,
+    payload: Payload | None = None,
+) -> Matrix:
+    """Return the torques of `rnea_torque` in one posture for k motions, N·m (N), shape (k, n).
+
+    Parameters
+    ----------
+    robot, q, gravity, payload :
+        As in `rnea_torque`.
+    v, a :
+        Joint velocities and accelerations, shape (k, n).
+    """
+    found = np.empty(v.shape)
+    if gravity is not None or payload is not None:
+        for i in range(len(v)):
+            found[i] = rnea_torque(robot, q, v[i], a[i], gravity=gravity, payload=payload)
+        return found
+    model, data, fold = robot.model, robot.data, robot.coordinates
+    configuration = robot.to_model(q)
+    if not fold.is_identity:
+        v, a = v @ fold.G.T, a @ fold.G.T
+    for i in range(len(v)):
+        torque = pin.rnea(model, data, configuration, v[i], a[i])
+        found[i] = torque if fold.is_identity else torque.dot(fold.G)
+    return found
+
+
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
     """Return the mass matrix M(q), kg·m² (kg·m and kg for prismatic joints), shape (n, n).
 

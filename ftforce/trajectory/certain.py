@@ -8,7 +8,7 @@ import numpy as np
 
 from ftforce.core.faults import FaultMode
 from ftforce.core.stacks import cells_of, reach_of
-from ftforce.robot.dynamics import rnea_torque
+from ftforce.robot.dynamics import rnea_torques
 from ftforce.robot.kinematics import frame_jacobian
 
 if TYPE_CHECKING:
@@ -97,7 +97,8 @@ def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.flo
     own = None if conditions.is_model_gravity else conditions.gravity
     keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
     found = np.empty((len(motion.q), len(keep), robot.n))
-    for i, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
-        for j, (v_S, a_S) in enumerate(zip(v * keep, a * keep, strict=True)):  # 0 where locked
-            found[i, j] = rnea_torque(robot, q, v_S, a_S, gravity=own, payload=conditions.payload)
+    for i, (q, v, a) in enumerate(zip(*motion, strict=True)):  # 0 where locked
+        found[i] = rnea_torques(
+            robot, q, v * keep, a * keep, gravity=own, payload=conditions.payload
+        )
     return found
