@@ -58,8 +58,8 @@ FILES = {
     "nested": ("<a>" * 200_000 + "</a>" * 200_000, "is not a URDF: its root element is <a>, not"),
     "row": (ROW, "is 4500 links deep; at most 150 are supported"),
     "branches": (
-        arm(link("x"), joint("y", "base", "x")),
-        "the tree branches into several moving parts at the link 'base'; choose a tip (--tip): t",
+        robot(*map(link, "abc"), joint("x", "a", "b"), joint("y", "a", "c")),
+        "which tip? the tree branches into several moving parts at the link 'a'; choose a tip (--",
     ),
 }
 
@@ -132,7 +132,7 @@ VALUES = {
     "posture": (
         "analyze",
         ["--posture", "hme"],
-        "unknown posture 'hme'; available: home, far, mid-range, zero, sample; did you mean ",
+        "unknown posture 'hme'; available: home, far, mid-range, zero, bent, sample; did you mean ",
     ),
     "tip": ("inspect", ["--tip", "toool"], "unknown tip link 'toool' in "),
     "base": ("capability", ["--base", "l9"], "unknown base link 'l9' in "),

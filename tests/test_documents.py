@@ -314,6 +314,16 @@ def test_a_motor_that_cannot_carry_the_arm():
     assert all(text in document["summary"] for text in amounts)
 
 
+def test_a_supporting_force_that_rounds_to_nothing_is_not_listed():
+    panda = ftforce.load_robot("panda")
+    for pull, is_listed in ((9.81, True), (1e-4, False)):
+        document = json_of(ftforce.analyze(panda, free=[4], gravity=[0, 0, -pull]))
+        support = np.array(document["standing"]["support"])
+        assert np.linalg.norm(support) > 1e-6 * pull  # without it the arm falls
+        assert ("presses" in document["summary"]) is is_listed
+        assert "0.00 N, fy 0.00 N" not in document["summary"]
+
+
 def test_residuals_are_small(result):
     document = json_of(result)
     laws = {"balance", "orthogonality", "uncommandable", "statics", "unchanged"}

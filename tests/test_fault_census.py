@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import re
 from dataclasses import FrozenInstanceError
 from itertools import combinations, pairwise
 
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 
 import ftforce
-from ftforce import Verdict, analyze, census
+from ftforce import Verdict, analyze, census, load_robot
 from ftforce.core.feasible_forces import LimitingFactor, LockModel
 from ftforce.core.limits import Limits
 from ftforce.errors import InputError
+from ftforce.report.census import critical_joint
 from ftforce.robot.kinematics import tip_pose
+from ftforce.show.render import to_text
 from helpers import (
     CAMPAIGN,
     arrays_in,
@@ -403,3 +406,91 @@ def test_a_posture_is_looked_up_once_for_all_sets(dh5):
     result = census(dh5, [0.1, 0.2, 0.3, 0.4, 5.0], force=FORCE)
     assert result.posture.source == "given"
     assert "joint5 = 5" in result.posture.warnings[0]
+
+
+# ---- what the ranking says of itself -----------------------------------------------------------
+
+RANKED = (
+    {"force": FORCE},
+    {"rank_by": "capability"},
+    {"rank_by": "capability", "force": FORCE, "faults": 2},
+    {"mode": "free", "force": FORCE},
+    {"mode": "free", "force": FORCE, "faults": 2},
+    {"force": FORCE, "faults": 2, "limits": "urdf"},
+    {"task": "wrench"},
+    {},
+)
+
+
+@pytest.mark.parametrize("asked", RANKED, ids=str)
+@pytest.mark.parametrize("name", ["dh5", "panda"])
+def test_the_sentence_names_the_first_row_and_all_that_tie_with_it(name, asked):
+    result = census(load_robot(name), **asked)
+    sentence, robot = critical_joint(result), result.robot
+    first = [joint for joint, rank in zip(result.joints, result.joint_ranks, strict=True)
+             if rank.first == 1]  # fmt: skip
+    assert first[0] is result.joints[0]
+    named = {i for i in range(robot.n) if re.search(rf"\b{i + 1} {robot.names[i]}\b", sentence)}
+    assert named == {joint.joint for joint in first}
+    if result.largest == 1:  # both tables rank the same things, so in the same order
+        alone = [joint.alone.faults for joint in result.joints]
+        assert [report.faults for report in result.sets] == alone
+        assert result.set_ranks == result.joint_ranks
+    if "smallest margin" in sentence:
+        least = min(joint.alone.margin for joint in result.joints)
+        assert_close(first[0].alone.margin, least)
+
+
+@pytest.mark.parametrize("asked", RANKED, ids=str)
+def test_equal_values_share_a_rank_and_no_others(panda, asked):
+    result = census(panda, **asked)
+    pairs = list(zip(result.sets, result.set_ranks, strict=True))
+    for (one, rank), (other, next_rank) in pairwise(pairs):
+        if "rank_by" in asked:
+            shown = [[x.capability.commanded, x.capability.held] for x in (one, other)]
+        else:
+            shown = [[SEVERITY.index(x.verdict), x.can_stand_still, x.relative_jump, x.rank_lost,
+                      len(x.faults) * (x.relative_jump > 1e-9), x.margin]
+                     for x in (one, other)]  # fmt: skip
+        is_tie = np.allclose(*shown, rtol=1e-8, atol=1e-8, equal_nan=True)
+        assert (rank == next_rank) is bool(is_tie)
+    places = [rank.first for _, rank in pairs]
+    assert all(pairs[place - 1][1].first == place for place in places)
+    assert all(rank.last - rank.first + 1 == places.count(rank.first) for _, rank in pairs)
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+def test_the_healthy_arm_is_the_baseline(panda, mode):
+    result = census(panda, POSTURE, mode=mode, force=FORCE, rank_by="capability")
+    alone = ftforce.capability(panda, POSTURE, direction=result.direction)
+    commanded = alone.directions[-1].before["commanded"].maximum
+    assert result.healthy.faults.joints == ()
+    assert result.healthy.capability.commanded == commanded
+    limited = analyze(panda, POSTURE, force=FORCE, limits="urdf")  # too large a force, healthy too
+    assert_close(result.healthy.jump, limited.force.jump)
+    assert (result.healthy.rank_lost, result.healthy.verdict) == (0, limited.verdict)
+    for report in result.sets:
+        kept = result.capability_kept(report)
+        if not math.isnan(report.capability.commanded):
+            assert_close(kept, report.capability.commanded / commanded)
+
+
+def test_the_share_of_the_force_that_is_kept(dh5):
+    result = census(dh5, faults=3, force=FORCE)
+    F = np.array(FORCE, dtype=float)
+    for report in result.sets:
+        K = np.delete(analyze(dh5).J, report.faults.joints, axis=1)
+        after = K @ np.linalg.pinv(K, rcond=1e-6) @ F
+        assert_close(report.kept, F @ after / (F @ F), scale=1.0)
+    assert result.healthy.kept == pytest.approx(1.0)
+    assert {r.kept for r in census(dh5).sets} == {None}
+
+
+def test_tables_and_documents_show_ranks_and_baseline(panda):
+    result = census(panda, force=FORCE, rank_by="capability")
+    shown = [line.split() for line in to_text(result).splitlines()]
+    ranks = [str(rank) for rank in result.set_ranks]
+    rows = [line for line in shown if len(line) > 5 and line[0] in ranks]
+    assert [line[0] for line in rows] == [*ranks, *map(str, result.joint_ranks)]
+    assert sum(line[:1] == ["none"] for line in shown) == 2
+    assert max(map(len, to_text(result).splitlines())) <= 80

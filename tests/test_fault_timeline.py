@@ -1,15 +1,23 @@
 """Every fault set at every instant: each cell beside `analyze`, ratios with NumPy, the worst."""
 
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 import ftforce
+from ftforce.core.limits import Limits
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import FtforceError, InputError
+from ftforce.report.timeline import (
+    faults_in_words,
+    timeline_document,
+    timeline_rows,
+    timeline_sentence,
+)
 from ftforce.robot.kinematics import frame_jacobian
+from ftforce.show.render import to_text
 from ftforce.trajectory import Path, Recording
 from ftforce.trajectory.simulate import simulate
 from ftforce.trajectory.timeline import timeline
@@ -281,3 +289,83 @@ def test_doubts_are_those_of_a_simulation(dh5):
     assert all("change abruptly" in words or "effort limit" in words for words in rest)
     near = Path.through([(0.9, 0.3, 0.2), (0.8, 0.4, 0.25)], speed=0.3)
     assert timeline(dh5, near, **push).warnings == ()
+
+
+# ---- what the ranking says of itself -----------------------------------------------------------
+
+RANKED = (
+    ("panda", {"force": (0, 0, 30)}),
+    ("panda", {"force": (0, 0, 30), "mode": "free"}),
+    ("dh5", {"force": PUSH, "faults": 2}),
+    ("dh5", {}),
+)
+
+
+@pytest.mark.parametrize(("name", "options"), RANKED, ids=str)
+def test_the_sentence_names_the_first_row_and_ranks_show_ties(name, options):
+    robot = ftforce.load_robot(name)
+    found = timeline(robot, straight(robot), rate=2, **options)
+    worst, ranks, sentence = found.worst(), found.ranks(), timeline_sentence(found)
+    assert faults_in_words(robot, worst[0].faults) in sentence
+    assert ("tied with" in sentence) is (ranks[0].last > 1)
+    if sentence.startswith("Tolerated"):
+        assert_close(worst[0].margin, found.margin.min())
+    for (one, rank), (other, after) in pairwise(zip(worst, ranks, strict=True)):
+        keys = [
+            (VERDICTS.index(x.verdict), x.not_tolerated, np.nan_to_num(x.jump, nan=1e9), x.margin)
+            for x in (one, other)
+        ]
+        assert (rank == after) is bool(np.allclose(*keys, rtol=1e-8, atol=2e-9))
+        assert after.first == rank.first if rank == after else after.first == rank.last + 1
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+def test_held_beside_commanded_and_the_healthy_arm(panda, mode):
+    found = timeline(panda, straight(panda), rate=2, mode=mode, force=PUSH)
+    run = moving(panda, straight(panda), 2)
+    for i in range(0, len(found.t), 2):
+        moves = {"velocity": run.v[i], "acceleration": run.a[i], "direction": PUSH}
+        for j, faults in enumerate(found.sets):
+            joints = [joint + 1 for joint in faults.joints]
+            told = ftforce.capability(panda, found.q[i], **{mode: joints}, **moves).directions[-1]
+            for values, model in ((found.capability, "commanded"), (found.held, "held")):
+                assert values[i, j] == pytest.approx(told.after[model].maximum, nan_ok=True)
+            for values, model in ((found.healthy.capability, "commanded"),
+                                  (found.healthy.held, "held")):  # fmt: skip
+                assert values[i] == pytest.approx(told.before[model].maximum)
+    assert not found.healthy.jump.any()
+    for worst in found.worst():
+        told = ftforce.analyze(
+            panda, found.q[worst.index], **{mode: [j + 1 for j in worst.faults.joints]},
+            force=PUSH, velocity=run.v[worst.index], acceleration=run.a[worst.index],
+        )  # fmt: skip
+        if told.force.after is None:
+            assert math.isnan(worst.kept)
+        else:
+            assert_close(worst.kept, told.force.after @ PUSH / np.dot(PUSH, PUSH), scale=1.0)
+        if math.isfinite(worst.capability):
+            k = int(np.nanargmin(found.capability[:, found.sets.index(worst.faults)]))
+            assert_close(worst.capability_kept, worst.capability / found.healthy.capability[k])
+
+
+def test_unknown_limits_are_named(panda):
+    limits = Limits.of([87.0, math.nan, 87.0, 87.0, 12.0, math.nan, 12.0])
+    found = timeline(panda, straight(panda), rate=2, limits=limits)
+    named = "unknown effort limits are not enforced: panda_joint2, panda_joint6"
+    assert found.warnings == (named,)
+    assert named in " ".join(to_text(found).split())
+    assert timeline(panda, straight(panda), rate=2, limits="none").warnings == ()
+
+
+def test_tables_and_files_show_held_ranks_and_the_healthy_arm(panda):
+    found = timeline(panda, straight(panda), rate=2, force=(0, 0, 30))
+    shown = to_text(found).splitlines()
+    assert max(map(len, shown)) <= 80
+    assert sum(line.split()[:1] == ["none"] for line in shown) == 2
+    header, *rows = timeline_rows(found)
+    healthy = [dict(zip(header, row, strict=True)) for row in rows if row[1] == "{}"]
+    assert_close([row["held [N]"] for row in healthy], found.healthy.held)
+    assert {row["capability_kept"] for row in healthy} == {1.0}
+    document = timeline_document(found)
+    assert_close(document["healthy"]["over_time"]["capability"], found.healthy.capability)
+    assert [one["rank"] for one in document["sets"]] == list(map(list, found.ranks()))

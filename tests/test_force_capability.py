@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import linprog
 
 import ftforce
 from ftforce import Verdict, analyze, capability
@@ -192,7 +193,8 @@ def test_directions_that_even_the_healthy_arm_lacks_do_not_count():
     arm = load_text(serial_urdf(*[("revolute", {"xyz": (0.3, 0, 0)})] * 3))  # planar
     result = capability(arm, [0.1, 0.7, 0.9], locked=1)
     assert result.directions[4].name == "+fz"
-    assert result.directions[4].before[COMMANDED].end is LimitingFactor.FAULT
+    assert result.directions[4].before[COMMANDED].end is LimitingFactor.DIRECTION
+    assert result.directions[4].after[COMMANDED].end is LimitingFactor.DIRECTION
     assert result.directions[4].before[COMMANDED].limiting_joints == ()
     assert result.weakest.before[COMMANDED].maximum > 1.0
     assert abs(result.weakest.before[COMMANDED].direction[2]) < 1e-12
@@ -409,6 +411,48 @@ def test_what_locks_cannot_be_blamed_for(panda):
         for amount in (r.after[COMMANDED],)
     }
     assert ends[LimitingFactor.FAULT] == (0, 1)
+
+
+@pytest.mark.parametrize("locked", [[], [1], [1, 3]], ids=str)
+def test_what_is_commanded_and_held_where_the_arm_itself_lacks_directions(locked):
+    """Five joints for a wrench: K has the rank of J and yet the lock models differ (theory §5)."""
+    arm = ftforce.load_robot("so101")
+    result = capability(arm, locked=locked, task="wrench", limits=Limits.of([3.0] * arm.n))
+    analysis, failed = result.analysis, [joint - 1 for joint in locked]
+    assert np.linalg.matrix_rank(analysis.J) == 5
+    weight, J = analysis.rnea.gravity, analysis.J
+    K = np.delete(J, failed, axis=1)
+    effort = np.where(np.isin(np.arange(arm.n), failed), np.inf, analysis.limits.effort)
+    for report in result.directions:
+        d = report.after[HELD].direction
+        A = np.vstack([np.outer(J.T @ d, 1.0), -np.outer(J.T @ d, 1.0)])
+        b = np.concatenate([effort - weight, effort + weight])
+        known = np.isfinite(b)
+        held = linprog([-1.0], A_ub=A[known], b_ub=b[known], bounds=[(0.0, None)])  # HiGHS
+        assert_close(report.after[HELD].maximum, held.x[0] if held.status == 0 else math.inf)
+        lost = np.linalg.norm(d - K @ np.linalg.pinv(K, rcond=1e-6) @ d) > 1e-6
+        assert (report.after[COMMANDED].maximum == 0.0) is bool(lost)
+        assert lost or report.after[COMMANDED].maximum == report.after[HELD].maximum
+        beyond = np.linalg.norm(d - J @ np.linalg.pinv(J, rcond=1e-6) @ d) > 1e-6
+        ends = {LimitingFactor.DIRECTION} if beyond else {LimitingFactor.FAULT}
+        assert not lost or {report.after[COMMANDED].end} == ends
+        assert report.before[COMMANDED].end is not LimitingFactor.FAULT
+    assert (
+        result.directions[0].after[COMMANDED].maximum
+        == 0.0
+        < result.directions[0].after[HELD].maximum
+    )
+
+
+@pytest.mark.parametrize("locked", [[2], [2, 4], [1, 2, 3], [1, 2, 3, 4]], ids=str)
+def test_both_lock_models_agree_exactly_if_k_spans_the_task(panda, locked):
+    result = capability(panda, Q, locked=locked)
+    spans = np.linalg.matrix_rank(np.delete(result.analysis.J, [j - 1 for j in locked], 1)) == 3
+    same = [
+        report.after[COMMANDED].maximum == report.after[HELD].maximum
+        for report in (*result.directions, result.weakest)
+    ]
+    assert all(same) is bool(spans)
 
 
 # ---- directions, shapes, errors --------------------------------------------------------------

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import subprocess
 import sys
 from itertools import combinations, pairwise
+from pathlib import Path as FilePath
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
+import matplotlib
 import numpy as np
 import pytest
 from matplotlib import rcParams
@@ -32,6 +36,8 @@ from ftforce.show.plots.census import LOOKS
 from ftforce.trajectory import Path
 from ftforce.trajectory.history import History, JointInfo
 from helpers import CAMPAIGN, assert_close, campaign
+
+FOLDER = FilePath(__file__).parents[1]
 
 
 def history_of(name, faults, force, **case):
@@ -223,7 +229,7 @@ def test_jump_and_path_error_are_sizes(history):
 def test_rounding_looks_like_nothing(history):
     noise = replaced(history.healthy, jump=np.full_like(history.healthy.jump, 1e-13))
     quiet = replaced(history, healthy=noise, unremapped=noise, remapped=noise)
-    assert plots.jump(quiet).get_ylim() == (0.0, 1.0)
+    assert_close(plots.jump(quiet).get_ylim(), (-canvas.FLOOR, 1.0))
     assert plots.jump(history).get_ylim()[1] > history.jump_norm(history.remapped).max()
 
 
@@ -247,7 +253,7 @@ def test_the_path_is_in_metres_and_one_scale(history):
 @pytest.mark.parametrize("quantity", heat.QUANTITIES)
 def test_a_heat_map_shows_every_cell(timeline, quantity):
     ax = plots.heat_map(timeline, quantity=quantity)
-    values = getattr(timeline, quantity).T
+    values = np.vstack([getattr(timeline, quantity).T, getattr(timeline.healthy, quantity)])
     mesh = ax.collections[0].get_array()
     assert mesh.shape == values.shape
     assert (np.ma.getmaskarray(mesh) == ~np.isfinite(values)).all()
@@ -256,6 +262,7 @@ def test_a_heat_map_shows_every_cell(timeline, quantity):
     labels = [label.get_text() for label in ax.get_yticklabels()]
     assert labels[0] == "1 panda_joint1"
     assert labels[7] == "1 panda_joint1, 2 panda_joint2"
+    assert labels[-1] == "none (healthy)"
     assert ax.get_ylabel() == "free joints"
     notes = legend_of(ax)
     assert notes[0] == "worst instant"
@@ -263,9 +270,10 @@ def test_a_heat_map_shows_every_cell(timeline, quantity):
     assert np.isnan(timeline.jump).any()  # or this would test nothing
     marks = np.asarray(ax.collections[-1].get_offsets())
     name = "capability_time" if quantity == "capability" else "time"
-    when = {worst.faults: getattr(worst, name) for worst in timeline.worst()}
-    assert_close(marks[:, 0], [when[one] for one in timeline.sets])
-    assert_close(marks[:, 1], range(len(timeline.sets)))
+    everyone = (*timeline.worst(), timeline.healthy_worst)
+    when = {worst.faults: getattr(worst, name) for worst in everyone}
+    assert_close(marks[:, 0], [when[one] for one in (*timeline.sets, ftforce.FaultSet())])
+    assert_close(marks[:, 1], range(len(timeline.sets) + 1))
 
 
 def test_a_heat_map_is_dark_where_it_is_bad_and_has_a_unit(timeline):
@@ -299,9 +307,13 @@ def test_a_column_of_many_instants_shows_the_worst_of_them(timeline):
     jump[1234, 2], margin[777, 5], jump[4, 1] = 50.0, 0.1, np.nan
     code = np.repeat(timeline.verdict[:1], count, axis=0)
     columns = {"jump": jump, "margin": margin, "verdict": code, "capability": margin}
+    columns["held"] = margin
+    columns["healthy"] = type(timeline.healthy)(
+        *(np.zeros(count) for _ in range(4)), 0 * code[:, 0]
+    )
     many = replaced(timeline, t=np.linspace(0.0, 8.0, count), **columns)
     cells = heat.cells_of(many, "jump", 40)
-    assert cells.values.shape == (28, heat.MOST_COLUMNS)
+    assert cells.values.shape == (29, heat.MOST_COLUMNS)
     assert cells.values[2].max() == 50.0
     column = int(cells.values[2].argmax())
     assert cells.edges[column] <= many.t[1234] <= cells.edges[column + 1]
@@ -316,7 +328,7 @@ def test_many_sets_are_cut_to_the_worst(timeline):
     worst = {worst.faults for worst in timeline.worst()[:5]}
     kept = [one for one in timeline.sets if one in worst]
     labels = [label.get_text() for label in ax.get_yticklabels()]
-    assert labels == heat.set_labels(timeline.robot, kept)
+    assert labels == [*heat.set_labels(timeline.robot, kept), "none (healthy)"]
     assert "the worst 5 of 28 sets" in ax.get_title()
 
 
@@ -329,15 +341,17 @@ def test_sets_of_long_names_are_named_by_numbers():
 def test_census_bars_are_jumps_by_verdict(census):
     ax = plots.census(census, most=8)
     jumps = [report.jump_norm for report in census.sets[:8]]
-    assert_close([bar.get_width() for bar in ax.patches], jumps)
-    for bar, report in zip(ax.patches, census.sets, strict=False):
+    assert_close([bar.get_width() for bar in ax.patches], [*jumps, 0.0])
+    assert ax.get_yticklabels()[-1].get_text() == "none (healthy)"
+    shown = (*census.sets[:8], census.healthy)
+    for bar, report in zip(ax.patches, shown, strict=True):
         colour, hatch = LOOKS[report.verdict]
         assert to_rgb(bar.get_facecolor()) == to_rgb(colour)
         assert (bar.get_hatch() or "") == hatch
     assert ax.get_xlabel() == "‖ΔF‖ [N]"
     assert ax.get_yticklabels()[0].get_text().startswith("1 joint1, ")
     assert ax.yaxis_inverted()
-    assert set(legend_of(ax)) == {report.verdict.value for report in census.sets[:8]}
+    assert set(legend_of(ax)) == {report.verdict.value for report in shown}
     assert "the worst 8 of 25 sets" in ax.get_title()
 
 
@@ -345,14 +359,15 @@ def test_census_bars_are_what_it_ranks_by():
     arm = ftforce.load_robot("panda")
     result = ftforce.census(arm, mode="free", rank_by="capability", direction=[0, 0, 1])
     ax = plots.census(result)
-    wanted = [report.capability.commanded for report in result.sets]
+    wanted = [report.capability.commanded for report in (*result.sets, result.healthy)]
     assert np.isnan(wanted).any()
     assert_close([bar.get_width() for bar in ax.patches], np.nan_to_num(wanted))
     assert [text.get_text() for text in ax.texts][np.isnan(wanted).argmax()] == heat.NOTHING
     assert ax.get_xlabel() == "force [N]"
     margins = ftforce.census(arm)
     ax = plots.census(margins)
-    assert_close([bar.get_width() for bar in ax.patches], [one.margin for one in margins.sets])
+    everyone = (*margins.sets, margins.healthy)
+    assert_close([bar.get_width() for bar in ax.patches], [one.margin for one in everyone])
     assert ax.get_xlabel() == "σ_min(K) / σ_max(J)"
     moments = ftforce.census(arm, task="moment", force=[1, 2, 3])
     assert plots.census(moments).get_xlabel() == "‖ΔF‖ [N·m]"
@@ -740,3 +755,88 @@ def test_plots_load_matplotlib_late_and_pyplot_never():
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+# ---- what a reader has to see ------------------------------------------------------------------
+
+
+def snippets(page):
+    """Return the Python snippets of a page of the guides that draw."""
+    text = (FOLDER / "docs" / "guides" / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    return [block for block in blocks if "plots." in block]
+
+
+def figures_of(snippet, names):
+    """Run a snippet, and return the figures that it draws."""
+    found = []
+    for statement in ast.parse(snippet).body:
+        if isinstance(statement, ast.Expr):
+            drawn = eval(compile(ast.Expression(statement.value), "snippet", "eval"), names)
+            found += [drawn.figure] if isinstance(drawn, Axes) or hasattr(drawn, "zaxis") else []
+        else:
+            exec(compile(ast.Module([statement], []), "snippet", "exec"), names)
+    return list(dict.fromkeys([*found, *(x for x in names.values() if isinstance(x, Figure))]))
+
+
+def assert_nothing_is_cut(figure):
+    figure.set_canvas(FigureCanvasAgg(figure))
+    figure.draw_without_rendering()
+    width, height = figure.bbox.width, figure.bbox.height
+    parts = [part for ax in figure.axes for part in (ax.title, ax.xaxis.label, ax.yaxis.label)]
+    parts += [ax.get_legend() for ax in figure.axes if ax.get_legend()] + figure.legends
+    parts += [text for ax in figure.axes for text in ax.texts]
+    for part in parts:
+        box = part.get_window_extent()
+        if box.width and box.height:
+            assert min(box.x0, box.y0) >= -1.0, part
+            assert max(box.x1 - width, box.y1 - height) <= 1.0, part
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("page", ["plots.md", "workspace-map.md"])
+def test_no_legend_or_title_of_a_documented_snippet_is_cut(page, history, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    sweep = ftforce.sweep(ftforce.load_robot("panda"), n=500, force=[0, 0, 30])
+    matplotlib.use("Agg")
+    found = snippets(page)
+    assert found
+    for snippet in found:
+        drawn = figures_of(snippet, {"history": history, "sweep": sweep, "plots": plots})
+        assert drawn
+        for figure in drawn:
+            assert_nothing_is_cut(figure)
+            tall = [ax for ax in figure.axes if "torque" in ax.get_ylabel()]
+            assert len({ax.get_ylim() for ax in tall}) <= 1  # one scale
+            for ax in tall:
+                curves = np.concatenate([line.get_ydata() for line in ax.lines if
+                                         len(line.get_ydata()) == len(history.t)])  # fmt: skip
+                low, high = ax.get_ylim()
+                assert low <= np.nanmin(curves) <= np.nanmax(curves) <= high
+
+
+def test_zero_lies_inside_the_axes(history, census):
+    for draw in (plots.jump, plots.path_error):
+        assert draw(history).get_ylim()[0] < 0.0
+    quiet = ftforce.census(ftforce.load_robot("panda"), force=[0, 0, 30])
+    for result in (census, quiet):
+        ax = plots.census(result)
+        assert ax.get_xlim()[0] < 0.0
+        zeros = [one for one in (*result.sets[:20], result.healthy) if one.jump_norm < 1e-9]
+        marks = next(line for line in ax.lines if line.get_marker() == "|")
+        assert len(marks.get_xdata()) == len(zeros) > 0
+
+
+def test_plots_of_one_comparison_have_one_scale(history, capability):
+    drawn = figures.figure(history)
+    torques = [ax for ax in drawn.axes if ax.get_ylabel().startswith("motor torque")]
+    assert len(torques) == 2
+    assert torques[0].get_ylim() == torques[1].get_ylim()
+    low, high = torques[0].get_ylim()
+    for run in (history.healthy, history.remapped):
+        assert low <= np.nanmin(run.motor) <= np.nanmax(run.motor) <= high
+    planes = figures.figure(capability).axes
+    assert len(planes) == 3
+    assert len({(ax.get_xlim(), ax.get_ylim()) for ax in planes}) == 1
+    corners = np.vstack([patch.get_xy() for ax in planes for patch in ax.patches])
+    assert planes[0].get_xlim()[0] <= corners.min() <= corners.max() <= planes[0].get_xlim()[1]

@@ -148,8 +148,9 @@ def test_csv_of_a_census_is_its_json(mode):
         ftforce.load_robot("panda"), faults=2, mode=mode, force=[50, 80, 90], rank_by="capability"
     )
     document, rows = json_of(census), csv_of(census)
-    assert len(rows) == len(document["sets"]) == 28
-    for row, entry in zip(rows, document["sets"], strict=True):
+    assert len(rows) - 1 == len(document["sets"]) == 28  # the last one is the healthy arm
+    for row, entry in zip(rows, [*document["sets"], document["healthy"]], strict=True):
+        assert [row["rank_first"], row["rank_last"]] == list(map(str, entry["rank"] or ("", "")))
         assert row[mode].split() == list(entry["modes"])
         assert row["locked" if mode == "free" else "free"] == ""
         assert int(row["size"]) == len(entry["modes"])
@@ -159,6 +160,9 @@ def test_csv_of_a_census_is_its_json(mode):
         numbers = {
             "jump_norm [N]": entry["force"]["jump_norm"],
             "share": entry["share"],
+            "kept": entry["force"]["kept"],
+            "relative_jump": entry["force"]["relative_jump"],
+            "capability_kept": entry["capability_kept"],
             "commanded": entry["capability"]["commanded"],
             "held": entry["capability"]["held"],
             "margin": entry["jacobian"]["margin"],

@@ -15,6 +15,7 @@ from ftforce.batch.kernels.layout import BORDERLINE, NOT_TOLERATED, TOLERATED
 from ftforce.batch.summary.criticality import Estimate
 from ftforce.report.files import to_text
 from ftforce.report.sweep import force_in_words, interval, share, sweep_sentence
+from ftforce.robot.kinematics import frame_jacobian
 from ftforce.show.render import to_text as to_table
 from results import csv_of
 
@@ -165,7 +166,7 @@ def test_the_table_of_jumps_above_the_force_does_not_call_them_the_largest(free)
     text = to_table(free)
     worst = next(one for one in free.ranked if one.jump[0] == math.inf)
     number = worst.faults.joints[0] + 1
-    line = next(x for x in text.splitlines() if x.startswith(f"{{{number}}}"))
+    line = next(x for x in text.splitlines() if f" {{{number}}} " in x)
     assert ">50" in line
     assert f"{worst.jump[2]:.1f}" in line
 
@@ -227,6 +228,37 @@ def test_joints_that_cannot_be_told_apart_are_named_together(bare):
     assert "Nothing is lost; the most critical joint is joint2: 10% of" in sweep_sentence(
         fake(bare, [0, 0, 0], [50, 100, 0])
     )
-    assert "Almost nothing is lost; the most critical joint is joint2" in sweep_sentence(
-        fake(bare, [1, 0, 0], [50, 100, 0])
-    )
+    # The first row of the table is the critical one, not the one that is borderline most often.
+    found = sweep_sentence(fake(bare, [1, 0, 0], [50, 100, 0]))
+    assert "Almost nothing is lost; the most critical joint is joint1: 0.1% of" in found
+    assert found.endswith("joint2 is borderline most often: in 10% of the postures.")
+
+
+@pytest.mark.parametrize("lost", [[0, 400, 0], [300, 310, 0], [1, 0, 0], [0, 0, 0], [5, 5, 900]])
+@pytest.mark.parametrize("borderline", [[0, 0, 0], [50, 99, 0]])
+def test_the_sentence_names_the_first_row_of_the_joints(bare, lost, borderline):
+    sweep = fake(bare, lost, borderline)
+    sentence = sweep_sentence(sweep).partition(". ")[2]
+    assert f"joint{sweep.joints[0].joint + 1}" in sentence or "No joint is" in sentence
+    for one, rank in zip(sweep.joints, sweep.joint_ranks, strict=True):
+        own = one.not_tolerated
+        below = [x for x in sweep.joints if x.not_tolerated.high < own.low]
+        above = [x for x in sweep.joints if x.not_tolerated.low > own.high]
+        assert rank == (len(above) + 1, 3 - len(below))
+
+
+def test_the_tables_of_a_sweep_show_ranks_and_the_healthy_arm(swept):
+    shown = to_table(swept).splitlines()
+    assert max(map(len, shown)) <= 80
+    rows = [line.split() for line in shown]
+    first = swept.joints[0].joint
+    assert rows[rows.index(["Joints,", "most", "critical", "first"]) + 3][1] == str(first + 1)
+    healthy = next(row for row in rows if row[:1] == ["none"])
+    low, middle = swept.healthy_margin
+    arm = ftforce.load_robot("dh5")
+    assert healthy[1:3] == [f"{low:.3g}", f"{middle:.3g}"]
+    rng = np.random.default_rng(3)
+    J = [frame_jacobian(arm, rng.uniform(arm.lower, arm.upper))[:3] for _ in range(2000)]
+    s = np.linalg.svd(J, compute_uv=False)
+    wanted = np.quantile(s[:, 2] / s[:, 0], [0.05, 0.5])
+    np.testing.assert_allclose([low, middle], wanted, rtol=0.15)

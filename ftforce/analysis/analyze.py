@@ -373,13 +373,12 @@ def analyze_question(question: Question) -> Analysis:
     F = None if load is None else load.F
     if not question.has_force_to_keep(reduced, F):
         raise question.nothing_to_keep()
-    bounded, verdict = None, None
+    bounded, largest = None, None
     if limits is not None or free is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
         largest = None if limits is None else limits.largest_torques(faults)
         bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea.after, largest)
-        verdict = judge(reduced, F, wary, bounded, largest)
     change = None if load is None else change_of_load(reduced, task, load, rnea, bounded)
     v = conditions.velocity
     return Analysis(
@@ -393,7 +392,7 @@ def analyze_question(question: Question) -> Analysis:
         bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, task, v),
         impact=_impact(question, reduced, J),
-        verdict=verdict or judge(reduced, F, wary),
+        verdict=judge(reduced, F, wary, bounded, largest),
     )
 
 

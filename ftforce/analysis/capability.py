@@ -23,6 +23,7 @@ from ftforce.core.feasible_forces import (
     LockModel,
     Reach,
     feasible_forces,
+    is_beyond_arm,
     limiting_factor,
     reach,
     weakest_direction,
@@ -143,7 +144,10 @@ class Capability(Displayed):
                 worst = weakest_direction(feasible, space)
                 direction = task.unweigh_force(worst.direction) / unit
                 failed = self._failed(after, reading)
-                found[after, reading] = _amount(feasible, direction, worst.reach, unit, failed)
+                beyond = is_beyond_arm(reduced, worst.direction)
+                found[after, reading] = _amount(
+                    feasible, direction, worst.reach, unit, failed, beyond_arm=beyond
+                )
         before, after_ = ({r: found[late, r] for r in LockModel} for late in (False, True))
         return DirectionReport("weakest", "N" if task.force_rows else "N·m", before, after_)
 
@@ -198,6 +202,7 @@ class Capability(Displayed):
     def _report(self, name: str, direction: Vector) -> DirectionReport:
         task = self.analysis.task
         weighted = task.weigh_force(direction)
+        beyond = is_beyond_arm(self.analysis.reduced, weighted)
         amounts: list[dict[LockModel, CapabilityRange]] = []
         for after in (False, True):
             by_reading = {}
@@ -205,7 +210,9 @@ class Capability(Displayed):
                 feasible = self.feasible(after=after, reading=reading)
                 ray = reach(feasible, weighted)
                 failed = self._failed(after, reading)
-                by_reading[reading] = _amount(feasible, direction, ray, 1.0, failed)
+                by_reading[reading] = _amount(
+                    feasible, direction, ray, 1.0, failed, beyond_arm=beyond
+                )
             amounts.append(by_reading)
         forced = bool(direction[list(task.force_rows)].any())
         return DirectionReport(name, "N" if forced else "N·m", *amounts)
@@ -254,9 +261,16 @@ class Capability(Displayed):
 
 
 def _amount(
-    feasible: FeasibleForces, direction: Vector, ray: Reach, size: float, failed: tuple[int, ...]
+    feasible: FeasibleForces,
+    direction: Vector,
+    ray: Reach,
+    size: float,
+    failed: tuple[int, ...],
+    *,
+    beyond_arm: bool = False,
 ) -> CapabilityRange:
-    end, stops = limiting_factor(feasible, ray), ray.limiting_joints
+    end = limiting_factor(feasible, ray, beyond_arm=beyond_arm)
+    stops = ray.limiting_joints
     if end is LimitingFactor.WEIGHT:
         stops = overloaded(feasible)
     elif end is LimitingFactor.FAULT:

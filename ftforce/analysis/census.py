@@ -10,18 +10,19 @@ import numpy as np
 
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import AllFaultSets, AnsweredForAll, Progress, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Progress, Question
 from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.faults import FaultMode
+from ftforce.core.ranks import Rank, ranks_of
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import Verdict
 from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from numpy.typing import ArrayLike
 
@@ -50,6 +51,8 @@ class JointReport:
         Report of the set in which only this joint fails.
     sets, not_tolerated, borderline :
         Number of sets that contain the joint, and how many of them are not tolerated or borderline.
+    falls :
+        Number of sets that contain the joint and with which the arm cannot stand still.
     mean_relative_jump :
         Mean of ‖ΔF‖/‖F̂‖ over the sets that contain the joint.
     least_capability :
@@ -62,6 +65,7 @@ class JointReport:
     sets: int
     not_tolerated: int
     borderline: int
+    falls: int
     mean_relative_jump: float
     least_capability: float | None
 
@@ -83,6 +87,8 @@ class Census(AnsweredForAll):
         Force that the healthy arm exerts, N and N·m, shape (m,); ``None`` if no force was given.
     rank :
         Rank of the healthy arm.
+    healthy :
+        Report of the healthy arm, without any fault: the baseline.
     sets :
         Reports of all fault sets, worst first.
     joints :
@@ -95,6 +101,7 @@ class Census(AnsweredForAll):
     direction: Vector | None
     before: Vector | None
     rank: int
+    healthy: SetReport
     sets: tuple[SetReport, ...]
     joints: tuple[JointReport, ...]
 
@@ -107,6 +114,42 @@ class Census(AnsweredForAll):
     def requested(self) -> Vector | None:
         """Requested force, N and N·m, shape (m,); ``None`` if none was given."""
         return self.question.force
+
+    @property
+    def set_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the sets, in their order; sets that the ranking cannot tell apart share one."""
+        key = _by_capability if self.rank_by == "capability" else _by_severity
+        return ranks_of(map(key, self.sets))
+
+    @property
+    def joint_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the joints, in their order; ties share one."""
+        return ranks_of(map(_joint_key(self.rank_by == "capability"), self.joints))
+
+    @property
+    def most_critical(self) -> tuple[JointReport, ...]:
+        """The first joint, and those that tie with it."""
+        return self.joints[: self.joint_ranks[0].last]
+
+    def capability_kept(self, report: SetReport) -> float | None:
+        """Return the commanded force with a fault set over that of the healthy arm.
+
+        Parameters
+        ----------
+        report :
+            Report of the set.
+
+        Returns
+        -------
+        :
+            ``None`` unless the census ranks by capability, or if one of them is not a finite
+            force, or the healthy arm has none.
+        """
+        before, after = self.healthy.capability, report.capability
+        if before is None or after is None or not 0.0 < before.commanded < math.inf:
+            return None
+        share = after.commanded / before.commanded
+        return share if math.isfinite(share) else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -193,8 +236,9 @@ def census(
     -------
     :
         The sets, worst first. By jump: not tolerated, then borderline, then tolerated; within each
-        by decreasing jump, then by increasing margin. By capability: by increasing commanded force,
-        then by increasing held force.
+        by decreasing jump (tolerated sets have none), then by decreasing loss of rank, then by
+        increasing margin. By capability: by increasing commanded force, then by increasing held
+        force. Sets that these do not tell apart share a rank, `Census.set_ranks`.
 
     Raises
     ------
@@ -269,25 +313,41 @@ def census_of(
         direction=case.direction if by_capability else None,
         before=None if case.F is None else read_only(question.task.unweigh_force(case.F)),
         rank=case.healthy.rank,
-        sets=tuple(sorted(reports, key=_by_capability if by_capability else _by_severity)),
+        healthy=report_set(case, HEALTHY, case.healthy, by_capability=by_capability),
+        sets=tuple(sorted(reports, key=_order(by_capability))),
         joints=_rank_joints(question.robot, reports, by_capability),
     )
 
 
+def _order(by_capability: bool) -> Callable[[SetReport], tuple[float, ...]]:
+    """Return the sort key of fault sets: that of the ranking, then size and joints."""
+    key = _by_capability if by_capability else _by_severity
+    return lambda report: (*key(report), len(report.faults), *report.faults.joints)
+
+
 def _by_capability(report: SetReport) -> tuple[float, ...]:
-    """Sort by increasing capability; sets with which the arm cannot stand still come first."""
+    """Rank by increasing capability; sets with which the arm cannot stand still come first."""
     found = report.capability
     assert found is not None
-    commanded, held = (-1.0 if math.isnan(x) else x for x in (found.commanded, found.held))
-    return round(commanded, 9), round(held, 9), len(report.faults), *report.faults.joints
+    return _amount_key(found.commanded), _amount_key(found.held)
+
+
+def _amount_key(amount: float) -> float:
+    """Return a force for ranking, to nine digits; without equilibrium, less than any."""
+    return -1.0 if math.isnan(amount) else _rounded(amount)
+
+
+def _rounded(x: float) -> float:
+    return float(f"{x:.9g}") if abs(x) > 1e-9 else 0.0
 
 
 def _by_severity(report: SetReport) -> tuple[float, ...]:
-    """Sort worst first; among equal jumps, smaller fault sets first."""
-    jump = round(report.relative_jump, 9)
+    """Rank worst first; among equal jumps, smaller fault sets first."""
+    is_kept = report.verdict is Verdict.TOLERATED
+    jump = 0.0 if is_kept else _rounded(report.relative_jump)
     size = len(report.faults) if jump > 0.0 else 0
     worst = (_SEVERITY[report.verdict], report.can_stand_still, -jump, -report.rank_lost, size)
-    return *worst, round(report.margin, 9), *report.faults.joints
+    return *worst, _rounded(report.margin)
 
 
 def _rank_joints(
@@ -304,11 +364,13 @@ def _rank_joints(
                 sets=len(own),
                 not_tolerated=verdicts.count(Verdict.NOT_TOLERATED),
                 borderline=verdicts.count(Verdict.BORDERLINE),
+                falls=sum(not report.can_stand_still for report in own),
                 mean_relative_jump=math.fsum(r.relative_jump for r in own) / len(own),
                 least_capability=_least(own) if by_capability else None,
             )
         )
-    return tuple(sorted(joints, key=_joint_key if by_capability else _criticality))
+    key = _joint_key(by_capability)
+    return tuple(sorted(joints, key=lambda joint: (*key(joint), joint.joint)))
 
 
 def _least(reports: list[SetReport]) -> float:
@@ -317,15 +379,20 @@ def _least(reports: list[SetReport]) -> float:
     return math.nan if any(map(math.isnan, amounts)) else min(amounts)
 
 
-def _criticality(joint: JointReport) -> tuple[float, ...]:
-    mean = round(joint.mean_relative_jump, 9)
-    margin = round(joint.alone.margin, 9)
-    return -joint.not_tolerated, -joint.borderline, -mean, margin, joint.joint
+def _joint_key(by_capability: bool) -> Callable[[JointReport], tuple[float, ...]]:
+    return _by_least_capability if by_capability else _by_criticality
 
 
-def _joint_key(joint: JointReport) -> tuple[float, ...]:
-    """Sort by the capability left when the joint fails alone, then together with others."""
+def _by_criticality(joint: JointReport) -> tuple[float, ...]:
+    """Rank by the verdicts of the sets with the joint, then their jumps, then it alone."""
+    is_kept = not joint.not_tolerated and not joint.borderline
+    mean, alone = 0.0 if is_kept else _rounded(joint.mean_relative_jump), joint.alone
+    verdicts = (-joint.not_tolerated, -joint.borderline, -joint.falls)
+    return *verdicts, -mean, -alone.rank_lost, _rounded(alone.margin)
+
+
+def _by_least_capability(joint: JointReport) -> tuple[float, ...]:
+    """Rank by the capability left when the joint fails alone, then together with others."""
     least = joint.least_capability
     assert least is not None
-    alone = _by_capability(joint.alone)
-    return *alone[:2], -1.0 if math.isnan(least) else round(least, 9), joint.joint
+    return *_by_capability(joint.alone), _amount_key(least)

@@ -18,6 +18,7 @@ from ftforce.core.feasible_forces import (
     LimitingFactor,
     LockModel,
     feasible_forces,
+    is_beyond_arm,
     limiting_factor,
     reach,
     weakest_direction,
@@ -26,6 +27,7 @@ from ftforce.core.reduced_jacobian import ReducedJacobian, reduce_decomposed
 from ftforce.core.remap import force_jump
 from ftforce.core.svd import Svd
 from ftforce.core.verdict import judge
+from ftforce.robot.dynamics import rnea_torque
 from ftforce.robot.kinematics import task_jacobian
 
 if TYPE_CHECKING:
@@ -78,6 +80,9 @@ class SetReport:
     relative_jump :
         ‖ΔF‖/‖F̂‖, weighted. Without a force, 1 if a direction is lost and 0 otherwise; 1 if the arm
         cannot stand still.
+    kept :
+        F̂ᵀF'/F̂ᵀF̂, weighted: the share of the force that is still exerted along it; ``None`` without
+        a force, or if the arm cannot stand still.
     rank_after, rank_lost :
         Rank of K, and rank of J minus rank of K.
     sigma_min_after, margin, condition_number, relative_manipulability :
@@ -102,6 +107,7 @@ class SetReport:
     jump_norm: float | None
     moment_jump_norm: float | None
     relative_jump: float
+    kept: float | None
     rank_after: int
     rank_lost: int
     sigma_min_after: float
@@ -167,7 +173,13 @@ class SharedCase(NamedTuple):
         robot, q, conditions = self.question.robot, self.question.q, self.question.conditions
         if not conditions.moves:
             return self.rnea.after
-        return rnea_change(robot, q, conditions, faults.mask(robot.n)).after
+        locked, still = faults.mask(robot.n), robot.at_rest
+        v, a = (
+            still if x is None else np.where(locked, 0.0, x)
+            for x in (conditions.velocity, conditions.acceleration)
+        )
+        own = None if conditions.is_model_gravity else conditions.gravity
+        return rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
 
 
 def report_set(
@@ -201,6 +213,7 @@ def report_set(
         jump_norm=linear,
         moment_jump_norm=angular,
         relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
+        kept=_kept(F, after),
         rank_after=reduced.rank_after,
         rank_lost=reduced.rank - reduced.rank_after,
         sigma_min_after=reduced.damaged.s[-1],
@@ -234,6 +247,12 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
     return math.sqrt(jump.dot(jump)) / size if size > 0.0 else 0.0
 
 
+def _kept(F: Vector | None, after: Vector | None) -> float | None:
+    if F is None or after is None or not F.any():
+        return None
+    return float(F.dot(after) / F.dot(F))
+
+
 def set_capability(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
 ) -> SetCapability:
@@ -251,8 +270,9 @@ def set_capability(
     rays, ends, stops = [], [], []
     for reading in LockModel:
         feasible = feasible_forces(reduced, rnea, largest, reading)
-        ray, size = _ray(case, feasible)
-        end = limiting_factor(feasible, ray)
+        direction, ray, size = _ray(case, feasible)
+        beyond = is_beyond_arm(reduced, direction)
+        end = limiting_factor(feasible, ray, beyond_arm=beyond)
         rays.append(ray)
         ends.append(end)
         stops.append(
@@ -267,24 +287,25 @@ def set_capability(
     return SetCapability(commanded, held, least, ends[0], ends[1], stops[0])
 
 
-def commanded_force(
+def commanded_and_held(
     case: SharedCase, reduced: ReducedJacobian, rnea: Vector, largest: Vector | None
-) -> float:
-    """Return the commanded capability of a fault set, N (N·m); NaN if the arm cannot be held.
+) -> tuple[float, ...]:
+    """Return the commanded and the held capability of a fault set, N (N·m); NaN for none.
 
     Parameters
     ----------
     case, reduced, rnea, largest :
         As in `set_capability`.
     """
-    ray, size = _ray(case, feasible_forces(reduced, rnea, largest, LockModel.COMMANDED))
-    return math.nan if ray.is_empty else ray.maximum * size
+    rays = (_ray(case, feasible_forces(reduced, rnea, largest, model)) for model in LockModel)
+    return tuple(math.nan if ray.is_empty else ray.maximum * size for _, ray, size in rays)
 
 
-def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Reach, float]:
-    """Return the reach in the case's direction, or else the weakest one, and its unit factor."""
+def _ray(case: SharedCase, feasible: FeasibleForces) -> tuple[Vector, Reach, float]:
+    """Return the direction, the case's or the weakest, the reach in it, and its unit factor."""
     task = case.question.task
     if case.direction is not None:
-        return reach(feasible, task.weigh_force(case.direction)), 1.0
+        direction = task.weigh_force(case.direction)
+        return direction, reach(feasible, direction), 1.0
     space = case.healthy.healthy.U[:, : case.healthy.rank]
-    return weakest_direction(feasible, space).reach, task.weighted_unit
+    return *weakest_direction(feasible, space), task.weighted_unit

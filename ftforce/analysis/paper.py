@@ -1,6 +1,7 @@
 """Compare the paper's printed numbers with computed ones, and explain differences by errata.
 
-Abdi & Nahavandi, *Fault Tolerance Force for Redundant Manipulators*: J of eq. (34), Tables 2-5.
+Abdi & Nahavandi, *Fault Tolerance Force for Redundant Manipulators*: J and ¹J of eqs. (34) and
+(35), Tables 2-5.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ftforce.robot.load import load_robot
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from ftforce.core.arrays import Vector
+    from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
 _FORCE = (80.0, 50.0, 10.0)  # N, section IV
@@ -30,6 +31,11 @@ _PRINTED_J = (
     ("-0.00", "-0.00", "0.16", "0.00", "0.00"),
     ("-0.57", "-0.15", "0.28", "0.20", "0.08"),
     ("-0.64", "-0.48", "0.00", "0.00", "0.00"),
+)
+_PRINTED_J_1 = (  # without the column of joint 1
+    ("0.00", "0.16", "0.00", "0.00"),
+    ("-0.15", "0.28", "0.20", "0.08"),
+    ("-0.48", "0.00", "0.00", "0.00"),
 )
 PRINTED_TORQUE = ("-35.01", "-12.33", "26.85", "10.00", "4.00")
 _PRINTED_FORCE_SHARE = ("3.18", "1.12", "2.44", "0.91", "0.36")
@@ -168,16 +174,21 @@ def replicate(robot: Robot | None = None) -> Replication:
         return analyze(arm, posture="paper", locked=locked, force=_FORCE, velocity=_VELOCITY)
 
     healthy = with_locked(())
-    checks = [*_jacobian(healthy), *_table_2(healthy), *_tip_velocity(healthy)]
+    checks = [*_jacobian("J, eq. (34)", _PRINTED_J, healthy.J)]
+    checks += [*_table_2(healthy), *_tip_velocity(healthy)]
+    reduced = with_locked((1,)).reduced.K
+    checks += _jacobian("¹J, eq. (35)", _PRINTED_J_1, reduced[:, 1:], first=2)
     for table, columns in _PRINTED_SETS.items():
         checks += _remaps(table, columns, with_locked)
     return Replication(tuple(checks))
 
 
-def _jacobian(healthy: Analysis) -> Iterator[Check]:
-    for axis, printed, computed in zip(_AXES, _PRINTED_J, healthy.J.tolist(), strict=True):
-        for joint, (text, value) in enumerate(zip(printed, computed, strict=True), start=1):
-            yield Check("J, eq. (34)", axis, f"joint {joint}", text, value)
+def _jacobian(
+    table: str, rows: Sequence[Sequence[str]], J: Matrix, *, first: int = 1
+) -> Iterator[Check]:
+    for axis, printed, computed in zip(_AXES, rows, J.tolist(), strict=True):
+        for joint, (text, value) in enumerate(zip(printed, computed, strict=True), start=first):
+            yield Check(table, axis, f"joint {joint}", text, value)
 
 
 def _table_2(healthy: Analysis) -> Iterator[Check]:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.core.display import Displayed
@@ -253,9 +255,10 @@ class AllFaultSets:
             The size does not lie between 1 and n, there are too many sets, or the mode is unknown
             or ``weak``, which needs a factor per joint.
         """
-        if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
-            raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
-        found = cls(robot.n, faults, single_mode(mode))
+        is_integer = isinstance(faults, (int, np.integer)) and not isinstance(faults, bool)
+        if not is_integer or not 1 <= faults <= robot.n:
+            raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")
+        found = cls(robot.n, int(faults), single_mode(mode))
         if len(found) > MAX_SETS:
             raise InputError(
                 f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
@@ -337,8 +340,8 @@ def single_mode(mode: FaultMode | str) -> FaultMode:
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
         raise InputError(
-            "many fault sets are either locked or free; weak joints need a factor each: ask "
-            "analyze about them"
+            "fault sets of many joints are locked or free; weak joints need individual factors, "
+            "use analyze"
         )
     return how
 
@@ -365,5 +368,5 @@ def unit_direction(task: Task, direction: ArrayLike) -> Vector:
     """
     vector = task.vector(direction, "direction")
     if not vector.any():
-        raise InputError("the direction needs a component that is not zero")
+        raise InputError("the direction must not be zero")
     return task.direction_of(vector)

@@ -12,8 +12,10 @@ from ftforce.batch.summary.criticality import (
     survival,
     tolerating_every_set,
 )
+from ftforce.batch.summary.intervals import quantile
 from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.ranks import Rank, ranks_of_intervals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,6 +180,22 @@ class Sweep(Displayed):
     def ranked(self) -> tuple[SetSummary, ...]:
         """All fault sets, worst first."""
         return set_summaries(self.summary, self.sets)
+
+    @property
+    def joint_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the joints, in their order; joints whose 95 % intervals overlap share theirs."""
+        return ranks_of_intervals([one.not_tolerated[1:] for one in self.joints])
+
+    @property
+    def set_ranks(self) -> tuple[Rank, ...]:
+        """Ranks of the fault sets as in `ranked`, likewise."""
+        return ranks_of_intervals([one.not_tolerated[1:] for one in self.ranked])
+
+    @property
+    def healthy_margin(self) -> tuple[float, float]:
+        """5 % and 50 % quantiles of σ_min(J)/σ_max(J), the baseline of the margins."""
+        counts, edges = self.summary.healthy_margin, self.summary.bins.share
+        return float(quantile(counts, edges, 0.05)), float(quantile(counts, edges, 0.5))
 
     @property
     def done(self) -> int:

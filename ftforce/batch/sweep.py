@@ -50,7 +50,7 @@ CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
 _VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
 _LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
-_TRIED = 64  # postures in which the healthy arm is tried before a sweep
+_TRIED = 64  # postures, spread over the sweep, in which the healthy arm is tried first
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -166,7 +166,9 @@ def sweep(
 
 
 def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> Question:
-    """Return the question of a sweep: without limits no capability, and conversely.
+    """Return the question of a sweep.
+
+    The capability needs both limits and a direction; without either, both are dropped.
 
     Parameters
     ----------
@@ -187,7 +189,7 @@ def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> 
     needs_numba()
     question = Question.parse(robot, limits=URDF if limits is None else limits, **asked)
     if question.force is not None and not question.force.any():
-        raise InputError("the force needs a component that is not zero, or leave it out")
+        raise InputError("the force must not be zero; omit it to consider all forces")
     direction = question.direction_or_that_of(question.F)
     if direction is None or question.limits is None:
         return replace(question, direction=None, limits=None)
@@ -260,7 +262,7 @@ def needs_numba() -> None:
 
 
 def _check_task(question: Question, postures: Postures) -> None:
-    """Check that the healthy arm can exert some of what is asked in one of the first postures.
+    """Check that the healthy arm can exert some of what is asked in one of some postures.
 
     Raises
     ------
@@ -268,14 +270,16 @@ def _check_task(question: Question, postures: Postures) -> None:
         It cannot in any of them.
     """
     robot, task = question.robot, question.task
-    first = postures.block(0, min(postures.count, _TRIED))
-    for q in first:
-        J = task.weigh_jacobian(task_jacobian(robot, read_only(q.copy()), task))
+    tried = min(postures.count, _TRIED)
+    for k in range(tried):  # spread over the sweep: a recording may begin in a singular posture
+        at = k * (postures.count - 1) // max(tried - 1, 1)
+        q = read_only(postures.block(at, at + 1)[0].copy())
+        J = task.weigh_jacobian(task_jacobian(robot, q, task))
         healthy = reduce(read_only(J), HEALTHY.mask(robot.n), question.rtol)
         load = tip_load(healthy, task, question.force, None)
         if question.has_force_to_keep(healthy, None if load is None else load.F):
             return
-    raise question.nothing_to_keep(f"in any of {len(first)} postures")
+    raise question.nothing_to_keep(f"in any of {tried} postures")
 
 
 def _size_of(question: Question) -> float | None:
@@ -319,7 +323,10 @@ def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
         size = min(whole_number(chunk, "chunk", PIECE), count)
         most = _LARGEST_ARRAY // (8 * sets)
         if size > most:
-            raise InputError(f"a chunk for {sets} fault sets has {most:,} postures at most: 2 GB")
+            raise InputError(
+                f"a chunk with {sets} fault sets can hold at most {most:,} postures "
+                "(2 GB per array)"
+            )
         return size
     size = CHUNK
     while size > PIECE and size * sets > _VALUES:

@@ -66,7 +66,7 @@ def compare(
 ) -> None:
     """Rank arms by how well they degrade, over many postures and every fault set.
 
-    All arms are asked the same question, and so must stored sweeps have been.
+    All arms are asked the same question; stored sweeps must match it.
     """
     from ftforce.batch import comparison
     from ftforce.show.tables.comparison import comparison_view

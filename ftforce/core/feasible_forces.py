@@ -64,6 +64,8 @@ class LimitingFactor(StrEnum):
     """The torque limit of a motor or brake."""
     FAULT = "fault"
     """The fault itself: no motor acts in this direction, or a free-swinging joint yields."""
+    DIRECTION = "direction"
+    """The arm itself: even without a fault no motor acts in this direction (J lacks rank)."""
     WEIGHT = "weight"
     """Gravity and motion torques alone exceed the limits: the arm cannot support itself."""
     UNLIMITED = "unlimited"
@@ -232,7 +234,23 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     return Reach(minimum, maximum, limiting_joints)
 
 
-def limiting_factor(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
+def is_beyond_arm(reduced: ReducedJacobian, d: Vector) -> bool:
+    """Return whether even the healthy arm cannot exert a force along d: d is not in range(J).
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    d :
+        Direction in weighted task coordinates, shape (m,).
+    """
+    U = reduced.healthy.U[:, : reduced.rank]
+    return norm(d - U.dot(d.dot(U))) > reduced.rtol * norm(d)
+
+
+def limiting_factor(
+    feasible: FeasibleForces, ray: Reach, *, beyond_arm: bool = False
+) -> LimitingFactor:
     """Return what limits the force along a ray.
 
     Parameters
@@ -241,13 +259,17 @@ def limiting_factor(feasible: FeasibleForces, ray: Reach) -> LimitingFactor:
         The feasible forces.
     ray :
         Their range along the ray, from `reach`.
+    beyond_arm :
+        Whether even the healthy arm lacks the direction, from `is_beyond_arm`.
     """
     if ray.is_empty:
         balanced = feasible.is_balanced and not feasible.F0.any()
         return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
     if ray.limiting_joints:
         return LimitingFactor.LIMIT
-    return LimitingFactor.UNLIMITED if math.isinf(ray.maximum) else LimitingFactor.FAULT
+    if math.isinf(ray.maximum):
+        return LimitingFactor.UNLIMITED
+    return LimitingFactor.DIRECTION if beyond_arm else LimitingFactor.FAULT
 
 
 def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:

@@ -19,6 +19,7 @@ from ftforce.report.text import (
     is_noticeable,
     joined,
     lost_directions,
+    number,
     percent,
     ratio,
     torque_of,
@@ -139,7 +140,7 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
         keepers = "motors" if analysis.faults.in_mode(FaultMode.WEAK) else "healthy joints"
         return f"the {keepers} maintain the full {before} at the tip{within}"
     if analysis.verdict is Verdict.BORDERLINE:
-        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
+        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump from"
         return (
             f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
             f"{analysis.wary:g} changes the answer (margin {ratio(analysis.margin)})"
@@ -183,7 +184,7 @@ def _reasons(analysis: Analysis) -> list[str]:
 def share_in_words(share: float | None) -> str:
     """Describe the fraction of a force that can be commanded in its direction."""
     if share is None:
-        return "no fraction of the force alone holds the arm"
+        return "no fraction of the force is feasible"
     part = percent(share) if share > 0.0 else "none"
     return f"{part} of the force can be commanded in its own direction"
 
@@ -201,14 +202,14 @@ def _about_all_forces(analysis: Analysis) -> str:
             f"{analysis.wary:g}"
         )
     if not len(analysis.lost_directions):
-        return support.removeprefix("; ")
+        return support.removeprefix("; ") or _slight_support_in_words(analysis)
     return f"no motor torque can produce {lost}; forces orthogonal to that are kept{support}"
 
 
 def _support_in_words(analysis: Analysis) -> str:
     """Describe the tip force without which the arm cannot be held, if any."""
     task, support = analysis.task, _support(analysis)
-    if support is None or not is_noticeable(support):
+    if support is None or not _is_shown(support):
         return ""
     listed = with_units(task.components, support.tolist(), task.units)
     overload = overload_in_words(analysis)
@@ -216,6 +217,20 @@ def _support_in_words(analysis: Analysis) -> str:
         f"; {f'{overload}; ' if overload else ''}the arm can be held only while the tip presses "
         f"on its environment with {listed}"
     )
+
+
+def _slight_support_in_words(analysis: Analysis) -> str:
+    """Describe a tip force without which the arm cannot be held, and which rounds to zero."""
+    support = _support(analysis)
+    if support is None:
+        return "the arm cannot be held"
+    listed = amounts(analysis.task, support)
+    return f"the arm can be held only with a slight force at the tip, {listed}"
+
+
+def _is_shown(support: Vector) -> bool:
+    """Return whether a supporting force differs from 0 at the precision at which it is printed."""
+    return any(float(number(x)) != 0.0 for x in support.tolist())
 
 
 def _brake_load(analysis: Analysis | _UnitForce) -> dict[int, float] | None:

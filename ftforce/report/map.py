@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ftforce.batch.summary.cells import AXES, depth_axis
 from ftforce.report import parts, text
 from ftforce.report.fields import Document, Field, Row, constants, document, plain, under, whole
-from ftforce.report.text import percent
+from ftforce.report.text import percent, share
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,7 +59,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     grid = found.located.cells
     postures, tolerated = int(grid.postures.sum()), int(grid.tolerated.sum())
     where = "" if found.plane is None or found.at is None else " of the slice"
-    faults = faults_in_words(found.sweep, found.joints)
+    faults = f"the fault ({faults_in_words(found.sweep, found.joints)})"
     whole = f"{percent(tolerated / postures)} of {postures:,} postures{where} tolerate {faults}"
     if tolerated in {0, postures}:
         return f"{'All' if tolerated else 'None'} of {whole.partition(' of ')[2]}."
@@ -67,7 +67,9 @@ def map_sentence(found: WorkspaceMap) -> str:
     blocks, i = found.blocks, worst[0]
     at = ", ".join(metres(x) for x in blocks.place[i].tolist())
     few = f"{int(blocks.cells.tolerated[i]):,} of {int(blocks.cells.postures[i]):,} do"
-    return f"{whole}; fewest in the {blocks.edge:g} m around ({at}) m: {few}."
+    most = share(float(blocks.cells.high[i]))
+    surely = f"worst, at most {most}% with 95% confidence, is the {blocks.edge:g} m block at"
+    return f"{whole}; {surely} ({at}) m: {few}."
 
 
 class _Selected(NamedTuple):

@@ -132,6 +132,15 @@ SUMMARY = Field("summary", "a sentence")
 WARNINGS = Field("warnings", "sentences", shape="list")
 # fmt: on
 
+# fmt: off
+RANK = Field("rank", "first and last rank: ties share theirs; `null` for the healthy arm",
+    shape="2")
+RANK_COLUMNS = (
+    Field("rank_first", "first rank, worst is 1; empty for the healthy arm", get="rank.first"),
+    Field("rank_last", "last rank: ties share theirs", get="rank.last"),
+)
+# fmt: on
+
 
 def limited(result: Any) -> Any:
     """Return a result if torque limits are in force, otherwise ``None``."""
@@ -163,7 +172,8 @@ AMOUNT = (
         "no value can be held", "`unit`", get="maximum"),
     Field("least", "smallest value, nonzero only with free-swinging joints or if weight alone "
         "exceeds a limit; `null` if no value can be held", "`unit`", get="minimum"),
-    Field("end", "what limits it: `limit`, `fault`, `weight` or `unlimited`"),
+    Field("end", "what limits it: `limit`, `fault`, `weight`, `unlimited`, or `direction`: even "
+        "the healthy arm exerts no force in this direction"),
     Field("stops", "joints that limit it", shape="names", get="limiting_joints"),
 )
 # fmt: on

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
-from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
+from ftforce.report.fields import (
+    Document,
+    Field,
+    Row,
+    columns,
+    constants,
+    document,
+    rows_of,
+    under,
+    whole,
+)
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.text import joined, percent, share, vector_in_words, with_units
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ftforce.batch.result import Sweep, SweepSetting
     from ftforce.batch.summary.criticality import Estimate, JointCriticality
+    from ftforce.core.ranks import Rank
 
 _HOW = {
     "locked": ("joint locks", "joints lock"),
@@ -43,11 +56,16 @@ def _critical(sweep: Sweep) -> str:
         return "No joint is critical: every set is tolerated in every posture."
     doubtful = max(sweep.joints, key=_borderline)
     seldom = first.not_tolerated.value
-    if seldom <= _HARDLY and doubtful.borderline > 10.0 * seldom:
-        never = "Nothing is lost" if seldom <= 0.0 else "Almost nothing is lost"
+    if seldom <= 0.0:  # then the first is the one that is borderline most often
         return (
-            f"{never}; the most critical joint is {names[doubtful.joint]}: "
-            f"{percent(doubtful.borderline)} of {_cases(doubtful)} are borderline."
+            f"Nothing is lost; the most critical joint is {names[first.joint]}: "
+            f"{percent(first.borderline)} of {_cases(first)} are borderline."
+        )
+    if seldom <= _HARDLY and doubtful.borderline > 10.0 * seldom:
+        return (
+            f"Almost nothing is lost; the most critical joint is {names[first.joint]}: "
+            f"{_share_of(first)}. {names[doubtful.joint]} is borderline most often: in "
+            f"{percent(doubtful.borderline)} of {_cases(doubtful)}."
         )
     alike = [joint for joint in sweep.joints if _overlap(joint.not_tolerated, first.not_tolerated)]
     if len(alike) == len(names) > 1:
@@ -143,6 +161,19 @@ _JOINT = (
     parts.estimate("capability", "median when it fails alone; `null` if the capability is not "
         "evaluated", parts.FORCE),
 )
+class _Ranked(NamedTuple):
+    """A fault set or joint, and its rank."""
+
+    rank: Rank
+    one: Any
+
+
+def _ranked(ranks: Sequence[Rank], ones: Sequence[Any]) -> list[_Ranked]:
+    return [_Ranked(*pair) for pair in zip(ranks, ones, strict=True)]
+
+
+_RANK = replace(parts.RANK, meaning="first and last rank: those whose intervals overlap share "
+    "theirs")
 _CONVENTIONS = (
     *parts.SETTING_TASK[:2],
     parts.SETTING_COMPONENTS,
@@ -189,8 +220,16 @@ SWEEP = (
     parts.estimate("every_set_tolerated", "share of the postures that tolerate every set",
         get="every_set"),
     Field("workspace", "grid of cells", get="summary", parts=_SURVIVAL),
-    Field("sets", "every fault set, worst first", shape="list", get="ranked", parts=_SET),
-    Field("joints", "every joint, most critical first", shape="list", parts=_JOINT),
+    Field("healthy", "the healthy arm, the baseline", get=whole, parts=(
+        parts.quantiles(replace(MARGIN, meaning="σ_min(J̃)/σ_max(J̃)"), ("5", "50"),
+            "healthy_margin"),
+    )),
+    Field("sets", "every fault set, worst first", shape="list",
+        get=lambda sweep: _ranked(sweep.set_ranks, sweep.ranked),
+        parts=(_RANK, *under("one", _SET))),
+    Field("joints", "every joint, most critical first", shape="list",
+        get=lambda sweep: _ranked(sweep.joint_ranks, sweep.joints),
+        parts=(_RANK, *under("one", _JOINT))),
     Field("stored", "path of the Zarr group; `null` in memory", get="path"),
     replace(parts.SUMMARY, get=sweep_sentence),
     parts.WARNINGS,
@@ -208,7 +247,7 @@ def sweep_columns(
 ) -> tuple[Field, ...]:
     """Return the CSV columns, with the units of jump and capability and the number of postures."""
     tolerated, borderline, not_tolerated = _VERDICTS
-    return (
+    one = (
         parts.FAULT_SET,
         parts.FAILED,
         Field("postures", "number of postures analysed", get=lambda _: postures),
@@ -218,6 +257,7 @@ def sweep_columns(
         *_SHARES,
         *_measures(jump, capability, "rho"),
     )
+    return (*under("one", one), *parts.RANK_COLUMNS)
 
 
 def sweep_rows(sweep: Sweep) -> list[Row]:
@@ -225,4 +265,5 @@ def sweep_rows(sweep: Sweep) -> list[Row]:
     setting = sweep.setting
     names, about = setting.joints, columns(parts.SETTING_COLUMNS, setting)
     fields = sweep_columns(setting.size_unit, setting.capability_unit, sweep.done)
-    return rows_of(columns(fields, one, names) | about for one in sweep.ranked)
+    ranked = _ranked(sweep.set_ranks, sweep.ranked)
+    return rows_of(columns(fields, one, names) | about for one in ranked)

@@ -1,4 +1,8 @@
-"""Tip pose and Jacobians, computed by Pinocchio."""
+"""Tip pose and Jacobians, computed by Pinocchio.
+
+All functions on a robot share one `pin.Data` per thread, which the next call overwrites: what they
+return is copied, and nothing outside `ftforce.robot` reads that data.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +86,8 @@ def quaternion(R: Matrix) -> Vector:
     R :
         Rotation matrix, shape (3, 3).
     """
-    coefficients: Vector = pin.Quaternion(R).coeffs()
+    turn = pin.Quaternion(R)
+    coefficients: Vector = turn.coeffs().copy()  # coeffs is a view into the quaternion
     return coefficients
 
 
@@ -114,6 +119,24 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
         robot.model, robot.data, robot.to_model(q), robot.tip_frame, _FRAMES[axes]
     )
     return robot.coordinates.fold(J)
+
+
+def tip_pose_and_jacobian(robot: Robot, q: Vector) -> tuple[Matrix, Vector, Matrix]:
+    """Return the tip pose, as `tip_pose`, and the frame Jacobian in root axes, shape (6, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    J = pin.computeFrameJacobian(
+        model, data, robot.to_model(q), robot.tip_frame, pin.LOCAL_WORLD_ALIGNED
+    )  # also updates the tip placement
+    pose = data.oMf[robot.tip_frame]
+    return pose.rotation.copy(), pose.translation.copy(), robot.coordinates.fold(J)
 
 
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
 from ftforce.errors import InputError, UnknownNameError, URDFError, listed
-from ftforce.robot.chain import GIVEN, Chain, choose_chain, leaders_of, moving_path, tip_candidates
+from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
@@ -23,6 +23,7 @@ from ftforce.robot.plausibility import implausible_numbers
 from ftforce.robot.posture import usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
+from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,7 +55,7 @@ def load_robot(
         them). An SRDF of the same name as the URDF, in the same folder, is also read.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
-        else the last link before the tree branches into several moving parts.
+        else the tool frame at the end of the arm (see the guide on chain and posture).
     base :
         Base link. Default: that of the registry; else that of the SRDF chain; else the root link.
     posture :
@@ -102,7 +103,8 @@ def load_robot(
         name=known.name if known else tree.name,
         path=tree.path,
         tip=chain.tip,
-        tip_source=chain.tip_source,
+        tip_source=chain.end.source,
+        other_tips=MappingProxyType(dict(chain.end.others)),
         base=chain.base,
         base_source=chain.base_source,
         joints=joints,
@@ -284,7 +286,7 @@ def _nearest_to_zero(joint: UrdfJoint) -> float:
 def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str]:
     notes = [*known.notes, *_corrections(chain, known)] if known else []
     notes += [*chain.tree.notes, *_flaws_outside(chain), *_limit_notes(chain, known)]
-    if known is None and chain.tip_source != GIVEN:
+    if known is None and chain.end.source != GIVEN:
         named = dict.fromkeys(
             (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
         )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.coordinates import Coordinates
 
-BUILT_IN_POSTURES = ("mid-range", "zero", "sample")
+BUILT_IN_POSTURES = ("mid-range", "zero", "bent", "sample")
 
 
 class JointUnits:
@@ -111,6 +111,9 @@ class Robot(Displayed):
         Name of the robot and path of its URDF.
     tip, tip_source :
         Tip link, and how it was chosen.
+    other_tips :
+        Named tool frames fixed to the tip that could have been meant instead: distance in m and
+        angle in rad from the tip, by link.
     base, base_source :
         Base link, and how it was chosen.
     joints :
@@ -145,6 +148,7 @@ class Robot(Displayed):
     path: str
     tip: str
     tip_source: str
+    other_tips: Mapping[str, tuple[float, float]]
     base: str
     base_source: str
     joints: tuple[Joint, ...]

@@ -32,8 +32,10 @@ from ftforce.trajectory.history import History
 from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from os import PathLike
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ftforce.show.plots.timeline import Quantity
@@ -141,8 +143,8 @@ def _of_history(drawn: Figure, history: History) -> None:
     drawn.set_size_inches(WIDTH, min(sum(heights) + 0.35 * len(heights), HIGHEST))
     grid = drawn.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=(1.0, 1.0))
     answer = "unremapped" if history.remapped is None else "remapped"
-    plots.torques(history, "healthy", ax=drawn.add_subplot(grid[0, :]))
-    plots.torques(history, answer, ax=drawn.add_subplot(grid[1, :]))
+    first = plots.torques(history, "healthy", ax=drawn.add_subplot(grid[0, :]))
+    plots.torques(history, answer, ax=drawn.add_subplot(grid[1, :], sharey=first))
     for row, kind in enumerate(kinds, start=2):
         plots.force(history, kind=kind, ax=drawn.add_subplot(grid[row, :]))
     for row, plot in ((-2, plots.jump), (-1, plots.path_error)):
@@ -155,8 +157,8 @@ def _of_history(drawn: Figure, history: History) -> None:
 def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
     quantities: list[Quantity] = ["margin"] if timeline.force is None else ["jump", "margin"]
     quantities += ["capability"] if np.isfinite(timeline.capability).any() else []
-    most = int((HIGHEST / len(quantities) - _TITLE_AND_AXIS) / ROW)
-    rows = min(most, len(timeline.sets))
+    most = int((HIGHEST / len(quantities) - _TITLE_AND_AXIS) / ROW) - 1
+    rows = min(most, len(timeline.sets)) + 1
     drawn.set_size_inches(WIDTH, len(quantities) * (_TITLE_AND_AXIS + ROW * max(rows, 4)))
     axes = drawn.subplots(len(quantities), squeeze=False)
     for quantity, ax in zip(quantities, axes[:, 0], strict=True):
@@ -165,7 +167,7 @@ def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
 
 def _of_census(drawn: Figure, census: Census) -> None:
     rows = min(_MOST_BARS, len(census.sets))
-    drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * rows)
+    drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * (rows + 1))
     plots.census(census, most=rows, ax=drawn.add_subplot())
 
 
@@ -180,9 +182,27 @@ def _of_capability(drawn: Figure, capability: Capability) -> None:
     for place, pair in enumerate(pairs):
         ax = drawn.add_subplot(grid[place // columns, place % columns])
         plots.capability(capability, [task.components[i] for i in pair], ax=ax)
+    _one_scale(drawn.axes)
     lines = max(ax.get_title(loc="left").count("\n") for ax in drawn.axes)
     drawn.set_size_inches(WIDTH, (2.5 + ROW * lines) * rows + 0.3)
     _one_legend(drawn)
+
+
+def _one_scale(axes: Sequence[Axes]) -> None:
+    """Give planes of equal units the same limits, so that they can be compared."""
+    from matplotlib.ticker import MaxNLocator
+
+    for unit in ("[N]", "[N·m]"):
+        alike = [ax for ax in axes if all(one.endswith(unit) for one in _labels(ax))]
+        ends = np.array([(*ax.get_xlim(), *ax.get_ylim()) for ax in alike])
+        for ax in alike:
+            ax.set(xlim=(ends.min(), ends.max()), ylim=(ends.min(), ends.max()))
+            for axis in (ax.xaxis, ax.yaxis):
+                axis.set_major_locator(MaxNLocator(4))
+
+
+def _labels(ax: Axes) -> tuple[str, str]:
+    return ax.get_xlabel(), ax.get_ylabel()
 
 
 def _one_legend(drawn: Figure) -> None:

@@ -46,6 +46,10 @@ SOLID, DASHED, DOTTED = (0, ()), (0, (5, 2.5)), (0, (0.1, 2.4))
 DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
 
 NOTHING = "the arm cannot be held"
+NO_FAULT = "none (healthy)"
+"""Label of the healthy arm among fault sets and joints."""
+FLOOR = 0.03
+"""Room below zero, relative to the largest value, so that zero can be seen."""
 HIGHEST = 9.6  # in; a page of A4 with its caption
 ROW = 0.16  # in; height of a row of text
 LONGEST_NAME = 24  # characters of a joint's name
@@ -231,14 +235,29 @@ def lift_titles(ax: Axes, rows: int) -> None:
 
 
 def fit(ax: Axes, values: Matrix, *, positive: bool = False, least: float = NEGLIGIBLE) -> None:
-    """Fit the vertical axis to values; values up to ``least`` are shown as zero."""
-    size = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    """Fit the vertical axis to values, and to those of axes that share it.
+
+    Values up to ``least`` are shown as zero. Positive values start above the lower end of the axis,
+    so that a line at zero is not hidden by the frame.
+    """
+    drawn = [values, *(_heights(one) for one in ax.get_shared_y_axes().get_siblings(ax))]
+    size = max(float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in drawn)
     if size <= least:
-        ax.set_ylim(0.0 if positive else -1.0, 1.0)
+        ax.set_ylim(-FLOOR if positive else -1.0, 1.0)
     elif positive:
-        ax.set_ylim(0.0, 1.08 * size)
+        ax.set_ylim(-FLOOR * size, 1.08 * size)
+    else:
+        ax.set_ylim(auto=True)
+        ax.autoscale_view(scalex=False)
     # An offset text above the axis would overlap the labels there.
     ax.yaxis.set_major_formatter(_plain)
+
+
+def _heights(ax: Axes) -> Vector:
+    lines = [np.asarray(line.get_ydata(), dtype=np.float64).ravel() for line in ax.get_lines()]
+    return np.concatenate(
+        [np.zeros(1), *(y for y in lines if y.size > 2)]
+    )  # without marks of faults
 
 
 def _plain(value: float, _: float) -> str:

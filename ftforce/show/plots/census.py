@@ -11,6 +11,7 @@ from ftforce.core.verdict import Verdict
 from ftforce.report import text
 from ftforce.show.plots.canvas import (
     BLACK,
+    FLOOR,
     NOTHING,
     ROW,
     SKY,
@@ -41,7 +42,7 @@ LOOKS = {
 
 
 def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
-    """Draw a bar chart of the worst fault sets, by the measure that ranks the census.
+    """Draw a bar chart of the worst fault sets and the healthy arm, by the ranking's measure.
 
     Without a force there is no jump; the bars then show margins.
 
@@ -59,7 +60,7 @@ def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
     InputError
         ``ax`` is not two-dimensional.
     """
-    sets = result.sets[: max(most, 1)]
+    sets = (*result.sets[: max(most, 1)], result.healthy)
     title, label = _words(result)
     values = np.array([_value(result, report) for report in sets])
     with canvas(ax, 1.0 + ROW * len(sets)) as axes:
@@ -69,7 +70,9 @@ def census(result: Census, *, most: int = 20, ax: Axes | None = None) -> Axes:
         axes.set_xlabel(label)
         axes.set_ylabel(f"{result.mode.value} joints")
         head(
-            axes, title + cut(len(sets), len(result.sets)), verdict_key(one.verdict for one in sets)
+            axes,
+            title + cut(len(sets) - 1, len(result.sets)),
+            verdict_key(one.verdict for one in sets),
         )
     return axes
 
@@ -94,14 +97,24 @@ def _value(result: Census, report: SetReport) -> float:
 def _draw(ax: Axes, values: Vector, sets: Sequence[SetReport]) -> None:
     lengths = np.where(np.isfinite(values), values, 0.0)
     top = float(lengths.max())
-    ax.set_xlim(0.0, 1.15 * top if top > text.NEGLIGIBLE else 1.0)
+    top = top if top > text.NEGLIGIBLE else 0.85
+    ax.set_xlim(-0.5 * FLOOR * top, 1.15 * top)
     grid(ax, "x")
+    mark_zeros(ax, lengths)
     bars = ax.barh(range(len(sets)), lengths, height=0.72)
     for row, (bar, report) in enumerate(zip(bars, sets, strict=True)):
         bar.set(**look(report.verdict))
         place: Options = {"textcoords": "offset points", "va": "center_baseline"}
         end = (float(lengths[row]), row)
         ax.annotate(_in_words(float(values[row])), end, (3.0, 0.0), **place)
+
+
+def mark_zeros(ax: Axes, lengths: Vector) -> None:
+    """Draw the line from which bars start, and a mark where a bar has no length."""
+    ax.axvline(0.0, color="0.4", linewidth=0.6, zorder=1)
+    rows = np.flatnonzero(lengths <= text.NEGLIGIBLE)
+    look: Options = {"color": BLACK, "marker": "|", "markersize": 6.0, "markeredgewidth": 1.2}
+    ax.plot(np.zeros(len(rows)), rows, linestyle="none", **look, zorder=3)
 
 
 def _in_words(value: float) -> str:

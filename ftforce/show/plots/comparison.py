@@ -11,6 +11,7 @@ from ftforce.errors import UnknownNameError
 from ftforce.report.comparison import fault_words, ranks
 from ftforce.show.plots.canvas import (
     BLUE,
+    FLOOR,
     HIGHEST,
     LONGEST_NAME,
     ROW,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 Shown = Literal["tolerated", "every", "rho", "margin"]
 
 SHOWN: tuple[str, ...] = get_args(Shown)
+_SHARES = {"tolerated", "every"}
 _TITLES = {
     "tolerated": ("Tolerated", "postures × sets [%]"),
     "every": ("Every set tolerated", "postures [%]"),
@@ -102,7 +104,7 @@ def comparison(
     with canvas(ax, 1.0 + ROW * len(arms)) as axes:
         marks = _panel(axes, arms, shown)
         title = _title(result, shown) + _cut(len(arms), len(result.arms))
-        head(axes, title, _key(marks, is_share=shown in {"tolerated", "every"}))
+        head(axes, title, _key(marks, is_share=shown in _SHARES))
     return axes
 
 
@@ -119,7 +121,7 @@ def _cut(shown: int, arms: int) -> str:
 def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
     """Draw the dots without title and legend; return the marks."""
     marks = marks_of(arms, shown)
-    _draw(ax, marks)
+    _draw(ax, marks, is_share=shown in _SHARES)
     names = [f"{shortened(arm.name, LONGEST_NAME)}  {ranks(arm)}" for arm in arms]
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
@@ -134,7 +136,7 @@ def marks_of(arms: Sequence[ArmReport], shown: str) -> Marks:
 
 
 def _row(arm: ArmReport, shown: str) -> tuple[float, float, float, float]:
-    if shown in {"tolerated", "every"}:
+    if shown in _SHARES:
         value, low, high = (100.0 * x for x in getattr(arm, shown))
         return value, low, high, math.nan
     few, half = getattr(arm.largest, shown)
@@ -142,14 +144,16 @@ def _row(arm: ArmReport, shown: str) -> tuple[float, float, float, float]:
     return half.value, few.value, half.value, bound
 
 
-def _draw(ax: Axes, marks: Marks) -> None:
+def _draw(ax: Axes, marks: Marks, *, is_share: bool) -> None:
     rows = np.arange(len(marks.value))
     grid(ax)
     ax.hlines(rows, marks.low, marks.high, color=BLUE, linewidth=1.6)
     ax.plot(marks.value, rows, linestyle="none", marker="o", color=BLUE, clip_on=False, zorder=3)
     ax.plot(marks.bound, rows, **_BOUND, zorder=4)
-    if not np.isfinite(marks.value).any():
-        ax.set_xlim(0.0, 1.0)
+    ends = np.concatenate([marks.value, marks.high, marks.bound])
+    # Shares have one scale, so that plots beside each other can be compared.
+    top = 100.0 if is_share else float(ends[np.isfinite(ends)].max(initial=0.0)) or 1.0
+    ax.set_xlim(-FLOOR * top, (1.0 + FLOOR) * top)
 
 
 def _key(marks: Marks, *, is_share: bool) -> list[Any]:

@@ -13,7 +13,9 @@ from ftforce.core.verdict import Verdict
 from ftforce.report.text import share
 from ftforce.show.plots.canvas import (
     BLACK,
+    FLOOR,
     LONGEST_NAME,
+    NO_FAULT,
     SKY,
     VERMILION,
     Options,
@@ -25,7 +27,7 @@ from ftforce.show.plots.canvas import (
     width_of,
     wrapped,
 )
-from ftforce.show.plots.census import look, verdict_key
+from ftforce.show.plots.census import look, mark_zeros, verdict_key
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +81,8 @@ WORDS = {
 def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = None) -> Axes:
     """Draw the distribution of a quantity over the postures when each joint fails alone.
 
-    One row per joint, the most critical on top, each scaled to its fullest bin. A diamond marks the
+    One row per joint, the most critical on top, then the healthy arm, each scaled to its fullest
+    bin. A diamond marks the
     median, a triangle the worst 5 %: small values of ρ, margin and capability, large jumps.
     Postures outside all bins, such as those without a jump, are listed beside the row.
 
@@ -98,9 +101,8 @@ def histogram(sweep: Sweep, quantity: Quantity = "rho", *, ax: Axes | None = Non
         The quantity is unknown or not part of the sweep, or ``ax`` is not two-dimensional.
     """
     check_quantity(sweep, quantity)
-    ranked = sweep.joints
-    found = [histogram_of(sweep, quantity, one.joint) for one in ranked]
-    with canvas(ax, _HEAD + ROW_HEIGHT * len(ranked)) as axes:
+    found = histograms_of(sweep, quantity)
+    with canvas(ax, _HEAD + ROW_HEIGHT * len(found)) as axes:
         draw_rows(axes, found, logarithmic=quantity == "capability")
         name_rows(axes, sweep)
         title, label = words_of(sweep, quantity)
@@ -115,6 +117,42 @@ def without_ticks_above(ax: Axes) -> None:
     """Remove the minor ticks that the blank top axis inherits from a logarithmic axis."""
     for above in ax.child_axes:
         above.minorticks_off()
+
+
+def histograms_of(sweep: Sweep, quantity: str) -> list[Histogram]:
+    """Return the histograms of all joints, most critical first, and that of the healthy arm."""
+    joints = [histogram_of(sweep, quantity, one.joint) for one in sweep.joints]
+    return [*joints, _of_healthy(sweep, quantity)]
+
+
+def _of_healthy(sweep: Sweep, quantity: str) -> Histogram:
+    summary, total = sweep.summary, int(sweep.summary.postures)
+    edges = np.asarray(summary.bins.share)
+    counts = np.zeros(len(edges) - 1, dtype=np.int64)
+    if quantity == "margin":
+        low, middle = sweep.healthy_margin
+        counts += np.asarray(summary.healthy_margin)[: len(counts)]
+        return _grouped(edges, counts, (low, middle), {})
+    if quantity == "rho":  # w(J)/w(J)
+        counts[-1] = total
+        return _grouped(edges, counts, (1.0, 1.0), {})
+    if quantity == "jump":
+        return _grouped(np.asarray(summary.bins.jump), counts, (0.0, 0.0), {"no jump": 1.0})
+    edges = np.asarray(summary.bins.capability)
+    return Histogram(
+        edges[::_LOGARITHMIC],
+        np.zeros(len(edges[::_LOGARITHMIC]) - 1, dtype=np.int64),
+        math.nan,
+        math.nan,
+        ["–"],
+    )
+
+
+def _grouped(
+    edges: Vector, counts: Counts, marks: tuple[float, float], notes: dict[str, float]
+) -> Histogram:
+    words = [f"{name}: {share(one, short=True)} %" for name, one in notes.items()]
+    return Histogram(edges[::_LINEAR], counts.reshape(-1, _LINEAR).sum(axis=1), *marks, words)
 
 
 def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
@@ -242,6 +280,7 @@ def name_rows(ax: Axes, sweep: Sweep, most: int = LONGEST_NAME) -> None:
         f"{one.joint + 1} {shortened(sweep.setting.joints[one.joint], most)}"
         for one in sweep.joints
     ]
+    names.append(NO_FAULT)
     ax.set_yticks(range(len(names)), names)
     ax.tick_params(axis="y", length=0.0)
 
@@ -266,7 +305,7 @@ def criticality(sweep: Sweep, *, ax: Axes | None = None) -> Axes:
     InputError
         ``ax`` is not two-dimensional.
     """
-    with canvas(ax, _HEAD + ROW_HEIGHT * len(sweep.joints)) as axes:
+    with canvas(ax, _HEAD + ROW_HEIGHT * (len(sweep.joints) + 1)) as axes:
         draw_ranking(axes, sweep)
         name_rows(axes, sweep)
         lines = ["Joints, most critical on top", *_cases(sweep)]
@@ -293,12 +332,13 @@ def draw_ranking(ax: Axes, sweep: Sweep) -> None:
     _whiskers(ax, rows + 0.16, lost, 100.0 * ends.T)
     _whiskers(ax, rows - 0.16, lost + doubtful, np.array([low, high]))
     _window_of_shares(ax, float(np.nanmax(high, initial=0.0)))
+    mark_zeros(ax, np.append(lost + doubtful, 0.0))  # the healthy arm loses nothing
     for row, total, start, end in zip(rows, lost + doubtful, low, high, strict=True):
         value, low_end, high_end = (share(0.01 * x, short=True) for x in (total, start, end))
         words = f"{value} ({low_end}–{high_end})"
         place: Options = {"textcoords": "offset points", "va": "center_baseline"}
         ax.annotate(words, (end, row), (4.0, 0.0), **place)
-    ax.set_ylim(len(rows) - 0.4, -0.55)
+    ax.set_ylim(len(rows) + 0.6, -0.55)
     grid(ax, "x")
     what = "postures" if sweep.setting.largest == 1 else "cases"
     ax.set_xlabel(f"share of the {what} [%] (95 % interval)" + _none(sweep))
@@ -318,7 +358,8 @@ def _window_of_shares(ax: Axes, top: float) -> None:
 
     room = min(_NUMBERS / width_of(ax), 0.6)
     ticks = [x for x in MaxNLocator(3).tick_values(0.0, top) if x <= min(100.0, 1.05 * top)]
-    ax.set_xlim(0.0, top / (1.0 - room) if top > 0.0 else 1.0)
+    end = top / (1.0 - room) if top > 0.0 else 1.0
+    ax.set_xlim(-0.5 * FLOOR * end, end)
     ax.xaxis.set_major_locator(FixedLocator(ticks))
 
 

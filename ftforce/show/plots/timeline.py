@@ -9,7 +9,7 @@ import numpy as np
 from ftforce.core.arrays import read_only
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.report import text
-from ftforce.show.plots.canvas import NOTHING, ROW, Options, canvas, head, mark, shortened
+from ftforce.show.plots.canvas import NO_FAULT, NOTHING, ROW, Options, canvas, head, mark, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Cells(NamedTuple):
     values :
         Shape (rows, columns): NaN where the arm falls, infinite without a known limit.
     rows :
-        Worst instant of each row's fault set.
+        Worst instant of each row's fault set; the healthy arm is the last row.
     marks :
         Times of these instants, s, shape (rows,).
     """
@@ -82,12 +82,12 @@ def heat_map(
         axes.set_ylim(len(labels) - 0.5, -0.5)
         axes.set_xlabel("time [s]")
         axes.set_ylabel(f"{timeline.mode.value} joints")
-        head(axes, cells.title + cut(len(labels), len(timeline.sets)), _notes(cells))
+        head(axes, cells.title + cut(len(labels) - 1, len(timeline.sets)), _notes(cells))
     return axes
 
 
 def cells_of(timeline: Timeline, quantity: str, most: int) -> Cells:
-    """Return the cells of the worst fault sets, in the timeline's order.
+    """Return the cells of the worst fault sets, in the timeline's order, then the healthy arm's.
 
     Raises
     ------
@@ -102,6 +102,8 @@ def cells_of(timeline: Timeline, quantity: str, most: int) -> Cells:
     rows = sorted(timeline.worst()[: max(most, 1)], key=lambda worst: order[worst.faults])
     title, label = _words(timeline, quantity)
     values = getattr(timeline, quantity)[:, [order[worst.faults] for worst in rows]]
+    values = np.column_stack([values, getattr(timeline.healthy, quantity)])
+    rows.append(timeline.healthy_worst)
     edges, values = _columns(timeline.t, values, largest=quantity == "jump")
     at = "capability_time" if quantity == "capability" else "time"
     marks = np.array([getattr(worst, at) for worst in rows])
@@ -147,11 +149,11 @@ def _columns(t: Vector, values: Matrix, *, largest: bool) -> tuple[Vector, Matri
 
 def set_labels(robot: Robot, sets: Sequence[FaultSet]) -> list[str]:
     """Label fault sets by joint numbers and names, or only numbers where that is too long."""
-    named = [", ".join(f"{j + 1} {robot.names[j]}" for j in one.joints) for one in sets]
+    named = [", ".join(f"{j + 1} {robot.names[j]}" for j in one.joints) or NO_FAULT for one in sets]
     if max(map(len, named)) <= LONGEST_LABEL:
         return named
     return [
-        shortened(name, LONGEST_LABEL) if len(one) == 1 else text.set_of(one.joints).strip("{}")
+        shortened(name, LONGEST_LABEL) if len(one) < 2 else text.set_of(one.joints).strip("{}")
         for name, one in zip(named, sets, strict=True)
     ]
 

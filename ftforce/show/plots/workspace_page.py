@@ -44,7 +44,7 @@ def draw_map(drawn: Figure, found: WorkspaceMap) -> None:
     rows = [found.quantities[:_BESIDE], found.quantities[_BESIDE:]]
     rows = [row for i, row in enumerate(rows) if row or i == 0]
     top = _MAP_HEAD + _height(found)
-    each = _ROWS_HEAD + histograms.ROW_HEIGHT * len(found.sweep.joints)
+    each = _ROWS_HEAD + histograms.ROW_HEIGHT * (len(found.sweep.joints) + 1)
     each = min(each, (HIGHEST - top) / len(rows))
     heights = [top, *(each for _ in rows)]
     drawn.set_size_inches(WIDTH, sum(heights))
@@ -116,7 +116,7 @@ def _draw_rows(part: SubFigure, sweep: Sweep, quantities: tuple[str, ...], *, ra
         histograms.draw_ranking(axes[0], sweep)
         head(axes[0], "Joints, most critical on top", histograms.ranking_key())
     for ax, quantity in zip(axes[ranked:], quantities, strict=True):
-        rows = [histograms.histogram_of(sweep, quantity, one.joint) for one in sweep.joints]
+        rows = histograms.histograms_of(sweep, quantity)
         histograms.draw_rows(ax, rows, logarithmic=quantity == "capability")
         _, label = histograms.words_of(sweep, quantity)
         ax.set_xlabel(label)

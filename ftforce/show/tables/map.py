@@ -9,12 +9,11 @@ import numpy as np
 from rich.text import Text
 
 from ftforce.batch.summary.cells import AXES, Cells, pooled
-from ftforce.batch.summary.criticality import Estimate
 from ftforce.batch.summary.intervals import quantile
+from ftforce.core.ranks import ranks_of
 from ftforce.report.map import cells_in_words, faults_in_words, map_sentence
 from ftforce.report.measures import MARGIN
-from ftforce.report.sweep import interval
-from ftforce.report.text import NEGLIGIBLE, number, ratio, size
+from ftforce.report.text import NEGLIGIBLE, number, ratio, share, size
 from ftforce.show.plots.workspace import UNSURE
 from ftforce.show.tables.parts import TitledTable, facts, listing, spaced, warning_lines
 from ftforce.show.tables.sweep import joints_table, sweep_facts
@@ -99,8 +98,8 @@ def _cell(cells: Cells, i: int, j: int) -> Text:
     unsure = cells.high[i, j] - cells.low[i, j] > UNSURE
     if tolerated == postures:
         return Text(f"  {_ALL}", "dim")
-    share = 100 * tolerated // postures
-    return Text(f"{share:3d}", "dim" if unsure else "bold red" if share < 50 else "")
+    whole = 100 * tolerated // postures
+    return Text(f"{whole:3d}", "dim" if unsure else "bold red" if whole < 50 else "")
 
 
 def _legend(edge: float, found: WorkspaceMap) -> str:
@@ -114,25 +113,30 @@ def _worst(found: WorkspaceMap, most: int) -> TitledTable:
     blocks = found.blocks
     cells = blocks.cells
     what = "cells" if blocks.edge < 1.5 * found.located.edge else "blocks"
-    rows = [_worst_row(blocks, i) for i in found.worst(most)]
+    order = found.worst(len(cells.postures))
+    keys = [(round(float(cells.high[i]), 9), round(float(cells.share[i]), 9)) for i in order]
+    pairs = list(zip(order, map(str, ranks_of(keys)), strict=True))[:most]
+    rows = [_worst_row(blocks, *pair) for pair in pairs]
     title = f"{what.capitalize()} of {blocks.edge:g} m, worst first"
-    result = listing(title, rows, left=0, folded=())
+    result = listing(title, rows, left=1, folded=())
     bad = int((cells.tolerated < cells.postures).sum())
     result.caption = (
-        f"centres of {what}, ordered by the upper end of the interval\n"
+        f"centres of {what}; at most: upper end of the 95 % interval, by which they rank\n"
         f"{bad:,} of {len(cells.postures):,} {what} contain postures that do not tolerate it"
     )
     return result
 
 
-def _worst_row(blocks: Located, i: int) -> Iterator[tuple[str, str]]:
+def _worst_row(blocks: Located, i: int, rank: str) -> Iterator[tuple[str, str]]:
     cells = blocks.cells
+    yield "rank", rank
     for axis, x in zip(AXES, blocks.place[i].tolist(), strict=True):
         yield f"{axis} [m]", number(x, 3)
     yield "postures", f"{int(cells.postures[i]):,}"
     yield "tolerated", f"{int(cells.tolerated[i]):,}"
-    share = Estimate(float(cells.share[i]), float(cells.low[i]), float(cells.high[i]))
-    yield "[%] (95 % interval)", interval(share)
+    yield "[%]", share(float(cells.share[i]))
+    yield "at least", share(float(cells.low[i]))
+    yield "at most", share(float(cells.high[i]))
 
 
 _NAMES = {
@@ -176,7 +180,9 @@ def _quantiles(found: WorkspaceMap, quantity: str) -> TitledTable:
             ]
         )
     title = f"{_NAMES[quantity]}{unit} when the joint fails alone, quantiles over the postures"
-    return listing(title, rows, left=2, folded=(1,))
+    result = listing(title, rows, left=2, folded=(1,))
+    result.caption = "joints in the order of the table above"
+    return result
 
 
 def _written(x: float, least: float, above: str, *, amount: bool) -> str:

@@ -163,6 +163,18 @@ def amount(x: float, digits: int = 1) -> str:
     return "–" if math.isnan(x) else "no limit" if math.isinf(x) else size(x, digits)
 
 
+HEALTHY_ROW = "none"
+"""Name of the row of the healthy arm among fault sets and joints: no joint failed."""
+
+
+ABOVE_HEALTHY = "above 100: the brake holds a locked joint, and its motor's limit no longer applies"
+
+
+def percent_kept(share: float | None) -> str:
+    """Format a share in percent for a column [%]; a dash if unknown."""
+    return "–" if share is None or math.isnan(share) else number(100.0 * share, 0)
+
+
 def defined(x: float) -> str:
     """Format a ratio; a dash if undefined."""
     return "–" if math.isnan(x) else "∞" if math.isinf(x) else ratio(x)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _UNITS = {
     "J, eq. (34)": " (m/rad)",
+    "¹J, eq. (35)": " (m/rad)",
     "Table 2": " (torques in N·m, shares without unit)",
     "Ẋ, section IV": " (printed in cm/s; the printed numbers are m/s)",
 }

@@ -8,15 +8,22 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from ftforce.batch.summary.bins import LINEAR_BINS
-from ftforce.batch.summary.intervals import quantile as quantile_of
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import direction_in_words, force_in_words, interval, sweep_sentence
 from ftforce.report.text import NEGLIGIBLE, axes_in_words, ratio, set_of, share
 from ftforce.show.tables.analysis import arm_fact
-from ftforce.show.tables.parts import amount, defined, facts, listing, spaced, warning_lines
+from ftforce.show.tables.parts import (
+    HEALTHY_ROW,
+    amount,
+    defined,
+    facts,
+    listing,
+    spaced,
+    warning_lines,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from rich.console import RenderableType
 
@@ -74,11 +81,16 @@ def joints_table(sweep: Sweep) -> TitledTable:
     """Return the joints, most critical first, with 95 % confidence intervals."""
     several = sweep.setting.largest > 1
     capable = any(joint.capability is not None for joint in sweep.joints)
-    rows = [_joint(sweep, joint, capable=capable) for joint in sweep.joints]
-    result = listing("Joints, most critical first", rows, left=3, folded=(1,))
-    notes = ["margin, ρ: quantiles over the postures when the joint fails alone"]
+    pairs = zip(sweep.joints, map(str, sweep.joint_ranks), strict=True)
+    rows = [[*_joint(sweep, *pair, capable=capable)] for pair in pairs]
+    rows.append(_healthy(sweep, [heading for heading, _ in rows[0]]))
+    result = listing("Joints, most critical first", rows, left=4, folded=(2,))
+    notes = [
+        "margin, ρ: quantiles over the postures when the joint fails alone",
+        f"rank: by not tolerated; overlapping intervals share ranks; {HEALTHY_ROW}: healthy arm",
+    ]
     if several:
-        notes.insert(0, "not tolerated: of all cases, postures × sets that hold the joint")
+        notes.insert(0, "not tolerated: of all cases, postures × sets that contain the joint")
         notes.insert(1, "alone: not tolerated when it fails alone")
     if capable:
         notes.append("force: median of the capability when it fails alone")
@@ -87,9 +99,10 @@ def joints_table(sweep: Sweep) -> TitledTable:
 
 
 def _joint(
-    sweep: Sweep, joint: JointCriticality, *, capable: bool
+    sweep: Sweep, joint: JointCriticality, rank: str, *, capable: bool
 ) -> Iterator[tuple[str, str | Text]]:
     setting, lost = sweep.setting, joint.not_tolerated
+    yield "rank", rank
     yield "#", str(joint.joint + 1)
     yield "joint", setting.joints[joint.joint]
     style = "bold red" if lost.value > 0.0 else ""
@@ -99,10 +112,23 @@ def _joint(
         yield "alone\n[%]", share(joint.alone.value)
     for measure, (low, middle) in {MARGIN.symbol: joint.margin, RHO.symbol: joint.rho}.items():
         yield f"{measure}\n5 %", quantile(low.value)
-        yield "\n50 %", quantile(middle.value)
+        if measure == MARGIN.symbol or not (capable and setting.largest > 1):  # or 80 columns end
+            yield "\n50 %", quantile(middle.value)
     if capable:
         median = "–" if joint.capability is None else amount(joint.capability.value)
         yield f"force\n[{setting.capability_unit}]", median
+
+
+def _healthy(sweep: Sweep, headings: Sequence[str]) -> list[tuple[str, str | Text]]:
+    """Return the row of the healthy arm, which loses nothing: its margins, and ρ = 1."""
+    low, middle = map(quantile, sweep.healthy_margin)
+    after = len(headings) - 1 - headings.index(f"{MARGIN.symbol}\n5 %")
+    cells = ["", "", HEALTHY_ROW, *[""] * (len(headings) - 4 - after), low, middle]
+    cells += [
+        "1" if heading in {f"{RHO.symbol}\n5 %", "\n50 %"} else ""
+        for heading in headings[len(cells) :]
+    ]
+    return list(zip(headings, cells, strict=True))
 
 
 def quantile(x: float) -> str:
@@ -115,8 +141,9 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
     jumps = any(one.jump is not None for one in ranked)
     capable = any(one.capability is not None for one in ranked)
     falls = any(one.falls > 0.0 for one in ranked)
-    rows = [_set(sweep, one, falls=falls, jumps=jumps) for one in ranked[:most]]
-    result = listing(f"Fault sets, {setting.mode}, worst first", rows, folded=())
+    pairs = list(zip(ranked, map(str, sweep.set_ranks), strict=True))[:most]
+    rows = [_set(sweep, *pair, falls=falls, jumps=jumps) for pair in pairs]
+    result = listing(f"Fault sets, {setting.mode}, worst first", rows, left=2, folded=())
     notes = ["falls: the arm cannot be held in static equilibrium"] if falls else []
     if jumps:
         notes.append("jump: quantiles over the postures, and the largest")
@@ -128,8 +155,11 @@ def _sets(sweep: Sweep, most: int) -> TitledTable:
     return result
 
 
-def _set(sweep: Sweep, one: SetSummary, *, falls: bool, jumps: bool) -> Iterator[tuple[str, str]]:
+def _set(
+    sweep: Sweep, one: SetSummary, rank: str, *, falls: bool, jumps: bool
+) -> Iterator[tuple[str, str]]:
     setting = sweep.setting
+    yield "rank", rank
     yield setting.mode, set_of(one.faults.joints)
     yield "not tol.\n[%]", share(one.not_tolerated.value)
     yield "border-\nline [%]", share(one.borderline.value)
@@ -170,9 +200,8 @@ def _shares(sweep: Sweep) -> list[tuple[str, str]]:
     edge = summary.workspace.edge
     count = int(visited.sum())
     left = f"{share(float(survives.mean()))} % of them" if count else "none"
-    margins, total = summary.healthy_margin, max(sweep.done, 1)
-    edges, full = summary.bins.share, int(summary.healthy_rank[len(sweep.setting.components)])
-    low, middle = (quantile(float(quantile_of(margins, edges, p))) for p in (0.05, 0.5))
+    total, full = max(sweep.done, 1), int(summary.healthy_rank[len(sweep.setting.components)])
+    low, middle = map(quantile, sweep.healthy_margin)
     rank = f"full rank in {share(full / total)} % of the postures"
     room = f"{count:,} cells of {edge:g} m with postures, {count * edge**3:.3g} m³"
     return [

@@ -9,10 +9,26 @@ from rich.text import Text
 
 from ftforce.report import text
 from ftforce.report.measures import MARGIN
-from ftforce.report.text import ratio, size
+from ftforce.report.text import ratio, share, size
 from ftforce.report.timeline import timeline_sentence
-from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
-from ftforce.show.tables.parts import amount, facts, listing, spaced, verdict_text, warning_lines
+from ftforce.show.tables.analysis import (
+    arm_fact,
+    conditions_facts,
+    force_fact,
+    task_facts,
+    tip_facts,
+)
+from ftforce.show.tables.parts import (
+    ABOVE_HEALTHY,
+    HEALTHY_ROW,
+    amount,
+    facts,
+    listing,
+    percent_kept,
+    spaced,
+    verdict_text,
+    warning_lines,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,6 +38,7 @@ if TYPE_CHECKING:
     from ftforce.show.tables.parts import TitledTable
     from ftforce.trajectory.timeline import Timeline, WorstInstant
 
+_MORE = 1.005  # shown as more than 100 %
 MOST_SETS = 40
 """Maximum number of fault sets in a timeline's table, worst first."""
 
@@ -31,6 +48,8 @@ def timeline_view(timeline: Timeline, *, most: int = MOST_SETS) -> RenderableTyp
     return spaced(
         facts(_situation(timeline)),
         _sets(timeline, most),
+        _capabilities(timeline, most),
+        facts([("Assumed", note) for note in timeline.notes]) if timeline.notes else None,
         warning_lines(timeline.warnings),
         Text(timeline_sentence(timeline), style="bold"),
     )
@@ -47,6 +66,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
         ("Path", f"{timeline.course} (points in the root's axes)"),
@@ -60,29 +80,67 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
 
 
 def _sets(timeline: Timeline, most: int) -> TitledTable:
-    unit = text.unit_of_size(timeline.task, timeline.direction)
     instants = timeline.worst()
+    ranked = list(zip(map(str, timeline.ranks()), instants, strict=True))[:most]
     result = listing(
         f"The worst instant of each fault set ({timeline.mode}), worst set first",
-        [_row(timeline, worst, unit) for worst in instants[:most]],
-        left=2,
-        folded=(1, 5),
+        [_row(timeline, rank, worst) for rank, worst in (*ranked, ("", timeline.healthy_worst))],
+        left=3,
+        folded=(2, 3),
     )
-    result.caption = f"least: smallest capability over time, {unit}"
+    result.caption = (
+        "rank: by verdict, not tolerated, jump, margin; equal ranks: a tie\n"
+        f"not tolerated: of the instants; {HEALTHY_ROW}: healthy arm"
+    )
+    if timeline.force is not None:
+        result.caption += "\nkept: share of the force that is still exerted along it"
     if len(instants) > most:
-        result.caption += f"; {len(instants) - most} more sets are not shown (--top)"
+        result.caption += f"\n{len(instants) - most} more sets are not shown (--top)"
     return result
 
 
-def _row(timeline: Timeline, worst: WorstInstant, unit: str) -> Iterator[tuple[str, str | Text]]:
-    names = timeline.robot.names
-    yield "set", text.set_of(worst.faults.joints)
-    yield "joints", ", ".join(names[i] for i in worst.faults.joints)
-    yield "at", f"{worst.time:g} s"
-    jump = "–" if math.isnan(worst.jump) else size(worst.jump)
-    yield f"jump [{timeline.task.size_unit}]", jump
-    yield MARGIN.symbol, ratio(worst.margin)
+def _row(timeline: Timeline, rank: str, worst: WorstInstant) -> Iterator[tuple[str, str | Text]]:
+    yield "rank", rank
+    yield from _set(timeline, worst)
     yield "verdict", verdict_text(worst.verdict)
-    least = "falls" if math.isnan(worst.capability) else amount(worst.capability, 2)
-    yield f"least [{unit}]", least
-    yield "at ", f"{worst.capability_time:g} s"
+    yield "not tol.\n[%]", share(worst.not_tolerated)
+    yield "at", f"{worst.time:g} s"
+    if timeline.force is not None:
+        jump = "–" if math.isnan(worst.jump) else size(worst.jump)
+        yield f"jump\n[{timeline.task.size_unit}]", jump
+        yield "kept\n[%]", percent_kept(worst.kept)
+    yield MARGIN.symbol, ratio(worst.margin)
+
+
+def _set(timeline: Timeline, worst: WorstInstant) -> Iterator[tuple[str, str]]:
+    names = timeline.robot.names
+    yield "set", text.set_of(worst.faults.joints) if worst.faults else HEALTHY_ROW
+    yield "joints", ", ".join(names[i] for i in worst.faults.joints)
+
+
+def _capabilities(timeline: Timeline, most: int) -> TitledTable:
+    instants = (*timeline.worst()[:most], timeline.healthy_worst)
+    unit = text.unit_of_size(timeline.task, timeline.direction)
+    result = listing(
+        f"Smallest capability over time [{unit}], sets in the same order",
+        [_capability(timeline, worst) for worst in instants],
+        left=2,
+        folded=(1,),
+    )
+    result.caption = "kept: commanded, of that of the healthy arm at the same time"
+    if any(worst.capability_kept > _MORE for worst in instants):
+        result.caption += f"\n{ABOVE_HEALTHY}"
+    return result
+
+
+def _capability(timeline: Timeline, worst: WorstInstant) -> Iterator[tuple[str, str]]:
+    yield from _set(timeline, worst)
+    yield "commanded", _least(worst.capability)
+    yield "kept [%]", percent_kept(worst.capability_kept)
+    yield "at", f"{worst.capability_time:g} s"
+    yield "held", _least(worst.held)
+    yield "at ", f"{worst.held_time:g} s"
+
+
+def _least(capability: float) -> str:
+    return "falls" if math.isnan(capability) else amount(capability, 2)
