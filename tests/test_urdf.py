@@ -232,6 +232,10 @@ MALFORMED = {
         ROBOT + '<xacro:property name="a" value="1"/>' + j2(xyz="${a} 0 0").partition(">")[2],
         XACRO,
     ),
+    "xacro, in a joint": (
+        ROBOT + j2(more='<xacro:insert_block name="origin"/>').partition(">")[2],
+        XACRO,
+    ),
     "xacro, parts missing": (
         ROBOT + '<xacro:include filename="hand.xacro"/>' + arm().partition(">")[2],
         XACRO,
@@ -428,6 +432,12 @@ TAKEN = {
         ROBOT + '<xacro:property name="t" value="${1/100}"/><xacro:macro name="m"><x a="${b}"/>'
         "</xacro:macro>" + arm().partition(">")[2],
         "remains of xacro are ignored: <xacro:macro>, <xacro:property>",
+    ),
+    "xacro in Gazebo": (
+        arm(
+            '<xacro:property name="a" value="1"/><gazebo reference="${x}"><xacro:plugin/></gazebo>'
+        ),
+        "remains of xacro are ignored: <xacro:property>",
     ),
     "xacro, undeclared": (
         arm('<xacro:arg name="t" default="1"/>'),

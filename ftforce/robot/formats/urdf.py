@@ -121,17 +121,21 @@ def robot_element(path: str | PathLike[str]) -> XmlFile:
 
 
 def _xacro_parts(root: Element) -> tuple[set[str], set[str], bool]:
-    """Return the xacro elements that add parts, those that do not, and whether ``${`` is used."""
+    """Return the xacro elements that add parts, those that do not, and whether ``${`` is used.
+
+    Only what can add to links and joints counts, not e.g. what stands in ``<gazebo>``.
+    """
     names: set[str] = set()
     has_expressions = False
     waiting = [root]
     while waiting:
-        for element in waiting.pop():
+        parent = waiting.pop()
+        for element in parent:
             if name := _xacro_name(element):
                 names.add(name)  # what is defined within is unused if nothing calls it
-                continue
-            has_expressions |= any("${" in x or "$(" in x for x in element.attrib.values())
-            waiting.append(element)
+            elif parent is not root or element.tag in {"link", "joint"}:
+                has_expressions |= any("${" in x or "$(" in x for x in element.attrib.values())
+                waiting.append(element)
     return names - _DEFINITIONS, names & _DEFINITIONS, has_expressions
 
 
