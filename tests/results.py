@@ -14,6 +14,7 @@ import pytest
 import ftforce
 from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.report.files import to_text
+from ftforce.robot.kinematics import noise_floor
 from urdfs import LINKS, arm, followed, j2, link, load
 
 INF = math.inf
@@ -60,7 +61,9 @@ def capable_of(case):
 def answers_of(robot, q, sets, task, *, rtol=1e-6, wary=1e-2, gravity=None, payload=None, **asked):
     """Return the block of answers that the kernels give for postures, shape (k, n)."""
     asked = {"force": None, "direction": None, "limits": None} | asked
-    question = question_of(task, robot.n, **asked, rtol=rtol, wary=wary, needs_gravity=True)
+    question = question_of(
+        task, robot.n, **asked, rtol=rtol, wary=wary, floors=noise_floor(robot), needs_gravity=True
+    )
     both = asked["force"] is not None and bool(task.force_rows and task.moment_rows)
     mechanism = mechanism_of(robot, gravity=gravity, payload=payload)
     plan = Plan(mechanism, faults_of(sets, robot.n), question, robot.n, both)

@@ -58,8 +58,8 @@ FILES = {
     "nested": ("<a>" * 200_000 + "</a>" * 200_000, "is not a URDF: its root element is <a>, not"),
     "row": (ROW, "is 4500 links deep; at most 150 are supported"),
     "branches": (
-        arm(link("x"), joint("y", "base", "x")),
-        "the tree branches into several moving parts at the link 'base'; choose a tip (--tip): t",
+        robot(*map(link, "abc"), joint("x", "a", "b"), joint("y", "a", "c")),
+        "which tip? the tree branches into several moving parts at the link 'a'; choose a tip (--",
     ),
 }
 
@@ -92,8 +92,9 @@ def test_robots_that_are_not_there(tmp_path, monkeypatch, name, message):
 def test_other_files_in_the_place_of_a_urdf(tmp_path):
     path = write(tmp_path, arm(), "<robot>")
     assert refused("analyze", path).startswith(f"{tmp_path / 'arm.srdf'}: is not well-formed XML")
-    table = Path(__file__).parents[1] / "robots" / "dh5.toml"
-    assert "is not well-formed XML" in refused("inspect", table)
+    limits = write(tmp_path, "[joints.j1]\neffort = 1\n", name="limits.toml")
+    assert "limits.toml: unknown key 'joints'; available: name, " in refused("inspect", limits)
+    limits.unlink()
     assert "is not valid TOML" in refused("dh", path, "-o", tmp_path / "x.urdf")
     assert names_in(tmp_path) == ["arm.srdf", "arm.urdf"]
 
@@ -131,7 +132,7 @@ VALUES = {
     "posture": (
         "analyze",
         ["--posture", "hme"],
-        "unknown posture 'hme'; available: home, far, mid-range, zero, sample; did you mean ",
+        "unknown posture 'hme'; available: home, far, mid-range, zero, bent, sample; did you mean ",
     ),
     "tip": ("inspect", ["--tip", "toool"], "unknown tip link 'toool' in "),
     "base": ("capability", ["--base", "l9"], "unknown base link 'l9' in "),

@@ -15,12 +15,13 @@ import urdfs
 from ftforce import analyze, census, load_robot
 from ftforce.batch.kernels import fast, lanes, secular, spectrum
 from ftforce.batch.kernels import three as eigenvalues
-from ftforce.batch.kernels.layout import LANES, UNDECIDED
+from ftforce.batch.kernels.layout import LANES, NOT_TOLERATED, UNDECIDED
 from ftforce.batch.kernels.three import MIN_MARGIN
 from ftforce.batch.plan import Plan, empty_answers, faults_of, mechanism_of, question_of
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
 from ftforce.core.limits import Limits
 from ftforce.core.task import Task
+from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload, weight_torque
 from ftforce.robot.kinematics import task_jacobian, tip_pose
 from helpers import KNOWN, campaign
@@ -72,12 +73,15 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
     block = answers_of(robot, q, sets, task, force=force, **kernel)
     more = {k: options[k] for k in ("gravity", "payload") if k in options}
     for at, one in enumerate(q):
-        reports = {
-            str(r.faults): r
-            for r in census(
-                robot, one, faults=faults, mode=mode, force=force, task=task, **more
-            ).sets
-        }
+        try:
+            found = census(robot, one, faults=faults, mode=mode, force=force, task=task, **more)
+        except InputError as problem:
+            found, said = None, str(problem)
+        if found is None:
+            assert "even the healthy arm cannot exert" in said
+            assert (block.verdict[:, at] == NOT_TOLERATED).all()
+            continue
+        reports = {str(r.faults): r for r in found.sets}
         for s, faulty in enumerate(sets):
             report = reports[str(faulty)]
             check_set(block, s, at, report)
@@ -483,3 +487,20 @@ def test_eigenvalues_of_three_rows():
     np.testing.assert_allclose(determinant, wanted.prod(axis=1), rtol=1e-9)
     three(stacked, 1.0, x, determinant)
     np.testing.assert_allclose(x, wanted[:, 0], rtol=1e-13)
+
+
+def test_jumps_near_a_singular_posture_of_the_healthy_arm(robots):
+    """The error of six-row jumps is of the order that the documentation of sweeps gives."""
+    robot, task, force = robots["ur5"], Task.parse("wrench", "tool", 0.3), [20, -10, 30, 2, 1, -3]
+    sets = list(fault_sets(robot.n, 1, FaultMode.LOCKED))
+    q = np.tile([0.3, -1.0, 0.9, 0.4, 0.0, 0.2], (7, 1))
+    q[:, 4] = 10.0 ** -np.arange(7.0)  # the wrist is singular at 0
+    block = answers_of(robot, q, sets, task, force=np.array(force, dtype=float))
+    assert block.healthy_margin.min() < 1e-6
+    assert block.healthy_margin.max() > 1e-2
+    for at, one in enumerate(q):
+        reports = {str(r.faults): r for r in census(robot, one, task=task, force=force).sets}
+        bound = 1e-15 / block.healthy_margin[at] ** 2
+        for s, faults in enumerate(sets):
+            error = abs(block.jump[s, at] - reports[str(faults)].jump_norm)
+            assert error <= max(bound, 1e-9) * np.linalg.norm(force)

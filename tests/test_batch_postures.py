@@ -15,9 +15,12 @@ from scipy.stats import qmc
 
 from ftforce.batch.postures import drawn
 from ftforce.batch.postures.drawn import Drawn, sobol_columns, sobol_integers
-from ftforce.batch.postures.postures import Grid, Listed
+from ftforce.batch.postures.postures import Grid, Listed, ranges_of
 from ftforce.errors import InputError, UnknownNameError
 from helpers import campaign, load_text, serial_urdf
+from urdfs import arm as small_arm
+from urdfs import joint as joint_of
+from urdfs import load
 
 LOWER, UPPER = np.array([-1.0, -math.pi, 0.25]), np.array([2.0, math.pi, 0.75])
 
@@ -297,6 +300,30 @@ def test_sobol_ends(arm):
 def test_slides_need_limits(endless, make):
     with pytest.raises(InputError, match=r"prismatic joint 3 \(j3\) has no position limits"):
         make(endless)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "drawn"),
+    [("-1e9", "1e9", (-math.pi, math.pi)), ("5", "1e9", (5, 5 + 2 * math.pi)),
+     ("-1e9", "-4", (-4 - 2 * math.pi, -4)), ("-1", "2", (-1, 2))],
+)  # fmt: skip
+def test_a_hinge_with_one_limit_is_drawn_within_a_turn_from_it(tmp_path, lower, upper, drawn):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, small_arm(j2=joint_of("j2", "l1", "l2", limit=limit)))
+    low, high = ranges_of(found)
+    assert (low[1], high[1]) == drawn
+    q = Drawn.of(found, 64).block(0, 64)
+    assert ((q >= low) & (q <= high)).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "missing"), [("0", "1e6", "upper"), ("-1e3", "1", "lower")]
+)
+def test_a_slide_open_at_one_end_has_no_range(tmp_path, lower, upper, missing):
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, small_arm(j2=joint_of("j2", "l1", "l2", "prismatic", limit=limit)))
+    with pytest.raises(InputError, match=f"has no {missing} position limit; add it"):
+        ranges_of(found)
 
 
 def test_words(arm):

@@ -54,7 +54,7 @@ def test_the_tables_fit_and_say_where_and_which_joint(stored):
         "Joints, most critical first",
         "ρ = w(K)/w(J) when the joint fails alone, quantiles over the postures",
         "Margin σ_min(K)/σ_max(J) when the joint fails alone",
-        f"of {N:,} postures tolerate whichever joint locks",
+        f"of {N:,} postures tolerate the fault (whichever joint locks)",
     ):
         assert words in shown, words
     assert "Capability [N]" not in shown

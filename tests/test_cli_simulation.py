@@ -270,7 +270,7 @@ def test_json_holds_no_nan():
 UNWRITABLE = {
     "unknown ending": (["-o", "run.xyz"], "must end in .json, .csv, .txt, .svg, .html, .htm, .npz"),
     "typing error": (["-o", "run.parquett"], "the name must end in"),
-    "another form": (["-o", "run.npz", "--format", "csv"], "the ending is none of --format csv"),
+    "another form": (["-o", "run.npz", "--format", "csv"], "does not match --format csv"),
     "no folder": (["-o", "nowhere/run.npz"], "cannot be written (No such file or directory)"),
     "plot, no folder": (["--plot", "nowhere/a.png"], "cannot be written (No such file"),
     "plot, ending": (["--plot", "a.jpg"], "the name must end in .png, .pdf or .svg"),

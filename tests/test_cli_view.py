@@ -96,11 +96,11 @@ def test_degrees_are_taken(opened):
         (["dh5", "--screenshot", "page.jpg"], "must end in .png"),
         (["dh5", "--export", "nowhere/page.html"], "no such folder"),
         (["dh5", "--host", "203.0.113.7"], ""),
-        (["dh5", "--history", "r.npz", "--force", "1,2,3"], "of its own; leave out --force"),
+        (["dh5", "--history", "r.npz", "--force", "1,2,3"], "these itself; leave out --force"),
         (["dh5", "--history", "r.npz", "--gravity", "0,0,0"], "leave out --gravity"),
         (["dh5", "--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --q, --limits"),
         (["dh5", "--history", "r.npz", "--inverse", "dynamic"], "leave out --inverse"),
-        (["dh5", "--sweep", "s.zarr", "--task", "wrench"], "a sweep has a question of its own"),
+        (["dh5", "--sweep", "s.zarr", "--task", "wrench"], "a sweep determines these itself"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):

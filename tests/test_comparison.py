@@ -290,9 +290,9 @@ def test_the_sentence_names_ties(compared):
                                             (("a", 0.9), ("b", 0.5))]))  # fmt: skip
     said = comparison_sentence(apart)
     assert said.startswith(
-        "a degrades best: with up to 2 joints locked it keeps the force at 90.0%"
+        "a degrades most gracefully: with up to 2 joints locked it keeps the force for 90.0%"
     )
-    assert "b degrades worst: 50.0%" in said
+    assert "b degrades least gracefully: 50.0%" in said
     assert "overlap" not in said
     close = replace(compared, arms=_ranked([with_share(arm, x, 0.9, 0.01) for x in "abcdefg"]))
     said = comparison_sentence(close)

@@ -92,3 +92,6 @@ def test_tables_built_in_python_are_checked_too():
         DHTable("x", "standard", (row,), BAR, {"p": [0, 0]})
     with pytest.raises(InputError, match="row 1: missing key 'mass'"):
         DHTable("x", "standard", (row,), MassModel("thin rod", 0.01))
+    with pytest.raises(InputError, match="row 2 has a mass, but the table mass is missing"):
+        DHTable("x", "standard", (row, replace(row, mass=1.0)))
+    assert DHTable("x", "standard", (row,)).mass is None

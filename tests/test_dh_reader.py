@@ -109,7 +109,7 @@ MALFORMED = {
         "units: expected a table with length",
     ),
     "units incomplete": ('length = "m", ', "", "units: missing key 'length'"),
-    "length unit unknown": ('"m"', '"mm"', "units: unknown length unit 'mm'; available: m"),
+    "length unit unknown": ('"m"', '"cm"', "units: unknown length unit 'cm'; available: m, mm"),
     "angle unit unknown": (
         '"deg"',
         '"grad"',
@@ -162,7 +162,11 @@ MALFORMED = {
     "joint named as the last one": ('"shoulder"', '"tool_joint"', "'tool_joint' appears twice"),
     "link name twice": ('"slide"', '"base"', "names must be unique; 'base' appears twice"),
     "joint named as link": ('"shoulder"', '"slide"', "names must be unique; 'slide' appears twice"),
-    "mass model missing": (r"\[mass\].*?\n\[", "[", "missing key 'mass'"),
+    "mass model missing": (
+        r"\[mass\].*?\n\[",
+        "[",
+        "row 1 has a mass, but the table mass is missing, which says how it is distributed",
+    ),
     "mass model unknown": (
         '"thin rod"',
         '"rod"',
@@ -204,6 +208,52 @@ def test_malformed_tables(read, tmp_path, old, new, message):
     assert len(caught.value.reason) < 300
 
 
+LACKING = ('name = "arm"\n', ', angle = "deg"', "alpha = 90, ", "lower = -0.1, ", "radius = 0.02\n")
+
+
+def test_all_missing_keys_are_named_at_once(read):
+    text = TABLE
+    for part in LACKING:
+        assert part in text
+        text = text.replace(part, "")
+    with pytest.raises(DHTableError) as caught:
+        read(text)
+    assert caught.value.reason == (
+        "missing key 'name'; units: missing key 'angle'; mass: missing key 'radius'; "
+        "row 1: missing key 'alpha'; row 2: missing key 'lower'"
+    )
+    with pytest.raises(DHTableError, match=r"rows 1, 2: missing keys 'theta', 'type'$"):
+        read(re.sub('theta = [0-9]+, type = "[a-z]+", ', "", TABLE))
+    misspelt = TABLE.replace("alpha = 90, ", "").replace("theta = 15", "tetha = 15")
+    with pytest.raises(DHTableError, match=r"row 1: missing key 'alpha'$"):
+        read(misspelt)
+
+
+def test_millimetres_become_metres(read):
+    """The same arm in both units, to the last digit."""
+    numbers = {
+        "a = 0.3": "a = 300", "d = 0.1": "d = 100", "a = 0.2": "a = 200", "d = 0.4": "d = 400",
+        "lower = -0.1": "lower = -100", "upper = 0.7": "upper = 700",
+        "velocity = 0.5": "velocity = 500", "radius = 0.02": "radius = 20",
+        "[20, 0.25]": "[20, 250]", '"m"': '"mm"',
+    }  # fmt: skip
+    millimetres = TABLE
+    for old, new in numbers.items():
+        assert millimetres.count(old) == 1
+        millimetres = millimetres.replace(old, new)
+    expected, found = read(TABLE), read(millimetres)
+    assert found.rows == expected.rows
+    assert found.mass == expected.mass
+    np.testing.assert_array_equal(found.postures["home"], expected.postures["home"])
+
+
+def test_a_table_needs_no_masses(read):
+    text = TABLE.replace(", mass = 2.5", "")
+    table = read(text[: text.index("[mass]")] + text[text.index("[postures]") :])
+    assert table.mass is None
+    assert [row.mass for row in table.rows] == [None, None]
+
+
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
@@ -224,7 +274,7 @@ def test_values_where_tables_belong(read, entry, message):
     [
         (b"", "empty"),
         (b" \n", "empty"),
-        (b"# only a comment", "missing key 'name'"),
+        (b"# only a comment", "missing keys 'name', 'convention', 'units', 'rows'"),
         (b"\x00\x01\x02", "binary"),
         ("name = 'Gelenkärm'".encode("latin-1"), "not UTF-8"),
         (bytes(range(128, 256)), "not UTF-8"),

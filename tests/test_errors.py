@@ -51,7 +51,7 @@ WRONG = {
     "no URDF": ("<robot>", None, {}),
     "no tip": (arm(), None, {"tip": "nobody"}),
     "tip is root": (arm(), None, {"tip": "base"}),
-    "branches": (arm(link("x"), joint("y", "base", "x")), None, {}),
+    "branches": (robot(*map(link, "abc"), joint("x", "a", "b"), joint("y", "a", "c")), None, {}),
     "nothing moves": (robot(link("base")), None, {}),
     "chains": (arm(), robot(chain("base", "l1"), chain("base", "l2")), {}),
     "SRDF": (arm(), "<robot>", {}),

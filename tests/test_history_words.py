@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.errors import InputError
 from ftforce.report.history import history_sentence, peak, worst_verdict
 from ftforce.report.timeline import timeline_sentence
 from ftforce.trajectory import Path
@@ -29,7 +30,7 @@ def simulated(dh5, **options):
 def test_healthy(dh5):
     history = simulated(dh5)
     assert history_sentence(history) == (
-        "Tolerated: with every joint healthy, the arm keeps the whole 94.87 N at the tip until "
+        "Tolerated: with every joint healthy, the arm keeps the full 94.87 N at the tip until "
         f"the end, at {history.t[-1]:g} s. The tip stays within 1 µm of its path."
     )
 
@@ -37,13 +38,13 @@ def test_healthy(dh5):
 def test_a_lock_with_and_without_the_remap(dh5):
     kept = simulated(dh5, faults="4@1")
     assert history_sentence(kept).startswith(
-        "Tolerated: after 4 joint4 locked at 1 s, the remap keeps the whole 94.87 N"
+        "Tolerated: with 4 joint4 locked at 1 s, the remap keeps the full 94.87 N"
     )
     lost = simulated(dh5, faults="4@1", remap=False)
     error = lost.unremapped.path_error_norm
     sentence = history_sentence(lost)
     assert sentence.startswith("Tolerated, but off the path: ")
-    assert "the arm, without any remap, keeps the whole" in sentence
+    assert "the arm, without any remap, keeps the full" in sentence
     assert f"up to {1e3 * error.max():.3g} mm, at {lost.t[error.argmax()]:g} s" in sentence
 
 
@@ -53,7 +54,7 @@ def test_a_force_that_jumps(dh5):
     assert worst_verdict(history.remapped).value == "not tolerated"
     jump = history.jump_norm(history.remapped)
     sentence = history_sentence(history)
-    assert sentence.startswith("Not tolerated: after 4 joint4 free at 1 s, from 1 s on the whole")
+    assert sentence.startswith("Not tolerated: with 4 joint4 free at 1 s, from 1 s on the full")
     assert f"jumps by up to {jump.max():.2f} N, at {history.t[jump.argmax()]:g} s" in sentence
 
 
@@ -62,7 +63,7 @@ def test_torques_that_nothing_balances(dh5):
     assert history.unremapped.falls_from == 10
     assert history.healthy.falls_from is None
     assert history_sentence(history).endswith(
-        "torques that nothing balances move the arm. The motion that follows is not simulated."
+        "unbalanced torques move the arm. The motion that follows is not simulated."
     )
 
 
@@ -85,7 +86,7 @@ def test_borderline_says_why(dh5):
     sentence = history_sentence(history)
     first = history.t[np.argmax(history.answer.margin < 1e-2)]
     assert sentence.startswith("Borderline")
-    assert f"after 3 joint3 locked at 50 s, from {first:g} s on it depends" in sentence
+    assert f"with 3 joint3 locked at 50 s, from {first:g} s on it depends" in sentence
     assert f"(smallest margin {history.answer.margin.min():.3g})" in sentence
 
 
@@ -126,9 +127,10 @@ def test_a_force_that_no_arm_exerts_is_not_kept(tmp_path):
     along = J[:, 0] / np.linalg.norm(J[:, 0])
     line = Path.through([x, x + 0.05 * along], speed=0.1)
     case = {"faults": "2@0.3", "rate": 20, "gravity": [0, 0, 0], "axes": "world"}
-    sentence = history_sentence(ftforce.simulate(arm, line, q, force=30.0 * across, **case))
-    assert "keeps what the healthy arm can exert of the 30.00 N" in sentence
-    assert "Even the healthy arm cannot exert 30.00 N of the request" in sentence
+    with pytest.raises(InputError, match="exert this force at any instant of the trajectory: no j"):
+        ftforce.simulate(arm, line, q, force=30.0 * across, **case)
+    with pytest.raises(InputError, match="exert this force at any instant of the trajectory: no j"):
+        ftforce.timeline(arm, line, q, force=30.0 * across, rate=20, axes="world")
     both = 40.0 * along + 30.0 * across
     history = ftforce.simulate(arm, line, q, force=both, **case)
     assert history.healthy.force @ across == pytest.approx(0.0, abs=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 import ftforce
 from ftforce.core.task import Task
-from ftforce.robot.kinematics import frame_jacobian, task_jacobian, tip_pose
+from ftforce.robot.kinematics import frame_jacobian, reach_bound, task_jacobian, tip_pose
 from helpers import KNOWN, assert_close, joint, load_text, serial_urdf, srdf_of, urdf_of
 
 PLANAR = serial_urdf(
@@ -108,3 +108,22 @@ def test_poses_are_in_the_roots_axes_also_with_another_base():
     assert_close(R, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], tol=1e-12)
     assert_close(frame_jacobian(arm, np.zeros(2), "world")[:3, 0], [-0.5, 0, 0])
     assert_close(frame_jacobian(arm, np.zeros(2), "tool")[:3, 0], [0, 0.5, 0])
+
+
+def test_the_reach_of_a_slide_that_follows_a_turning_joint():
+    # A lead screw: 0.01 m per rad, up to 90 rad.
+    arm = load_text(LEAD_SCREW, tip="tip")
+    _, bound = reach_bound(arm)
+    assert bound == pytest.approx(0.1 + 0.9)
+    _, tip = tip_pose(arm, np.array([90.0]))
+    assert np.linalg.norm(tip) == pytest.approx(1.0)
+
+
+LEAD_SCREW = """<robot name="screw"><link name="base"/><link name="nut"/><link name="tip"/>
+<link name="dial"/>
+<joint name="screw" type="revolute"><parent link="base"/><child link="dial"/><axis xyz="0 0 1"/>
+<limit lower="0" upper="90" effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="base"/><child link="nut"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="screw" multiplier="0.01"/></joint>
+<joint name="f" type="fixed"><parent link="nut"/><child link="tip"/><origin xyz="0.1 0 0"/></joint>
+</robot>"""

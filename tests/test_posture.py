@@ -4,21 +4,24 @@ import math
 from dataclasses import FrozenInstanceError
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import ftforce
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.mounting import Mounting
 from ftforce.robot.posture import (
     SAMPLES,
     Posture,
+    bent_posture,
     best_sample,
     choose_posture,
     is_singular,
     mid_range,
     samples,
 )
-from helpers import assert_close, load_text, serial_urdf, srdf_of
+from helpers import assert_close, joint, load_text, serial_urdf, srdf_of
 
 Y = {"axis": (0, 1, 0)}
 
@@ -64,15 +67,102 @@ def test_the_default_is_the_first_posture_that_serves(limits, states, q, source)
     assert (posture.source, posture.warnings) == (source, ())
 
 
-def test_the_best_sample_where_mid_range_is_singular():
+def test_mid_range_is_bent_where_it_is_singular():
     arm = load_text(elbow(), srdf_of(far=OUTSIDE, straight=STRAIGHT))
     posture = choose_posture(arm)
     assert posture.source == (
-        "best of 64 samples ('far' is outside the limits, 'straight' is singular, "
-        "mid-range is singular)"
+        "bent: joint 3 turned from mid-range ('far' is outside the limits, "
+        "'straight' is singular, mid-range is singular)"
     )
-    np.testing.assert_array_equal(posture.q, best_sample(arm))
     assert not is_singular(arm, posture.q)
+    assert_close(posture.q, [0, 0, -np.pi / 3])  # upwards
+    np.testing.assert_array_equal(posture.q, bent_posture(arm))
+    again = choose_posture(arm, name="bent")
+    np.testing.assert_array_equal(again.q, posture.q)
+    assert (again.source, again.warnings) == ("bent: joint 3 turned from mid-range", ())
+
+
+def test_a_joint_is_bent_by_most_of_its_way_to_a_near_limit():
+    arm = load_text(elbow(lower=-0.5, upper=0.5))
+    assert_close(choose_posture(arm).q, [0, 0, -0.4])
+
+
+def test_a_sample_is_taken_where_nothing_can_be_bent(monkeypatch):
+    arm = load_text(elbow())
+    monkeypatch.setattr("ftforce.robot.posture.bent_posture", lambda _: None)
+    posture = choose_posture(arm)
+    assert posture.source == "best of 64 samples clear of the base (mid-range is singular)"
+    np.testing.assert_array_equal(posture.q, best_sample(arm))
+    named = choose_posture(arm, name="bent")
+    assert (named.source, named.q.tolist()) == ("mid-range (no bent posture helps)", [0, 0, 0])
+
+
+def points(urdf, robot, q):
+    """Return joints and tip in root axes, by Pinocchio's own reading of the file."""
+    model = pin.buildModelFromXML(urdf)
+    data = model.createData()
+    configuration = pin.neutral(model)
+    for name, value in zip(robot.names, q, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        number = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+        configuration[joint.idx_q : joint.idx_q + joint.nq] = number
+    pin.framesForwardKinematics(model, data, configuration)
+    joints = [data.oMi[model.getJointId(name)].translation for name in robot.names]
+    return np.array([*joints, data.oMf[model.getFrameId(robot.tip)].translation])
+
+
+@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10", "kinova", "talos_left_arm"])
+def test_the_default_of_a_file_stays_above_the_base(name):
+    """Of 198 arms with a sampled default, 49 had a joint below the base plane."""
+    path = ftforce.known_robots()[name].urdf
+    robot = ftforce.load_robot(path)
+    posture = choose_posture(robot)
+    assert posture.source.startswith("bent: joint")
+    found = points(path.read_text(), robot, posture.q)
+    assert found[1:, 2].min() >= min(found[0, 2], 0.0) - 1e-9
+    assert np.linalg.norm(found[-1] - found[0]) > 0.25 * np.ptp(found, axis=0).max()
+    s = np.linalg.svd(frame_jacobian(robot, posture.q), compute_uv=False)
+    assert s[-1] > 0.01 * s[0]
+
+
+def test_no_more_joints_are_bent_than_it_takes():
+    """One is not enough for a UR5: two of its wrist axes are in line, and it is stretched."""
+    path = ftforce.known_robots()["ur5"].urdf
+    robot = ftforce.load_robot(path)
+    assert np.count_nonzero(choose_posture(robot).q) == 2
+    for number in range(1, 6):
+        for angle in (np.pi / 3, -np.pi / 3):
+            q = angle * np.eye(6)[number]
+            J = frame_jacobian(robot, q)
+            singular = max(np.linalg.cond(J), np.linalg.cond(J[:3])) > 100
+            assert singular or points(path.read_text(), robot, q)[:, 2].min() < 0
+
+
+@pytest.mark.parametrize(("roll", "side"), [(0.0, 1), (np.pi, -1)])
+def test_an_arm_that_hangs_stays_below_its_base(roll, side):
+    """The arm under a ceiling, and the same arm on a table: gravity is along -z in both."""
+    placed = joint("mount", "fixed", "world", "base", xyz=(0, 0, 1.0), rpy=(roll, 0, 0))
+    urdf = elbow().replace("<link", '<link name="world"/><link', 1)
+    urdf = urdf.replace("</robot>", placed + "</robot>")
+    robot = load_text(urdf, base="base")
+    for posture in (choose_posture(robot), choose_posture(robot, name="sample")):
+        heights = side * (points(urdf, robot, posture.q)[:, 2] - 1.0)
+        assert heights.min() >= 0.0
+        np.testing.assert_allclose(Mounting.of(robot).heights(posture.q), heights, atol=1e-12)
+
+
+def test_what_is_clear_of_the_base():
+    path = ftforce.known_robots()["ur5"].urdf
+    robot = ftforce.load_robot(path)
+    mounting, found = Mounting.of(robot), []
+    for q in np.random.default_rng(3).uniform(-3, 3, (300, 6)):
+        *joints, tip = here = points(path.read_text(), robot, q)
+        column = np.linspace([[0, 0, 0], joints[0]], [joints[0], joints[1]], 2001).reshape(-1, 3)
+        away = np.linalg.norm(column - tip, axis=1).min()
+        length = np.linalg.norm(np.diff(here, axis=0), axis=1).sum()
+        found.append((here[1:, 2].min() >= -1e-3, away >= 0.25 * length))
+        assert mounting.is_clear(q) == all(found[-1])
+    assert {(True, True), (False, True), (True, False)} <= set(found)
 
 
 # ---- named -----------------------------------------------------------------------------------
@@ -103,7 +193,8 @@ def test_named_and_built_in_postures(arm, name, q, source, warnings):
 
 def test_unknown_postures_are_answered_with_the_known_ones(arm):
     message = (
-        "unknown posture 'bend'; available: bent, far, mid-range, zero, sample; did you mean 'bent'"
+        "unknown posture 'bend'; available: bent, far, mid-range, zero, bent, sample; "
+        "did you mean 'bent'"
     )
     with pytest.raises(UnknownNameError, match=message):
         choose_posture(arm, name="bend")
@@ -221,9 +312,11 @@ def test_the_named_sample_is_the_best_conditioned_one():
     for name in ("dh5", "kinova"):
         arm = ftforce.load_robot(name)
         posture = choose_posture(arm, name="sample")
-        assert posture.source == "best of 64 samples"
+        assert posture.source == "best of 64 samples clear of the base"
         assert posture.warnings == ()
-        quality = [1 / np.linalg.cond(frame_jacobian(arm, q)[:3]) for q in samples(arm)]
+        clear = [q for q in samples(arm) if Mounting.of(arm).is_clear(q)]
+        assert 0 < len(clear) < SAMPLES
+        quality = [1 / np.linalg.cond(frame_jacobian(arm, q)[:3]) for q in clear]
         best = 1 / np.linalg.cond(frame_jacobian(arm, posture.q)[:3])
         assert best == pytest.approx(max(quality))
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ftforce.errors import InputError
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
+from ftforce.robot.posture import best_sample, choose_posture, mid_range, samples
 from urdfs import arm, followed, hand, joint, link, load, robot, state
 
 
@@ -163,13 +164,29 @@ def test_limits_are_those_of_the_urdf(tmp_path):
 
 @pytest.mark.parametrize(
     ("stated", "known"),
-    [(None, None), (0, None), (1e-3, 1e-3), (9999, 9999), (1e4, None), (1e5, None), (1e308, None)],
+    [
+        (None, None),
+        (0, None),
+        (1e-3, 1e-3),
+        (9999, 9999),
+        (1e4, None),
+        (1e5, None),
+        (1e308, None),
+        ("Inf", None),
+        ("-inf", None),
+        (-5, None),
+    ],
 )
 def test_effort_and_velocity_placeholders_are_unknown(tmp_path, stated, known):
     text = "" if stated is None else f' effort="{stated}" velocity="{stated}"'
     limit = f'<limit lower="-1" upper="1"{text}/>'
     first = load(tmp_path, arm(j1=joint("j1", "base", "l1", limit=limit))).joints[0]
     assert (first.effort, first.velocity) == (known, known)
+    assert load(tmp_path, arm(j1=joint("j1", "base", "l1", limit=limit))).notes == (
+        (f"effort limits that count as unknown: j1 {float(stated):g}",)
+        if stated and known is None
+        else ()
+    )
 
 
 @pytest.mark.parametrize(
@@ -177,10 +194,10 @@ def test_effort_and_velocity_placeholders_are_unknown(tmp_path, stated, known):
     [
         (-1e16, 1e16, (-np.inf, np.inf)),
         (-1e308, 3.4e38, (-np.inf, np.inf)),
-        (-9999, 1e4, (-9999, 1e4)),
-        (0, 1e308, (0, 1e4)),
-        (-1e308, 0.5, (-1e4, 0.5)),
-        (0.5, 0.5, (0.5, 0.5)),
+        (-9999, 1e4, (-9999, np.inf)),
+        (0, 1e308, (0, np.inf)),
+        (-1e308, 0.5, (-np.inf, 0.5)),
+        ("-Inf", "inf", (-np.inf, np.inf)),
     ],
 )
 def test_position_placeholders_are_no_limits(tmp_path, lower, upper, bounds):
@@ -188,6 +205,40 @@ def test_position_placeholders_are_no_limits(tmp_path, lower, upper, bounds):
     found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", limit=limit)))
     assert (found.lower[1], found.upper[1]) == bounds
     assert np.isfinite(frame_jacobian(found, np.zeros(4))).all()
+
+
+def test_a_slide_of_a_kilometre_has_no_end(tmp_path):
+    for lower, upper, bounds in ((0, 999, (0, 999)), (-1e3, 1, (-np.inf, 1))):
+        limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+        found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", "prismatic", limit=limit)))
+        assert (found.lower[1], found.upper[1]) == bounds
+        is_open = np.isinf(bounds).any()
+        note = "position limits that count as none: j2 -1000"
+        assert found.notes == ((note,) if is_open else ())
+
+
+@pytest.mark.parametrize(
+    ("kind", "lower", "upper", "middle"),
+    [
+        ("prismatic", 0, 1e6, 0),  # `halfopen.urdf`
+        ("prismatic", -1e6, 1e6, 0),  # `fullopen.urdf`
+        ("prismatic", 5, 1e6, 5),
+        ("revolute", -1e6, -4, -4),
+        ("revolute", -1, 1e6, 0),
+    ],
+)
+def test_postures_of_joints_that_are_open_at_one_end(tmp_path, kind, lower, upper, middle):
+    """They lie within the limit that there is, and close to 0."""
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+    found = load(tmp_path, arm(j2=joint("j2", "l1", "l2", kind, limit=limit)))
+    assert mid_range(found)[1] == middle
+    low, high = found.ranges
+    for q in (*samples(found), best_sample(found), choose_posture(found).q):
+        assert ((found.lower <= q) & (q <= found.upper)).all()
+        assert ((low <= q) & (q <= high)).all()
+    assert abs(low[1]) + abs(high[1]) < 20
+    assert high[1] - low[1] == pytest.approx(2 * np.pi)
+    assert np.isfinite(tip_pose(found, mid_range(found))[1]).all()
 
 
 # ---- it stays as it is -----------------------------------------------------------------------

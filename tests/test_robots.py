@@ -13,11 +13,11 @@ import pytest
 from ftforce import known_robots, load_robot
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL
 from ftforce.errors import FtforceError, InputError, URDFError
-from ftforce.robot.chain import tip_candidates
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.kinematics import frame_jacobian
 from ftforce.robot.model import full_model, restore_names
 from ftforce.robot.posture import choose_posture, is_singular
+from ftforce.robot.tip import tip_candidates
 from helpers import CAMPAIGN
 
 KNOWN = tuple(known_robots())
@@ -194,6 +194,43 @@ def test_gravity_and_inertia_are_pinocchios_with_the_rest_held(name):
     np.testing.assert_allclose(ours, theirs[np.ix_(columns, columns)], atol=1e-9)
 
 
+PAIRS = (("baxter_left", "baxter_right"), ("pr2_left", "pr2_right"))
+
+
+@pytest.mark.parametrize("name", sorted({*KNOWN}.difference(*PAIRS)))
+def test_a_file_has_the_tip_of_the_known_robot(name):
+    """The same question, asked with a name and with a path, is about the same tool."""
+    known = known_robots()[name]
+    by_path = load_robot(known.urdf)
+    assert (by_path.tip, by_path.names) == (known.tip, load_robot(name).names)
+
+
+@pytest.mark.parametrize("names", PAIRS)
+def test_a_file_with_two_arms_is_a_question_answered_first_by_their_tips(names):
+    first, second = (known_robots()[name] for name in names)
+    with pytest.raises(InputError, match=r"which tip\?") as caught:
+        load_robot(first.urdf)
+    candidates = str(caught.value).partition("(--tip): ")[2].split(", ")
+    assert {one.split(" (")[0] for one in candidates[:2]} == {first.tip, second.tip}
+
+
+DOCUMENTED = {  # files beside those of the known robots: tip and number of joints
+    "anymal-kinova": ("j2s6s200_end_effector", 6),
+    "b1-z1": ("gripperStator", 6),
+    "panda_collision": ("panda_hand_tcp", 7),
+    "so100": ("gripper", 5),
+    "tiago_no_hand": ("wrist_ft_tool_link", 8),
+    "ur10_joint_limited_robot": ("tool0", 6),
+    "ur5_gripper": ("tool0", 6),
+}
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_the_tool_frame_that_the_maker_documents(name):
+    found = load_robot(next(path for path in FILES if path.stem == name))
+    assert (found.tip, found.n) == DOCUMENTED[name]
+
+
 # ---- every file ------------------------------------------------------------------------------
 
 
@@ -222,7 +259,6 @@ def test_every_urdf_loads_or_fails_clearly(path):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("alex_psyonic_hands", "'Left_index_q2' mimics 'index_q1', which does not exist; did you"),
         ("baxter", "several moving parts at the link 'torso'; choose a tip"),
         ("iris_simple", "no movable joint below the link 'iris__base_link'"),
         ("ur3", "contains no <link>"),
@@ -232,6 +268,18 @@ def test_why_some_urdfs_do_not_load(name, reason):
     path = next(path for path in FILES if path.stem == name)
     with pytest.raises(FtforceError, match=reason):
         load_robot(path)
+
+
+def test_malformed_fingers_matter_only_to_a_finger():
+    path = next(path for path in FILES if path.stem == "alex_psyonic_hands")
+    arm = load_robot(path, tip="LeftPsyonicAbilityBaseLink")
+    lost = "joint 'Left_index_q2' mimics 'index_q1', which does not exist; did you"
+    assert arm.n == 10
+    assert any(
+        note.startswith(f"ignored, as it lies outside the chain: {lost}") for note in arm.notes
+    )
+    with pytest.raises(URDFError, match=lost):
+        load_robot(path, tip="Left_index_L2")
 
 
 READABLE = [path for path in FILES if path.name not in {"ur3.urdf", "alex_psyonic_hands.urdf"}]

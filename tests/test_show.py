@@ -294,7 +294,7 @@ def test_a_jump_is_never_a_part_of_what_was_there(arm):
     assert free == (
         "Not tolerated: with joint3 free, the force that the motors command jumps by 98.60 N "
         "(94.87 N before, 46.98 N after): joint3 is free-swinging; no motor torque can "
-        "produce force along (0.51, 0.86, 0); no fraction of the force alone holds the arm."
+        "produce force along (0.51, 0.86, 0); no fraction of the force is feasible."
     )
     two = sentences.verdict_sentence(ftforce.analyze(arm, free=[4, 5], force=[80, 50, 10]))
     assert "joint4 and joint5 are free-swinging" in two
@@ -313,7 +313,7 @@ def test_a_jump_is_never_a_part_of_what_was_there(arm):
 
 def test_shares_in_words():
     none = sentences.share_in_words(None)
-    assert none == "no fraction of the force alone holds the arm"
+    assert none == "no fraction of the force is feasible"
     parts = {0.0: "none", 0.5: "50%", 0.9999: ">99.9%", 1e-10: "<1e-7%", 1.0: "100%"}
     for share, part in parts.items():
         said = f"{part} of the force can be commanded in its own direction"
@@ -368,7 +368,7 @@ def test_notes_of_a_census(arm):
     tiago = ftforce.load_robot("tiago")
     falls = "* the arm cannot be held in static equilibrium"
     share = "share: of the force, if its direction must not change"
-    none = "–: no fraction of it alone holds the arm"
+    none = "–: no fraction of it is feasible"
     full = "an arm that cannot be held counts as a jump of 100%"
     for census, expected, others in (
         (ftforce.census(arm, force=[80, 50, 10]), ["mean jump: jump over force"], [share, falls]),
@@ -500,7 +500,7 @@ def test_ends_in_words(arm):
 
     assert said(LimitingFactor.LIMIT, 0, 1, 2) == "joint1, brake of joint2 and joint3"
     assert said(LimitingFactor.FAULT, 1) == "fault of joint2"
-    assert said(LimitingFactor.FAULT) == "the arm lacks it"
+    assert said(LimitingFactor.FAULT) == "beyond the healthy arm"
     assert said(LimitingFactor.WEIGHT, 0, 2) == "weight overloads joint1 and joint3"
     assert said(LimitingFactor.WEIGHT) == "weight"
     assert said(LimitingFactor.UNLIMITED) == "no known limit"

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from ftforce.errors import OutputError, SRDFError, URDFError
 from ftforce.io import text as source
-from ftforce.io.text import parse_xml, read_numbers, read_text, shortened, write_whole
+from ftforce.io.text import read_numbers, read_text, shortened, write_whole
+from ftforce.io.xml_text import parse_xml
 from urdfs import full_device
 
 AS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0

@@ -1,12 +1,18 @@
 """Which link is the tool, and which the base, when nobody said so."""
 
+import math
+
 import pytest
 
+import ftforce
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.robot.chain import choose_base, choose_tip, links_above, moving_path, tip_candidates
+from ftforce.report.robot import robot_document, tip_in_words
+from ftforce.robot.chain import choose_base, links_above, moving_path
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.srdf import Srdf
-from urdfs import arm, chain, end_effector, hand, joint, link, load, robot, write
+from ftforce.robot.tip import BY_NAME, choose_tip, tip_candidates
+from ftforce.show.render import to_text
+from urdfs import arm, chain, end_effector, hand, joint, link, load, mimic, robot, write
 
 ENDS = "last link before several moving parts"
 
@@ -18,7 +24,7 @@ def tree(tmp_path):
 
 
 def tip_of(tree, srdf=None, tip=None, base=None):
-    return choose_tip(tree, srdf or Srdf(), tip, base)
+    return choose_tip(tree, srdf or Srdf(), tip, base)[:2]
 
 
 def fork(*more):
@@ -32,6 +38,26 @@ def fork(*more):
     )  # fmt: skip
 
 
+def fixed(parent, child, **origin):
+    """Return a link that is fixed to another."""
+    return [link(child), joint(f"{child}_joint", parent, child, "fixed", **origin)]
+
+
+def moving(parent, *children, kind="revolute", **options):
+    """Return links in series, each moved by a joint."""
+    ends = zip((parent, *children), children, strict=False)
+    return [part for a, b in ends for part in (link(b), joint(f"{b}_joint", a, b, kind, **options))]
+
+
+def fingers(parent, *children):
+    return [part for child in children for part in moving(parent, child, kind="prismatic")]
+
+
+def nameless(*more):
+    """Return the arm with a last link whose name says nothing."""
+    return arm(*more).replace('"tool"', '"end"')
+
+
 # ---- from the tree alone ---------------------------------------------------------------------
 
 
@@ -43,38 +69,41 @@ def test_the_last_link_of_a_row(tree):
 
 
 def test_fixed_links_at_the_end_are_followed_until_they_branch(tree):
-    one = arm(link("flange"), link("tcp"), joint("a", "tool", "flange", "fixed"),
-              joint("b", "flange", "tcp", "fixed"))  # fmt: skip
-    assert tip_of(tree(one)) == ("tcp", "last link")
-    camera = one.replace(
-        "</robot>", link("eye") + joint("c", "flange", "eye", "fixed") + "</robot>"
-    )
-    assert tip_of(tree(camera)) == ("flange", "last link")
+    one = nameless(*fixed("end", "plate"), *fixed("plate", "peg"))
+    assert tip_of(tree(one)) == ("peg", "last link")
+    camera = nameless(*fixed("end", "plate"), *fixed("plate", "peg"), *fixed("plate", "eye"))
+    assert tip_of(tree(camera)) == ("plate", "last link")
+
+
+def test_the_numbering_is_followed_where_fixed_links_branch(tree):
+    """A Panda's flange is panda_link8, beside the collision model of link7."""
+    text = nameless(*fixed("end", "end_sc"), *fixed("end", "l5")).replace('"end"', '"l4"')
+    assert tip_of(tree(text)) == ("l5", "last link")
 
 
 def test_the_last_link_before_the_fingers(tree):
-    assert tip_of(tree(arm(*hand("f1", "f2")))) == ("tool", ENDS)
-    assert tip_of(tree(arm(*hand("f1")))) == ("f1", "last link")
+    assert tip_of(tree(nameless(*fingers("end", "f1", "f2")))) == ("end", ENDS)
+    assert tip_of(tree(nameless(*fingers("end", "f1")))) == ("f1", "last link")
 
 
 def test_fingers_behind_a_fixed_palm(tree):
-    palm = [link("palm"), joint("wrist", "tool", "palm", "fixed")]
-    fingers = [part.replace('"tool"', '"palm"') for part in hand("f1", "f2")]
-    assert tip_of(tree(arm(*palm, *fingers))) == ("palm", ENDS)
+    palm = fixed("end", "palm")
+    assert tip_of(tree(nameless(*palm, *fingers("palm", "f1", "f2")))) == ("palm", ENDS)
 
 
 def test_side_branches_that_do_not_move_are_no_branches(tree):
-    text = arm(link("box"), link("plug"), joint("a", "l2", "box", "fixed"),
-               joint("b", "box", "plug", "fixed"))  # fmt: skip
-    assert tip_of(tree(text)) == ("tool", "last link")
-    moves_later = text.replace('"b" type="fixed"', '"b" type="revolute"')
-    assert tip_of(tree(moves_later)) == ("l2", ENDS)
+    text = nameless(*fixed("l2", "box"), *fixed("box", "plug"))
+    assert tip_of(tree(text)) == ("end", "last link")
+    moves_later = text.replace('"plug_joint" type="fixed"', '"plug_joint" type="revolute"')
+    with pytest.raises(InputError, match="3 moving joints lie beyond 'l2'"):
+        tip_of(tree(moves_later))
 
 
 def test_a_tree_that_branches_at_once_lists_the_tips(tree):
     with pytest.raises(InputError, match="several moving parts at the link 'torso'") as caught:
         tip_of(tree(fork()))
     assert str(caught.value).endswith("choose a tip (--tip): l2 (2 joints), r2 (2 joints)")
+    assert "which tip? " in str(caught.value)
     uneven = fork().replace('"l_elbow" type="revolute"', '"l_elbow" type="fixed"')
     with pytest.raises(InputError, match=r"tip \(--tip\): r2 \(2 joints\), l2 \(1 joint\)$"):
         tip_of(tree(uneven))
@@ -94,9 +123,231 @@ def test_nothing_moves(tree):
 
 def test_candidates_are_where_moving_parts_end(tree):
     assert tip_candidates(tree(fork())) == {"l2": 2, "r2": 2}
-    assert tip_candidates(tree(arm(*hand("f1", "f2")))) == {"f1": 5, "f2": 5, "tool": 4}
-    assert list(tip_candidates(tree(arm(*hand("f1", "f2"))))) == ["f1", "f2", "tool"]
+    assert list(tip_candidates(tree(arm(*hand("f1", "f2")))).items()) == [
+        ("tool", 4), ("f1", 5), ("f2", 5)
+    ]  # fmt: skip
     assert tip_candidates(tree(robot(link("a")))) == {}
+
+
+# ---- the tool frame by name ------------------------------------------------------------------
+
+ORDER = ("tool0", "gripper_tcp", "linkEE", "tool_plate", "endEffector", "iiwa-flange", "grasp_pose")
+
+
+@pytest.mark.parametrize("count", range(1, len(ORDER) + 1))
+def test_the_order_of_tool_frames(tree, count):
+    """Each kind gives way to those before it, wherever it stands in the file."""
+    frames = [part for name in ORDER[-count:][::-1] for part in fixed("end", name)]
+    eye = fixed("end", "camera_link", xyz="0 0 1")
+    found = choose_tip(tree(nameless(*eye, *frames)), Srdf(), None, None)
+    assert found == (ORDER[-count], BY_NAME, {})
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tool0", "robot_tool0", "panda_hand_tcp", "tcp_link", "ee_link", "iiwa_link_ee", "link_eef",
+     "wrist_ft_tool_link", "TOOL", "j2s6s200_end_effector", "END-EFFECTOR", "end_effector_link",
+     "right_endpoint", "flange", "joint6_flange", "grasping_frame", "gripper_frame_link"],
+)  # fmt: skip
+def test_names_that_makers_give_to_tool_frames(tree, name):
+    text = nameless(*fixed("end", "eye"), *fixed("end", name), *fingers("end", "f1", "f2"))
+    assert tip_of(tree(text)) == (name, BY_NAME)
+
+
+@pytest.mark.parametrize("name", ["knee", "stool", "cetcp", "feet_link", "wheel", "beef", "agrasp"])
+def test_names_that_only_contain_one(tree, name):
+    text = nameless(*fixed("end", "eye"), *fixed("end", name))
+    assert tip_of(tree(text)) == ("end", "last link")
+
+
+def test_of_one_kind_the_plain_name_and_then_the_outermost(tree):
+    kuka = nameless(*fixed("end", "iiwa_link_ee_kuka"), *fixed("end", "iiwa_link_ee"))
+    assert tip_of(tree(kuka)) == ("iiwa_link_ee", BY_NAME)
+    tiago = nameless(*fixed("end", "arm_tool_link"), *fixed("arm_tool_link", "hand_tool_link"))
+    assert tip_of(tree(tiago.replace("base", "root"))) == ("hand_tool_link", "last link")
+
+
+def test_only_what_is_fixed_to_the_last_link_counts(tree):
+    text = nameless(*fixed("base", "tool0"), *fixed("l3", "tcp"), *fixed("end", "flange"))
+    assert tip_of(tree(text)) == ("flange", "last link")
+    ball = nameless(link("tool0"), joint("free", "end", "tool0", "floating"))
+    assert tip_of(tree(ball))[0] == "end"
+
+
+def test_frames_that_differ_are_told_with_their_distance(tree):
+    there = {"xyz": "0 0.09 0", "rpy": "0 0 0"}
+    near = {"xyz": "0.0009 0.09 0", "rpy": "0 0 0.017"}  # 0.9 mm, 0.97 degrees
+    text = nameless(
+        *fixed("end", "tool0", **there), *fixed("end", "ee_link", **near),
+        *fixed("end", "tcp", xyz="0.3 0.09 0.4", rpy="0 0 0"),
+        *fixed("tcp", "grasp", xyz="-0.3 0 -0.4", rpy="1.5707963267948966 0 0"),
+    )  # fmt: skip
+    found = choose_tip(tree(text), Srdf(), None, None)
+    assert (found.link, list(found.others)) == ("tool0", ["tcp", "grasp"])
+    assert found.others["tcp"] == pytest.approx((0.5, 0.0), abs=1e-12)
+    assert found.others["grasp"] == pytest.approx((0.0, math.pi / 2), abs=1e-12)
+    for other, moved in (("1.1", "0"), ("0.9", "0.018")):  # more than 1 mm or 1 degree
+        far = near | {"xyz": f"0.000{other[0]}{other[2]} 0.09 0", "rpy": f"0 0 {moved}"}
+        far["xyz"] = f"{float(other) / 1e3} 0.09 0"
+        two = nameless(*fixed("end", "tool0", **there), *fixed("end", "ee_link", **far))
+        assert list(choose_tip(tree(two), Srdf(), None, None).others) == ["ee_link"]
+
+
+def test_the_header_tells_the_other_frames(tmp_path):
+    tools = [*fixed("end", "tool0", rpy="0 0 0", xyz="0 0 0"),
+             *fixed("tool0", "ee_link", xyz="0 0 0.02", rpy="0 0 0.5")]  # fmt: skip
+    found = load(tmp_path, nameless(*tools))
+    words = "tool0 (tool frame by name), not ee_link (20.0 mm, 28.6° away)"
+    assert tip_in_words(found) == words
+    for one in (found, ftforce.analyze(found, locked=1), ftforce.census(found)):
+        assert words in " ".join(to_text(one).split())
+    assert robot_document(found)["other_tips"] == {
+        "ee_link": {"distance": pytest.approx(0.02), "angle": pytest.approx(0.5)}
+    }
+    given = load(tmp_path, nameless(*tools), tip="ee_link")
+    assert (tip_in_words(given), given.other_tips) == ("ee_link (given)", {})
+
+
+# ---- the branch that is the arm --------------------------------------------------------------
+
+SIX = ("a1", "a2", "a3", "a4", "a5", "a6")
+
+
+def six(*more):
+    """Return an arm of six joints a1 … a6 on a base."""
+    return robot(link("base"), *moving("base", *SIX), *more)
+
+
+COUNTERWEIGHT = moving("a1", "spring_body", "spring_rod")
+PARALLELOGRAM = [
+    link("rod"), joint("rod_joint", "a1", "rod", more=mimic("a3_joint", -1)),
+    link("plate"), joint("plate_joint", "rod", "plate", more=mimic("a2_joint")),
+]  # fmt: skip
+ASIDE = {
+    "counterweight": moving("a1", "spring_body", "spring_rod"),
+    "unnamed counterweight": moving("a1", "x", "y"),
+    "parallelogram that follows": PARALLELOGRAM,
+    "head": moving("a2", "neck", "head", "eye"),
+    "lidar": moving("base", "velodyne"),
+    "wheels": [*moving("base", "wheel_l"), *moving("base", "wheel_r")],
+    "legs": [part for leg in "wxyz" for part in moving("base", f"{leg}1", f"{leg}2", f"{leg}3")],
+}
+
+
+@pytest.mark.parametrize("branch", ASIDE.values(), ids=ASIDE)
+def test_what_is_no_arm_is_passed_by(tree, branch):
+    """Like the counterweight of an IRB 6700, after which the chain would be joint_1 alone."""
+    assert tip_of(tree(six(*branch, *fixed("a6", "tool0")))) == ("tool0", "last link")
+    assert tip_of(tree(six(*branch, *fixed("a6", "plate_6")))) == ("plate_6", "last link")
+
+
+def test_a_follower_beside_the_last_joint_is_no_branch(tree):
+    rod = [link("rod"), joint("rod_joint", "l3", "rod", more=mimic("j2", -1))]
+    assert tip_of(tree(nameless(*rod))) == ("end", "last link")
+    driven = [link("rod"), joint("rod_joint", "l3", "rod")]
+    assert tip_of(tree(nameless(*driven))) == ("l3", ENDS)
+
+
+def test_a_branch_with_a_tool_frame_is_the_arm(tree):
+    twin = moving("a1", "b2", "b3", "b4", "b5", "b6")
+    assert tip_of(tree(six(*twin, *fixed("a6", "tool0")))) == ("tool0", "last link")
+    assert tip_of(tree(six(*twin, *fixed("b6", "tool0")))) == ("tool0", "last link")
+    for frames in ((), (*fixed("a6", "tool0"), *fixed("b6", "tcp"))):
+        with pytest.raises(InputError, match=r"which tip.* at the link 'a1'; choose a tip"):
+            tip_of(tree(six(*twin, *frames)))
+
+
+def test_a_tool_frame_on_a_much_shorter_branch_is_a_question(tree):
+    changer = [*moving("a1", "rack"), *fixed("rack", "tool1")]
+    with pytest.raises(InputError, match=r"\(--tip\): tool1 \(2 joints\), a6 \(6 joints\)"):
+        tip_of(tree(six(*changer)))
+    assert tip_of(tree(six(*changer, *fixed("a6", "tool0"))))[0] == "tool0"
+
+
+ONE_JAW = [*fixed("a6", "hand_base"), *moving("hand_base", "jaw")]
+GRIPPERS = {
+    "one jaw": moving("a6", "jaw"),
+    "one jaw that is called a gripper": [link("mover"), joint("jointGripper", "a6", "mover")],
+    "leader and follower": [
+        *moving("a6", "left"), link("right"),
+        joint("right_joint", "a6", "right", more=mimic("left_joint", -1)),
+    ],
+    "two jaws": fingers("a6", "left", "right"),
+    "two-link fingers": [*moving("a6", "finger_1", "tip_1"), *moving("a6", "finger_2", "tip_2")],
+    "a hand": [
+        *moving("a6", "thumb_1", "thumb_2", "thumb_3"),
+        *moving("a6", "index_1", "index_2", "index_3"),
+        *moving("a6", "pinky_1", "pinky_2", "pinky_3"),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS.values(), ids=GRIPPERS)
+def test_the_arm_ends_before_the_gripper(tmp_path, gripper):
+    found = load(tmp_path, six(*gripper))
+    assert (found.tip, found.n) == ("a6", 6)
+    named = load(tmp_path, six(*gripper, *fixed("a6", "grasp_frame")))
+    assert (named.tip, named.tip_source, named.n) == ("grasp_frame", BY_NAME, 6)
+
+
+def test_a_jaw_beyond_a_named_frame_is_a_gripper_whatever_its_name(tree):
+    for beyond in (("x",), ("x", "y")):
+        text = six(*fixed("a6", "palm_tcp"), *moving("a6", *beyond))
+        assert tip_of(tree(text)) == ("palm_tcp", BY_NAME)
+    longer = six(*fixed("a6", "palm_tcp"), *moving("a6", "x", "y", "z"))
+    assert tip_of(tree(longer)) == ("z", "last link")
+    named = six(*fixed("a6", "changer_tool"), *moving("a6", "x"), *fixed("x", "tcp"))
+    assert tip_of(tree(named)) == ("tcp", "last link")
+
+
+def test_the_wrist_that_turns_a_gripper_is_a_joint_of_the_arm(tree):
+    text = six(link("gripper"), joint("wrist_roll", "a6", "gripper"), *moving("gripper", "jaw"))
+    assert tip_of(tree(text)) == ("gripper", ENDS)
+    yaw = six(link("hand"), joint("GripperYaw", "a6", "hand"))
+    assert tip_of(tree(yaw)) == ("hand", "last link")
+
+
+def test_a_finger_on_its_own_is_an_arm(tree):
+    alone = robot(link("base"), *moving("base", "finger_upper", "finger_middle", "finger_lower"))
+    assert tip_of(tree(alone)) == ("finger_lower", "last link")
+    wheel = robot(link("base"), *moving("base", "wheel"))
+    assert tip_of(tree(wheel)) == ("wheel", "last link")
+
+
+def test_many_joints_beyond_the_tip_are_a_question(tree):
+    two = [*moving("a6", "x"), *moving("a6", "y")]
+    assert tip_of(tree(six(*two))) == ("a6", ENDS)
+    with pytest.raises(
+        InputError, match=r"which tip.*3 moving joints lie beyond 'a6'; choose a tip"
+    ):
+        tip_of(tree(six(*two, *moving("a6", "z"))))
+    with pytest.raises(InputError, match="3 moving joints lie beyond 'tool0'"):
+        tip_of(tree(six(*two, *moving("a6", "z"), *fixed("a6", "tool0"))))
+    with pytest.raises(InputError, match="several moving parts at the link 'a6'"):
+        tip_of(tree(six(*moving("a6", "x1", "x2", "x3"), *moving("a6", "y1", "y2", "y3"))))
+
+
+def test_candidates_come_best_first(tree):
+    """The wanted frames were missing, and finger tips stood first."""
+    arms = [
+        part
+        for side in "lr"
+        for part in (*moving("torso", f"{side}1", f"{side}2"), *fixed(f"{side}2", f"{side}_tcp"),
+                     *moving(f"{side}2", f"{side}_finger_1", f"{side}_finger_2"))
+    ]  # fmt: skip
+    text = robot(link("torso"), *arms, *moving("torso", "head", "eye"), *moving("torso", "leg"))
+    assert list(tip_candidates(tree(text)).items()) == [
+        ("l_tcp", 2), ("r_tcp", 2), ("leg", 1), ("l_finger_2", 4), ("r_finger_2", 4), ("eye", 2)
+    ]  # fmt: skip
+    wanted = r"\(--tip\): l_tcp \(2 joints\), r_tcp \(2 joints\), leg \(1 joint\); or one of 3 on f"
+    with pytest.raises(InputError, match=r"which tip\?.*" + wanted):
+        tip_of(tree(text))
+
+
+def test_the_arm_is_found_below_a_given_base(tree):
+    text = six(*moving("base", *(f"b{i}" for i in range(6))), *COUNTERWEIGHT, *fixed("a6", "tcp"))
+    assert tip_of(tree(text), base="a1") == ("tcp", "last link")
+    assert tip_of(tree(text), base="b2") == ("b5", "last link")
 
 
 # ---- from the SRDF ---------------------------------------------------------------------------

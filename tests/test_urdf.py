@@ -3,9 +3,11 @@
 import math
 import os
 import re
+import shlex
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +20,22 @@ from ftforce.robot.formats.urdf import MAX_LINKS, read_urdf
 from ftforce.robot.load import load_robot
 from ftforce.robot.model import full_model, restore_names
 from helpers import campaign, load_text, serial_urdf
-from urdfs import LIMIT, LINKS, arm, followed, j2, joint, link, mimic, parts_of_arm, robot, write
+from urdfs import (
+    BODY,
+    LIMIT,
+    LINKS,
+    arm,
+    followed,
+    hand,
+    j2,
+    joint,
+    link,
+    load,
+    mimic,
+    parts_of_arm,
+    robot,
+    write,
+)
 
 
 @pytest.fixture
@@ -62,7 +79,7 @@ def test_what_is_not_stated_has_the_urdfs_defaults(read):
     assert (first.xyz, first.rpy, first.axis) == ((0, 0, 0), (0, 0, 0), (1, 0, 0))
     assert (first.lower, first.upper, first.effort, first.velocity) == (None, None, None, None)
     empty = read(j2(limit="<limit/>", more="<origin/><mimic joint='j1'/>")).joints["j2"]
-    assert (empty.lower, empty.upper, empty.effort, empty.velocity) == (0, 0, None, None)
+    assert (empty.lower, empty.upper, empty.effort, empty.velocity) == (None, None, None, None)
     assert (empty.mimic.multiplier, empty.mimic.offset) == (1, 0)
     half = read(j2(limit=limit(upper=1.5, effort=0))).joints["j2"]
     assert (half.lower, half.upper, half.effort) == (0, 1.5, 0)
@@ -187,9 +204,19 @@ def test_megabytes_are_read(read):
 
 # ---- what is refused -------------------------------------------------------------------------
 
-XACRO = r"is a xacro file; convert it to URDF first: `xacro FILE\.xacro > FILE\.urdf`"
+XACRO = (
+    r"is a xacro file; expand it to a URDF first: `xacro \S+/arm\.urdf\S* -o arm-expanded\.urdf`"
+)
 ROBOT = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LOOSE = (link("base"), link("l1"))
+
+
+def l1(old, new):
+    """Return the arm with something else in the body of its first moving link."""
+    assert old in BODY
+    return arm(l1=link("l1", BODY.replace(old, new)))
+
+
 MALFORMED = {
     "xacro": (f'{ROBOT}<xacro:property name="a" value="1"/></robot>', XACRO),
     "xacro, old": (ROBOT.replace("www", "wiki") + "<link name='a'/><xacro:x/></robot>", XACRO),
@@ -200,7 +227,15 @@ MALFORMED = {
     ),
     "SDF": ("<sdf><model/></sdf>", "is not a URDF: its root element is <sdf>, not <robot>"),
     "prefix": ('<u:Robot xmlns:u="u"/>', "root element is <Robot>"),
-    "undeclared prefix": ("<robot><a:b/></robot>", "is not well-formed XML .unbound prefix"),
+    "undeclared prefix": ("<robot><a:b/></robot>", "contains no <link>"),
+    "xacro, used": (
+        ROBOT + '<xacro:property name="a" value="1"/>' + j2(xyz="${a} 0 0").partition(">")[2],
+        XACRO,
+    ),
+    "xacro, parts missing": (
+        ROBOT + '<xacro:include filename="hand.xacro"/>' + arm().partition(">")[2],
+        XACRO,
+    ),
     "broken, once xacro": ("<robot><!-- <xacro:a/> -->", "is not well-formed XML .no element"),
     "robot in robot": (f"<robot>{arm()}</robot>", "contains no <link>"),
     "no links": ("<robot/>", "contains no <link>"),
@@ -277,31 +312,23 @@ MALFORMED = {
         j2(limit=limit(lower="pi", upper=1)),
         "joint 'j2': limit lower 'pi' is not a number",
     ),
-    "negative effort": (
-        j2(limit=limit(lower=0, upper=1, effort=-5)),
-        "joint 'j2': effort limit -5 is negative; 0 means unknown",
-    ),
-    "negative velocity": (
-        j2("continuous", limit=limit(velocity=-5)),
-        "joint 'j2': velocity limit -5 is negative; 0 means unknown",
-    ),
     "NaN effort": (
         j2("fixed", limit=limit(effort="nan")),
         "joint 'j2': limit effort 'nan' is not finite",
     ),
     "negative mass": (
-        arm().replace('<mass value="2"/>', '<mass value="-2"/>', 1),
-        "link 'base': mass -2 kg is negative; it must be 0 or more$",
+        l1('<mass value="2"/>', '<mass value="-2"/>'),
+        "link 'l1': mass -2 kg is negative; it must be 0 or more$",
     ),
-    "no mass": (arm().replace('value="2"', 'value=""', 1), "mass '': expected 1 number, got 0"),
+    "no mass": (l1('value="2"', 'value=""'), "mass '': expected 1 number, got 0"),
     "NaN inertia": (
-        arm().replace('iyz="0"', 'iyz="nan"', 1),
-        "link 'base': inertia iyz 'nan' is not finite",
+        l1('iyz="0"', 'iyz="nan"'),
+        "link 'l1': inertia iyz 'nan' is not finite",
     ),
     **{
         f"negative {key}": (
-            arm().replace(f'{key}="0.1"', f'{key}="-0.1"', 1),
-            f"link 'base': inertia {key} -0.1 kg·m² is negative; it must be 0 or more$",
+            l1(f'{key}="0.1"', f'{key}="-0.1"'),
+            f"link 'l1': inertia {key} -0.1 kg·m² is negative; it must be 0 or more$",
         )
         for key in ("ixx", "iyy", "izz")
     },
@@ -330,9 +357,9 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize(("urdf", "message"), MALFORMED.values(), ids=MALFORMED)
-def test_malformed_files(read, tmp_path, urdf, message):
+def test_malformed_files(tmp_path, urdf, message):
     with pytest.raises(URDFError, match=message) as caught:
-        read(urdf)
+        load(tmp_path, urdf)
     assert caught.value.path == str(tmp_path / "arm.urdf")
     assert "\n" not in str(caught.value)
     assert len(caught.value.reason) < 300
@@ -341,6 +368,191 @@ def test_malformed_files(read, tmp_path, urdf, message):
 def test_a_xacro_is_known_by_its_name_too(read):
     with pytest.raises(URDFError, match=XACRO):
         read(arm(), "arm.urdf.xacro")
+
+
+def command_in(error):
+    return re.search("`(.*)`", str(error))[1]
+
+
+@pytest.mark.parametrize("name", ["arm.urdf", "arm.xacro", "arm.urdf.xacro", "my arm.urdf"])
+def test_expanding_a_xacro_as_advised_overwrites_nothing(tmp_path, monkeypatch, name):
+    """`xacro arm.urdf > arm.urdf` would empty the file before xacro reads it."""
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, f'{ROBOT}<xacro:include filename="a"/></robot>', name=name)
+    stem = name.partition(".")[0]
+    for _ in range(3):
+        with pytest.raises(URDFError) as caught:
+            load_robot(Path(name))
+        words = shlex.split(command_in(caught.value))
+        assert words[:3] == ["xacro", name, "-o"]
+        new = tmp_path / words[3]
+        assert new.name.startswith(f"{stem}-expanded")
+        assert not new.exists()
+        new.touch()
+
+
+# ---- what is taken although it is malformed -------------------------------------------------
+
+GB = '<?xml version="1.0" encoding="{}"?>'
+TAKEN = {
+    # content, joints, note
+    "blank line": (
+        '\n \r\n<?xml version="1.0"?>\n' + arm(),
+        "the XML declaration is not at the start of the file",
+    ),
+    "comment first": (
+        '<!-- made by x -->\n<!-- y -->\n<?xml version="1.0" encoding="utf-8"?>' + arm(),
+        "the XML declaration is not at the start of the file",
+    ),
+    "prefix": (
+        arm('<gazebo><sensor:camera><a pose:frame="x"/></sensor:camera></gazebo>'),
+        "prefixes without an XML namespace: pose, sensor",
+    ),
+    "prefix among others": (
+        arm("<g:x/><h:y/>").replace(">", ' xmlns="urn:robot" xmlns:g="urn:g">', 1),
+        "prefixes without an XML namespace: h",
+    ),
+    "Latin-1": (
+        (GB.format("ISO-8859-1") + arm("<!-- für -->")).encode("latin-1"),
+        "the file is iso-8859-1 text, not UTF-8",
+    ),
+    "GB2312": (
+        (GB.format("GB2312") + arm("<!-- 机器人镕 -->")).encode("gbk"),
+        "the file is gb18030 text, not UTF-8",
+    ),
+    "UTF-16": (
+        (GB.format("utf-16") + arm("<!-- 机 -->")).encode("utf-16"),
+        "the file is utf-16 text, not UTF-8",
+    ),
+    "xacro": (
+        ROBOT + '<xacro:property name="t" value="${1/100}"/><xacro:macro name="m"><x a="${b}"/>'
+        "</xacro:macro>" + arm().partition(">")[2],
+        "remains of xacro are ignored: <xacro:macro>, <xacro:property>",
+    ),
+    "xacro, undeclared": (
+        arm('<xacro:arg name="t" default="1"/>'),
+        "remains of xacro are ignored: <xacro:arg>",
+    ),
+}
+
+
+@pytest.mark.parametrize(("urdf", "note"), TAKEN.values(), ids=TAKEN)
+def test_what_robots_files_have_beyond_the_standard(tmp_path, urdf, note):
+    found = load(tmp_path, urdf)
+    assert found.names == load(tmp_path, arm()).names
+    assert note in found.notes
+
+
+def test_names_are_decoded_as_declared(tmp_path):
+    for encoding in ("iso-8859-1", "windows-1252", "utf-8"):
+        text = GB.format(encoding) + arm(j2=joint("Schultergelenk ä", "l1", "l2"))
+        assert load(tmp_path, text.encode(encoding)).names[1] == "Schultergelenk ä"
+
+
+@pytest.mark.parametrize(
+    ("encoding", "content"),
+    [
+        ("", "ä".encode("latin-1")),
+        ("utf-8", "ä".encode("latin-1")),
+        ("utf-7", "ä".encode("latin-1")),
+        ("unicode_escape", "ä".encode("latin-1")),
+        ("rot13", "ä".encode("latin-1")),
+        ("euc-jp", b"\xff\xff"),
+    ],
+)
+def test_other_bytes_are_no_text(tmp_path, encoding, content):
+    head = GB.format(encoding).encode() if encoding else b""
+    with pytest.raises(URDFError, match=r"is not UTF-8 text|is neither UTF-8 nor euc-jp"):
+        load(tmp_path, head + arm("<!-- x -->").encode().replace(b" x ", content))
+
+
+@pytest.mark.parametrize("before", ["", "\n", "<!-- x -->", "\ufeff"])
+def test_entities_stay_refused(tmp_path, before):
+    laughs = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "ha">]><x:robot name="&a;"/>'
+    for text in (before + laughs, (before + laughs).encode("utf-16")):
+        with pytest.raises(URDFError, match="contains a DTD"):
+            load(tmp_path, text)
+    with pytest.raises(URDFError, match="undefined entity"):
+        load(tmp_path, before + arm("<g:x>&nbsp;</g:x>"))
+
+
+def test_lines_in_messages_are_those_of_the_file(tmp_path):
+    with pytest.raises(URDFError, match="line 4, column"):
+        load(tmp_path, '\n<!-- x -->\n<?xml version="1.0"?>\n<robot>< /robot>')
+
+
+OUTSIDE = {
+    "swapped limits": (
+        {"limit": limit(lower=0.04, upper=0)},
+        "joint 'f': lower limit 0.04 exceeds upper limit 0",
+    ),
+    "stranger": ({"more": mimic("gone")}, "joint 'f' mimics 'gone', which does not exist"),
+    "itself": ({"more": mimic("f")}, "the joints f mimic each other in a cycle"),
+    "fixed": ({"more": mimic("j0")}, "joint 'f' mimics 'j0', which is fixed"),
+    "no axis": ({"axis": "0 0 0"}, "joint 'f': its axis is zero; give a direction, e.g. 0 0 1"),
+    "xacro": (
+        {"xyz": "${x} 0 0"},
+        (
+            "joint 'f': origin xyz '${x} 0 0' is not a number (contains an unexpanded xacro "
+            "expression)"
+        ),
+    ),
+    "type": ({"kind": "ball"}, "joint 'f': unknown type 'ball'; available: "),
+    "no limits": ({"limit": ""}, "joint 'f': a revolute joint needs <limit lower="),
+}
+
+
+@pytest.mark.parametrize(("options", "flaw"), OUTSIDE.values(), ids=OUTSIDE)
+def test_what_is_malformed_outside_the_chain_is_a_note(tmp_path, options, flaw):
+    """The numbers of the arm are those of the same arm with a sound finger."""
+    options = {"kind": "revolute", **options}
+    floor = joint("j0", "floor", "base", "fixed")
+
+    def with_finger(finger):
+        return load(tmp_path, arm(link("floor"), floor, link("finger"), finger), tip="tool")
+
+    sound = with_finger(joint("f", "tool", "finger"))
+    found = with_finger(joint("f", "tool", "finger", options.pop("kind"), **options))
+    assert any(f"ignored, as it lies outside the chain: {flaw}" in note for note in found.notes)
+    assert sound.notes == ()
+    q = np.array([0.3, -0.4, 0.5, 0.2])
+    np.testing.assert_allclose(
+        pin.getFrameJacobian(found.model, pin_data(found, q), found.tip_frame, pin.LOCAL),
+        pin.getFrameJacobian(sound.model, pin_data(sound, q), sound.tip_frame, pin.LOCAL),
+        atol=1e-15,
+    )
+    whole = arm(*hand("a"), j3=joint("j3", "l2", "l3", **{"kind": "revolute", **options}))
+    if "more" not in options and options:  # the same in the chain is an error
+        with pytest.raises(URDFError, match="joint 'j3'"):
+            load(tmp_path, whole, tip="tool")
+
+
+def pin_data(one, q):
+    data = one.model.createData()
+    pin.computeJointJacobians(one.model, data, one.to_model(q))
+    pin.updateFramePlacements(one.model, data)
+    return data
+
+
+def test_bodies_outside_the_chain_that_are_malformed_count_as_massless(tmp_path):
+    def mass(body):
+        found = load(tmp_path, arm(link("finger", body), joint("f", "tool", "finger")), tip="tool")
+        return found.mass, found.notes
+
+    whole, none = mass(BODY)
+    assert (whole, none) == (pytest.approx(10.0), ())
+    left, (note,) = mass(BODY.replace('value="2"', 'value="-2"'))
+    assert left == pytest.approx(8.0)
+    assert note == (
+        "ignored, as it lies outside the chain: link 'finger': mass -2 kg is negative; it must be "
+        "0 or more"
+    )
+
+
+def test_a_joint_that_may_be_the_arm_is_not_passed_over(tmp_path):
+    text = robot(link("a"), link("b"), joint("j", "a", "b", "Hinge"))
+    with pytest.raises(URDFError, match="joint 'j': unknown type 'Hinge'"):
+        load(tmp_path, text)
 
 
 # ---- followers -------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
     beyond_limits,
+    implausible,
     lacking_rank,
     missing_masses,
     overload,
@@ -190,6 +191,8 @@ class Analysis(Answered):
         """Warnings about the result, such as exceeded limits."""
         found = [*self.posture.warnings, *lacking_rank(self.reduced, self.task)]
         found += missing_masses(self.rnea)
+        moves = self.conditions.moves or self.question.inverse == "dynamic"
+        found += implausible(self.question, needs_gravity=True, needs_inertia=moves)
         if self.velocity is not None and self.impact is None and self.rnea.is_known:
             found += unknown_impact(self.faults)
         if self.limits is None:
@@ -356,7 +359,8 @@ def analyze_question(question: Question) -> Analysis:
     Raises
     ------
     InputError
-        The dynamic inverse needs masses, and the URDF has none.
+        Even the healthy arm cannot exert the force, or the dynamic inverse needs masses, and the
+        URDF has none.
     """
     robot, task, q, wary = question.robot, question.task, question.q, question.wary
     faults, conditions, limits = question.faults, question.conditions, question.limits
@@ -367,13 +371,14 @@ def analyze_question(question: Question) -> Analysis:
     M = mass_matrix_for(robot, q, conditions, question.inverse)
     load = tip_load(reduced, task, question.force, question.torque, M=M)
     F = None if load is None else load.F
-    bounded, verdict = None, None
+    if not question.has_force_to_keep(reduced, F):
+        raise question.nothing_to_keep()
+    bounded, largest = None, None
     if limits is not None or free is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
         largest = None if limits is None else limits.largest_torques(faults)
         bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea.after, largest)
-        verdict = judge(reduced, F, wary, bounded, largest)
     change = None if load is None else change_of_load(reduced, task, load, rnea, bounded)
     v = conditions.velocity
     return Analysis(
@@ -387,7 +392,7 @@ def analyze_question(question: Question) -> Analysis:
         bounded=bounded,
         velocity=None if v is None else change_of_velocity(reduced, task, v),
         impact=_impact(question, reduced, J),
-        verdict=verdict or judge(reduced, F, wary),
+        verdict=judge(reduced, F, wary, bounded, largest),
     )
 
 

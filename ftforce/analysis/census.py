@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Progress, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.faults import FaultMode
@@ -157,6 +158,9 @@ class Census(AnsweredForAll):
         matters = self.limits is not None or self.mode is FaultMode.FREE
         if matters and not self.is_weight_known:
             found.append("the URDF has no masses: the weight of the arm is missing")
+        moves = matters and self.conditions.moves
+        moves |= self.question.inverse == "dynamic"
+        found += implausible(self.question, needs_gravity=matters, needs_inertia=moves)
         if self.limits is not None:
             unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
             if unknown:
@@ -295,6 +299,8 @@ def census_of(
     if question.direction is not None and not by_capability:
         raise InputError("a direction is that of the capability: give it with rank_by='capability'")
     case = SharedCase.of(question)
+    if not question.has_force_to_keep(case.healthy, case.F):
+        raise question.nothing_to_keep()
     reports = []
     for done, faults in enumerate(all_sets, start=1):
         reports.append(report_set(case, faults, case.reduce(faults), by_capability=by_capability))

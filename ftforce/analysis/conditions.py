@@ -195,9 +195,11 @@ def tip_load(
         return TipLoad(without_rounding(F, F, wanted), force, None)
     if torque is None:
         return None
-    F = exerted_force(reduced, torque)
-    if M is not None:
-        F = dynamically_exerted_force(reduced, torque, M)
+    F = (
+        exerted_force(reduced, torque)
+        if M is None
+        else dynamically_exerted_force(reduced, torque, M)
+    )
     return TipLoad(without_rounding(F, F.dot(reduced.J), torque), None, torque)
 
 

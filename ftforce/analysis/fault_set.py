@@ -27,6 +27,7 @@ from ftforce.core.reduced_jacobian import ReducedJacobian, reduce_decomposed
 from ftforce.core.remap import force_jump
 from ftforce.core.svd import Svd
 from ftforce.core.verdict import judge
+from ftforce.robot.dynamics import rnea_torque
 from ftforce.robot.kinematics import task_jacobian
 
 if TYPE_CHECKING:
@@ -172,7 +173,13 @@ class SharedCase(NamedTuple):
         robot, q, conditions = self.question.robot, self.question.q, self.question.conditions
         if not conditions.moves:
             return self.rnea.after
-        return rnea_change(robot, q, conditions, faults.mask(robot.n)).after
+        locked, still = faults.mask(robot.n), robot.at_rest
+        v, a = (
+            still if x is None else np.where(locked, 0.0, x)
+            for x in (conditions.velocity, conditions.acceleration)
+        )
+        own = None if conditions.is_model_gravity else conditions.gravity
+        return rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
 
 
 def report_set(

@@ -47,19 +47,21 @@ def choose_limits(robot: Robot, limits: LimitsLike) -> Limits | None:
     InputError
         The number of limits does not match the arm.
     """
-    if limits is None or limits == NONE:
+    if limits is None:
         return None
     if isinstance(limits, Limits):
         if len(limits.effort) != robot.n:
             raise DimensionError("limits", (robot.n,), limits.effort.shape, robot.numbered())
         return limits
-    if limits == URDF:
-        return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
     if not isinstance(limits, (str, os.PathLike)) or not str(limits):
         raise InputError(
-            f"limits must be 'urdf', 'none', a TOML or CSV file, or ftforce.core.limits.Limits; "
-            f"got {limits!r}"
+            "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits (of an "
+            f"array: Limits.of(effort)), got {limits!r}"
         )
+    if limits == NONE:
+        return None
+    if limits == URDF:
+        return Limits(robot.effort, read_only(np.full(robot.n, np.nan)), URDF)
     return read_limits(robot, limits)
 
 

@@ -10,13 +10,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.task import Axes, Task
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError, UnknownNameError, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.arrays import Vector
     from ftforce.core.limits import Limits
+    from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
@@ -187,6 +190,40 @@ class Question:
         conditions = self.conditions._replace(velocity=velocity, acceleration=acceleration)
         return replace(self, posture=posture, conditions=conditions, faults=faults)
 
+    def has_force_to_keep(self, healthy: ReducedJacobian, F: Vector | None) -> bool:
+        """Return whether the healthy arm can exert any of what is asked (theory §2.6).
+
+        Parameters
+        ----------
+        healthy :
+            Decomposed Jacobian of a posture.
+        F :
+            Force F̂ that the healthy arm exerts there, shape (m,); ``None`` without a force.
+        """
+        if healthy.rank == 0:
+            return False
+        return F is None or self.force is None or bool(F.any()) or not self.force.any()
+
+    def nothing_to_keep(self, where: str = "in this posture") -> InputError:
+        """Return the error for a question about a force that not even the healthy arm can exert.
+
+        Parameters
+        ----------
+        where :
+            Where it cannot.
+        """
+        robot, task = self.robot, self.task
+        names = listed(task.components)
+        what = "a force" if task.force_rows else "a moment"
+        along = f"along {names}"
+        if self.force is not None and self.force.any():
+            what, along = "this force" if task.force_rows else "this moment", "along it"
+        return InputError(
+            f"even the healthy arm cannot exert {what} {where}: no joint of the chain from "
+            f"{robot.base!r} to the tip {robot.tip!r} moves the tip {along} (task '{task}', "
+            f"{task.axes} axes); choose another task, axes, tip or posture"
+        )
+
     def direction_or_that_of(self, F: Vector | None) -> Vector | None:
         """Return the direction of the capability, shape (m,); ``None`` for the weakest direction.
 
@@ -218,9 +255,10 @@ class AllFaultSets:
             The size does not lie between 1 and n, there are too many sets, or the mode is unknown
             or ``weak``, which needs a factor per joint.
         """
-        if isinstance(faults, bool) or not isinstance(faults, int) or not 1 <= faults <= robot.n:
-            raise InputError(f"faults must be a number from 1 to {robot.n}, got {faults!r}")
-        found = cls(robot.n, faults, single_mode(mode))
+        is_integer = isinstance(faults, (int, np.integer)) and not isinstance(faults, bool)
+        if not is_integer or not 1 <= faults <= robot.n:
+            raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")
+        found = cls(robot.n, int(faults), single_mode(mode))
         if len(found) > MAX_SETS:
             raise InputError(
                 f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
@@ -302,8 +340,8 @@ def single_mode(mode: FaultMode | str) -> FaultMode:
     how = FaultMode.parse(mode)
     if how is FaultMode.WEAK:
         raise InputError(
-            "many fault sets are either locked or free; weak joints need a factor each: ask "
-            "analyze about them"
+            "fault sets of many joints are locked or free; weak joints need individual factors, "
+            "use analyze"
         )
     return how
 
@@ -330,5 +368,5 @@ def unit_direction(task: Task, direction: ArrayLike) -> Vector:
     """
     vector = task.vector(direction, "direction")
     if not vector.any():
-        raise InputError("the direction needs a component that is not zero")
+        raise InputError("the direction must not be zero")
     return task.direction_of(vector)

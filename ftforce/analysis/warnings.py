@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ftforce.analysis.limits_files import URDF
 from ftforce.core.faults import FaultMode
 from ftforce.errors import listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from ftforce.analysis.question import Question
     from ftforce.core.changes import RneaChange, TorqueChange
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
@@ -46,6 +48,27 @@ def missing_masses(rnea: RneaChange) -> Iterator[str]:
         if rnea.motion_before is None:
             what = "gravity and motion torques"
         yield f"the URDF has no masses: {what} of the arm are not included"
+
+
+def implausible(question: Question, *, needs_gravity: bool, needs_inertia: bool) -> Iterator[str]:
+    """Warn about numbers of the URDF that no real arm has, where the answer depends on them.
+
+    Parameters
+    ----------
+    question :
+        The question.
+    needs_gravity :
+        Whether the answer depends on gravity torques.
+    needs_inertia :
+        Whether it depends on the arm's inertia.
+    """
+    found, limits = question.robot.implausible, question.limits
+    if limits is not None and limits.source == URDF:
+        yield from found.efforts
+    if needs_inertia or (needs_gravity and question.conditions.gravity.any()):
+        yield from found.masses
+    if needs_inertia:
+        yield from found.inertias
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:

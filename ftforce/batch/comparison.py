@@ -195,7 +195,7 @@ def compare(
 
 def _loaded(arms: Iterable[Arm] | Mapping[str, Arm], tip: str | None, base: str | None) -> Any:
     if isinstance(arms, (str, os.PathLike, Robot, Sweep)):
-        raise InputError("a comparison needs a list of arms, two or more, got one")
+        raise InputError("compare needs two or more arms in a list, got a single one")
     pairs = arms.items() if isinstance(arms, Mapping) else ((None, arm) for arm in arms)
     entries = [_entry(name, arm, tip, base) for name, arm in pairs]
     if len(entries) < 2:
@@ -397,7 +397,7 @@ def _check_same(one: _Entry, other: _Entry) -> None:
     ]
     if differs:
         raise InputError(
-            f"{one.name} and {other.name} were not asked the same: {'; '.join(differs)}"
+            f"{one.name} and {other.name} have different settings: {'; '.join(differs)}"
         )
 
 
@@ -406,7 +406,7 @@ def _asked(setting: SweepSetting, key: str) -> Any:
     if key == "length" and not any(name[0] == "m" for name in setting.components):
         return None  # without moments it has no effect
     if key == "limits":  # limits differ between arms; only whether they apply must match
-        return "none" if value is None else "counted"
+        return "none" if value is None else "enforced"
     return value
 
 
@@ -448,13 +448,13 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
     weak = [f"{arm.name} at {arm.full_rank:.0%}" for arm in reports if not arm.is_whole]
     if weak:
         found.append(
-            "healthy arms that cannot command the whole task everywhere, so that their shares are "
-            f"about less: {listed(weak)} of the postures can they"
+            "the healthy arm lacks full rank in some postures, so its shares refer to fewer "
+            f"forces; full rank: {listed(weak)} of the postures"
         )
     slides = [arm.name for arm in reports if "m" in arm.setting.joint_units]
     if slides and len({unit for arm in reports for unit in arm.setting.joint_units}) > 1:
         found.append(
-            "joints that slide: margin, ρ and verdict weigh 1 m of them like 1 rad of a hinge: "
+            "prismatic joints: margin, ρ and verdict equate 1 m of travel with 1 rad of rotation: "
             f"{listed(slides)}"
         )
     unknown = [
@@ -463,25 +463,27 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
         if arm.setting.unknown_limits
     ]
     if unknown:
-        found.append(f"unknown effort limits count as none: {listed(unknown)}")
-    return (*found, *_doubts_of_postures(reports))
+        found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
+    found += [f"{arm.name}: {words}" for arm in reports for words in arm.setting.implausible]
+    return (*found, *_posture_warnings(reports))
 
 
-def _doubts_of_postures(reports: Sequence[ArmReport]) -> list[str]:
+def _posture_warnings(reports: Sequence[ArmReport]) -> list[str]:
     found = []
     given = [arm.name for arm in reports if not arm.setting.is_random]
     if given:
-        found.append(f"postures that were not drawn within the limits: {listed(given)}")
+        found.append(f"postures not drawn at random within the joint limits: {listed(given)}")
     unfinished = [arm.name for arm in reports if arm.postures < arm.setting.count]
     if unfinished:
-        found.append(f"sweeps that are not finished: {listed(unfinished)}")
+        found.append(f"unfinished sweeps: {listed(unfinished)}")
     counts = [f"{arm.postures:,} of {arm.name}" for arm in reports]
     if len({arm.postures for arm in reports}) > 1:
-        found.append(f"not the same number of postures: {listed(counts)}")
+        found.append(f"different numbers of postures: {listed(counts)}")
     cells = [arm.workspace.cell / arm.workspace.reach for arm in reports if arm.workspace.reach]
     if cells and max(cells) > _ALIKE * min(cells):
         found.append(
-            "cells of other sizes beside the reach: shares of the workspace compare roughly only"
+            "cell sizes differ relative to the reach: shares of the workspace are only roughly "
+            "comparable"
         )
     return found
 

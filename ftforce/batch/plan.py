@@ -12,6 +12,7 @@ from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, alig
 from ftforce.batch.kernels.layout import Question as KernelQuestion
 from ftforce.core.arrays import read_only
 from ftforce.errors import InputError
+from ftforce.robot.kinematics import noise_floor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -189,6 +190,7 @@ class Plan:
                 limits=question.limits,
                 rtol=question.rtol,
                 wary=question.wary,
+                floors=noise_floor(robot),
                 needs_gravity=needs_gravity,
             ),
             robot.n,
@@ -312,6 +314,7 @@ def question_of(
     limits: Limits | None,
     rtol: float,
     wary: float,
+    floors: tuple[float, float] = (0.0, 0.0),
     needs_gravity: bool,
 ) -> KernelQuestion:
     """Return the question as arrays.
@@ -330,6 +333,8 @@ def question_of(
         Relative tolerances of the rank and of the borderline verdict.
     needs_gravity :
         Whether gravity torques are needed.
+    floors :
+        Entries up to which J is rounding, `ftforce.robot.kinematics.noise_floor`.
     """
     rows = np.arange(6)[task.rows].astype(np.int64)
     unknown = np.full(n, np.nan)
@@ -338,6 +343,7 @@ def question_of(
     return KernelQuestion(
         rows=read_only(rows),
         weights=read_only(weights.copy()),
+        floor=read_only(weights * np.where(rows < 3, *floors)),
         in_tool=task.axes == "tool",
         is_whole=rows.tolist() in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]),
         force=read_only(nothing if force is None else task.weigh_force(force).copy()),

@@ -136,7 +136,7 @@ class Remapper:
     (array([ 0.  , 43.66]), array([0, 2]))
     """
 
-    __slots__ = ("_by_force", "_by_torque", "_options", "_result", "_robot", "_sets", "_task")
+    __slots__ = ("_by_force", "_by_torque", "_question", "_result", "_sets")
 
     def __init__(
         self,
@@ -162,28 +162,26 @@ class Remapper:
             rtol=rtol,
             wary=wary,
         )
-        self._robot, self._task = robot, question.task
-        self._sets = _fault_sets(robot, faults, mode)
-        self._options: dict[str, Any] = {
-            "gravity": gravity, "payload": payload, "task": self._task, "rtol": rtol, "wary": wary,
-        }  # fmt: skip
+        self._build(question, _fault_sets(robot, faults, mode))
+
+    def _build(self, question: Question, sets: tuple[FaultSet, ...]) -> None:
+        self._question, self._sets = question, sets
         answer = _kernel()
-        has_free = any(faults.free for faults in self._sets)
-        plan = Plan.of(question, self._sets, needs_gravity=has_free)
+        plan = Plan.of(question, sets, needs_gravity=any(one.free for one in sets))
         constants = _constants(plan)
-        work, self._result = _workspace(plan, self._task)
+        work, self._result = _workspace(plan, question.task)
         self._by_torque = partial(answer, False, *constants, *work)
         self._by_force = partial(answer, True, *constants, *work)
 
     @property
     def robot(self) -> Robot:
         """The arm."""
-        return self._robot
+        return self._question.robot
 
     @property
     def task(self) -> Task:
         """Components and axes of the forces."""
-        return self._task
+        return self._question.task
 
     @property
     def sets(self) -> tuple[FaultSet, ...]:
@@ -194,7 +192,7 @@ class Remapper:
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the results at every posture."""
         has_free = any(one.free for one in self._sets)
-        if has_free and self._robot.mass == 0.0:
+        if has_free and self.robot.mass == 0.0:
             return ("the URDF has no masses: the weight of the arm is missing",)
         return ()
 
@@ -251,11 +249,11 @@ class Remapper:
 
     def _converted(self, q: ArrayLike, tau: ArrayLike | None, force: ArrayLike | None) -> Remapped:
         """Convert the arguments to arrays and try again, with clear errors for invalid ones."""
-        q = self._robot.vector(q, "q")
+        q = self.robot.vector(q, "q")
         if force is not None:
-            is_malformed = self._by_force(q, self._task.vector(force, "force"))
+            is_malformed = self._by_force(q, self.task.vector(force, "force"))
         elif tau is not None:
-            is_malformed = self._by_torque(q, self._robot.vector(tau, "tau"))
+            is_malformed = self._by_torque(q, self.robot.vector(tau, "tau"))
         else:
             raise InputError("give torques or a force")
         if is_malformed:
@@ -264,11 +262,17 @@ class Remapper:
 
     def __repr__(self) -> str:
         """Return the robot, the task and the number of sets."""
-        return f"<Remapper {self._robot.name!r}: {self._task}, {len(self._sets)} fault sets>"
+        return f"<Remapper {self.robot.name!r}: {self.task}, {len(self._sets)} fault sets>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copy and pickle the constructor arguments only: workspaces are never shared."""
-        return partial(Remapper, **self._options), (self._robot, self._sets)
+        """Copy and pickle the question and the sets only: workspaces are never shared."""
+        return _rebuilt, (self._question, self._sets)
+
+
+def _rebuilt(question: Question, sets: tuple[FaultSet, ...]) -> Remapper:
+    remapper = Remapper.__new__(Remapper)
+    remapper._build(question, sets)
+    return remapper
 
 
 def _kernel() -> Any:
@@ -284,7 +288,7 @@ def _kernel() -> Any:
 
 
 def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode | str) -> tuple[FaultSet, ...]:
-    if isinstance(faults, int):  # True too, which is rejected below
+    if isinstance(faults, (int, np.integer)):  # True too, which is rejected below
         return tuple(AllFaultSets.parse(robot, faults, mode))
     if isinstance(faults, FaultSet):
         faults = [faults]
@@ -302,7 +306,7 @@ def _fault_sets(robot: Robot, faults: FaultSets, mode: FaultMode | str) -> tuple
     for one in sets:
         if one.in_mode(FaultMode.WEAK):
             raise InputError(
-                f"the set {one} has weak joints, which need limits; ask analyze about them"
+                f"the set {one} has weak joints, which need torque limits; use analyze"
             )
     return sets
 
@@ -322,8 +326,8 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
     body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
     body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
-    task = np.zeros((3, max(m, 2)))
-    task[0, :m], task[1, :m] = question.rows, question.weights
+    task = np.zeros((4, max(m, 2)))
+    task[0, :m], task[1, :m], task[3, :m] = question.rows, question.weights, question.floor
     task[2, :2] = question.rtol, question.wary
     failed = np.zeros((-(-len(faults.locked) // single.SET_LANES), n, single.SET_LANES))
     for at, locked in enumerate(faults.locked):

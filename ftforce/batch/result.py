@@ -71,6 +71,8 @@ class SweepSetting:
         Postures per chunk.
     version :
         Version of ftforce.
+    implausible :
+        Warnings about numbers of the URDF that no real arm has and on which the result depends.
     """
 
     robot: str
@@ -98,6 +100,7 @@ class SweepSetting:
     keep: str
     chunk: int
     version: str
+    implausible: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""
@@ -261,6 +264,7 @@ class Sweep(Displayed):
         if self.setting.unknown_limits:
             names = ", ".join(self.setting.unknown_limits)
             found.append(f"unknown effort limits, treated as unlimited: {names}")
+        found += self.setting.implausible
         if not self.setting.is_random:
             found.append(
                 "the postures were not drawn at random: the confidence intervals only indicate the "

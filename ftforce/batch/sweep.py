@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.__version__ import __version__
+from ftforce.analysis.conditions import tip_load
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
@@ -27,9 +29,9 @@ from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.errors import FtforceError, InputError, UnknownNameError
-from ftforce.robot.kinematics import reach_bound, tip_pose
+from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -48,6 +50,7 @@ CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
 _VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
 _LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
+_TRIED = 64  # postures, spread over the sweep, in which the healthy arm is tried first
 CELLS = 20  # along the longest axis of the workspace, about
 
 
@@ -163,7 +166,9 @@ def sweep(
 
 
 def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> Question:
-    """Return the question of a sweep: without limits no capability, and conversely.
+    """Return the question of a sweep.
+
+    The capability needs both limits and a direction; without either, both are dropped.
 
     Parameters
     ----------
@@ -184,7 +189,7 @@ def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> 
     needs_numba()
     question = Question.parse(robot, limits=URDF if limits is None else limits, **asked)
     if question.force is not None and not question.force.any():
-        raise InputError("the force needs a component that is not zero, or leave it out")
+        raise InputError("the force must not be zero; omit it to consider all forces")
     direction = question.direction_or_that_of(question.F)
     if direction is None or question.limits is None:
         return replace(question, direction=None, limits=None)
@@ -221,6 +226,7 @@ def sweep_of(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
+    _check_task(question, postures)
     sets = tuple(all_sets)
     needs_gravity = question.direction is not None or all_sets.mode is FaultMode.FREE
     job = Job(
@@ -231,7 +237,7 @@ def sweep_of(
         keep,
         _chunk_of(chunk, len(sets), postures.count),
     )
-    setting = _setting(question, all_sets, job)
+    setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
     request = store.SweepRequest(job, setting, sets, _identity(job, setting))
     return _run(request, None if output is None else Path(output), runner, progress)
 
@@ -253,6 +259,27 @@ def needs_numba() -> None:
         raise FtforceError(
             f"sweeps need {problem.name}: install the extra with pip install 'ftforce[sweep]'"
         ) from None
+
+
+def _check_task(question: Question, postures: Postures) -> None:
+    """Check that the healthy arm can exert some of what is asked in one of some postures.
+
+    Raises
+    ------
+    InputError
+        It cannot in any of them.
+    """
+    robot, task = question.robot, question.task
+    tried = min(postures.count, _TRIED)
+    for k in range(tried):  # spread over the sweep: a recording may begin in a singular posture
+        at = k * (postures.count - 1) // max(tried - 1, 1)
+        q = read_only(postures.block(at, at + 1)[0].copy())
+        J = task.weigh_jacobian(task_jacobian(robot, q, task))
+        healthy = reduce(read_only(J), HEALTHY.mask(robot.n), question.rtol)
+        load = tip_load(healthy, task, question.force, None)
+        if question.has_force_to_keep(healthy, None if load is None else load.F):
+            return
+    raise question.nothing_to_keep(f"in any of {tried} postures")
 
 
 def _size_of(question: Question) -> float | None:
@@ -296,7 +323,10 @@ def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
         size = min(whole_number(chunk, "chunk", PIECE), count)
         most = _LARGEST_ARRAY // (8 * sets)
         if size > most:
-            raise InputError(f"a chunk for {sets} fault sets has {most:,} postures at most: 2 GB")
+            raise InputError(
+                f"a chunk with {sets} fault sets can hold at most {most:,} postures "
+                "(2 GB per array)"
+            )
         return size
     size = CHUNK
     while size > PIECE and size * sets > _VALUES:
@@ -324,7 +354,9 @@ def _round_length(x: float) -> float:
     return float(f"{step * power:.6g}")
 
 
-def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetting:
+def _setting(
+    question: Question, all_sets: AllFaultSets, job: Job, *, needs_gravity: bool
+) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
@@ -354,6 +386,7 @@ def _setting(question: Question, all_sets: AllFaultSets, job: Job) -> SweepSetti
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 
 
@@ -372,7 +405,7 @@ def _runner(
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
     """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
-    for name in ("postures", "count", "is_random"):
+    for name in ("postures", "count", "is_random", "implausible"):
         del plain[name]
     arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)

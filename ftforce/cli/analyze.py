@@ -29,10 +29,10 @@ def analyze(
     tolerances: Tolerances,
     outputs: Outputs,
 ) -> None:
-    """Say what a fault does to the force at the tool, and which torques to command now.
+    """Show how a fault changes the force at the tip, and which torques to command.
 
-    Without --force or --torque: the same for unit forces, and which directions
-    are lost.
+    Without --force or --torque, unit forces along the task axes are analysed and
+    the lost directions listed.
     """
     from ftforce.analysis import analyze as analysis
     from ftforce.show.tables.analysis import analysis_view

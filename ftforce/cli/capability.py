@@ -29,7 +29,7 @@ def capability(
     tolerance: RankTolerance,
     outputs: PlotOutputs,
 ) -> None:
-    """Say which force, and which payload, the arm can hold before and after a fault.
+    """Show the force and payload that the arm can hold before and after a fault.
 
     Commanded: a force the motors apply. Held: a load already there, which the
     brakes carry too.

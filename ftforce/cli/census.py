@@ -40,7 +40,7 @@ def census(
         str,
         typer.Option(
             metavar="jump|capability",
-            help="Ranking of the sets: by the force jump, or by the force that can be held.",
+            help="Ranking of the sets: by the force jump, or by the force capability.",
         ),
     ] = "jump",
     top: TopOption = 40,

@@ -28,7 +28,7 @@ def compare(
         list[str],
         typer.Argument(
             metavar="ROBOT…",
-            help="Two or more: URDF files, known names, or stored sweeps (folders *.zarr).",
+            help="Two or more: URDFs, DH tables, known names, or stored sweeps (folders *.zarr).",
         ),
     ],
     sets: SetOptions,
@@ -66,7 +66,7 @@ def compare(
 ) -> None:
     """Rank arms by how well they degrade, over many postures and every fault set.
 
-    All arms are asked the same question, and so must stored sweeps have been.
+    All arms are asked the same question; stored sweeps must match it.
     """
     from ftforce.batch import comparison
     from ftforce.show.tables.comparison import comparison_view

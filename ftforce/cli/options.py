@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 RobotArgument = Annotated[
     str,
     typer.Argument(
-        metavar="ROBOT", help="A URDF file, or a known name such as panda (see `ftforce robots`)."
+        metavar="ROBOT",
+        help="A URDF, a DH table (.toml), or a known name such as panda (see `ftforce robots`).",
     ),
 ]
-_LIMITS_HELP = "Torque limits to enforce: the URDF's, or a TOML or CSV file's (joint,effort,brake)."
+_LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
 TopOption = Annotated[
     int, typer.Option("--top", min=1, help="Number of fault sets shown in the table.")
 ]
@@ -89,7 +90,7 @@ class ChainOptions(Group):
         Parameters
         ----------
         robot :
-            URDF file or known name.
+            URDF file, DH table or known name.
         posture :
             Named posture at which joints outside the chain are held.
         """
@@ -107,11 +108,13 @@ class PostureOptions(Group):
         typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
     ] = None
     posture: Annotated[
-        str | None, typer.Option(help="Named posture; also mid-range, zero, sample.")
+        str | None, typer.Option(help="Named posture; also mid-range, zero, bent, sample.")
     ] = None
     deg: Annotated[
         bool,
-        typer.Option("--deg", help="Angles in --q and in the tables are in degrees."),
+        typer.Option(
+            "--deg", help="Angles in --q are in degrees; in tables too, where they show q."
+        ),
     ] = False
 
     def of(self, robot: "Robot") -> "Posture":
@@ -132,18 +135,19 @@ class FaultOptions(Group):
 
     locked: Annotated[
         list[str] | None,
-        typer.Option(metavar="2,4", help="Locked joints: numbers from 1 or names."),
+        typer.Option(metavar="JOINTS", help="Locked joints: numbers from 1 or names, e.g. 2,4."),
     ] = None
     free: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="4", help="Free-swinging joints: neither motor nor brake applies torque."
+            metavar="JOINTS", help="Free-swinging joints: neither motor nor brake applies torque."
         ),
     ] = None
     weak: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="3:0.5", help="Weak joints, with the remaining fraction of their torque limit."
+            metavar="JOINT:FACTOR",
+            help="Weak joints, with the remaining fraction of their torque limit, e.g. 3:0.5.",
         ),
     ] = None
 
@@ -263,7 +267,9 @@ class LimitsOption(Group):
     limits: Annotated[
         str | None,
         typer.Option(
-            metavar="urdf|FILE|none", help=_LIMITS_HELP, show_default="none; urdf where needed"
+            metavar="urdf|FILE|none",
+            help=f"Torque limits to enforce: {_LIMITS_FILE}",
+            show_default="none; urdf where needed",
         ),
     ] = None
 
@@ -272,9 +278,12 @@ class LimitsOption(Group):
 class CapabilityLimits(Group):
     """Torque limits of the capability."""
 
-    limits: Annotated[str | None, typer.Option(metavar="urdf|FILE|none", help=_LIMITS_HELP)] = (
-        "urdf"
-    )
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            metavar="urdf|FILE|none", help=f"Torque limits of the capability: {_LIMITS_FILE}"
+        ),
+    ] = "urdf"
 
 
 @dataclass(frozen=True)
@@ -292,7 +301,10 @@ class TaskOptions(Group):
     ] = None
     axes: Annotated[
         str,
-        typer.Option(help="tool: axes of the tip frame; world: root axes, at the tip point."),
+        typer.Option(
+            metavar="tool|world",
+            help="tool: axes of the tip frame; world: root axes, at the tip point.",
+        ),
     ] = "tool"
 
 
@@ -301,7 +313,7 @@ class RankTolerance(Group):
     """Tolerance of ranks."""
 
     rtol: Annotated[
-        float, typer.Option(help="Singular values up to rtol * sigma_max(J) count as lost.")
+        float, typer.Option(help="Singular values up to rtol * sigma_max(J) are treated as 0.")
     ] = 1e-6
 
 
@@ -319,7 +331,7 @@ _Form = Annotated[
     Format | None,
     typer.Option(
         "--format",
-        help="table, json or csv.",
+        help="Output format.",
         show_default="that of --output's extension, otherwise table",
     ),
 ]

@@ -61,7 +61,7 @@ def check_outputs(
         if ending and ending not in endings and form is None:
             raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
         if form not in {None, ending} and ending in _DATA:
-            raise InputError(f"{printable(output)}: the ending is none of --format {form}")
+            raise InputError(f"{printable(output)}: the extension does not match --format {form}")
     if plot is not None:
         if _ending(plot) not in _PLOT_ENDINGS:
             raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")

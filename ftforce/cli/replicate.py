@@ -6,7 +6,7 @@ from ftforce.cli.options import Outputs
 
 
 def replicate(outputs: Outputs) -> None:
-    """Compute the paper's J and Tables 2-5 beside the printed numbers; exit 1 if any differs.
+    """Recompute the paper's J and Tables 2-5 and compare each number; exit 1 if any differs.
 
     Differences explained by an erratum of the paper are shown and do not count.
     """

@@ -26,7 +26,7 @@ Robot = Annotated[
     str | None,
     typer.Argument(
         metavar="ROBOT",
-        help="A URDF file, or a known name such as panda (see `ftforce robots`).",
+        help="A URDF, a DH table (.toml), or a known name such as panda (see `ftforce robots`).",
         show_default=False,
     ),
 ]
@@ -87,7 +87,7 @@ def simulate(
             rate = trajectory_options.rate
             history = section_v(rate=rate, delay=delay, remap=remap, progress=progress)
     elif robot is None:
-        raise InputError("ROBOT is missing: a URDF file or a known name (see `ftforce robots`)")
+        raise InputError("ROBOT is missing: a URDF, DH table or known name (see `ftforce robots`)")
     elif force is None:
         raise InputError("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
     else:

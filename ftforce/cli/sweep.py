@@ -65,14 +65,17 @@ def sweep(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Instead: recorded postures (.npy .csv .parquet; a column per joint, rad or m).",
+            help="Instead of --samples: recorded postures (.npy .csv .parquet), rad or m.",
         ),
     ] = None,
-    deg: Annotated[bool, typer.Option("--deg", help="--postures is in degrees.")] = False,
+    deg: Annotated[
+        bool, typer.Option("--deg", help="Angles in --postures are in degrees.")
+    ] = False,
     grid: Annotated[
         str | None,
         typer.Option(
-            metavar="K|K1,K2,…", help="Instead: all combinations of K positions of every joint."
+            metavar="K|K1,K2,…",
+            help="Instead of --samples: all combinations of K positions of every joint.",
         ),
     ] = None,
     keep: Annotated[
@@ -104,14 +107,14 @@ def sweep(
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="tcp://…", help="Instead: the scheduler of a Dask cluster."),
+        typer.Option(metavar="tcp://…", help="Instead of threads: scheduler of a Dask cluster."),
     ] = None,
     top: TopOption = 20,
 ) -> None:
     """Analyse every set of up to --faults failed joints at many postures.
 
     Draws postures within the joint limits, or takes recorded ones or a grid.
-    Says how much of the workspace survives, and which joint is the critical one.
+    Reports the share of the workspace that survives, and the critical joint.
     """
     from ftforce.batch import sweep as batch
     from ftforce.show.tables.sweep import sweep_view

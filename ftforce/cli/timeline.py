@@ -34,8 +34,8 @@ def timeline(
 ) -> None:
     """Evaluate every set of failed joints at every instant of a trajectory.
 
-    The healthy arm moves; jump, margin and capability say how much each fault
-    would take at that instant.
+    The healthy arm follows the trajectory; jump, margin and capability are those
+    of a fault at that instant.
     """
     from ftforce.show.tables.timeline import timeline_view
     from ftforce.trajectory import timeline as fault_timeline

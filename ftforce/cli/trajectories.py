@@ -20,7 +20,7 @@ class TrajectoryOptions(Group):
     trajectory: Annotated[
         str | None,
         typer.Argument(
-            metavar="[TRAJECTORY]",
+            metavar="TRAJECTORY",
             help="A CSV file: t and joint positions, or waypoints x,y,z. Or give --to.",
             show_default=False,
         ),
@@ -30,23 +30,23 @@ class TrajectoryOptions(Group):
         typer.Option(
             "--from",
             metavar="X,Y,Z",
-            help="Start of the tip, m, in root axes; by default where the posture has it.",
+            help="Start of the tip, m, in root axes; by default its initial position.",
         ),
     ] = None
     to: Annotated[
         list[str] | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="End of a straight line of the tip, m; repeat it for further waypoints.",
+            help="Next tip position in root axes, m, along a straight line; repeat for more.",
         ),
     ] = None
     speed: Annotated[
         float | None,
-        typer.Option(metavar="M/S", help="Maximum speed of the tip along its lines."),
+        typer.Option(metavar="M/S", help="Maximum tip speed along the path."),
     ] = None
     keep_orientation: Annotated[
         bool,
-        typer.Option("--keep-orientation", help="Keep the orientation of the tip along its lines."),
+        typer.Option("--keep-orientation", help="Keep the orientation of the tip along the path."),
     ] = False
     rate: Annotated[
         float | None,
@@ -61,6 +61,18 @@ class TrajectoryOptions(Group):
             help="Longest gap allowed in a recording; by default ten times its median step.",
         ),
     ] = None
+
+    smooth: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|S|none",
+            help="Smoothing of a recording: from its noise, by knots S seconds apart, or none.",
+        ),
+    ] = "auto"
+    static: Annotated[
+        bool,
+        typer.Option("--static", help="Count the weight only, no velocities and accelerations."),
+    ] = False
 
     def arguments_for(self, robot: "Robot", posture_options: PostureOptions) -> dict[str, Any]:
         """Return trajectory and posture as arguments of the functions behind the commands.
@@ -88,7 +100,17 @@ class TrajectoryOptions(Group):
             "speed": self.speed if is_file else None,
             "keep_orientation": self.keep_orientation and is_file,
             "max_gap": self.max_gap,
+            "smooth": self._smooth(),
+            "static": self.static,
         }
+
+    def _smooth(self) -> str | float:
+        if self.smooth in {"auto", "none"}:
+            return self.smooth
+        found = numbers(self.smooth, "--smooth")
+        if found is None or len(found) != 1:
+            raise InputError(f"--smooth must be auto, none or a time in s, got {self.smooth!r}")
+        return found[0]
 
     def _lines(self, robot: "Robot", place: "Posture | None") -> Any:
         if not self.to:
@@ -115,7 +137,7 @@ class TrajectoryOptions(Group):
             Both are given.
         """
         if self.trajectory is not None and (self.start is not None or self.to):
-            raise InputError("give either a file of a trajectory or --from and --to, not both")
+            raise InputError("give either a trajectory file or --from and --to, not both")
 
 
 def _point(text: str, option: str) -> list[float]:

@@ -80,7 +80,7 @@ def view(
         typer.Option(metavar="FILE.png", help="Write the scene as a picture and exit."),
     ] = None,
 ) -> None:
-    """See and touch the arm in the browser: drag the force, move joints, fail them with a click.
+    """View the arm in the browser: drag the force, move joints, fail them with a click.
 
     Without --force or --torque: 20 N along each axis to begin with.
     """
@@ -126,7 +126,7 @@ def view(
 
 
 def _announce(name: str, address: str, no_browser: bool) -> None:
-    say(f"{name}: {address} (Ctrl-C ends it)")
+    say(f"{name}: {address} (press Ctrl-C to stop)")
     if not no_browser:
         _open(address)
 
@@ -136,7 +136,7 @@ def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
     of, own = ("history", _OF_A_HISTORY) if is_history else ("sweep", _OF_A_SWEEP)
     given = given_options(context)
     if named := [given[name] for name in given if name in own]:
-        raise InputError(f"a {of} has a question of its own; leave out {', '.join(named)}")
+        raise InputError(f"a {of} determines these itself; leave out {', '.join(named)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:

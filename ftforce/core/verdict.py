@@ -42,6 +42,8 @@ def verdict(reduced: ReducedJacobian, F: Vector | None, wary: float) -> Verdict:
     wary :
         Largest tolerance considered.
     """
+    if reduced.rank == 0:
+        return Verdict.NOT_TOLERATED  # the healthy arm has nothing to keep (theory §2.6)
     if reduced.damaged.s[-1] > wary * reduced.sigma_max:
         return Verdict.TOLERATED  # no direction is lost at any tolerance
     outcomes = _outcomes_for_all_forces(reduced, wary) if F is None else _outcomes(reduced, F, wary)
@@ -123,7 +125,7 @@ def judge(
     largest :
         Maximum torques used for ``bounded``.
     """
-    if bounded is None:
+    if bounded is None or reduced.rank == 0:
         return verdict(reduced, F, wary)
     outcomes = _outcomes_with_limits(reduced, F, wary, bounded, largest)
     if len(outcomes) > 1:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+_PIECE = 1 << 20  # characters
+
 # For each joint unit, the accepted column units and their conversion factors.
 POSITION_UNITS = {
     "rad": {"": 1.0, "rad": 1.0, "deg": math.radians(1.0)},
@@ -111,9 +113,15 @@ class Table(NamedTuple):
         InputError
             The header is not valid CSV.
         """
-        stream = io.StringIO(text, newline="")
-        for line, cells in _rows(stream, 1, one_line):
-            return cls(tuple(map(str.strip, cells)), stream.read(), line + 1, one_line)
+        for part in (text[: text.rfind("\n", 0, _PIECE) + 1], text):  # StringIO takes 4 × its size
+            stream = io.StringIO(part, newline="")
+            try:
+                for line, cells in _rows(stream, 1, one_line):
+                    rest = text[stream.tell() :]
+                    return cls(tuple(map(str.strip, cells)), rest, line + 1, one_line)
+            except InputError:
+                if part is text:
+                    raise
         return None
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
@@ -149,13 +157,27 @@ class Table(NamedTuple):
             As `rows`, or a cell is not a number of absolute value up to ``largest``.
         """
         try:
-            return self._numbers_at_once(columns, largest)
+            return np.concatenate(
+                [piece._numbers_at_once(columns, largest) for piece in self._pieces()]
+            )
         except ValueError:  # quotes, blanks or an error: parse cell by cell
             found = [
                 [self._number(line, i, cells[i], largest) for i in columns]
                 for line, cells in self.rows()
             ]
             return np.array(found).reshape(-1, len(columns))
+
+    def _pieces(self) -> Iterator[Table]:
+        """Yield the table in pieces that end with a line, which bounds the memory for parsing."""
+        start = 0
+        while True:
+            end = len(self.text)
+            if end - start > _PIECE:
+                end = self.text.rfind("\n", start, start + _PIECE) + 1 or end
+            yield self._replace(text=self.text[start:end])
+            if end == len(self.text):
+                return
+            start = end
 
     def _numbers_at_once(self, columns: Sequence[int], largest: float) -> NDArray[np.float64]:
         if not self.text or self.text.isspace():

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import suppress
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
-from xml.parsers import expat
 
 from ftforce.errors import OutputError
 
@@ -18,6 +16,11 @@ if TYPE_CHECKING:
     from ftforce.errors import FileError
 
 LARGEST_FILE = 100_000_000  # bytes; a URDF typically has about 100 kB
+# In wide use; others in Python's list are no encodings of texts, or can encode commands.
+_ENCODINGS = re.compile(
+    r"iso-?8859-([1-9]|1[0-1]|1[3-6])|latin-?1|(windows-|cp)125[0-8]|gb18030|big5|shift-jis"
+    r"|euc-(jp|kr)|koi8-[ru]|utf-16"
+)
 LARGEST_NUMBER = 1e9  # of a length, angle, mass …; results computed from them stay finite
 
 
@@ -43,9 +46,7 @@ def read_text(
         As ``error``: the file is missing, unreadable, empty, too large or not UTF-8 text.
     """
     data = read_bytes(path, error, kind, LARGEST_FILE if largest is None else largest)
-    if flaw := _flaw(data):
-        raise error(path, f"{flaw}; expected {kind}")
-    return data.decode("utf-8-sig")
+    return text_of(data, path, error, kind)[0]
 
 
 def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, largest: int) -> bytes:
@@ -85,66 +86,60 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
     return data
 
 
-def _flaw(data: bytes) -> str:
-    """Return why the bytes are not usable text; empty if they are."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as problem:
-        return f"is not UTF-8 text (byte {problem.start})"
-    if "\0" in text:
-        return "is a binary file"
-    return "" if text.strip() else "is empty"
-
-
-def parse_xml(text: str, path: str | PathLike[str], error: type[FileError]) -> ElementTree.Element:
-    """Parse XML, rejecting document type definitions and thereby entity expansion attacks.
-
-    The namespace of the root element (``xmlns="…"``) is stripped from all elements.
+def text_of(
+    data: bytes, path: str | PathLike[str], error: type[FileError], kind: str, declared: str = ""
+) -> tuple[str, str]:
+    """Decode the bytes of a file as UTF-8, or else in the encoding that it declares.
 
     Parameters
     ----------
-    text :
-        The document.
-    path, error :
+    data :
+        The bytes.
+    path, error, kind :
         As in `read_text`.
+    declared :
+        Declared encoding; empty if none is. Only encodings of texts are accepted.
+
+    Returns
+    -------
+    :
+        The text, and the encoding if it is not UTF-8, else an empty string.
 
     Raises
     ------
     FileError
-        As ``error``: the XML is malformed or contains a DTD.
+        As ``error``: the bytes are empty or not text.
     """
+    encoding, text, flaw = "", "", ""
     try:
-        _reject_dtd(text, path, error)
-        root = ElementTree.fromstring(text)
-    except (expat.ExpatError, ElementTree.ParseError) as problem:
-        raise error(path, f"is not well-formed XML ({problem})") from None
-    if root.tag.startswith("{"):
-        namespace = root.tag[: root.tag.index("}") + 1]
-        for element in root.iter():
-            if isinstance(element.tag, str):  # the tag of a comment is a function
-                element.tag = element.tag.removeprefix(namespace)
-    return root
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        encoding, flaw = _usable(declared), f"is not UTF-8 text (byte {problem.start})"
+    if encoding:
+        try:
+            text, flaw = data.decode(encoding), ""
+        except UnicodeDecodeError as problem:
+            flaw = f"is neither UTF-8 nor {encoding}, as it declares (byte {problem.start})"
+    if not flaw and "\0" in text:
+        flaw = "is a binary file"
+    if not flaw and not text.strip():
+        flaw = "is empty"
+    if flaw:
+        raise error(path, f"{flaw}; expected {kind}")
+    return text, encoding
 
 
-class _RootReachedError(Exception):
-    """Stop parsing: a DTD can only precede the root element."""
+def _usable(declared: str) -> str:
+    """Return the encoding for a declared one; empty if it is not an encoding of texts."""
+    name = declared.lower().replace("_", "-")
+    if name in {"gb2312", "gbk", "x-gbk", "euc-cn"}:
+        return "gb18030"  # contains them; files declare the smaller sets and use the larger
+    return name if _ENCODINGS.fullmatch(name) else ""
 
 
-def _reject_dtd(text: str, path: str | PathLike[str], error: type[FileError]) -> None:
-    def on_doctype(*_: object) -> None:
-        raise error(path, "contains a DTD (<!DOCTYPE …>), which is not allowed; remove it")
-
-    def on_root(*_: object) -> None:
-        raise _RootReachedError
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = on_doctype
-    parser.StartElementHandler = on_root
-    with suppress(_RootReachedError):
-        parser.Parse(text, True)
-
-
-def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tuple[float, ...]:
+def read_numbers(
+    text: str, count: int, largest: float | None = LARGEST_NUMBER
+) -> tuple[float, ...]:
     """Parse whitespace-separated numbers, as in a URDF.
 
     Parameters
@@ -154,7 +149,7 @@ def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tupl
     count :
         Required number of values.
     largest :
-        Largest absolute value accepted.
+        Largest absolute value accepted; ``None`` also accepts infinities.
 
     Raises
     ------
@@ -171,6 +166,10 @@ def read_numbers(text: str, count: int, largest: float = LARGEST_NUMBER) -> tupl
     if len(numbers) != count:
         wanted = "1 number" if count == 1 else f"{count} numbers"
         raise ValueError(f"{shortened(text)}: expected {wanted}, got {len(numbers)}")
+    if any(map(math.isnan, numbers)):
+        raise ValueError(f"{shortened(text)} is not finite")
+    if largest is None:
+        return numbers
     if not all(map(math.isfinite, numbers)):
         raise ValueError(f"{shortened(text)} is not finite")
     if max(map(abs, numbers)) > largest:

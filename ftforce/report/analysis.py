@@ -140,7 +140,7 @@ def _about_one_force(analysis: Analysis, force: ForceChange) -> str:
         keepers = "motors" if analysis.faults.in_mode(FaultMode.WEAK) else "healthy joints"
         return f"the {keepers} maintain the full {before} at the tip{within}"
     if analysis.verdict is Verdict.BORDERLINE:
-        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump of"
+        lost = f"a jump of {jump} from" if is_noticeable(force.jump) else "no jump from"
         return (
             f"{lost} {before} at the tolerance {analysis.reduced.rtol:g}, but a tolerance up to "
             f"{analysis.wary:g} changes the answer (margin {ratio(analysis.margin)})"
@@ -184,7 +184,7 @@ def _reasons(analysis: Analysis) -> list[str]:
 def share_in_words(share: float | None) -> str:
     """Describe the fraction of a force that can be commanded in its direction."""
     if share is None:
-        return "no fraction of the force alone holds the arm"
+        return "no fraction of the force is feasible"
     part = percent(share) if share > 0.0 else "none"
     return f"{part} of the force can be commanded in its own direction"
 

@@ -101,7 +101,7 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
     if amount.end is LimitingFactor.DIRECTION:
         return "the arm lacks it"
     if amount.end is LimitingFactor.FAULT:
-        return f"fault of {joined(names)}" if names else "the arm lacks it"
+        return f"fault of {joined(names)}" if names else "beyond the healthy arm"
     locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
     words = (
         f"{'brake of ' if j in locked else ''}{name}"

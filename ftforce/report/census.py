@@ -37,7 +37,7 @@ def critical_joint(census: Census) -> str:
         if count:
             share = "all" if count == worst.sets else f"{count} of"
             return (
-                f"{critical}. Of the fault sets that hold {'each of them' if tie else 'it'}, "
+                f"{critical}. Of the fault sets that contain {'each of them' if tie else 'it'}, "
                 f"{share} {worst.sets} {'is' if count == 1 else 'are'} {verdict.value}."
             )
     leaves = f"joints {name} leave" if tie else f"joint {name} leaves"

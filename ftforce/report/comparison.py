@@ -65,8 +65,8 @@ def _best(comparison: Comparison) -> str:
     best, *others = comparison.best
     rest = [arm.name for arm in others]
     found = (
-        f"{best.name} degrades best: with {fault_words(best.setting)} it {_keeps(best)} at "
-        f"{share(best.tolerated.value)}% of the postures and fault sets "
+        f"{best.name} degrades most gracefully: with {fault_words(best.setting)} it {_keeps(best)} "
+        f"for {share(best.tolerated.value)}% of all combinations of posture and fault set "
         f"({share(best.tolerated.low)} to {share(best.tolerated.high)}%)."
     )
     if not rest:
@@ -79,7 +79,7 @@ def _best(comparison: Comparison) -> str:
 
 def _keeps(arm: ArmReport) -> str:
     if arm.setting.force is None:
-        return "can still command every force that it could"
+        return "keeps every direction of force"
     return "keeps the force"
 
 
@@ -87,7 +87,7 @@ def _worst(comparison: Comparison) -> list[str]:
     worst = comparison.arms[-1]
     if worst.first == 1:
         return []
-    found = f"{worst.name} degrades worst: {share(worst.tolerated.value)}%"
+    found = f"{worst.name} degrades least gracefully: {share(worst.tolerated.value)}%"
     return [f"{found}; its critical joint is {critical_words(worst)}."]
 
 

@@ -56,9 +56,11 @@ class Field:
 
     def value(self, result: Any) -> Any:
         """Return the value of this field in a result; ``None`` if there is no result."""
-        if result is not None and callable(self.get):
+        if result is None:
+            return None
+        if callable(self.get):
             return self.get(result)
-        for name in (self.get or self.key).split(".") if isinstance(self.get, str) else ():
+        for name in (self.get or self.key).split("."):
             result = None if result is None else getattr(result, name)
         return result
 
@@ -170,13 +172,15 @@ def columns(
     for field in fields:
         value = field.value(result)
         if field.parts:
-            own = columns(field.parts, value, joints)
+            own = columns(field.parts, value, joints, components)
             names = (f"{field.key}_{name}".removesuffix("_value") for name in own)
             record |= zip((_heading(name, field.unit) for name in names), own.values(), strict=True)
         elif field.shape == "m":
             for i, (name, unit) in enumerate(components.items()):
                 heading = _heading(f"{field.key}_{name}", "" if field.unit == "1" else unit)
                 record[heading] = None if value is None else plain(value[i])
+        elif field.shape == "name" and value is not None:
+            record[field.heading] = joints[value]
         elif field.shape == "names" and value is not None:
             record[field.heading] = " ".join(joints[i] for i in value)
         else:

@@ -34,7 +34,7 @@ def history_sentence(history: History) -> str:
     run, events = history.answer, history.setting.events
     verdict = worst_verdict(run)
     about = _about_force(history, run, verdict)
-    when = f"after {_events_in_words(events)}" if events else "with every joint healthy"
+    when = f"with {_events_in_words(events)}" if events else "with every joint healthy"
     off = ""
     if run.path_error_norm.max() > ON_PATH and run.falls_from is None:
         off = ", but off the path" if verdict is Verdict.TOLERATED else ", and off the path"
@@ -80,7 +80,7 @@ def _about_force(history: History, run: Run, verdict: Verdict) -> str:
     words = f"{since} {whole} is not kept: the force jumps by up to {loss}, at "
     words += f"{history.t[worst]:g} s"
     if run.falls_from is not None:
-        words += ", and torques that nothing balances move the arm"
+        words += ", and unbalanced torques move the arm"
     return words
 
 
@@ -90,7 +90,7 @@ def _asked_in_words(history: History) -> str:
     whole = amounts(history.setting.task, asked)
     if unsupported(history).any():
         return f"what the healthy arm can exert of the {whole}"
-    return f"the whole {whole}"
+    return f"the full {whole}"
 
 
 def _since(history: History, run: Run) -> str:

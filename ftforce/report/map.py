@@ -59,7 +59,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     grid = found.located.cells
     postures, tolerated = int(grid.postures.sum()), int(grid.tolerated.sum())
     where = "" if found.plane is None or found.at is None else " of the slice"
-    faults = faults_in_words(found.sweep, found.joints)
+    faults = f"the fault ({faults_in_words(found.sweep, found.joints)})"
     whole = f"{percent(tolerated / postures)} of {postures:,} postures{where} tolerate {faults}"
     if tolerated in {0, postures}:
         return f"{'All' if tolerated else 'None'} of {whole.partition(' of ')[2]}."
@@ -68,7 +68,7 @@ def map_sentence(found: WorkspaceMap) -> str:
     at = ", ".join(metres(x) for x in blocks.place[i].tolist())
     few = f"{int(blocks.cells.tolerated[i]):,} of {int(blocks.cells.postures[i]):,} do"
     most = share(float(blocks.cells.high[i]))
-    surely = f"worst, at most {most}% with 95% confidence, are the {blocks.edge:g} m around"
+    surely = f"worst, at most {most}% with 95% confidence, is the {blocks.edge:g} m block at"
     return f"{whole}; {surely} ({at}) m: {few}."
 
 

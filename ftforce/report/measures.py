@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
+from typing import Any
 
 from ftforce.core.arrays import safe_divide
 from ftforce.report.fields import Field
+
+
+def _healthy_rho(result: Any) -> float:
+    """Return w(J)/w(J): 1, or NaN where w(J) = 0."""
+    return 1.0 if result.reduced.rank == result.reduced.m else nan
+
 
 # fmt: off
 RANK_AFTER = Field("rank_after", "rank of K", healthy=lambda x: x.reduced.rank)
@@ -19,7 +26,7 @@ CONDITION = Field("condition_number_after", "cond(K̃) = σ_max(K̃)/σ_min(K̃)
     label="Condition number cond(K)", healthy=lambda x: (
         x.reduced.sigma_max / x.reduced.healthy.s[-1] if x.reduced.rank == x.reduced.m else inf))
 RHO = Field("relative_manipulability", "ρ = w(K)/w(J); `null` where the healthy arm is singular "
-    "for the task", "1", symbol="ρ", label="Relative manipulability ρ", healthy=lambda _: 1.0)
+    "for the task", "1", symbol="ρ", label="Relative manipulability ρ", healthy=_healthy_rho)
 # fmt: on
 MEASURES = (MARGIN, CONDITION, RHO)
-"""Of an analysis and of every fault set of a census, in the order in which they are shown."""
+"""Measures of an analysis and of each fault set of a census, in display order."""

@@ -134,6 +134,8 @@ TIMELINE = (
         parts=parts.MODES),
     *_OVER_TIME,
     replace(parts.SUMMARY, get=timeline_sentence),
+    Field("notes", "what was decided about a recording: columns, wrapped angles, smoothing with "
+        "its noise and residual", shape="list"),
     parts.WARNINGS,
 )
 # fmt: on

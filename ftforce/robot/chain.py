@@ -1,4 +1,4 @@
-"""Selection of the kinematic chain: tip, base and the joints between them."""
+"""Selection of the kinematic chain: base, and the joints between it and the tip."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from ftforce.errors import InputError, UnknownNameError, listed, printable
+from ftforce.errors import InputError, listed, printable
 from ftforce.robot.formats.tree import MOVING
+from ftforce.robot.tip import GIVEN, choose_tip, tip_candidates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -15,48 +16,7 @@ if TYPE_CHECKING:
     from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
     from ftforce.robot.known_robots import KnownRobot
     from ftforce.robot.srdf import Srdf
-
-
-GIVEN = "given"
-
-
-def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) -> tuple[str, str]:
-    """Return the tip link and how it was chosen.
-
-    In order of precedence: the given link; the only end effector of the SRDF; the only chain tip of
-    the SRDF; the last link before the tree branches into several moving parts.
-
-    Parameters
-    ----------
-    tree, srdf :
-        Contents of URDF and SRDF.
-    tip, base :
-        Links given by the caller, or ``None``.
-
-    Raises
-    ------
-    UnknownNameError
-        The given tip or base is not a link.
-    InputError
-        The tip is ambiguous; the message lists the candidates.
-    """
-    for kind, link in (("base link", base), ("tip link", tip)):
-        if link is not None and link not in tree.links:
-            raise UnknownNameError(kind, link, tree.links, f"in {printable(tree.path)}")
-    if tip is not None:
-        return tip, GIVEN
-    start = tree.root if base is None else base
-    chain_tips = dict.fromkeys(tip for base, tip in srdf.chains if _count_joints(tree, base, tip))
-    for links, what in ((srdf.end_effectors, "SRDF end effector"), (chain_tips, "SRDF chain tip")):
-        usable = [link for link in links if _count_joints(tree, start, link) > 0]
-        if len(usable) == 1:
-            return usable[0], what
-        if len(usable) > 1:
-            raise InputError(
-                f"{printable(srdf.path)} names several {what}s; choose one as the tip (--tip): "
-                f"{listed(usable)}"
-            )
-    return _before_branching(tree, start)
+    from ftforce.robot.tip import Tip
 
 
 def choose_base(tree: UrdfTree, srdf: Srdf, tip: str, base: str | None) -> tuple[str, str]:
@@ -117,73 +77,6 @@ def moving_path(tree: UrdfTree, base: str, tip: str) -> tuple[UrdfJoint, ...]:
     return tuple(joint for joint in joints[start:] if joint.type in MOVING)
 
 
-def tip_candidates(tree: UrdfTree) -> dict[str, int]:
-    """Return candidate tip links with the number of moving joints above each, most joints first.
-
-    A candidate is the end of a moving branch, or a link that carries several moving parts, such as
-    a hand with fingers.
-    """
-    counts: dict[str, int] = {}
-    for link in tree.links:
-        above = sum(joint.type in MOVING for joint in tree.path_to(link))
-        joint = tree.parent_joint.get(link)
-        below = len(_moving_children(tree, link))
-        if above and below > 1:
-            counts[link] = above
-        elif joint is not None and joint.type in MOVING and not below:
-            counts[_follow_fixed(tree, link)] = above
-    return dict(sorted(counts.items(), key=lambda item: -item[1]))
-
-
-def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
-    if tip not in tree.links:
-        return 0  # some SRDFs name links that are not in their URDF
-    return len(moving_path(tree, base, tip)) if base in links_above(tree, tip) else 0
-
-
-def _before_branching(tree: UrdfTree, start: str) -> tuple[str, str]:
-    link, moved = start, False
-    while True:
-        children = _moving_children(tree, link)
-        if len(children) != 1:
-            break
-        moved = moved or children[0].type in MOVING
-        link = children[0].child
-    if not moved:
-        if not children:
-            raise InputError(f"{printable(tree.path)}: no movable joint below the link {start!r}")
-        raise InputError(
-            f"{printable(tree.path)}: the tree branches into several moving parts at the link "
-            f"{link!r}; choose a tip (--tip): {_counted(tip_candidates(tree))}"
-        )
-    tip = _follow_fixed(tree, link) if not children else link
-    branches = "last link" if not children else "last link before several moving parts"
-    return tip, branches
-
-
-def _counted(tips: Mapping[str, int]) -> str:
-    return listed(
-        f"{name} (1 joint)" if count == 1 else f"{name} ({count} joints)"
-        for name, count in tips.items()
-    )
-
-
-def _moving_children(tree: UrdfTree, link: str) -> list[UrdfJoint]:
-    """Return the child joints that move or have moving joints below them."""
-    return [
-        joint
-        for joint in tree.child_joints[link]
-        if joint.type in MOVING or any(j.type in MOVING for j in tree.below(joint.child))
-    ]
-
-
-def _follow_fixed(tree: UrdfTree, link: str) -> str:
-    """Return the last link fixed to ``link``, or the last one before a branch."""
-    while len(tree.child_joints[link]) == 1 and not _moving_children(tree, link):
-        link = tree.child_joints[link][0].child
-    return link
-
-
 MAX_JOINTS = 100  # Pinocchio's data grow with the cube of it: 70 MB for 100, 8 GB for 500
 
 
@@ -203,8 +96,8 @@ class Chain:
     ----------
     tree :
         The whole URDF.
-    tip, tip_source :
-        Tip link, and how it was chosen.
+    end :
+        The tip, how it was chosen, and the tool frames that could have been meant instead.
     base, base_source :
         Base link, and how it was chosen.
     leaders :
@@ -217,13 +110,17 @@ class Chain:
     """
 
     tree: UrdfTree
-    tip: str
-    tip_source: str
+    end: Tip
     base: str
     base_source: str
     leaders: tuple[UrdfJoint, ...]
     followers: Mapping[str, tuple[Follower, ...]]
     moving: frozenset[str]
+
+    @property
+    def tip(self) -> str:
+        """Tip link."""
+        return self.end.link
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -250,9 +147,10 @@ def choose_chain(
     InputError
         The tip or base is unknown, the tip is ambiguous, or no joints, or too many, move it.
     """
-    tip_link, tip_source = choose_tip(tree, srdf, known.tip if known and tip is None else tip, base)
+    end = choose_tip(tree, srdf, known.tip if known and tip is None else tip, base)
     if known and tip is None:
-        tip_source = f"known robot {known.name}"
+        end = end._replace(source=f"known robot {known.name}")
+    tip_link = end.link
     above = links_above(tree, tip_link)
     if known and base is None and known.base in above:
         base_link, base_source = known.base, f"known robot {known.name}"
@@ -272,8 +170,8 @@ def choose_chain(
             f"{printable(tree.path)}: {len(moving)} joints move between {base_link!r} and "
             f"{tip_link!r}; at most {MAX_JOINTS} can be analysed"
         )
-    ends = (tip_link, tip_source, base_link, base_source)
-    return Chain(tree, *ends, tuple(leaders.values()), followers, frozenset(moving))
+    joints = tuple(leaders.values())
+    return Chain(tree, end, base_link, base_source, joints, followers, frozenset(moving))
 
 
 def leaders_of(tree: UrdfTree, joints: tuple[UrdfJoint, ...]) -> dict[str, UrdfJoint]:

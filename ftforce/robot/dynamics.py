@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.errors import InputError
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import tip_pose_and_jacobian
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -199,10 +199,10 @@ def payload_jacobian(robot: Robot, q: Vector, payload: Payload) -> Matrix:
     payload :
         Payload at the tip.
     """
-    J = frame_jacobian(robot, q, "world")  # also updates the tip placement
+    R, _, J = tip_pose_and_jacobian(robot, q)
     linear: Matrix = J[:3]
     if payload.offset.any():
-        arm = robot.data.oMf[robot.tip_frame].rotation.dot(payload.offset)
+        arm = R.dot(payload.offset)
         linear = linear - pin.skew(arm).dot(J[3:])  # v + ω × r
     return linear
 

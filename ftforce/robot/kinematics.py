@@ -1,8 +1,13 @@
-"""Tip pose and Jacobians, computed by Pinocchio."""
+"""Tip pose and Jacobians, computed by Pinocchio.
+
+All functions on a robot share one `pin.Data` per thread, which the next call overwrites: what they
+return is copied, and nothing outside `ftforce.robot` reads that data.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +19,10 @@ if TYPE_CHECKING:
 
 # Rows of Pinocchio's WORLD Jacobian do not map forces at the tip (docs/conventions).
 _FRAMES = {"tool": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}
+
+_PRISMATIC = ("PX", "PY", "PZ", "Prismatic")  # Pinocchio's short names of prismatic joints
+_NOISE = 1e-9  # theory §2.6: relative to the six-row Jacobian, lengths in units of the arm's reach
+_floors: WeakKeyDictionary[Robot, tuple[float, float]] = WeakKeyDictionary()  # cached per robot
 
 
 def tip_pose(robot: Robot, q: Vector) -> tuple[Matrix, Vector]:
@@ -52,19 +61,21 @@ def joint_frames(robot: Robot, q: Vector) -> tuple[tuple[Matrix, Vector], ...]:
 def reach_bound(robot: Robot) -> tuple[Vector, float]:
     """Return the position of the first joint, shape (3,), and an upper bound on the reach, in m.
 
-    The tip is never farther from the first joint than this bound, the total length of the links.
-    The bound is infinite if a prismatic joint has no limits.
+    The tip is never farther from the first joint than this bound, the total length of the links and
+    of the travel of all prismatic joints, followers included. The bound is infinite if one of them
+    has no limits.
     """
-    model = robot.model
-    places = [placement.translation for placement in model.jointPlacements.tolist()[1:]]
-    links = [*places[1:], model.frames[robot.tip_frame].placement.translation]
-    slides = 0.0
-    for joint in robot.joints:
-        if joint.type == "prismatic":  # each follower adds the same travel, scaled below
-            slides += max(abs(joint.lower), abs(joint.upper)) * (1 + len(joint.followers))
-    scale = np.abs(robot.coordinates.G).max(initial=1.0)
-    length = float(sum(map(np.linalg.norm, links))) + slides * scale
-    return places[0].copy(), length + float(np.abs(robot.coordinates.offset).sum())
+    model, coordinates = robot.model, robot.coordinates
+    start = model.jointPlacements[1].translation
+    travel = 0.0
+    for joint in model.joints.tolist()[1:]:
+        if joint.shortname().removeprefix("JointModel").startswith(_PRISMATIC):
+            ratios, offset = coordinates.G[joint.idx_v], coordinates.offset[joint.idx_v]
+            own = np.flatnonzero(ratios)
+            ends = ratios[own] * np.stack([robot.lower[own], robot.upper[own]])
+            lowest, highest = (float(end.sum() + offset) for end in (ends.min(0), ends.max(0)))
+            travel += max(abs(lowest), abs(highest))
+    return start.copy(), _link_length(robot) + travel
 
 
 def quaternion(R: Matrix) -> Vector:
@@ -75,7 +86,8 @@ def quaternion(R: Matrix) -> Vector:
     R :
         Rotation matrix, shape (3, 3).
     """
-    coefficients: Vector = pin.Quaternion(R).coeffs()
+    turn = pin.Quaternion(R)
+    coefficients: Vector = turn.coeffs().copy()  # coeffs is a view into the quaternion
     return coefficients
 
 
@@ -109,8 +121,28 @@ def frame_jacobian(robot: Robot, q: Vector, axes: Axes = "tool") -> Matrix:
     return robot.coordinates.fold(J)
 
 
+def tip_pose_and_jacobian(robot: Robot, q: Vector) -> tuple[Matrix, Vector, Matrix]:
+    """Return the tip pose, as `tip_pose`, and the frame Jacobian in root axes, shape (6, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    """
+    model, data = robot.model, robot.data
+    J = pin.computeFrameJacobian(
+        model, data, robot.to_model(q), robot.tip_frame, pin.LOCAL_WORLD_ALIGNED
+    )  # also updates the tip placement
+    pose = data.oMf[robot.tip_frame]
+    return pose.rotation.copy(), pose.translation.copy(), robot.coordinates.fold(J)
+
+
 def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
     """Return the unweighted task Jacobian (m/rad and rad/rad; m/m if prismatic), shape (m, n).
+
+    It is zero where it holds nothing but rounding errors, see `without_noise`.
 
     Parameters
     ----------
@@ -121,4 +153,53 @@ def task_jacobian(robot: Robot, q: Vector, task: Task) -> Matrix:
     task :
         The task.
     """
-    return np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
+    J = np.ascontiguousarray(frame_jacobian(robot, q, task.axes)[task.rows])
+    return without_noise(robot, J, task)
+
+
+def without_noise(robot: Robot, J: Matrix, task: Task) -> Matrix:
+    """Return a task Jacobian, or zeros if it holds nothing but rounding errors (theory §2.6).
+
+    All ranks are relative to σ_max(J). Without this floor, an arm that does not move its tip along
+    the task at all would have full rank, thanks to entries of 1e-17.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    J :
+        Task Jacobian, unweighted, shape (m, n).
+    task :
+        The task.
+    """
+    linear, angular = noise_floor(robot)
+    floor = max(linear, angular)
+    if J.max() > floor or J.min() < -floor:  # the usual case, in two passes
+        return J
+    floors = [linear if name[0] == "f" else angular for name in task.components]
+    return J if (np.abs(J).max(axis=1) > floors).any() else np.zeros_like(J)
+
+
+def noise_floor(robot: Robot) -> tuple[float, float]:
+    """Return the entries up to which a task Jacobian is rounding: of linear and angular rows.
+
+    A revolute joint moves the tip by 1 rad/rad, and by at most the arm's reach per rad; a prismatic
+    joint by 1 m/m.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    """
+    if (found := _floors.get(robot)) is None:
+        turns = any(joint.type != "prismatic" for joint in robot.joints)
+        reach = _link_length(robot) if turns else 1.0
+        found = _floors[robot] = (_NOISE * (reach or 1.0), _NOISE)
+    return found
+
+
+def _link_length(robot: Robot) -> float:
+    model = robot.model
+    places = [placement.translation for placement in model.jointPlacements.tolist()[2:]]
+    links = [*places, model.frames[robot.tip_frame].placement.translation]
+    return float(sum(map(np.linalg.norm, links)))

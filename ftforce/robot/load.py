@@ -7,27 +7,34 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
-from ftforce.errors import UnknownNameError, listed
-from ftforce.robot.chain import GIVEN, Chain, choose_chain, leaders_of, moving_path, tip_candidates
+from ftforce.errors import InputError, UnknownNameError, URDFError, listed
+from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
+from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
+from ftforce.robot.plausibility import implausible_numbers
 from ftforce.robot.posture import usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
-from ftforce.robot.srdf import Srdf, read_srdf
+from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
+from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ftforce.robot.formats.tree import UrdfJoint
+    from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
     from ftforce.robot.known_robots import KnownRobot
 
-_PLACEHOLDER = 1e4  # limits this large or larger are placeholders (docs/theory/limits)
+# Limits this large or larger are placeholders (docs/guides/limits-and-weight): no arm slides for a
+# kilometre, but the motor of a lead screw may make a thousand turns.
+_PLACEHOLDER = 1e4  # efforts, velocities and angles
+_LONGEST_SLIDE = 1e3  # m
 
 _States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
@@ -44,11 +51,11 @@ def load_robot(
     Parameters
     ----------
     source :
-        Path of a URDF, or name of a known robot (``ftforce robots`` lists them). An SRDF of the
-        same name in the same folder is also read.
+        Path of a URDF or a DH table (.toml), or name of a known robot (``ftforce robots`` lists
+        them). An SRDF of the same name as the URDF, in the same folder, is also read.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
-        else the last link before the tree branches into several moving parts.
+        else the tool frame at the end of the arm (see the guide on chain and posture).
     base :
         Base link. Default: that of the registry; else that of the SRDF chain; else the root link.
     posture :
@@ -63,7 +70,8 @@ def load_robot(
     Raises
     ------
     FileError
-        The URDF or SRDF cannot be read or is malformed.
+        The URDF, SRDF or DH table cannot be read, or the chain is malformed. What is malformed
+        outside the chain becomes a note.
     InputError
         The robot, tip, base or posture is unknown, the tip is ambiguous, or no joint moves it.
 
@@ -73,9 +81,8 @@ def load_robot(
     <Robot 'panda': 7 joints, 'panda_link0' → 'panda_hand_tcp'>
     """
     known = _known(source)
-    tree = read_urdf(source if known is None else known.urdf)
-    srdf = _srdf(tree.path, known)
-    chain = choose_chain(tree, srdf, known, tip, base)
+    tree, srdf = _description(source, known)
+    chain = _chain(tree, srdf, known, tip, base)
     states = _states(chain, srdf, known)
     postures, notes = _postures(chain, states)
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
@@ -89,14 +96,18 @@ def load_robot(
     coordinates = coordinates_of(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
     restore_names(model, tree)
+    joints = _joints(chain, known)
+    mass = sum(inertia.mass for inertia in model.inertias.tolist()[1:])
+    implausible = implausible_numbers(chain, joints, mass)
     robot = Robot(
         name=known.name if known else tree.name,
         path=tree.path,
         tip=chain.tip,
-        tip_source=chain.tip_source,
+        tip_source=chain.end.source,
+        other_tips=MappingProxyType(dict(chain.end.others)),
         base=chain.base,
         base_source=chain.base_source,
-        joints=_joints(chain, known),
+        joints=joints,
         model=model,
         tip_frame=tip_frame,
         coordinates=coordinates,
@@ -105,8 +116,9 @@ def load_robot(
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         tips=MappingProxyType(tip_candidates(tree)),
-        mass=sum(inertia.mass for inertia in model.inertias.tolist()[1:]),
-        notes=(*_chain_notes(chain, srdf, known), *notes),
+        mass=mass,
+        notes=(*_chain_notes(chain, srdf, known), *notes, *implausible.all()),
+        implausible=implausible,
     )
     if posture is not None:
         return robot
@@ -125,11 +137,29 @@ def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
     return find_robot(source)
 
 
-def _srdf(urdf: str, known: KnownRobot | None) -> Srdf:
+def _description(source: str | os.PathLike[str], known: KnownRobot | None) -> tuple[UrdfTree, Srdf]:
+    """Return the contents of URDF and SRDF; those of a DH table are generated."""
     if known is not None:
-        return read_srdf(known.srdf) if known.srdf else Srdf()
-    beside = Path(urdf).with_suffix(".srdf")
-    return read_srdf(beside) if os.path.lexists(beside) else Srdf()
+        return read_urdf(known.urdf), read_srdf(known.srdf) if known.srdf else Srdf()
+    tree = read_urdf(source)
+    if is_dh_table(source):
+        from ftforce.robot.formats.dh_to_urdf import to_srdf  # not needed for a URDF
+
+        return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source)
+    beside = Path(tree.path).with_suffix(".srdf")
+    return tree, read_srdf(beside) if os.path.lexists(beside) else Srdf()
+
+
+def _chain(
+    tree: UrdfTree, srdf: Srdf, known: KnownRobot | None, tip: str | None, base: str | None
+) -> Chain:
+    try:
+        return choose_chain(tree, srdf, known, tip, base)
+    except InputError:
+        for flaw in tree.flaws:
+            if flaw.hides_motion:  # perhaps the reason why there seems to be no chain
+                raise URDFError(tree.path, flaw.reason) from None
+        raise
 
 
 def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
@@ -153,17 +183,32 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
 
 
 def _bounds(joint: UrdfJoint) -> tuple[float, float]:
-    """Return the position limits; infinite if there are none or both are placeholders."""
-    if joint.lower is None or joint.upper is None:
-        return -np.inf, np.inf
-    if joint.lower <= -_PLACEHOLDER and joint.upper >= _PLACEHOLDER:
-        return -np.inf, np.inf
-    return max(joint.lower, -_PLACEHOLDER), min(joint.upper, _PLACEHOLDER)
+    """Return the position limits; infinite where there is none or it is a placeholder."""
+    largest = _LONGEST_SLIDE if joint.type == "prismatic" else _PLACEHOLDER
+    lower = -np.inf if joint.lower is None or joint.lower <= -largest else joint.lower
+    upper = np.inf if joint.upper is None or joint.upper >= largest else joint.upper
+    return lower, upper
 
 
 def _largest(limit: float | None) -> float | None:
     """Return an effort or velocity limit, or ``None`` if it is unknown."""
     return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
+
+
+def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:
+    """Return notes on limits of the chain that are no limits."""
+    corrected = {c.joint for c in known.corrections} if known else set()
+    efforts = [j for j in chain.leaders if j.name not in corrected and j.effort]
+    odd = [f"{j.name} {j.effort:g}" for j in efforts if _largest(j.effort) is None]
+    notes = [f"effort limits that count as unknown: {listed(odd)}"] if odd else []
+    open_ended = []
+    for joint in chain.leaders:
+        for own, used in zip((joint.lower, joint.upper), _bounds(joint), strict=True):
+            if own is not None and np.isinf(used):
+                open_ended.append(f"{joint.name} {own:g}")
+    if open_ended:
+        notes.append(f"position limits that count as none: {listed(open_ended)}")
+    return notes
 
 
 def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> _States:
@@ -240,7 +285,8 @@ def _nearest_to_zero(joint: UrdfJoint) -> float:
 
 def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str]:
     notes = [*known.notes, *_corrections(chain, known)] if known else []
-    if known is None and chain.tip_source != GIVEN:
+    notes += [*chain.tree.notes, *_flaws_outside(chain), *_limit_notes(chain, known)]
+    if known is None and chain.end.source != GIVEN:
         named = dict.fromkeys(
             (*srdf.end_effectors, *(link for ends in srdf.chains for link in ends))
         )
@@ -248,6 +294,25 @@ def _chain_notes(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> list[str
             notes.append(f"the SRDF names links that are not in the URDF: {listed(lost)}")
     held = [joint.name for joint in chain.tree.path_to(chain.tip) if joint.type in HELD]
     notes += [f"joint {name!r} (floating or planar) is held fixed" for name in held]
+    return notes
+
+
+def _flaws_outside(chain: Chain) -> list[str]:
+    """Return notes on what is malformed outside the chain.
+
+    Raises
+    ------
+    URDFError
+        A link or joint of the chain is malformed, or one between the root and the base.
+    """
+    path = chain.tree.path_to(chain.tip)
+    joints = {*chain.moving, *chain.names, *(joint.name for joint in path)}
+    links = {joint.child for joint in path}
+    notes = []
+    for flaw in chain.tree.flaws:
+        if flaw.name in (joints if flaw.kind == "joint" else links):
+            raise URDFError(chain.tree.path, flaw.reason)
+        notes.append(f"ignored, as it lies outside the chain: {flaw.reason}")
     return notes
 
 

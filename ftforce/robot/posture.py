@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import combinations, product
+from operator import itemgetter
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ftforce.core.arrays import Vector, as_vector, read_only
+from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import DimensionError, InputError, UnknownNameError
 from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.mounting import Mounting
 from ftforce.robot.robot import BUILT_IN_POSTURES
 
 if TYPE_CHECKING:
@@ -23,6 +26,10 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
+BEND = math.pi / 3.0
+_MOST_BENT = 3
+_CONSIDERED = 8  # revolute joints, counted from the base, that may be bent: 448 postures of three
+DEGREES = "; these look like degrees, but radians are expected"
 _SEED = 20_100  # fixed, so that samples are reproducible
 _defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
 
@@ -56,8 +63,8 @@ def choose_posture(
     """Return the given, the named or the default posture.
 
     The default is the first preferred posture of the robot that lies within the limits and is not
-    singular; else the middle of the joint ranges; if that is singular, the best conditioned of 64
-    random postures with a fixed seed.
+    singular; else the middle of the joint ranges; if that is singular, `bent_posture`; if there is
+    none, `best_sample`.
 
     Parameters
     ----------
@@ -66,7 +73,7 @@ def choose_posture(
     q :
         Joint positions along the chain, rad or m, shape (n,). A `Posture` is returned unchanged.
     name :
-        Named posture of the robot, or ``mid-range``, ``zero`` or ``sample``.
+        Named posture of the robot, or ``mid-range``, ``zero``, ``bent`` or ``sample``.
     degrees :
         Whether the angles in ``q`` are in degrees.
 
@@ -104,8 +111,12 @@ def _named(robot: Robot, name: str) -> Posture:
         return _checked(robot, mid_range(robot), "mid-range")
     if name == "zero":
         return _checked(robot, read_only(np.zeros(robot.n)), "zero")
+    if name == "bent":
+        return _bent(robot) or _checked(
+            robot, mid_range(robot), "mid-range (no bent posture helps)"
+        )
     if name == "sample":
-        return _checked(robot, best_sample(robot), f"best of {SAMPLES} samples")
+        return _sample(robot)
     raise UnknownNameError("posture", name, [*robot.postures, *BUILT_IN_POSTURES])
 
 
@@ -136,7 +147,23 @@ def _default(robot: Robot) -> Posture:
     if not is_singular(robot, q):
         return Posture(q, "mid-range" + _in_brackets(skipped))
     skipped.append("mid-range is singular")
-    return Posture(best_sample(robot), f"best of {SAMPLES} samples" + _in_brackets(skipped))
+    posture = _bent(robot) or _sample(robot)
+    return Posture(posture.q, posture.source + _in_brackets(skipped))
+
+
+def _bent(robot: Robot) -> Posture | None:
+    q = bent_posture(robot)
+    if q is None:
+        return None
+    numbers = [str(i + 1) for i in np.flatnonzero(q != mid_range(robot)).tolist()]
+    joints = f"joint{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}"
+    return Posture(q, f"bent: {joints} turned from mid-range")
+
+
+def _sample(robot: Robot) -> Posture:
+    q = best_sample(robot)
+    clear = " clear of the base" if Mounting.of(robot).is_clear(q) else ""
+    return Posture(q, f"best of {SAMPLES} samples{clear}")
 
 
 def _in_brackets(words: Iterable[str]) -> str:
@@ -145,12 +172,43 @@ def _in_brackets(words: Iterable[str]) -> str:
 
 
 def mid_range(robot: Robot) -> Vector:
-    """Return the middle of the joint ranges, 0 for joints without limits, shape (n,)."""
+    """Return the middle of the joint ranges, shape (n,).
+
+    Joints without limits are at 0, those with a single one as close to 0 as it permits.
+    """
     lower, upper = robot.lower, robot.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
-    q = np.zeros(robot.n)
+    q = np.clip(np.zeros(robot.n), lower, upper)
     q[bounded] = 0.5 * (lower[bounded] + upper[bounded])
     return read_only(q)
+
+
+def bent_posture(robot: Robot) -> Vector | None:
+    """Return the middle of the joint ranges with as few joints bent as possible, shape (n,).
+
+    One, two or three revolute joints, not the first, are turned by 60° (by 80 % of the way to a
+    limit that is nearer). Of the postures with the fewest bent joints that are not singular and
+    clear of the base (`Mounting`), the best conditioned is returned, of equals the highest;
+    ``None`` if there is none.
+    """
+    middle = mid_range(robot)
+    room = np.minimum(BEND, 0.8 * np.minimum(robot.upper - middle, middle - robot.lower))
+    usual, mounting = _usual_ranks(robot), Mounting.of(robot)
+    joints = [i for i in range(1, robot.n) if robot.joints[i].type != "prismatic"][:_CONSIDERED]
+    for count in range(1, _MOST_BENT + 1):
+        found = []
+        for chosen in combinations(joints, count):
+            for signs in product((1.0, -1.0), repeat=count):
+                q = middle.copy()
+                q[list(chosen)] += np.array(signs) * room[list(chosen)]
+                J = frame_jacobian(robot, q)
+                if not _lacks_rank(J, usual) and mounting.is_clear(q):
+                    rank, ratio = _conditioning(J)
+                    height = float(mounting.heights(q).sum())
+                    found.append(((rank, round(ratio, 9), round(height, 9)), q))
+        if found:
+            return read_only(max(found, key=itemgetter(0))[1])
+    return None
 
 
 def is_singular(robot: Robot, q: Vector) -> bool:
@@ -163,17 +221,19 @@ def is_singular(robot: Robot, q: Vector) -> bool:
     q :
         Joint positions, rad or m, shape (n,).
     """
-    J = frame_jacobian(robot, q)
-    for rows in (3, 6):
-        rank = _rank(J[:rows], BORDERLINE_RTOL)
-        if rank < min(rows, robot.n) and rank < _usual_rank(robot, rows):
-            return True
-    return False
+    return _lacks_rank(frame_jacobian(robot, q), _usual_ranks(robot))
 
 
-def _usual_rank(robot: Robot, rows: int) -> int:
-    """Return the generic rank of the first rows of the Jacobian."""
-    return max(_rank(frame_jacobian(robot, q)[:rows], RTOL) for q in samples(robot))
+def _lacks_rank(J: Vector, usual: tuple[int, int]) -> bool:
+    """Return whether the force or wrench rows have less than their usual rank."""
+    ranks = (_rank(J[:3], BORDERLINE_RTOL), _rank(J, BORDERLINE_RTOL))
+    return any(rank < full for rank, full in zip(ranks, usual, strict=True))
+
+
+def _usual_ranks(robot: Robot) -> tuple[int, int]:
+    """Return the generic ranks of the force and wrench rows of the Jacobian."""
+    jacobians = [frame_jacobian(robot, q) for q in samples(robot)]
+    return max(_rank(J[:3], RTOL) for J in jacobians), max(_rank(J, RTOL) for J in jacobians)
 
 
 def _rank(J: Vector, rtol: float) -> int:
@@ -182,33 +242,41 @@ def _rank(J: Vector, rtol: float) -> int:
 
 
 def samples(robot: Robot) -> Vector:
-    """Return random postures within the limits (±π if none), fixed seed, shape (64, n)."""
-    lower = np.where(np.isfinite(robot.lower), robot.lower, -math.pi)
-    upper = np.where(np.isfinite(robot.upper), robot.upper, math.pi)
+    """Return random postures within the ranges of the joints, fixed seed, shape (64, n)."""
+    lower, upper = robot.ranges
     drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
 
 
 def best_sample(robot: Robot) -> Vector:
-    """Return the sample with the best-conditioned force Jacobian, shape (n,)."""
-    drawn = samples(robot)
+    """Return the sample with the best-conditioned force Jacobian, shape (n,).
 
-    def conditioning(q: Vector) -> tuple[float, ...]:
-        s = np.linalg.svd(frame_jacobian(robot, q)[:3], compute_uv=False)
-        # Rank first, then the smallest nonzero singular value, so that an arm without full rank
-        # (e.g. a planar one) is rated in the directions in which it can move.
-        ratios = [float(x / s[0]) if x > RTOL * s[0] else 0.0 for x in s]
-        return (sum(x > 0.0 for x in ratios), min((x for x in ratios if x > 0.0), default=0.0))
+    Samples that are clear of the base (`Mounting`) come first.
+    """
+    mounting = Mounting.of(robot)
 
-    return read_only(max(drawn, key=conditioning).copy())
+    def quality(q: Vector) -> tuple[bool, tuple[int, float]]:
+        return mounting.is_clear(q), _conditioning(frame_jacobian(robot, q))
+
+    return read_only(max(samples(robot), key=quality).copy())
+
+
+def _conditioning(J: Vector) -> tuple[int, float]:
+    """Return rank and smallest nonzero relative singular value of the force rows.
+
+    So an arm without full rank (e.g. a planar one) is rated in the directions in which it can move.
+    """
+    s = np.linalg.svd(J[:3], compute_uv=False)
+    ratios = [float(x / s[0]) if x > RTOL * s[0] else 0.0 for x in s]
+    return (sum(x > 0.0 for x in ratios), min((x for x in ratios if x > 0.0), default=0.0))
 
 
 def _checked(robot: Robot, q: Vector, source: str) -> Posture:
     outside = _outside(robot, q)
     if not outside:
         return Posture(q, source)
-    mixed_up = _looks_like_degrees(robot, q)
-    hint = "; these look like degrees, but radians are expected" if mixed_up else ""
+    mixed_up = looks_like_degrees(robot, q)
+    hint = DEGREES if mixed_up else ""
     names = ", ".join(
         f"{robot.names[i]} = {q[i]:g} (limits {robot.lower[i]:g} to {robot.upper[i]:g} "
         f"{robot.joints[i].unit})"
@@ -223,8 +291,19 @@ def _outside(robot: Robot, q: Vector) -> list[int]:
     return np.flatnonzero(low | high).tolist()
 
 
-def _looks_like_degrees(robot: Robot, q: Vector) -> bool:
-    """Return whether an angle exceeds 2π and the posture, read as degrees, is within limits."""
+def looks_like_degrees(robot: Robot, q: Matrix) -> bool:
+    """Return whether an angle exceeds 2π and the positions, read as degrees, are within limits.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,) or (N, n).
+    """
     turning = np.array([joint.type != "prismatic" for joint in robot.joints])
-    far = bool(np.any(np.abs(q[turning]) > 2.0 * math.pi))
-    return far and not _outside(robot, np.where(turning, np.deg2rad(q), q))
+    whole = np.atleast_2d(q)
+    ends = np.array([whole.min(axis=0), whole.max(axis=0)])
+    if not np.any(np.abs(ends[:, turning]) > 2.0 * math.pi):
+        return False
+    return not any(_outside(robot, np.where(turning, np.deg2rad(end), end)) for end in ends)

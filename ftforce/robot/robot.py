@@ -7,7 +7,7 @@ import threading
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.coordinates import Coordinates
 
-BUILT_IN_POSTURES = ("mid-range", "zero", "sample")
+BUILT_IN_POSTURES = ("mid-range", "zero", "bent", "sample")
 
 
 class JointUnits:
@@ -75,6 +75,28 @@ class Joint(JointUnits):
     followers: tuple[str, ...] = ()
 
 
+class Implausible(NamedTuple):
+    """Warnings about numbers of an arm's URDF, by what depends on them.
+
+    Attributes
+    ----------
+    efforts :
+        About effort limits, on which capability and payload depend.
+    masses :
+        About masses, on which the weight depends.
+    inertias :
+        About moments of inertia, on which motion torques and velocities after a lock depend.
+    """
+
+    efforts: tuple[str, ...] = ()
+    masses: tuple[str, ...] = ()
+    inertias: tuple[str, ...] = ()
+
+    def all(self) -> tuple[str, ...]:
+        """Return all warnings."""
+        return self.efforts + self.masses + self.inertias
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(Displayed):
     """The kinematic chain of a URDF from base to tip.
@@ -89,6 +111,9 @@ class Robot(Displayed):
         Name of the robot and path of its URDF.
     tip, tip_source :
         Tip link, and how it was chosen.
+    other_tips :
+        Named tool frames fixed to the tip that could have been meant instead: distance in m and
+        angle in rad from the tip, by link.
     base, base_source :
         Base link, and how it was chosen.
     joints :
@@ -115,12 +140,15 @@ class Robot(Displayed):
         Mass of all links of the chain and of everything fixed to them, kg; 0 if the URDF has none.
     notes :
         Remarks for the user: corrected limits, unusable postures, …
+    implausible :
+        Warnings about numbers of the URDF that no real arm has.
     """
 
     name: str
     path: str
     tip: str
     tip_source: str
+    other_tips: Mapping[str, tuple[float, float]]
     base: str
     base_source: str
     joints: tuple[Joint, ...]
@@ -134,6 +162,7 @@ class Robot(Displayed):
     tips: Mapping[str, int]
     mass: float
     notes: tuple[str, ...]
+    implausible: Implausible = field(default_factory=Implausible)
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
 
     @property
@@ -165,6 +194,18 @@ class Robot(Displayed):
     def at_rest(self) -> Vector:
         """Zero joint velocities or accelerations, shape (n,)."""
         return read_only(np.zeros(self.n))
+
+    @cached_property
+    def ranges(self) -> tuple[Vector, Vector]:
+        """Finite bounds within which positions are drawn, rad or m, each of shape (n,).
+
+        These are the limits; ±π for a joint without limits, and 2π from a single one.
+        """
+        lower, upper = self.lower, self.upper
+        below, above = np.isfinite(lower), np.isfinite(upper)
+        first = np.where(above, upper - 2.0 * math.pi, -math.pi)
+        last = np.where(below, lower + 2.0 * math.pi, math.pi)
+        return read_only(np.where(below, lower, first)), read_only(np.where(above, upper, last))
 
     @cached_property
     def effort(self) -> Vector:

@@ -6,7 +6,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.errors import SRDFError
-from ftforce.io.text import parse_xml, read_numbers, read_text
+from ftforce.io.text import read_numbers
+from ftforce.io.xml_text import read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,7 +45,17 @@ def read_srdf(path: str | PathLike[str]) -> Srdf:
     SRDFError
         The file cannot be read, is not an SRDF, or has joint values that are not finite numbers.
     """
-    root = parse_xml(read_text(path, SRDFError, "an SRDF"), path, SRDFError)
+    return srdf_of(read_xml(path, SRDFError, "an SRDF").root, path)
+
+
+def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
+    """Return the parts of an SRDF, given by its root element, that ftforce uses.
+
+    Raises
+    ------
+    SRDFError
+        As in `read_srdf`.
+    """
     if root.tag != "robot":
         raise SRDFError(path, f"is not an SRDF: its root element is <{root.tag}>, not <robot>")
     ends = [e.get("parent_link", "") for e in root.iter("end_effector")]

@@ -21,7 +21,12 @@ from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_j
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import mass_matrix, rnea_torque
-from ftforce.robot.kinematics import frame_jacobian, quaternion, rotation_vector
+from ftforce.robot.kinematics import (
+    quaternion,
+    rotation_vector,
+    tip_pose_and_jacobian,
+    without_noise,
+)
 from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 
 if TYPE_CHECKING:
@@ -121,6 +126,7 @@ def run_of(
     *,
     tick: Callable[[int], None],
     same: Run | None = None,
+    is_static: bool = False,
 ) -> Run:
     """Return the forces, torques and verdicts of a motion at each instant.
 
@@ -138,6 +144,8 @@ def run_of(
         Called with the number of instants just completed.
     same :
         A run with the same fault-free phases, which are copied instead of computed again.
+    is_static :
+        Whether velocities and accelerations are left out of the torques.
     """
     run = _empty_run(case, motion)
     rows = [int(np.searchsorted(times, phase.start)) for phase in phases] + [len(times)]
@@ -152,7 +160,7 @@ def run_of(
         )
         knowledge = _FaultKnowledge(actual, None if phase.actual == phase.known else assumed)
         for i in range(first, last):
-            _fill(run, i, case, reference, knowledge)
+            _fill(run, i, case, reference, knowledge, is_static=is_static)
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
@@ -169,21 +177,29 @@ def _empty_run(case: Question, motion: Motion) -> Run:
     return Run(*motion, **arrays, margin=np.zeros(count), verdict=np.zeros(count, dtype=np.int8))
 
 
-def _fill(run: Run, i: int, case: Question, reference: TipPath, knowledge: _FaultKnowledge) -> None:
+def _fill(
+    run: Run,
+    i: int,
+    case: Question,
+    reference: TipPath,
+    knowledge: _FaultKnowledge,
+    *,
+    is_static: bool,
+) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
     robot, task = case.robot, case.task
     q, v, a = run.q[i], run.v[i], run.a[i]
-    J = frame_jacobian(robot, q, "world")  # also updates the tip placement; tool axes do not
-    pose = robot.data.oMf[robot.tip_frame]
-    run.position[i], R = pose.translation, pose.rotation
+    R, run.position[i], J = tip_pose_and_jacobian(robot, q)
     run.orientation[i] = quaternion(R)
     if reference.orientation is not None:
         run.orientation_error[i] = rotation_vector(reference.orientation @ R.T)
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
-    J = task.weigh_jacobian(np.ascontiguousarray(J[task.rows]))
+    J = task.weigh_jacobian(without_noise(robot, np.ascontiguousarray(J[task.rows]), task))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
+    if is_static:
+        v = a = robot.at_rest
     rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
     found = _balance(case, q, J, rnea, knowledge)
     run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
@@ -284,9 +300,10 @@ def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) 
     """
     # As in all other modules, ranks are decided relative to the healthy arm.
     K = np.where(reduced.locked, 0.0, reduced.J)
-    size = float(np.linalg.norm(K, 2))
-    rtol = min(reduced.rtol * reduced.sigma_max / size, 0.5) if size > 0.0 else reduced.rtol
-    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), rtol)
+    lost, size = reduced.rtol * reduced.sigma_max, float(np.linalg.norm(K, 2))
+    if size <= lost:  # K counts as zero
+        return np.zeros(reduced.m)
+    open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), lost / size)
     F = exerted_force(open_joints, rest)
     left = np.where(reduced.locked, 0.0, rest - F.dot(reduced.J))
     if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:

@@ -16,7 +16,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without_columns
 from ftforce.core.svd import Svd
-from ftforce.robot.kinematics import frame_jacobian, rotation_vector
+from ftforce.robot.kinematics import rotation_vector, tip_pose_and_jacobian
 from ftforce.trajectory.reference import Motion
 
 if TYPE_CHECKING:
@@ -147,15 +147,14 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
     any_locked = bool(locked.any())
 
     def velocities(t: float, q: Vector) -> Vector:
-        J = frame_jacobian(robot, q, "world")  # also updates the tip frame placement
-        place = robot.data.oMf[robot.tip_frame]
+        R, x, J = tip_pose_and_jacobian(robot, q)
         target = reference.at(t)
-        x_dot = target.x_dot + _at_most(top, GAIN * (target.x - place.translation))
+        x_dot = target.x_dot + _at_most(top, GAIN * (target.x - x))
         turn = None  # angular velocity that corrects the orientation error
         if orientation is not None:
             # Bounded like the tip speed, 1 rad for 1 m: where the orientation cannot be kept,
             # chasing it would drive the arm to postures where the position is lost as well.
-            turn = _at_most(top, GAIN * rotation_vector(orientation @ place.rotation.T))
+            turn = _at_most(top, GAIN * rotation_vector(orientation @ R.T))
         healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
         damped_below = BORDERLINE_RTOL * healthy.s[0]
         v = rates.track_position(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)

@@ -1,4 +1,8 @@
-"""Recorded joint motions, from arrays or CSV files."""
+"""Recorded joint motions, from arrays or CSV files.
+
+Files come from many recorders: columns are matched by name, what is not needed is ignored, and
+angles that a driver wrapped to ±π are unwrapped. Whatever was decided is said in a note.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +13,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.core.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
-from ftforce.errors import DimensionError, InputError, TrajectoryError, printable
+from ftforce.errors import DimensionError, InputError, TrajectoryError, listed, printable
 from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 from ftforce.io.text import read_text, shortened
+from ftforce.robot.posture import looks_like_degrees
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from os import PathLike
 
     from numpy.typing import ArrayLike
 
-    from ftforce.robot.robot import Robot
+    from ftforce.robot.robot import Joint, Robot
 
 _LARGEST_FILE = 2_000_000_000  # bytes
 _GAP = 10.0  # times the median step; longer gaps are not interpolated
@@ -28,12 +33,15 @@ _KIND = "a CSV file of a trajectory (columns t and joint names, or x,y,z)"
 _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding error
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
 _MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
+_TIMES = ("t", "time", "timestamp", "stamp", "times", "time_s", "seconds", "%time")  # in this order
+_FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
+_SLACK = 1e-6  # rad: limits are often rounded
 _NOISE = 1e-3  # rad or m: added to it, for encoder noise of joints at rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Joint positions over time, interpolated by a cubic spline.
+    """Joint positions over time.
 
     Attributes
     ----------
@@ -45,12 +53,15 @@ class Recording:
         Joint velocities, shape (N, n); ``None`` if they were not recorded.
     source :
         Where the recording comes from.
+    notes :
+        What was decided while reading it: columns that were ignored, angles that were unwrapped.
     """
 
     t: Vector
     q: Matrix
     v: Matrix | None = None
     source: str = "given"
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -81,7 +92,8 @@ class Recording:
         Raises
         ------
         InputError
-            Shapes do not match, times do not increase, or there is a gap.
+            Shapes do not match, times do not increase, there is a gap, or an angle jumps by a turn
+            and leaves its limits when it is unwrapped.
         """
         times = as_floats(t, "t")
         if times.ndim != 1 or len(times) < 4:
@@ -89,19 +101,21 @@ class Recording:
                 f"a recording needs 4 or more times, got an array of shape {times.shape}"
             )
         check_finite(times, "t")
-        _check_times(times, max_gap, lambda i: f"sample {i + 1}")
+        _check_times(times, max_gap, _sample)
         positions = _samples(robot, q, "q", len(times))
         velocities = None if v is None else _samples(robot, v, "v", len(times))
-        return cls(read_only(times), positions, velocities, source)
+        positions, notes = _unwrapped(robot, times, positions, _sample)
+        return cls(read_only(times), positions, velocities, source, notes)
 
     @classmethod
     def read(
         cls, robot: Robot, path: str | PathLike[str], *, max_gap: float | None = None
     ) -> Recording:
-        """Read a CSV file with a column ``t``, one per joint, and ``v_`` columns for velocities.
+        """Read a CSV file with a column of times, one per joint, and ``v_`` columns for velocities.
 
         A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``; the
-        defaults are s, rad and m.
+        defaults are s, rad and m. The times are called ``t``, ``time``, ``timestamp`` or ``stamp``.
+        Columns may have any order, and others are ignored.
 
         Parameters
         ----------
@@ -115,8 +129,8 @@ class Recording:
         Raises
         ------
         TrajectoryError
-            The file cannot be read; a column is unknown or missing; a cell is empty or not a
-            number; times do not increase or leave a gap.
+            The file cannot be read; a column is missing; a cell is empty or not a number; times do
+            not increase or leave a gap; an angle jumps by a turn that its limits do not allow.
         """
         return recording_of(robot, Sheet.read(path), max_gap)
 
@@ -154,31 +168,24 @@ class Sheet(NamedTuple):
     path :
         The file.
     table :
-        The parsed text.
-    values :
-        The numbers, shape (rows, columns).
+        Its header and the text below.
     """
 
     path: str
     table: Table
-    values: Matrix
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Sheet:
-        """Read a CSV file of numbers.
+        """Read a CSV file.
 
         Raises
         ------
         TrajectoryError
-            The file cannot be read, or a cell is empty or not a number.
+            The file cannot be read or has no header.
         """
         text = read_text(path, TrajectoryError, _KIND, _LARGEST_FILE)
         try:
-            table = _table(text)
-            values = table.numbers(range(len(table.header)), _LARGEST)
-            if not len(values):
-                raise InputError(_NO_NUMBERS)
-            return cls(printable(path), table, values)
+            return cls(printable(path), _table(text))
         except InputError as problem:
             raise TrajectoryError(path, printable(problem)) from None
 
@@ -186,6 +193,19 @@ class Sheet(NamedTuple):
     def holds_points(self) -> bool:
         """Whether the file is a list of waypoints rather than a joint motion."""
         return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
+
+    def numbers(self, columns: Sequence[int]) -> Matrix:
+        """Return columns as numbers, shape (rows, columns).
+
+        Raises
+        ------
+        InputError
+            There are no rows, or a cell is empty or not a number.
+        """
+        values = self.table.numbers(columns, _LARGEST)
+        if not len(values):
+            raise InputError(_NO_NUMBERS)
+        return values
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, e.g. ``line 2``."""
@@ -198,7 +218,7 @@ class Sheet(NamedTuple):
         Raises
         ------
         TrajectoryError
-            A column has a unit other than m.
+            A column has a unit other than m, or a cell is empty or not a number.
         """
         names = []
         for cell in self.table.header:
@@ -206,7 +226,10 @@ class Sheet(NamedTuple):
             if unit not in {"", "m"}:
                 raise TrajectoryError(self.path, f"column {cell!r}: waypoints must be in m")
             names.append(name.lower())
-        return self.values[:, [names.index(axis) for axis in "xyz"]]
+        try:
+            return self.numbers([names.index(axis) for axis in "xyz"])
+        except InputError as problem:
+            raise TrajectoryError(self.path, printable(problem)) from None
 
 
 def _table(text: str) -> Table:
@@ -234,21 +257,24 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         As in `Recording.of`.
     """
     try:
-        columns = _columns(robot, sheet.table.header)
-        t = read_only(sheet.values[:, columns["t"][0]].copy())
+        columns, notes = _columns(robot, sheet.table.header)
+        numbers, scales = zip(*columns.values(), strict=True)
+        values = sheet.numbers(numbers)
+        values *= scales
+        t = read_only(values[:, 0].copy())
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
+        q = read_only(values[:, 1 : 1 + robot.n].copy())
+        q, unwrapped = _unwrapped(robot, t, q, sheet.place)
     except InputError as problem:
-        raise TrajectoryError(sheet.path, str(problem)) from None
+        raise TrajectoryError(sheet.path, printable(problem)) from None
+    v = read_only(values[:, 1 + robot.n :].copy()) if len(numbers) > 1 + robot.n else None
+    return Recording(t, q, v, sheet.path, (*notes, *unwrapped))
 
-    def matrix(names: Sequence[str]) -> Matrix:
-        numbers, scales = zip(*(columns[name] for name in names), strict=True)
-        return read_only(sheet.values[:, numbers] * scales)
 
-    velocities = [f"v_{name}" for name in robot.names]
-    v = matrix(velocities) if columns.keys() >= set(velocities) else None
-    return Recording(t, matrix(robot.names), v, sheet.path)
+def _sample(row: int) -> str:
+    return f"sample {row + 1}"
 
 
 def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
@@ -260,26 +286,93 @@ def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
     return read_only(values)
 
 
-def _columns(robot: Robot, header: tuple[str, ...]) -> dict[str, tuple[int, float]]:
-    """Return column number and scale of ``t``, of each joint and of each velocity (``v_``)."""
+def _columns(
+    robot: Robot, header: tuple[str, ...]
+) -> tuple[dict[str, tuple[int, float]], tuple[str, ...]]:
+    """Return column number and scale of the time, each joint and each velocity, and a note."""
     positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     velocities = {
         f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
         for name, units in positions.items()
     }
-    units = {**velocities, **positions, "t": {"": 1.0, "s": 1.0}}
-    needed = ("t", *robot.names)
-    columns = find_columns(header, units, needed)
-    if missing := [name for name in needed if name not in columns]:
+    time = _time_column(header, {**positions, **velocities})
+    units = {time: {"": 1.0, "s": 1.0}, **positions, **velocities}
+    found = find_columns(header, units)
+    if missing := [name for name in (time, *robot.names) if name not in found]:
         raise InputError(
             f"missing columns: {', '.join(missing)}; a recording needs t and every joint: "
-            f"{robot.numbered()}"
+            f"{robot.numbered()}; the columns are: {listed(map(shortened, header))}"
         )
-    if len(needed) < len(columns) < len(units):
+    if 1 + robot.n < len(found) < len(units):
         raise InputError(
             "contains velocities of some joints only; give those of all joints or of none"
         )
-    return columns
+    notes = [f"the times are column {shortened(time)}"] * (time != "t")
+    numbers = {number for number, _ in found.values()}
+    rest = [shortened(cell) for i, cell in enumerate(header) if i not in numbers]
+    if rest:
+        notes.append(f"columns that are no times or joints are ignored: {', '.join(rest)}")
+    ordered = {name: found[name] for name in units if name in found}
+    return ordered, ("; ".join(notes),) if notes else ()
+
+
+def _time_column(header: tuple[str, ...], joints: Mapping[str, object]) -> str:
+    """Return the name of the column of times, ``t`` if there is none."""
+    names = [split_unit(cell)[0] for cell in header if cell not in joints]
+    for word in _TIMES:
+        for name in names:
+            if name not in joints and name.lower() == word:
+                return name
+    return "t"
+
+
+def _unwrapped(
+    robot: Robot, t: Vector, q: Matrix, place: Callable[[int], str]
+) -> tuple[Matrix, tuple[str, ...]]:
+    """Return positions with the angles of revolute joints unwrapped, and a note.
+
+    A step of more than half a turn, faster than the joint turns, is one that a driver made by
+    wrapping its angle. Continuous joints are unwrapped where the motion is made.
+
+    Raises
+    ------
+    InputError
+        An unwrapped angle leaves its limits; the message says where it jumps.
+    """
+    if looks_like_degrees(robot, q):
+        return q, ()  # a warning says so
+    found, words = q.copy(), []
+    for i, joint in enumerate(robot.joints):
+        jumps = np.abs(np.diff(q[:, i]))
+        jumps[jumps <= (joint.velocity or 0.0) * _FASTER * np.diff(t)] = 0.0
+        rows = np.flatnonzero(jumps > np.pi).tolist() if joint.type == "revolute" else []
+        if not rows:
+            continue
+        unwrapped = _inside(joint, np.unwrap(q[:, i]))
+        where = place(rows[0] + 1)
+        if unwrapped is None:
+            before, after = q[rows[0] : rows[0] + 2, i].tolist()
+            raise InputError(
+                f"{where}: {joint.name} jumps from {before:.4g} to {after:.4g} rad, faster than it "
+                f"turns; as a wrapped angle it would leave its limits, {joint.lower:g} to "
+                f"{joint.upper:g} rad"
+            )
+        found[:, i] = unwrapped
+        times = "" if len(rows) == 1 else f"{len(rows)} times, first "
+        words.append(f"{joint.name} ({times}at {where})")
+    if not words:
+        return q, ()
+    return read_only(found), (f"angles that jump by a turn were unwrapped: {', '.join(words)}",)
+
+
+def _inside(joint: Joint, x: Vector) -> Vector | None:
+    """Return an angle, plus whole turns if need be, within its limits; ``None`` if none are."""
+    middle = 0.5 * (joint.lower + joint.upper) - 0.5 * float(x.min() + x.max())
+    for turns in (0.0, 2.0 * np.pi * round(middle / (2.0 * np.pi))):
+        low, high = x.min() + turns, x.max() + turns
+        if joint.lower - _SLACK <= low and high <= joint.upper + _SLACK:
+            return x + turns
+    return None
 
 
 def _check_times(t: Vector, max_gap: float | None, place: Callable[[int], str]) -> None:

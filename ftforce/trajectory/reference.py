@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ftforce.robot.kinematics import frame_jacobian, tip_pose
+from ftforce.core.smoothing import Spline, gain_of, noise_of
+from ftforce.robot.kinematics import tip_pose, tip_pose_and_jacobian
 from ftforce.trajectory.path import Path, leg_at
 
 if TYPE_CHECKING:
@@ -39,6 +41,27 @@ class Motion(NamedTuple):
     a: Matrix
 
 
+class Smoothing(NamedTuple):
+    """How a recording was smoothed, per joint, shape (n,).
+
+    Attributes
+    ----------
+    spacing :
+        Time between the knots of the splines, s; 0 where the samples are interpolated.
+    residual :
+        Root mean square of recorded minus smoothed positions, rad or m.
+    noise :
+        Standard deviation of the noise found in the positions, rad or m; 0 where none was found.
+    acceleration_noise :
+        What noise leaves in the accelerations: their standard deviation, rad/s² or m/s².
+    """
+
+    spacing: Vector
+    residual: Vector
+    noise: Vector
+    acceleration_noise: Vector
+
+
 class ReferenceTrajectory(Protocol):
     """A trajectory for the arm to follow."""
 
@@ -53,6 +76,10 @@ class ReferenceTrajectory(Protocol):
     @property
     def orientation(self) -> Matrix | None:
         """Tip orientation to keep, shape (3, 3); ``None`` if it is unconstrained."""
+
+    @property
+    def smoothing(self) -> Smoothing | None:
+        """How a recording was smoothed; ``None`` for a path."""
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s."""
@@ -80,6 +107,8 @@ class PathReference:
         Joint positions at its start, rad or m, shape (n,).
     """
 
+    smoothing = None
+
     def __init__(self, robot: Robot, path: Path, q: Vector) -> None:
         self._legs, self._nominal_velocity = path.legs(), robot.at_rest
         self.duration, self.top_speed = path.duration, path.speed
@@ -94,7 +123,7 @@ class PathReference:
 
 
 class RecordedReference:
-    """Reference trajectory that interpolates a recorded motion; time starts at 0.
+    """Reference trajectory along a recorded motion; time starts at 0.
 
     Positions of continuous joints are unwrapped, because drivers may report them modulo 2π.
 
@@ -104,33 +133,48 @@ class RecordedReference:
         The arm.
     recording :
         The recorded motion.
+    smooth :
+        Time between the knots of the splines, s; 0 interpolates the samples. By default it follows
+        from the noise found (`ftforce.core.smoothing`).
+
+    Attributes
+    ----------
+    smoothing :
+        How the recording was smoothed.
     """
 
     orientation = None
 
-    def __init__(self, robot: Robot, recording: Recording) -> None:
-        from scipy.interpolate import CubicHermiteSpline, CubicSpline
-
-        t, q = recording.t - recording.t[0], recording.q
+    def __init__(self, robot: Robot, recording: Recording, smooth: float | None = None) -> None:
+        t, q, v = recording.t - recording.t[0], recording.q, recording.v
         endless = np.array([joint.type == "continuous" for joint in robot.joints])
         q = np.where(endless, np.unwrap(q, axis=0), q)
-        self._robot, self.duration = robot, recording.duration
-        if recording.v is None:
-            self._q = CubicSpline(t, q)
-            self._v = self._q.derivative()
-            self._a = self._v.derivative()
-        else:  # a spline through q would only approximate the recorded velocities
-            self._q = CubicHermiteSpline(t, q, recording.v)
-            self._v = CubicSpline(t, recording.v)
-            self._a = self._v.derivative()
-        speeds = (np.linalg.norm(self.at(time).x_dot) for time in t.tolist())
-        self.top_speed = float(max(speeds))
+        self._robot, self.duration, self._t = robot, recording.duration, t
+        place = noise_of(t, q)
+        spacing = place.spacing if smooth is None else np.full(robot.n, smooth)
+        self._q = self._v = Spline(t, q, spacing)
+        self._order = 1  # derivative of _v that is the velocity
+        noise, rates = place, spacing
+        if v is not None:
+            self._order, noise = 0, noise_of(t, v)
+            rates = noise.spacing if smooth is None else spacing
+            self._v = Spline(t, v, rates)
+            if not spacing.any() and not rates.any():
+                self._q = _through(t, q, v)
+        gain = gain_of(t, rates, self._order + 1)
+        residual = np.sqrt(np.mean((self._q(t) - q) ** 2, axis=0))
+        self.smoothing = Smoothing(spacing, residual, place.level, gain * noise.level)
+
+    @cached_property
+    def top_speed(self) -> float:
+        """Largest tip speed at the samples, m/s."""
+        speeds = (np.linalg.norm(self.at(time).x_dot) for time in self._t.tolist())
+        return float(max(speeds))
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
-        q, v = self._q(t), self._v(t)
-        J = frame_jacobian(self._robot, q, "world")  # also updates the tip frame placement
-        x = self._robot.data.oMf[self._robot.tip_frame].translation.copy()
+        q, v = self._q(t), self._v(t, self._order)
+        _, x, J = tip_pose_and_jacobian(self._robot, q)
         return Target(x, J[:3].dot(v), v)
 
     def motion(self, t: Vector) -> Motion:
@@ -141,4 +185,47 @@ class RecordedReference:
         t :
             Times, s, shape (N,).
         """
-        return Motion(self._q(t), self._v(t), self._a(t))
+        return Motion(self._q(t), self._v(t, self._order), self._v(t, self._order + 1))
+
+
+def _through(t: Vector, q: Matrix, v: Matrix) -> Any:
+    """Return a spline that has the recorded positions and velocities."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    return CubicHermiteSpline(t, q, v)
+
+
+def smoothing_in_words(robot: Robot, smoothing: Smoothing, spacing: float | None) -> str:
+    """Say how a recording was smoothed, by whose choice, and what else can be chosen.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    smoothing :
+        How it was smoothed.
+    spacing :
+        Time between knots that was asked for, s; ``None`` if it follows from the noise.
+    """
+    noise = _largest_in_words(robot, smoothing.noise)
+    if not smoothing.spacing.any():
+        found = f"noise of {noise}" if smoothing.noise.any() else "no noise"
+        return f"samples interpolated; {found} found in the recording (--smooth, --static)"
+    used = smoothing.spacing[smoothing.spacing > 0.0]
+    low, high = f"{used.min():.2g}", f"{used.max():.2g}"
+    apart = f"{low} s apart" if low == high else f"{low} to {high} s apart"
+    why = "by generalised cross-validation" if spacing is None else "as asked for"
+    some = "" if smoothing.spacing.all() else " (joints without noise are interpolated)"
+    return (
+        f"recording smoothed by splines with knots {apart}, {why}{some}: noise of {noise}, "
+        f"residual (rms) of {_largest_in_words(robot, smoothing.residual)} "
+        "(--smooth SECONDS or none, --static)"
+    )
+
+
+def _largest_in_words(robot: Robot, sizes: Vector) -> str:
+    """Format the largest of some position errors, of turning and of sliding joints."""
+    by_unit: dict[str, float] = {}
+    for joint, size in zip(robot.joints, sizes.tolist(), strict=True):
+        by_unit[joint.unit] = max(by_unit.get(joint.unit, 0.0), size)
+    return " and ".join(f"up to {size:.2g} {unit}" for unit, size in by_unit.items())

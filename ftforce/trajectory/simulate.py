@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.analyze import analyze_question
+from ftforce.analysis.fault_set import SharedCase, report_set
 from ftforce.analysis.limits_files import NONE, URDF
 from ftforce.analysis.question import Question
 from ftforce.core.arrays import is_number, read_only
@@ -27,7 +27,7 @@ from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, p
 from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
-from ftforce.trajectory.warnings import history_warnings
+from ftforce.trajectory.warnings import history_warnings, noise_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ftforce.core.task import Axes
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.start import Trajectory
+    from ftforce.trajectory.start import Smooth, Trajectory
 
 _LINEAR = Task(axes="world")  # linear tip velocity, in root axes
 NEVER = math.inf
@@ -65,6 +65,8 @@ def simulate(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    smooth: Smooth = "auto",
+    static: bool = False,
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
@@ -99,6 +101,11 @@ def simulate(
     max_gap :
         Longest time between two samples of a recording from a file, s; by default ten times the
         median step.
+    smooth :
+        How a recorded motion is smoothed: ``auto`` by splines whose knots follow from the noise
+        found in it, a number by splines with knots that far apart, s; ``none`` interpolates it.
+    static :
+        Whether only the weight loads the arm, without the torques of velocities and accelerations.
     progress :
         Called with the number of instants completed and their total.
 
@@ -153,6 +160,8 @@ def simulate(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        smooth=smooth,
+        static=static,
     )
     if question.force is None:
         raise InputError("the force is missing; e.g. force=[80, 50, 10], zeros for free motion")
@@ -182,12 +191,15 @@ def history_of(
     Raises
     ------
     InputError
-        A fault comes after the end of the trajectory.
+        A fault comes after the end of the trajectory, or the healthy arm cannot exert the force at
+        any instant of it.
     """
     _check_times(events, start)
     tick = _counted(progress, start, is_remapped=delay < NEVER)
     scene = _Scene(question, start, events, _tip_path(start), tick)
     healthy, unremapped, remapped, arrivals = _runs(scene, delay)
+    if _has_nothing_to_keep(question, healthy):
+        raise question.nothing_to_keep("at any instant of the trajectory")
     reports = tuple(
         _event_report(scene, event, arrivals.get(event.time), healthy) for event in events
     )
@@ -196,9 +208,17 @@ def history_of(
     if delay == 0.0:  # keep the fault reports consistent with the samples
         reports = tuple(_as_sampled(history, event) for event in reports)
         history = replace(history, setting=replace(history.setting, events=reports))
-    found = history_warnings(question.robot, question.limits, joined(events), history)
-    warnings = (*start.warnings, *found)
+    found = history_warnings(question, joined(events), history, is_static=start.is_static)
+    noisy = noise_warnings(question, start, healthy)
+    warnings = (*start.warnings, *noisy, *found)
     return replace(history, setting=replace(history.setting, warnings=warnings))
+
+
+def _has_nothing_to_keep(question: Question, healthy: Run) -> bool:
+    """Return whether the healthy arm exerts none of the force at any instant (theory §2.6)."""
+    assert question.force is not None
+    # Where the arm cannot be held the force is NaN, which is not zero.
+    return bool(question.force.any()) and not (healthy.force + healthy.jump).any()
 
 
 class _Scene(NamedTuple):
@@ -220,7 +240,14 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
     stops = sorted({phase.start for phase in (*never, *later)})
     whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
     follow = partial(advance, question.robot, start.reference, start.q, start.times, tick=tick)
-    evaluate = partial(run_of, question, reference=path, times=start.times, tick=tick)
+    evaluate = partial(
+        run_of,
+        question,
+        reference=path,
+        times=start.times,
+        tick=tick,
+        is_static=start.is_static,
+    )
     planned = follow(whole)
     healthy = evaluate(planned.motion, phases=whole)
     without_remap = follow(never, planned=planned)
@@ -271,10 +298,11 @@ def _event_report(
     so_far = joined([other for other in scene.events if other.time <= event.time])
     impact, velocity = _velocity_jumps(scene.question, state, so_far)
     place = Posture(state.q, "along the trajectory")
-    found = analyze_question(scene.question.at(place, state.v, state.a, so_far))
-    force_jump: float | None = None
-    if found.force is not None and found.force.jump is not None:
-        force_jump = found.force.jump_norm if task.force_rows else found.force.moment_jump_norm
+    still = robot.at_rest
+    v, a = (still, still) if scene.start.is_static else (state.v, state.a)
+    case = SharedCase.of(scene.question.at(place, v, a))
+    found = report_set(case, so_far, case.reduce(so_far))
+    force_jump = found.jump_norm if task.force_rows else found.moment_jump_norm
     return EventReport(
         time=event.time,
         faults=_in_words(robot, event.faults),
@@ -345,4 +373,5 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
+        notes=start.notes,
     )

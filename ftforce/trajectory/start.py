@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ftforce.core.arrays import Vector, is_number, read_only
+from ftforce.core.smoothing import suffices
 from ftforce.errors import InputError
 from ftforce.robot.inverse_kinematics import check_reach, posture_at
 from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.posture import Posture, choose_posture
 from ftforce.trajectory.path import Path
 from ftforce.trajectory.recording import Recording, Sheet, recording_of
-from ftforce.trajectory.reference import PathReference, RecordedReference
+from ftforce.trajectory.reference import PathReference, RecordedReference, smoothing_in_words
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -23,13 +24,15 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.reference import ReferenceTrajectory
 
-__all__ = ["Path", "Recording", "Start", "Trajectory", "start_of", "tip_at"]
+__all__ = ["Path", "Recording", "Smooth", "Start", "Trajectory", "start_of", "tip_at"]
 
 _RATE = 100.0  # Hz
 MAX_SAMPLES = 5_000_000
+_STATIC = "weight only: torques of velocities and accelerations are left out (--static)"
 _SAME = 1e-6  # rad or m: postures closer than this count as the same
 
 Trajectory: TypeAlias = "Path | Recording | str | PathLike[str]"
+Smooth: TypeAlias = Literal["auto", "none"] | float
 
 
 class Start(NamedTuple):
@@ -49,6 +52,10 @@ class Start(NamedTuple):
         Where the initial posture comes from.
     warnings :
         Warnings about the trajectory.
+    notes :
+        What was decided about a recording.
+    is_static :
+        Whether velocities and accelerations are left out of the torques.
     """
 
     reference: ReferenceTrajectory
@@ -57,6 +64,8 @@ class Start(NamedTuple):
     words: str
     source: str
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    is_static: bool = False
 
 
 def start_of(
@@ -69,6 +78,8 @@ def start_of(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    smooth: Smooth = "auto",
+    static: bool = False,
 ) -> Start:
     """Return the reference trajectory, initial posture and sample times of a trajectory.
 
@@ -87,6 +98,8 @@ def start_of(
         For waypoints read from a file, as in `Path.through`.
     max_gap :
         For a recording read from a file, as in `Recording.read`.
+    smooth, static :
+        As in `ftforce.simulate`.
 
     Raises
     ------
@@ -118,13 +131,45 @@ def start_of(
             raise InputError(
                 "a recorded motion defines its own initial posture; omit q and posture"
             )
-        return _recorded(robot, given, rate)
+        return _recorded(robot, given, rate, _spacing(smooth, given), is_static=static)
+    if smooth != "auto":
+        raise InputError("smooth applies to a recorded motion; a path is smooth")
     if not isinstance(given, Path):
         raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
-    return _along(robot, given, choose_posture(robot, q, posture), rate or _RATE)
+    start = _along(robot, given, choose_posture(robot, q, posture), rate or _RATE)
+    return start._replace(is_static=static, notes=(_STATIC,) * static)
 
 
-def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
+def _spacing(smooth: Smooth, recording: Recording) -> float | None:
+    """Return the time between knots, s: 0 to interpolate, ``None`` for what the noise suggests.
+
+    Raises
+    ------
+    InputError
+        The value is neither a word nor a positive time, or there are too few samples for it.
+    """
+    if smooth == "auto":
+        return None
+    if smooth == "none":
+        return 0.0
+    if not is_number(smooth) or float(smooth) <= 0.0:
+        raise InputError(f"smooth must be 'auto', 'none' or a time in s, got {smooth!r}")
+    if not suffices(recording.t, float(smooth)):
+        raise InputError(
+            f"smooth = {float(smooth):g} s is too short for a recording of {len(recording.t):,} "
+            f"samples over {recording.duration:.4g} s; 'none' interpolates them"
+        )
+    return float(smooth)
+
+
+def _recorded(
+    robot: Robot,
+    recording: Recording,
+    rate: float | None,
+    spacing: float | None,
+    *,
+    is_static: bool,
+) -> Start:
     if recording.q.shape[1] != robot.n:
         raise InputError(
             f"the recording has {recording.q.shape[1]} joints; the chain has: {robot.numbered()}"
@@ -135,9 +180,11 @@ def _recorded(robot: Robot, recording: Recording, rate: float | None) -> Start:
     words = f"the recorded motion of {recording.source}, {recording.duration:.4g} s"
     if recording.source == "given":
         words = f"a recorded motion of {recording.duration:.4g} s"
-    reference = RecordedReference(robot, recording)
+    reference = RecordedReference(robot, recording, spacing)
     q, warnings = read_only(recording.q[0].copy()), tuple(recording.warnings(robot.names))
-    return Start(reference, q, read_only(times), words, "recorded", warnings)
+    how = _STATIC if is_static else smoothing_in_words(robot, reference.smoothing, spacing)
+    notes = (*recording.notes, how)
+    return Start(reference, q, read_only(times), words, "recorded", warnings, notes, is_static)
 
 
 def _along(robot: Robot, path: Path, posture: Posture, rate: float) -> Start:

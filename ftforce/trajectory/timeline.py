@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.fault_set import SharedCase, commanded_and_held, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question
+from ftforce.analysis.warnings import implausible
 from ftforce.core.arrays import Matrix, Vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.ranks import Rank, ranks_of
@@ -19,10 +20,18 @@ from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import InputError, listed
 from ftforce.robot.kinematics import rotation_vector, tip_pose
 from ftforce.robot.posture import Posture
+from ftforce.trajectory.certain import certain_cells
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
+from ftforce.trajectory.reference import Motion
 from ftforce.trajectory.start import start_of
-from ftforce.trajectory.warnings import force_warnings, limit_warnings, missing_force, off_path
+from ftforce.trajectory.warnings import (
+    force_warnings,
+    limit_warnings,
+    missing_force,
+    noise_warnings,
+    off_path,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -35,10 +44,10 @@ if TYPE_CHECKING:
     from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.reference import Motion
-    from ftforce.trajectory.start import Start, Trajectory
+    from ftforce.trajectory.start import Smooth, Start, Trajectory
 
 MAX_CELLS = 20_000_000
+_AT_ONCE = 200_000  # instants times sets times joints, which bounds the memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,8 +139,8 @@ class Timeline(AnsweredForAll):
         last; see `WorstInstant`.
     healthy :
         The healthy arm over time.
-    warnings :
-        Warnings about the result.
+    warnings, notes :
+        Warnings about the result, and what was decided about a recording.
     verdict :
         Index into ``ftforce.core.verdict.VERDICTS``, shape (N, S): 0 tolerated, 1 borderline, 2 not
         tolerated.
@@ -153,6 +162,7 @@ class Timeline(AnsweredForAll):
     kept: Vector
     healthy: OverTime
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def force(self) -> Vector | None:
@@ -230,6 +240,8 @@ def timeline(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    smooth: Smooth = "auto",
+    static: bool = False,
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
@@ -238,7 +250,7 @@ def timeline(
 
     Parameters
     ----------
-    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap :
+    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap, smooth, static :
         As in `ftforce.simulate`; the motion is that of the healthy arm.
     faults :
         Size of the largest fault sets.
@@ -298,6 +310,8 @@ def timeline(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        smooth=smooth,
+        static=static,
     )
     bearing = choose_limits(robot, URDF) if limits is None else question.limits
     return timeline_of(question, start, all_sets, bearing, progress)
@@ -326,7 +340,8 @@ def timeline_of(
     Raises
     ------
     InputError
-        There are too many instants and fault sets.
+        There are too many instants and fault sets, or the healthy arm cannot exert the force at any
+        instant.
     """
     _check_count(len(start.times), all_sets)
     direction = question.direction_or_that_of(question.F)
@@ -336,7 +351,14 @@ def timeline_of(
     motion = advance(
         question.robot, start.reference, start.q, start.times, (phase,), tick=tick
     ).motion
-    cells = _cells(question, motion, (*sets, HEALTHY), capability_limits, tick)
+    loaded = motion
+    if start.is_static:
+        loaded = Motion(motion.q, np.zeros_like(motion.v), np.zeros_like(motion.a))
+    cells = _cells(question, loaded, (*sets, HEALTHY), capability_limits, tick)
+    if question.force is not None and question.force.any() and not cells.exerted.any():
+        raise question.nothing_to_keep("at any instant of the trajectory")
+    limited = replace(question, limits=capability_limits)
+    doubts = implausible(limited, needs_gravity=True, needs_inertia=True)
     return Timeline(
         question=question,
         all_sets=all_sets,
@@ -351,12 +373,14 @@ def timeline_of(
         capability=cells.capability[:, :-1],
         held=cells.held[:, :-1],
         verdict=cells.verdict[:, :-1],
-        kept=_kept(question, motion, (*sets, HEALTHY), cells),
+        kept=_kept(question, loaded, (*sets, HEALTHY), cells),
         healthy=cells.of(-1),
         warnings=(
             *_warnings(question, start, motion, cells.exerted),
             *_unknown_limits(question.robot, capability_limits),
+            *doubts,
         ),
+        notes=start.notes,
     )
 
 
@@ -376,16 +400,19 @@ def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix)
     """Yield the warnings; ``exerted`` holds weighted forces of the healthy arm, shape (N, m)."""
     robot, task, t = question.robot, question.task, start.times
     yield from start.warnings
-    if robot.mass == 0.0 and question.conditions.gravity.any():
+    yield from noise_warnings(question, start, motion)
+    moves = bool(motion.v.any() or motion.a.any())
+    if robot.mass == 0.0 and (moves or question.conditions.gravity.any()):
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
     kept = start.reference.orientation
-    error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
-        R, x = tip_pose(robot, q)
-        error[i] = start.reference.at(time).x - x
-        if kept is not None:
-            turn[i] = rotation_vector(kept @ R.T)
-    yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
+    if start.reference.smoothing is None:  # a recorded motion is its own path
+        error, turn = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+        for i, (time, q) in enumerate(zip(t.tolist(), motion.q, strict=True)):
+            R, x = tip_pose(robot, q)
+            error[i] = start.reference.at(time).x - x
+            if kept is not None:
+                turn[i] = rotation_vector(kept @ R.T)
+        yield from off_path(t, np.linalg.norm(error, axis=1), np.linalg.norm(turn, axis=1))
     yield from limit_warnings(robot, motion.q, motion.v)
     if question.force is not None:
         missing = missing_force(question.force, task.unweigh_force(exerted))
@@ -472,18 +499,32 @@ def _cells(
         None if capability_limits is None else capability_limits.largest_torques(faults)
         for faults in sets
     ]
-    for i, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
-        case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
-        exerted[i] = 0.0 if case.F is None else case.F
-        for j, faults in enumerate(sets):
-            reduced = case.reduce(faults)
-            report = report_set(case, faults, reduced)
-            size = report.jump_norm if question.task.force_rows else report.moment_jump_norm
-            jump[i, j] = math.nan if size is None else size
-            margin[i, j], verdict[i, j] = report.margin, CODES[report.verdict]
-            rnea = case.rnea_after(faults)
-            capability[i, j], held[i, j] = commanded_and_held(case, reduced, rnea, largest[j])
-        tick(1)
+    count = max(_AT_ONCE // (len(sets) * question.robot.n), 1)
+    for start in range(0, shape[0], count):
+        here = slice(start, start + count)
+        part = Motion(*(x[here] for x in motion))
+        done = np.zeros((len(part.q), len(sets)), dtype=np.bool_)
+        if (found := certain_cells(question, part, sets, capability_limits)) is not None:
+            done = found.known
+            jump[here], margin[here] = found.jump, found.margin
+            capability[here], held[here] = found.capability, found.held
+            verdict[here] = found.verdict
+            exerted[here] = 0.0 if question.F is None else question.F
+        for i in np.flatnonzero(~done.all(axis=1)).tolist():
+            q, v, a = (x[i] for x in part)
+            at = start + i
+            case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
+            exerted[at] = 0.0 if case.F is None else case.F
+            for j in np.flatnonzero(~done[i]).tolist():
+                reduced = case.reduce(sets[j])
+                report = report_set(case, sets[j], reduced)
+                size = report.jump_norm if question.task.force_rows else report.moment_jump_norm
+                jump[at, j] = math.nan if size is None else size
+                margin[at, j], verdict[at, j] = report.margin, CODES[report.verdict]
+                rnea = case.rnea_after(sets[j])
+                both = commanded_and_held(case, reduced, rnea, largest[j])
+                capability[at, j], held[at, j] = both
+        tick(len(part.q))
     return _Cells(*map(read_only, (exerted, jump, margin, capability, held, verdict)))
 
 

@@ -7,49 +7,59 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.warnings import unjudged
+from ftforce.analysis.warnings import implausible, unjudged
+from ftforce.errors import InputError
+from ftforce.robot.dynamics import mass_matrix, rnea_torque
+from ftforce.robot.posture import DEGREES, looks_like_degrees
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ftforce.analysis.question import Question
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.faults import FaultSet
-    from ftforce.core.limits import Limits
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
-    from ftforce.trajectory.history import History
+    from ftforce.trajectory.history import History, Run
+    from ftforce.trajectory.reference import Motion
+    from ftforce.trajectory.start import Start
 
 ON_PATH = 1e-5  # m: larger tracking errors occur only near singularities and limits
 ORIENTED = 1e-5  # rad: the same for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
+_INSTANTS = 50  # at which the effect of noise is estimated
+_NOISY = 0.01  # of the largest torque: standard deviation of noise that is reported
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
 def history_warnings(
-    robot: Robot, limits: Limits | None, faults: FaultSet, history: History
+    question: Question, faults: FaultSet, history: History, *, is_static: bool = False
 ) -> Iterator[str]:
     """Yield the warnings of a simulation.
 
     Parameters
     ----------
-    robot :
-        The arm.
-    limits :
-        Torque limits in force; ``None`` if none.
+    question :
+        What is asked at every instant.
     faults :
         All faults that occur.
     history :
         The simulated history.
+    is_static :
+        Whether accelerations are left out of the torques.
     """
+    robot, limits = question.robot, question.limits
     if robot.mass == 0.0:
         yield "the URDF has no masses: gravity and motion torques of the arm are not included"
+    yield from implausible(question, needs_gravity=True, needs_inertia=True)
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_warnings(t, history.setting.task, unsupported(history))
     q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
     v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
     yield from limit_warnings(robot, q, v)
-    yield from _steps(history)
+    if not is_static:
+        yield from _steps(history)
     for event in history.setting.events:
         acts = event.time + history.setting.delay
         if math.isfinite(acts) and acts > history.t[-1]:
@@ -83,6 +93,47 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
         yield (
             f"even the healthy arm deviates from its tip orientation, by {degrees:.3g}° at "
             f"{t[worst]:g} s: {where}"
+        )
+
+
+def noise_warnings(question: Question, start: Start, motion: Motion | Run) -> Iterator[str]:
+    """Warn if noise in a recording makes up much of the torques, which its data do not support.
+
+    Noise of size s in the accelerations makes torques of size sqrt(Σ_k (M_ik s_k)²).
+
+    Parameters
+    ----------
+    question :
+        What is asked at every instant.
+    start :
+        The trajectory.
+    motion :
+        Joint positions, velocities and accelerations of the healthy arm over time.
+    """
+    smoothing = start.reference.smoothing
+    robot, conditions = question.robot, question.conditions
+    if smoothing is None or start.is_static or robot.mass == 0.0:
+        return
+    own = None if conditions.is_model_gravity else conditions.gravity
+    rows = np.unique(np.linspace(0, len(motion.q) - 1, _INSTANTS).astype(int))
+    made, whole = np.zeros(robot.n), np.zeros(robot.n)
+    for i in rows.tolist():
+        q, v, a = motion.q[i], motion.v[i], motion.a[i]
+        try:
+            M = mass_matrix(robot, q, conditions.payload)
+        except InputError:  # masses or inertias are missing
+            return
+        made = np.maximum(made, np.hypot.reduce(M * smoothing.acceleration_noise, axis=1))
+        torque = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
+        whole = np.maximum(whole, np.abs(torque))
+    i = int((made / whole.max(initial=1e-300)).argmax())
+    if made[i] > _NOISY * whole.max():
+        joint = robot.joints[i]
+        yield (
+            f"noise in the recording makes about ±{made[i]:.2g} {joint.torque_unit} of the torque "
+            f"of joint {joint.number} {joint.name} (the largest torque of any joint is "
+            f"{whole.max():.3g}): its data do not support such accelerations; smooth it more "
+            "(--smooth SECONDS) or count the weight only (--static)"
         )
 
 
@@ -160,12 +211,13 @@ def _steps(history: History) -> Iterator[str]:
 
 def _outside(robot: Robot, q: Matrix) -> Iterator[str]:
     low, high = q.min(axis=0) < robot.lower - _SLACK, q.max(axis=0) > robot.upper + _SLACK
+    hint = f"{DEGREES} (columns [deg])" if looks_like_degrees(robot, q) else ""
     for i in np.flatnonzero(low | high):
         joint = robot.joints[i]
         yield (
             f"joint {joint.number} {joint.name} moves from {q[:, i].min():.4g} to "
             f"{q[:, i].max():.4g} {joint.unit}, outside its limits {joint.lower:g} to "
-            f"{joint.upper:g}"
+            f"{joint.upper:g}{hint}"
         )
 
 

@@ -49,11 +49,11 @@ def evaluator(arm, components, force, *, faults=1, mode="locked", direction=None
     task = Task.parse(components, "tool", LENGTH if components == "wrench" else None)
     weighs = direction is not None or mode == "free"
     plan = Plan(
-        mechanism_of(arm, weighs=weighs),
+        mechanism_of(arm, needs_gravity=weighs),
         faults_of(tuple(fault_sets(arm.n, faults, FaultMode(mode))), arm.n),
         question_of(
             task, arm.n, force=force, direction=direction, limits=limits, rtol=1e-6, wary=1e-2,
-            weighs=weighs,
+            needs_gravity=weighs,
         ),
         arm.n,
         components == "wrench",

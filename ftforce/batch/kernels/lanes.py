@@ -195,6 +195,7 @@ def place(mechanism, question, q, work):
     """
     place_frames(mechanism, q, work.chosen, work)
     task_jacobian(mechanism, question, work)
+    _drop_noise(question.floor, work.J, work.column[0])
     _into_row_axes(question, question.force, work.tip, work.force)
     _into_row_axes(question, question.direction, work.tip, work.direction)
     if question.needs_gravity:
@@ -255,6 +256,32 @@ def task_jacobian(mechanism, question, work):
             row, weight, d = question.rows[r], question.weights[r], mechanism.driver[e]
             for b in range(LANES):
                 J[r, d, b] += weight * column[row, b]
+
+
+@inner
+def _drop_noise(floor, J, excess):
+    """Set J to zero in the lanes where it holds nothing but rounding errors (theory §2.6).
+
+    Parameters
+    ----------
+    floor :
+        Entries of each row up to which J is rounding, shape (m,).
+    J :
+        Weighted task Jacobians, shape (m, n, LANES).
+    excess :
+        Workspace, shape (LANES,).
+    """
+    for b in range(LANES):
+        excess[b] = -math.inf
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            for b in range(LANES):
+                excess[b] = max(excess[b], abs(J[r, k, b]) - floor[r])
+    for b in range(LANES):
+        if excess[b] <= 0.0:
+            for r in range(J.shape[0]):
+                for k in range(J.shape[1]):
+                    J[r, k, b] = 0.0
 
 
 @inner

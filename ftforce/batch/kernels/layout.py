@@ -145,6 +145,8 @@ class Question(NamedTuple):
     ----------
     rows, weights :
         Rows of the frame Jacobian, linear first, and their weights (1 or L), shape (m,).
+    floor :
+        Entries of the weighted rows up to which J is rounding (theory §2.6), shape (m,).
     in_tool :
         Whether the rows, the force and the direction are in tip axes.
     is_whole :
@@ -164,6 +166,7 @@ class Question(NamedTuple):
 
     rows: Integers
     weights: Vector
+    floor: Vector
     in_tool: bool
     is_whole: bool
     force: Vector

@@ -13,7 +13,7 @@ import numpy as np
 
 from ftforce.batch.kernels import exact, lanes, spectrum
 from ftforce.batch.kernels.jit import inner, kernel
-from ftforce.batch.kernels.layout import LANES, UNDECIDED, aligned_zeros
+from ftforce.batch.kernels.layout import LANES, NOT_TOLERATED, UNDECIDED, aligned_zeros
 
 if TYPE_CHECKING:
     from ftforce.batch.kernels.exact import Scratch
@@ -233,6 +233,12 @@ def _queue(locked, s, b, slot, J, K, lane, which):
 
 
 @inner
+def _has_force_to_keep(scratch, has_force):
+    """Return whether the healthy arm can exert any of what is asked (theory §2.6)."""
+    return scratch.rank[0] > 0 and (not has_force or exact.norm(scratch.F) > 0.0)
+
+
+@inner
 def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answers):
     """Evaluate a set of locked joints, whose K is decomposed in a slot."""
     for i in range(scratch.t.size):
@@ -241,7 +247,11 @@ def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answe
     after = exact.rank_of(scratch.t, question.rtol * scratch.s[0])
     has_force = question.force.size > 0
     _copy_left_vectors(W, slot, after, scratch.V)
-    answers.verdict[s, at] = exact.judge_locked(scratch, has_force, question.rtol, question.wary)
+    answers.verdict[s, at] = NOT_TOLERATED
+    if _has_force_to_keep(scratch, has_force):
+        answers.verdict[s, at] = exact.judge_locked(
+            scratch, has_force, question.rtol, question.wary
+        )
     _write_results(locked, free, question, s, at, after, 0.0, scratch, answers)
 
 
@@ -249,9 +259,11 @@ def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answe
 def _evaluate_free(locked, free, question, s, at, scratch, answers):
     """Evaluate a set with free-swinging joints."""
     has_force, threshold = question.force.size > 0, question.rtol * scratch.s[0]
-    answers.verdict[s, at] = exact.judge_free(
-        scratch, locked, free, question.rtol, question.wary, has_force
-    )
+    answers.verdict[s, at] = NOT_TOLERATED
+    if _has_force_to_keep(scratch, has_force):
+        answers.verdict[s, at] = exact.judge_free(
+            scratch, locked, free, question.rtol, question.wary, has_force
+        )
     exact.reduce_columns(scratch.J, locked, scratch.K)
     unbalanced, _ = exact.project_out_free(scratch, free, threshold)
     exact.decompose(scratch.K, scratch.V, scratch.t)

@@ -17,7 +17,7 @@ from numba import boolean, float64, int64, types
 
 from ftforce.batch.kernels import exact
 from ftforce.batch.kernels.jit import compile_now, inner
-from ftforce.batch.kernels.layout import GUARD_BAND, TOLERATED
+from ftforce.batch.kernels.layout import GUARD_BAND, NOT_TOLERATED, TOLERATED
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,7 +69,8 @@ def answer(
         Placement, ratio, offset, mass and centre of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
-        Rows of the frame Jacobian, their weights, and the two tolerances, (3, max(m, 2)).
+        Rows of the frame Jacobian, their weights, the two tolerances, and the entries of each row
+        up to which J is rounding, (4, max(m, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
@@ -94,6 +95,7 @@ def answer(
         return MALFORMED
     _place(tree, body, q, frame)
     _task_jacobian(tree, body, task, frame, matrix[0])
+    _drop_noise(task[3], matrix[0])
     if tree[tree.shape[0] - 1, 2]:
         _weight_torque(tree, body, frame, torque[0])
     scratch = exact.Scratch(
@@ -101,7 +103,7 @@ def answer(
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
     )  # fmt: skip
     posture = _Posture(scratch, square[2], task, torque[3], force[0])
-    _evaluate_healthy(posture, is_force, given, torque[4])
+    has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[4])
     clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
@@ -119,6 +121,8 @@ def answer(
             code[1, at] = 0
         else:
             _settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
+            if not has_force_to_keep:
+                code[0, at] = NOT_TOLERATED
     return DONE
 
 
@@ -210,6 +214,18 @@ def _task_jacobian(tree, body, task, frame, J):
 
 
 @inner
+def _drop_noise(floor, J):
+    """Set J to zero if it holds nothing but rounding errors (theory §2.6)."""
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            if abs(J[r, k]) > floor[r]:
+                return
+    for r in range(J.shape[0]):
+        for k in range(J.shape[1]):
+            J[r, k] = 0.0
+
+
+@inner
 def _weight_torque(tree, body, frame, weight):
     """Compute the gravity torques G(q), (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
@@ -240,7 +256,10 @@ def _weight_torque(tree, body, frame, weight):
 
 @inner
 def _evaluate_healthy(posture, is_force, given, self_motion):
-    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F."""
+    """Decompose J, and compute the force of the healthy arm: F̂ = (Jᵀ)† τ, or J J† F.
+
+    Returns whether it can exert any of what is asked (theory §2.6).
+    """
     J, s, F = posture.scratch.J, posture.scratch.s, posture.scratch.F
     m, n = J.shape
     exact.decompose(J, posture.left_vectors, s)
@@ -278,6 +297,7 @@ def _evaluate_healthy(posture, is_force, given, self_motion):
     if is_force and rank == m:
         for i in range(m):
             posture.before[i] = given[i]
+    return rank > 0 and not (is_force and given_squared > 0.0 and exact.norm(F) == 0.0)
 
 
 @inner

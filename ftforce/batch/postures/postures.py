@@ -91,15 +91,17 @@ def ranges_of(robot: Robot) -> tuple[Vector, Vector]:
     InputError
         A prismatic joint has no limits.
     """
-    limited = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    for joint, has_limits in zip(robot.joints, limited.tolist(), strict=True):
-        if joint.type == "prismatic" and not has_limits:
+    below, above = np.isfinite(robot.lower), np.isfinite(robot.upper)
+    for joint, has_lower, has_upper in zip(robot.joints, below, above, strict=True):
+        if joint.type == "prismatic" and not (has_lower and has_upper):
+            missing = "position limits"
+            if has_lower or has_upper:
+                missing = "upper position limit" if has_lower else "lower position limit"
             raise InputError(
-                f"prismatic joint {joint.number} ({joint.name}) has no position limits; add them "
-                "to the URDF, or provide the postures"
+                f"prismatic joint {joint.number} ({joint.name}) has no {missing}; add "
+                f"{'them' if missing[-1] == 's' else 'it'} to the URDF, or provide the postures"
             )
-    lower, upper = np.where(limited, robot.lower, -math.pi), np.where(limited, robot.upper, math.pi)
-    return read_only(lower), read_only(upper)
+    return robot.ranges
 
 
 def whole_number(value: float, name: str, minimum: int) -> int:

@@ -8,6 +8,7 @@ raise ``InputError`` when a row, mass model or table is constructed. Conversion 
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tomllib
 from collections import Counter
@@ -17,7 +18,7 @@ from itertools import chain, repeat
 from pathlib import Path
 from reprlib import repr as brief
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -134,7 +135,7 @@ class DHTable:
     rows :
         One row per joint, from base to tip.
     mass :
-        Mass model of the links.
+        Mass model of the links; ``None`` if their masses are unknown.
     postures :
         Named joint positions, rad or m, shape (n,) each.
     source :
@@ -144,7 +145,7 @@ class DHTable:
     name: str
     convention: Convention
     rows: tuple[DHRow, ...]
-    mass: MassModel
+    mass: MassModel | None = None
     postures: Mapping[str, Vector] = field(default_factory=dict)
     source: Path | None = None
 
@@ -153,9 +154,15 @@ class DHTable:
         _check_choice(self.convention, "convention", Convention)
         if not self.rows:
             raise InputError("rows is empty; a table needs one row per joint")
-        for i, row in enumerate(self.rows, start=1):
-            if row.mass is None and self.mass.density is None:
-                raise InputError(f"row {i}: missing key 'mass' (or 'density' in the table mass)")
+        with_mass = [row.mass is not None for row in self.rows]
+        if self.mass is None and any(with_mass):
+            raise InputError(
+                f"row {with_mass.index(True) + 1} has a mass, but the table mass is missing, which "
+                "says how it is distributed (model, radius)"
+            )
+        if self.mass is not None and self.mass.density is None and not all(with_mass):
+            where = _numbered([i for i, has_mass in enumerate(with_mass, start=1) if not has_mass])
+            raise InputError(f"{where}: missing key 'mass' (or 'density' in the table mass)")
         _check_distinct(*self.joint_names, TIP_JOINT, *self.link_names)
         postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
         object.__setattr__(self, "postures", MappingProxyType(postures))
@@ -309,55 +316,127 @@ def read_dh_table(path: str | PathLike[str]) -> DHTable:
         raise DHTableError(path, str(error)) from None
 
 
+def is_dh_table(path: object) -> bool:
+    """Return whether a path is that of a DH table, by its extension, ``.toml``."""
+    return isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".toml"
+
+
 def _arguments_of_table(text: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"is not valid TOML: {error}") from None
-    required = ("name", "convention", "units", "rows", "mass")
-    entries = _checked_keys(content, required, ("postures",))
+    _check_missing(content)
+    entries = _checked_keys(content, _TABLE, _OPTIONAL)
     with _within("units"):
-        angle = _angle_unit(entries.pop("units"))
-    with _within("mass"):
-        mass = MassModel(**_arguments(MassModel, entries["mass"], text=("model",)))
-    rows = _rows(entries["rows"], angle)
-    postures = _postures(entries.get("postures", {}), rows, angle)
-    return entries | {"rows": rows, "mass": mass, "postures": postures}
+        units = _units(entries.pop("units"))
+    if "mass" in entries:
+        with _within("mass"):
+            solid = _arguments(MassModel, entries["mass"], text=("model",))
+            if "radius" in solid:
+                solid["radius"] = units.length(solid["radius"])
+            entries["mass"] = MassModel(**solid)
+    rows = _rows(entries["rows"], units)
+    postures = _postures(entries.get("postures", {}), rows, units)
+    return entries | {"rows": rows, "postures": postures}
 
 
-def _angle_unit(entry: object) -> Callable[[float], float]:
-    units = _checked_keys(entry, ("length", "angle"))
-    _check_choice(units["length"], "length unit", Literal["m"])
+class _Units(NamedTuple):
+    """Conversions of a table's lengths and angles to m and rad."""
+
+    length: Callable[[float], float]
+    angle: Callable[[float], float]
+
+    def of_joint(self, kind: object) -> Callable[[float], float]:
+        """Return the conversion of a joint variable."""
+        return self.length if kind == "prismatic" else self.angle
+
+
+_TABLE, _OPTIONAL = ("name", "convention", "units", "rows"), ("mass", "postures")
+_UNITS = ("length", "angle")
+
+
+def _check_missing(content: Mapping[str, Any]) -> None:
+    """Check that no table lacks a key.
+
+    Raises
+    ------
+    InputError
+        Keys are missing; the message names all of them, by table.
+    """
+    rows = content.get("rows")
+    tables = [
+        ("", content, _TABLE, _OPTIONAL),
+        ("units", content.get("units"), _UNITS, ()),
+        ("mass", content.get("mass"), *_keys(MassModel)),
+    ]
+    for i, row in enumerate(rows if isinstance(rows, list) else (), start=1):
+        tables.append((str(i), row, *_keys(DHRow)))
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for where, table, required, optional in tables:
+        # A misspelt key is reported as such, not as a missing one.
+        if isinstance(table, dict) and not set(table).difference(required, optional):
+            missing = tuple(key for key in required if key not in table)
+            lacking.setdefault(missing, []).append(where)
+    lacking.pop((), None)
+    if lacking:
+        raise InputError("; ".join(_missing(*entry) for entry in lacking.items()))
+
+
+def _missing(keys: tuple[str, ...], tables: list[str]) -> str:
+    """Return a message about keys that tables lack; tables that are numbers are rows."""
+    words = f"missing key{'s' if len(keys) > 1 else ''} {listed(map(repr, keys))}"
+    rows = [int(table) for table in tables if table.isdecimal()]
+    places = [table for table in tables if table and not table.isdecimal()]
+    where = ", ".join((*places, *([_numbered(rows)] if rows else ())))
+    return f"{where}: {words}" if where else words
+
+
+def _numbered(rows: list[int]) -> str:
+    return f"row{'s' if len(rows) > 1 else ''} {listed(map(str, rows))}"
+
+
+def _units(entry: object) -> _Units:
+    units = _checked_keys(entry, _UNITS)
+    _check_choice(units["length"], "length unit", Literal["m", "mm"])
     _check_choice(units["angle"], "angle unit", Literal["deg", "rad"])
-    return math.radians if units["angle"] == "deg" else float
+    return _Units(
+        _from_millimetres if units["length"] == "mm" else float,
+        math.radians if units["angle"] == "deg" else float,
+    )
 
 
-def _rows(entries: object, angle: Callable[[float], float]) -> tuple[DHRow, ...]:
+def _from_millimetres(length: float) -> float:
+    return length / 1000.0  # exact to the last digit, unlike a product with 0.001
+
+
+def _rows(entries: object, units: _Units) -> tuple[DHRow, ...]:
     if not isinstance(entries, list):
         raise InputError(f"rows must be a list with one table per joint, got {brief(entries)}")
     rows = []
     for i, entry in enumerate(entries, start=1):
         with _within(f"row {i}"):
             values = _arguments(DHRow, entry, text=("type", "joint", "link"))
-            own = ("lower", "upper", "velocity") if values["type"] == "revolute" else ()
-            angles = {key: angle(values[key]) for key in ("alpha", "theta", *own) if key in values}
-            rows.append(DHRow(**(values | angles)))
+            unit = units.of_joint(values["type"])
+            converted = dict.fromkeys(("lower", "upper", "velocity"), unit)
+            converted |= dict.fromkeys(("alpha", "theta"), units.angle)
+            converted |= dict.fromkeys(("a", "d"), units.length)
+            values |= {key: to(values[key]) for key, to in converted.items() if key in values}
+            rows.append(DHRow(**values))
     return tuple(rows)
 
 
-def _postures(
-    entries: object, rows: tuple[DHRow, ...], angle: Callable[[float], float]
-) -> dict[str, list[float]]:
+def _postures(entries: object, rows: tuple[DHRow, ...], units: _Units) -> dict[str, list[float]]:
     if not isinstance(entries, dict):
         raise InputError(f"postures must be a table of named lists, got {brief(entries)}")
     postures = {}
-    units = [angle if row.type == "revolute" else float for row in rows]
+    conversions = [units.of_joint(row.type) for row in rows]
     for name, values in entries.items():
         where = f"posture {name!r}"
         if not isinstance(values, list):
             raise InputError(f"{where} must be a list of numbers, got {brief(values)}")
         # DHTable rejects lists of the wrong length.
-        with_units = zip(chain(units, repeat(float)), values, strict=False)
+        with_units = zip(chain(conversions, repeat(float)), values, strict=False)
         postures[name] = [unit(_check_number(value, where)) for unit, value in with_units]
     return postures
 
@@ -365,12 +444,16 @@ def _postures(
 def _arguments(
     kind: type[DHRow | MassModel], entry: object, text: tuple[str, ...]
 ) -> dict[str, Any]:
-    required = [f.name for f in fields(kind) if f.default is MISSING]
-    optional = [f.name for f in fields(kind) if f.default is not MISSING]
-    values = _checked_keys(entry, required, optional)
+    values = _checked_keys(entry, *_keys(kind))
     return {
         key: value if key in text else _check_number(value, key) for key, value in values.items()
     }
+
+
+def _keys(kind: type[DHRow | MassModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the required and the optional keys of a table."""
+    required = tuple(f.name for f in fields(kind) if f.default is MISSING)
+    return required, tuple(f.name for f in fields(kind) if f.default is not MISSING)
 
 
 def _checked_keys(

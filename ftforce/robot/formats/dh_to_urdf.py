@@ -7,8 +7,9 @@ Frames
     the angles of the table. θ and d come from row i; a and α from row i in the standard convention
     and from row i+1 in the modified one, whose first a and α belong to the base. The last transform
     is a fixed joint to the link ``tool``, which is DH frame n.
-Unknown limits
-    URDF requires effort and velocity limits; 0 means unknown.
+Unknown limits and masses
+    URDF requires effort and velocity limits; 0 means unknown. Without a mass model the links
+    have no ``<inertial>``.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 _Triple: TypeAlias = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
+_SLENDER = (
+    0.02  # radius of links of unknown mass, as a share of the arm's length (m if it has none)
+)
 
 
 class Origin(NamedTuple):
@@ -80,6 +84,14 @@ class Body(NamedTuple):
         return tuple(rod for rod in (upright, across) if rod.length)
 
 
+def _radius(table: DHTable) -> float:
+    """Return the radius that the links are drawn with, m."""
+    if table.mass is not None:
+        return table.mass.radius
+    total = sum(abs(row.a) + abs(row.d) for row in table.rows)
+    return _SLENDER * total or _SLENDER
+
+
 def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
     """Return mass (kg), centre of mass (m) and inertia about it (kg·m²), shape (3, 3)."""
     r2 = model.radius * model.radius
@@ -102,7 +114,7 @@ def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
     return mass, (x, y, z), mass * inertia
 
 
-def _check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
+def _check_inertia(inertia: Matrix, body: Body, model: MassModel, table: DHTable) -> None:
     """Check that an inertia is physical, e.g. not that of a rod thicker than it is long.
 
     Raises
@@ -113,10 +125,8 @@ def _check_inertia(inertia: Matrix, body: Body, table: DHTable) -> None:
     # The triangle inequality holds with equality for a flat disc, hence the slack of 1e-9.
     moments = np.linalg.eigvalsh(inertia) if np.isfinite(inertia).all() else np.zeros(3)
     if not (moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-9)):
-        size = f"d = {body.d:g} m, a = {body.a:g} m, radius {table.mass.radius:g} m"
-        reason = (
-            f"link {body.name!r}: the inertia of a {table.mass.model} of this size is unphysical"
-        )
+        size = f"d = {body.d:g} m, a = {body.a:g} m, radius {model.radius:g} m"
+        reason = f"link {body.name!r}: the inertia of a {model.model} of this size is unphysical"
         hint = "a link must be longer than it is thick, and of ordinary size"
         raise DHTableError(table.source or table.name, f"{reason} ({size}); {hint}")
 
@@ -212,12 +222,12 @@ def _bodies(table: DHTable) -> list[Body]:
 def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
     import yourdfpy
 
-    radius = table.mass.radius
+    radius = _radius(table)
     link = yourdfpy.Link(body.name)
-    if body.name != BASE:
+    if body.name != BASE and table.mass is not None:
         with np.errstate(over="ignore", invalid="ignore"):  # _check_inertia rejects the result
             mass, centre, inertia = _inertia_of(body, table.mass)
-        _check_inertia(inertia, body, table)
+        _check_inertia(inertia, body, table.mass, table)
         link.inertial = yourdfpy.Inertial(_noted(Origin(centre), origins), mass, inertia)
     for rod in body.rods:
         cylinder = yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius, rod.length))

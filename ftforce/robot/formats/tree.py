@@ -8,9 +8,10 @@ numbers.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from ftforce.errors import URDFError, closest, listed
 from ftforce.io.text import LARGEST_NUMBER
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 MOVING = frozenset({"revolute", "continuous", "prismatic"})
+LIMITED = frozenset({"revolute", "prismatic"})
 HELD = frozenset({"floating", "planar"})  # held fixed: no single motor drives them
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -30,6 +32,28 @@ MAX_DEPTH = 150
 Numbers: TypeAlias = tuple[float, ...]
 
 
+PartKind: TypeAlias = Literal["link", "joint"]
+
+
+class Flaw(NamedTuple):
+    """Something malformed in one link or joint, and what it is replaced by in the tree.
+
+    Attributes
+    ----------
+    kind, name :
+        The link or joint.
+    reason :
+        What is malformed, as a sentence that names the part.
+    hides_motion :
+        Whether a joint that may move is taken for a fixed one.
+    """
+
+    kind: PartKind
+    name: str
+    reason: str
+    hides_motion: bool = False
+
+
 class Mimic(NamedTuple):
     """Mimic relation ``q_follower = multiplier · q_leader + offset``."""
 
@@ -39,7 +63,10 @@ class Mimic(NamedTuple):
 
 
 class UrdfJoint(NamedTuple):
-    """One joint as given in the URDF (rad, m, N·m or N; ``None`` where not given)."""
+    """One joint as given in the URDF (rad, m, N·m or N; ``None`` where not given).
+
+    Limits are as written, which may be infinite or negative; `ftforce.load_robot` interprets them.
+    """
 
     name: str
     type: str
@@ -67,7 +94,7 @@ class UrdfLink(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfTree:
-    """A URDF whose numbers are finite and whose joints form a single tree.
+    """A URDF whose joints form a single tree, and whose numbers are finite except for limits.
 
     Attributes
     ----------
@@ -79,6 +106,10 @@ class UrdfTree:
         The link that is not the child of any joint.
     parent_joint, child_joints :
         The joints directly above and below each link, by link name.
+    flaws :
+        What is malformed in single links and joints; the tree has stand-ins for it.
+    notes :
+        Remarks on the file.
     """
 
     path: str
@@ -88,6 +119,8 @@ class UrdfTree:
     root: str
     parent_joint: Mapping[str, UrdfJoint]
     child_joints: Mapping[str, tuple[UrdfJoint, ...]]
+    flaws: tuple[Flaw, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def path_to(self, link: str) -> tuple[UrdfJoint, ...]:
         """Return the joints from the root to ``link``."""
@@ -126,7 +159,13 @@ class UrdfTree:
 
 
 def build_tree(
-    path: str, name: str, links: Mapping[str, UrdfLink], joints: Mapping[str, UrdfJoint]
+    path: str,
+    name: str,
+    links: Mapping[str, UrdfLink],
+    joints: Mapping[str, UrdfJoint],
+    *,
+    flaws: Iterable[Flaw] = (),
+    notes: Iterable[str] = (),
 ) -> UrdfTree:
     """Build the tree of links and joints and check it.
 
@@ -136,14 +175,17 @@ def build_tree(
         Path of the file, for messages, and name of the robot.
     links, joints :
         Links and joints by name. Chains of mimic joints are resolved to their first leader.
+    flaws, notes :
+        What is malformed in single links and joints, and remarks on the file. Mimic relations that
+        cannot be resolved are dropped and added to the flaws.
 
     Raises
     ------
     URDFError
-        The link or leader of a joint is missing, the tree has loops or several roots, mimic joints
-        form a cycle, or the tree is too deep.
+        The link of a joint is missing, the tree has loops or several roots, or it is too deep.
     """
-    joints = _without_mimic_chains(path, joints)
+    found = list(flaws)
+    joints = _without_mimic_chains(joints, found)
     parent_joint: dict[str, UrdfJoint] = {}
     children: dict[str, list[UrdfJoint]] = {link: [] for link in links}
     for joint in joints.values():
@@ -164,6 +206,8 @@ def build_tree(
         root=_root(path, links, parent_joint),
         parent_joint=MappingProxyType(parent_joint),
         child_joints=MappingProxyType({link: tuple(below) for link, below in children.items()}),
+        flaws=tuple(found),
+        notes=tuple(notes),
     )
     _check_depth(tree)
     return tree
@@ -182,47 +226,70 @@ def did_you_mean(name: str, available: Iterable[str]) -> str:
     return f"; did you mean {close!r}?" if (close := closest(name, available)) else ""
 
 
-def _without_mimic_chains(path: str, joints: Mapping[str, UrdfJoint]) -> dict[str, UrdfJoint]:
-    """Return the joints with every mimic relation resolved to its first leader."""
+def _without_mimic_chains(
+    joints: Mapping[str, UrdfJoint], flaws: list[Flaw]
+) -> dict[str, UrdfJoint]:
+    """Return the joints with every mimic relation resolved to its first leader.
+
+    Those that cannot be resolved are dropped and added to the flaws.
+    """
     done = {name: joint for name, joint in joints.items() if joint.mimic is None}
+
+    def drop(joint: UrdfJoint, reason: str) -> None:
+        flaws.append(Flaw("joint", joint.name, reason))
+        done[joint.name] = joint._replace(mimic=None)
+
     for first in joints.values():
         joint, chain = first, dict[str, UrdfJoint]()
         while joint.name not in done:
             if joint.name in chain:
-                raise URDFError(path, f"the joints {listed(chain)} mimic each other in a cycle")
-            chain[joint.name] = joint
-            joint = _leader(path, joint, joints)
+                for follower in chain.values():
+                    drop(follower, f"the joints {listed(chain)} mimic each other in a cycle")
+            elif problem := _missing_leader(joint, joints):
+                drop(joint, problem)
+            else:
+                chain[joint.name] = joint
+                joint = joints[_leader(joint)]
         for follower in reversed(chain.values()):
-            done[follower.name] = _follow(path, follower, done)
+            if follower.name not in done:
+                resolved = _follow(follower, done)
+                if resolved.mimic and max(map(abs, resolved.mimic[1:])) > LARGEST_NUMBER:
+                    drop(follower, _TOO_LARGE.format(follower.name))
+                else:
+                    done[follower.name] = resolved
     return {name: done[name] for name in joints}
 
 
-def _leader(path: str, joint: UrdfJoint, joints: Mapping[str, UrdfJoint]) -> UrdfJoint:
-    """Return the joint that a follower mimics."""
-    name = joint.mimic.leader if joint.mimic else ""
+_TOO_LARGE = (
+    "joint {!r}: its multiplier or offset, multiplied along the chain of mimic joints, exceeds "
+    f"{LARGEST_NUMBER:g}"
+)
+
+
+def _leader(joint: UrdfJoint) -> str:
+    return joint.mimic.leader if joint.mimic else ""
+
+
+def _missing_leader(joint: UrdfJoint, joints: Mapping[str, UrdfJoint]) -> str:
+    """Return why a follower cannot follow its leader; empty if it can."""
+    name = _leader(joint)
     leader = joints.get(name)
     if leader is None:
         reason = f"does not exist{did_you_mean(name, joints)}"
     elif leader.type not in MOVING:
         reason = f"is {leader.type}"
     else:
-        return leader
-    raise URDFError(path, f"joint {joint.name!r} mimics {name!r}, which {reason}")
+        return ""
+    return f"joint {joint.name!r} mimics {name!r}, which {reason}"
 
 
-def _follow(path: str, joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJoint:
+def _follow(joint: UrdfJoint, done: Mapping[str, UrdfJoint]) -> UrdfJoint:
     """Return the follower with its leader's mimic relation, already resolved, substituted."""
     own = joint.mimic
     if own is None or (above := done[own.leader].mimic) is None:
         return joint
     multiplier = own.multiplier * above.multiplier
     offset = own.multiplier * above.offset + own.offset
-    if max(abs(multiplier), abs(offset)) > LARGEST_NUMBER:
-        raise URDFError(
-            path,
-            f"joint {joint.name!r}: its multiplier or offset, multiplied along the chain of mimic "
-            f"joints, exceeds {LARGEST_NUMBER:g}",
-        )
     return joint._replace(mimic=Mimic(above.leader, multiplier, offset))
 
 
@@ -273,11 +340,15 @@ def _link_xml(link: UrdfLink, code: str) -> str:
 
 
 def _joint_xml(joint: UrdfJoint, code: str, links: Mapping[str, str]) -> str:
-    # ftforce keeps the limits itself (see UrdfJoint); urdfdom requires all four attributes.
+    # ftforce keeps the limits itself (see UrdfJoint); urdfdom requires all four attributes, finite,
+    # and Pinocchio no negative efforts.
+    limits = (joint.lower, joint.upper, joint.effort, joint.velocity)
+    lower, upper, effort, velocity = (x if x and math.isfinite(x) else 0.0 for x in limits)
+    effort, velocity = max(effort, 0.0), max(velocity, 0.0)
     return (
         f'<joint name="{code}" type="{joint.type}">'
         f'<parent link="{links[joint.parent]}"/><child link="{links[joint.child]}"/>'
         f"<origin xyz={_text(joint.xyz)} rpy={_text(joint.rpy)}/><axis xyz={_text(joint.axis)}/>"
-        f'<limit lower="{joint.lower or 0.0!r}" upper="{joint.upper or 0.0!r}"'
-        f' effort="{joint.effort or 0.0!r}" velocity="{joint.velocity or 0.0!r}"/></joint>'
+        f'<limit lower="{lower!r}" upper="{upper!r}" effort="{effort!r}" velocity="{velocity!r}"/>'
+        "</joint>"
     )

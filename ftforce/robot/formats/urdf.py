@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+import shlex
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from xml.etree import ElementTree
 
-from ftforce.errors import URDFError, listed
-from ftforce.io.text import LARGEST_NUMBER, parse_xml, read_numbers, read_text
+from ftforce.errors import URDFError, listed, printable
+from ftforce.io.text import LARGEST_NUMBER, read_numbers
+from ftforce.io.xml_text import XmlFile, read_xml
+from ftforce.robot.formats.dh import is_dh_table, read_dh_table
+from ftforce.robot.formats.held import interpret_limits
 from ftforce.robot.formats.tree import (
     JOINT_TYPES,
+    LIMITED,
     MOMENTS,
     MOVING,
+    Flaw,
     Mimic,
     UrdfJoint,
     UrdfLink,
@@ -20,10 +28,11 @@ from ftforce.robot.formats.tree import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from os import PathLike
     from xml.etree.ElementTree import Element
 
-    from ftforce.robot.formats.tree import Numbers, UrdfTree
+    from ftforce.robot.formats.tree import Numbers, PartKind, UrdfTree
 
 MAX_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
 _SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
@@ -31,20 +40,44 @@ _SMALLEST_STEP = 1e-50  # of an origin, m or rad; with smaller lever arms, force
 _SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are rounding error
 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
-_ZERO3 = (0.0, 0.0, 0.0)
-_LIMITED = frozenset({"revolute", "prismatic"})
+_ZERO3: Numbers = (0.0, 0.0, 0.0)
+_X: Numbers = (1.0, 0.0, 0.0)  # default axis of the URDF format
+_DEFINITIONS = frozenset({"property", "arg", "macro"})  # xacro elements that add no parts
+_Body: TypeAlias = "tuple[float | None, Numbers, Numbers, Numbers]"
 _Named = TypeVar("_Named", UrdfLink, UrdfJoint)
 
 
 def read_urdf(path: str | PathLike[str]) -> UrdfTree:
-    """Read and check a URDF.
+    """Read and check a URDF, or that of a DH table.
+
+    Flaws of single links and joints are recorded in the tree, with stand-ins for what is
+    malformed: whether they matter depends on the chain.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, is neither a URDF nor a DH table, or does not describe a tree of
+        links and joints.
+    """
+    found = robot_element(path)
+    return tree_of(found.root, path, found.notes)
+
+
+def tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()) -> UrdfTree:
+    """Return the tree that the root element of a URDF describes.
+
+    Parameters
+    ----------
+    root :
+        The root element.
+    path, notes :
+        Path of the file, and remarks on it.
 
     Raises
     ------
     URDFError
-        The file cannot be read, is not a URDF, or does not describe a tree of links and joints.
+        It does not describe a tree of links and joints.
     """
-    root = _robot_element(path)
     reader = _Reader(str(path))
     elements = root.findall("link")
     if not elements:
@@ -55,36 +88,82 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
     joints = reader.unique([reader.joint(e) for e in root.findall("joint")], "joint")
     name = root.get("name", "").strip() or Path(path).stem
     label = "".join(letter if letter.isprintable() else "?" for letter in name)
-    return build_tree(str(path), label, links, joints)
+    tree = build_tree(str(path), label, links, joints, flaws=reader.flaws, notes=notes)
+    return interpret_limits(tree)
 
 
-def _robot_element(path: str | PathLike[str]) -> Element:
-    text = read_text(path, URDFError, "a URDF")
-    convert = "`xacro FILE.xacro > FILE.urdf` (pip install xacro, or any ROS installation)"
-    xacro = URDFError(path, f"is a xacro file; convert it to URDF first: {convert}")
-    try:
-        root = parse_xml(text, path, URDFError)
-    except URDFError as problem:
-        if "unbound prefix" in problem.reason and "<xacro:" in text:
-            raise xacro from None
-        raise
-    if str(path).endswith(".xacro") or any(map(_is_xacro, root.iter())):
-        raise xacro
+def robot_element(path: str | PathLike[str]) -> XmlFile:
+    """Return the root element of a URDF, ``<robot>``, and remarks on the file.
+
+    That of a DH table (.toml) is generated.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or is neither a URDF nor a DH table.
+    """
+    if is_dh_table(path):
+        from ftforce.robot.formats.dh_to_urdf import to_urdf  # imports yourdfpy
+
+        return XmlFile(ElementTree.fromstring(to_urdf(read_dh_table(path))), ())
+    found = read_xml(path, URDFError, "a URDF")
+    root, notes = found
+    generators, leftovers, has_expressions = _xacro_parts(root)
+    is_unused = leftovers and not has_expressions and root.find("link") is not None
+    if generators or (leftovers and not is_unused) or str(path).endswith(".xacro"):
+        raise URDFError(path, _expand_first(path))
     if root.tag != "robot":
         raise URDFError(path, f"is not a URDF: its root element is <{root.tag}>, not <robot>")
-    return root
+    if leftovers:
+        names = listed(f"<xacro:{name}>" for name in sorted(leftovers))
+        notes = (*notes, f"remains of xacro are ignored: {names}")
+    return XmlFile(root, notes)
 
 
-def _is_xacro(element: Element) -> bool:
-    tag = element.tag
-    return isinstance(tag, str) and tag.startswith("{") and "xacro" in tag[: tag.index("}")]
+def _xacro_parts(root: Element) -> tuple[set[str], set[str], bool]:
+    """Return the xacro elements that add parts, those that do not, and whether ``${`` is used."""
+    names: set[str] = set()
+    has_expressions = False
+    waiting = [root]
+    while waiting:
+        for element in waiting.pop():
+            if name := _xacro_name(element):
+                names.add(name)  # what is defined within is unused if nothing calls it
+                continue
+            has_expressions |= any("${" in x or "$(" in x for x in element.attrib.values())
+            waiting.append(element)
+    return names - _DEFINITIONS, names & _DEFINITIONS, has_expressions
+
+
+def _xacro_name(element: Element) -> str:
+    """Return the name of a xacro element without its prefix; empty for other elements."""
+    tag = element.tag if isinstance(element.tag, str) else ""  # that of a comment is a function
+    space, _, name = tag[1:].rpartition("}") if tag.startswith("{") else tag.rpartition(":")
+    return name if "xacro" in space else ""
+
+
+def _expand_first(path: str | PathLike[str]) -> str:
+    """Return the advice for a xacro file: a command that writes to a file that is not there."""
+    name = Path(path).name.removesuffix(".xacro").removesuffix(".urdf")
+    new = f"{name}-expanded.urdf"
+    while Path(new).exists():
+        new = f"{new.removesuffix('.urdf')}-2.urdf"
+    command = f"xacro {shlex.quote(printable(path))} -o {shlex.quote(printable(new))}"
+    return (
+        f"is a xacro file; expand it to a URDF first: `{command}` (pip install xacro, or any ROS "
+        "installation)"
+    )
 
 
 class _Reader:
-    """Converts XML elements to links and joints; errors carry the path of the file."""
+    """Converts XML elements to links and joints; errors carry the path of the file.
+
+    What is malformed in a link or joint becomes a flaw and is replaced by a stand-in.
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path
+        self.flaws: list[Flaw] = []
 
     def error(self, reason: str) -> URDFError:
         return URDFError(self.path, reason)
@@ -97,17 +176,31 @@ class _Reader:
             raise self.error(f"two {kind}s are named {twice!r}; names must be unique")
         return by_name
 
+    @contextmanager
+    def noting_flaws(
+        self, kind: PartKind, name: str, *, hides_motion: bool = False
+    ) -> Iterator[None]:
+        """Turn an error within the block into a flaw of a link or joint."""
+        try:
+            yield
+        except URDFError as error:
+            self.flaws.append(Flaw(kind, name, error.reason, hides_motion))
+
     def link(self, element: Element) -> UrdfLink:
         name = self.name(element, "link")
-        where = f"link {name!r}"
         inertial = element.find("inertial")
-        if inertial is None:
-            return UrdfLink(name, None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
+        body: _Body = (None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
+        if inertial is not None:
+            with self.noting_flaws("link", name):
+                body = self.body(inertial, f"link {name!r}")
+        return UrdfLink(name, *body)
+
+    def body(self, inertial: Element, where: str) -> _Body:
         mass = self.number(inertial.find("mass"), "value", f"{where}: mass")
         if mass is not None and mass < 0.0:
             raise self.error(f"{where}: mass {mass:g} kg is negative; it must be 0 or more")
         moments = self.moments(inertial.find("inertia"), where)
-        return UrdfLink(name, mass, *self.origin(inertial, where), moments)
+        return mass, *self.origin(inertial, where), moments
 
     def moments(self, matrix: Element | None, where: str) -> Numbers:
         values = [self.number(matrix, key, f"{where}: inertia {key}") or 0.0 for key in MOMENTS]
@@ -120,22 +213,34 @@ class _Reader:
     def joint(self, element: Element) -> UrdfJoint:
         name = self.name(element, "joint")
         where = f"joint {name!r}"
-        kind = element.get("type", "")
-        if kind not in JOINT_TYPES:
-            hint = did_you_mean(kind, JOINT_TYPES)
-            raise self.error(
-                f"{where}: unknown type {kind!r}; available: {listed(JOINT_TYPES)}{hint}"
-            )
         parent, child = (self.reference(element, role, where) for role in ("parent", "child"))
-        lower, upper = self.bounds(element.find("limit"), kind, where)
-        effort, velocity = (
-            self.largest(element.find("limit"), key, where) for key in ("effort", "velocity")
-        )
-        xyz, rpy = self.origin(element, where)
-        axis, mimic = self.axis(element, kind, where), self.mimic(element, kind, where)
+        kind, axis, mimic = "fixed", _X, None
+        xyz = rpy = _ZERO3
+        lower = upper = effort = velocity = None
+        with self.noting_flaws("joint", name, hides_motion=True):
+            kind = self.kind(element, where)
+        with self.noting_flaws("joint", name):
+            xyz, rpy = self.origin(element, where)
+        with self.noting_flaws("joint", name):
+            axis = self.axis(element, kind, where)
+        limit = element.find("limit")
+        with self.noting_flaws("joint", name):
+            lower, upper = self.bounds(limit, kind, where)
+        with self.noting_flaws("joint", name):
+            effort, velocity = (self.largest(limit, key, where) for key in ("effort", "velocity"))
+        with self.noting_flaws("joint", name):
+            mimic = self.mimic(element, kind, where)
         return UrdfJoint(
             name, kind, parent, child, xyz, rpy, axis, lower, upper, effort, velocity, mimic
         )
+
+    def kind(self, element: Element, where: str) -> str:
+        kind = element.get("type", "")
+        if kind not in JOINT_TYPES:
+            hint = did_you_mean(kind, JOINT_TYPES)
+            available = listed(JOINT_TYPES)
+            raise self.error(f"{where}: unknown type {kind!r}; available: {available}{hint}")
+        return kind
 
     def name(self, element: Element, kind: str) -> str:
         name = element.get("name", "")
@@ -165,26 +270,28 @@ class _Reader:
     def axis(self, element: Element, kind: str, where: str) -> Numbers:
         found = element.find("axis")
         if found is None:
-            return (1.0, 0.0, 0.0)  # default of the URDF format
+            return _X
         axis = self.numbers(found.get("xyz", "1 0 0"), 3, f"{where}: axis")
         length = math.hypot(*axis)
         if length < _SHORTEST_AXIS:
             if kind in MOVING or kind == "planar":
                 raise self.error(f"{where}: its axis is zero; give a direction, e.g. 0 0 1")
-            return (1.0, 0.0, 0.0)  # the axis of a fixed joint is irrelevant
+            return _X  # the axis of a fixed joint is irrelevant
         return axis if length == 1.0 else tuple(x / length for x in axis)
 
     def bounds(
         self, limit: Element | None, kind: str, where: str
     ) -> tuple[float, float] | tuple[None, None]:
-        if kind not in _LIMITED:
+        if kind not in LIMITED:
             return None, None
         if limit is None:
             other = " (or type continuous)" if kind == "revolute" else ""
             raise self.error(f'{where}: a {kind} joint needs <limit lower="…" upper="…"/>{other}')
+        if limit.get("lower") is None and limit.get("upper") is None:
+            return None, None  # by the URDF format 0 and 0, by which nothing could move
         # In the URDF format, a missing bound defaults to 0.
         lower, upper = (
-            self.number(limit, key, f"{where}: limit {key}", math.inf) or 0.0
+            self.number(limit, key, f"{where}: limit {key}", None) or 0.0
             for key in ("lower", "upper")
         )
         if lower > upper:
@@ -194,10 +301,7 @@ class _Reader:
         return lower, upper
 
     def largest(self, limit: Element | None, key: str, where: str) -> float | None:
-        value = self.number(limit, key, f"{where}: limit {key}", math.inf)
-        if value is not None and value < 0.0:
-            raise self.error(f"{where}: {key} limit {value:g} is negative; 0 means unknown")
-        return value
+        return self.number(limit, key, f"{where}: limit {key}", None)
 
     def mimic(self, element: Element, kind: str, where: str) -> Mimic | None:
         found = element.find("mimic")
@@ -211,12 +315,18 @@ class _Reader:
         return Mimic(leader, 1.0 if factor is None else factor, offset or 0.0)
 
     def number(
-        self, element: Element | None, key: str, what: str, largest: float = LARGEST_NUMBER
+        self,
+        element: Element | None,
+        key: str,
+        what: str,
+        largest: float | None = LARGEST_NUMBER,
     ) -> float | None:
         text = element.get(key) if element is not None else None
         return None if text is None else self.numbers(text, 1, what, largest)[0]
 
-    def numbers(self, text: str, count: int, what: str, largest: float = LARGEST_NUMBER) -> Numbers:
+    def numbers(
+        self, text: str, count: int, what: str, largest: float | None = LARGEST_NUMBER
+    ) -> Numbers:
         try:
             return read_numbers(text, count, largest)
         except ValueError as problem:

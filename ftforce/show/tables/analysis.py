@@ -13,6 +13,7 @@ from ftforce.errors import listed, printable
 from ftforce.report import analysis as sentences
 from ftforce.report import text
 from ftforce.report.measures import MEASURES
+from ftforce.report.robot import tip_in_words
 from ftforce.report.text import number, ratio
 from ftforce.show.tables.joints import (
     by_joint,
@@ -74,7 +75,7 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
     robot = analysis.robot
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        ("Tip", f"{robot.tip} ({robot.tip_source})"),
+        ("Tip", tip_in_words(robot)),
         *task_facts(analysis.task),
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
@@ -82,6 +83,11 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
         ("Limits", _limits(analysis)),
         ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
     ]
+
+
+def tip_facts(robot: Robot) -> list[tuple[str, str]]:
+    """Return the tip where another tool frame could have been meant."""
+    return [("Tip", tip_in_words(robot))] if robot.other_tips else []
 
 
 def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:

@@ -48,7 +48,7 @@ def _direction(capability: Capability) -> list[tuple[str, str]]:
 def _directions(capability: Capability) -> TitledTable:
     title = "Largest force at the tip: commanded by the motors, or held with the locks"
     each = ("before\ncommanded", "\nheld", "after\ncommanded", "\nheld")
-    end = "after, commanded:\nends at"
+    end = "after, commanded:\nlimited by"
     result = table(title, "direction", "unit", *each, end, left=2, folded=(6,))
     for report in capability.directions:
         end = capability_words.end_in_words(capability.analysis, report.after[LockModel.COMMANDED])
@@ -96,7 +96,7 @@ def _weakest_row(
     for name, x in zip(task.components, amount.direction.tolist() or [0.0] * task.m, strict=True):
         # unbounded: there is no weakest direction
         yield name, text.number(x) if math.isfinite(amount.maximum) else "–"
-    yield "ends at", capability_words.end_in_words(analysis, amount, after=when == "after")
+    yield "limited by", capability_words.end_in_words(analysis, amount, after=when == "after")
 
 
 def _payload(capability: Capability) -> TitledTable:
@@ -104,7 +104,7 @@ def _payload(capability: Capability) -> TitledTable:
     title = "Payload [kg] that the tip can carry" + (
         ", in addition to the present one" if already else ""
     )
-    result = table(title, "when", "kg", "ends at", left=1, folded=(2,))
+    result = table(title, "when", "kg", "limited by", left=1, folded=(2,))
     for when, amount in zip(("before", "after"), capability.payload, strict=True):
         late = when == "after"
         end = capability_words.end_in_words(capability.analysis, amount, after=late)

@@ -19,6 +19,7 @@ from ftforce.show.tables.analysis import (
     force_fact,
     limits_in_words,
     task_facts,
+    tip_facts,
 )
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
@@ -63,6 +64,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
     robot = census.robot
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(census.task),
         ("Posture", census.posture.source),
@@ -159,7 +161,7 @@ def _caption(census: Census, most: int) -> str:
     if any(report.share is not None for report in census.sets):
         notes.append("share: of the force, if its direction must not change")
         if any(report.share is None and report.can_stand_still for report in shown):
-            notes[-1] += "; –: no fraction of it alone holds the arm"
+            notes[-1] += "; –: no fraction of it is feasible"
     notes += _capability_notes(census, shown)
     if len(census.sets) > most:
         notes.append(f"… and {len(census.sets) - most} more; --format csv writes all")
@@ -181,7 +183,7 @@ def _capability_notes(census: Census, shown: Sequence[SetReport]) -> list[str]:
         if any(math.isnan(report.capability.commanded) for report in shown if report.capability):
             notes[-1] += f"; –: the arm cannot be held {none}"
         if any(x.capability.minimum > text.NEGLIGIBLE for x in shown if x.capability):
-            notes.append("! a smaller force, or none, does not hold the arm")
+            notes.append("! with a smaller force, or none, the arm cannot be held")
     return notes
 
 
@@ -192,12 +194,12 @@ def _critical_joints(census: Census) -> TitledTable:
     rows = [_joint(census, *pair) for pair in zip(census.joints, ranks, strict=True)]
     rows.append(_healthy(census))
     result = listing(f"Joints, {order}", rows, left=4, folded=(2,))
-    result.caption = "mean jump: jump over force, averaged over the sets that hold the joint"
+    result.caption = "mean jump: jump over force, averaged over the sets that contain the joint"
     if census.before is None:
         full = "a lost direction counts as 100%"
-        result.caption = f"mean jump: over the sets that hold the joint; {full}"
+        result.caption = f"mean jump: over the sets that contain the joint; {full}"
     if ranked:
-        result.caption = "least of all: commanded, over the sets that hold the joint"
+        result.caption = "least of all: commanded, over the sets that contain the joint"
     elif not all(report.can_stand_still for report in census.sets):
         result.caption += "\nan arm that cannot be held counts as a jump of 100%"
     return result

@@ -57,7 +57,7 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     counts = sorted({arm.postures for arm in comparison.arms})
     each = f"{counts[0]:,}" if len(counts) == 1 else f"{counts[0]:,} to {counts[-1]:,}"
     found = [
-        ("Faults", f"{fault_words(asked)}, every set of them"),
+        ("Faults", f"{fault_words(asked)}, all such sets"),
         ("Task", f"{asked.task} ({', '.join(asked.components)}){length}"),
         ("Axes", f"{asked.axes}: vectors are in the axes of {_AXES[asked.axes]}"),
         ("Force", force_in_words(asked)),
@@ -83,14 +83,14 @@ def _ranking(comparison: Comparison) -> TitledTable:
     rows = map(_rank, comparison.arms)
     result = listing(f"Arms, best first ({len(comparison.arms)})", rows, left=2, folded=(1, 6))
     result.caption = (
-        "tolerated: of postures x fault sets, more is better; borderline is not tolerated\n"
+        "tolerated: share of postures x fault sets (borderline is not); higher is better\n"
         "interval: 95 % confidence; arms whose intervals overlap share their ranks\n"
         "every set: of postures; with it: tolerated of the sets with the critical joint"
     )
     if not all(arm.is_whole for arm in comparison.arms):
-        result.caption += "\n* healthy, it cannot command the whole task: see the warning"
+        result.caption += "\n* cannot command the whole task even when healthy: see the warning"
     if comparison.question.largest > 1:
-        result.caption += "\nsets of one size weigh as much as those of another"
+        result.caption += "\nevery size of fault set has the same weight"
     return result
 
 
@@ -112,14 +112,14 @@ def _distances(comparison: Comparison, i: int) -> TitledTable:
     joints = "a single joint" if i == 0 else f"{i + 1} joints"
     rows = [_distance(asked, arm, i) for arm in comparison.arms]
     result = listing(f"How far from losing a direction: sets of {joints}", rows)
-    notes = ["5 %, 50 %: of postures x sets, that many lie below; more is better"]
+    notes = ["5 %, 50 %: quantiles over postures x sets; higher is better"]
     if is_locked:
         same = "the same at (nearly) every posture"
-        notes.append(f"mean ρ: root of the mean square, by n alone: {same}")
+        notes.append(f"mean ρ: root mean square, set by n alone: {same}")
     if is_last:
-        notes.append("worst ρ: a posture's smallest, the median")
+        notes.append("worst ρ: smallest ρ of a posture, median over the postures")
     if is_last and is_locked:
-        notes.append("even: worst over mean ρ, which it cannot exceed; more is better")
+        notes.append("even: worst over mean ρ, which it cannot exceed; higher is better")
     result.caption = "\n".join(notes)
     return result
 
@@ -173,7 +173,7 @@ def _force(comparison: Comparison) -> TitledTable | None:
         for arm in comparison.arms
     ]
     result = listing("Force after a single fault", rows)
-    notes = ["jump: share of the force that is lost; less is better"] * forced
+    notes = ["jump: share of the force that is lost; lower is better"] * forced
     if capable:
         where = vector_in_words(asked.direction or ())
         notes += [

@@ -117,7 +117,7 @@ def _speed(jump: tuple[float, ...]) -> str:
 def _runs(history: History) -> TitledTable:
     rows = [_run(history, name, run) for name, run in history.runs.items()]
     result = listing("The histories, at their worst", rows, folded=(0, 6))
-    result.caption = "unbalanced: torque that nothing balances and that moves the arm, N·m (N)"
+    result.caption = "unbalanced: torque out of equilibrium, which moves the arm, N·m (N)"
     return result
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.text import Text
 
+from ftforce.report.robot import tip_in_words
 from ftforce.report.text import number
 from ftforce.show.tables.parts import TitledTable, facts, spaced, table
 
@@ -27,7 +28,7 @@ def robot_view(robot: Robot) -> RenderableType:
     about = [
         ("Robot", robot.name),
         ("Base", f"{robot.base} ({robot.base_source})"),
-        ("Tip", f"{robot.tip} ({robot.tip_source})"),
+        ("Tip", tip_in_words(robot)),
         ("Tip candidates", f"{candidates or robot.tip} (joints above)"),
         ("Outside the chain", outside),
         ("Moving mass", f"{robot.mass:.3f} kg" if robot.mass else "unknown (the URDF has none)"),
@@ -56,7 +57,10 @@ def _postures(robot: Robot) -> RenderableType:
     result = table("Postures [rad, m]", "name", "q", left=2, folded=(0, 1))
     for name, q in robot.postures.items():
         result.add_row(name, ", ".join(number(x, 3) for x in q.tolist()))
-    built_in = Text("Also: mid-range, zero, sample (best conditioned of 64).", style="dim")
+    built_in = Text(
+        "Also: mid-range, zero, bent (from mid-range), sample (best conditioned of 64).",
+        style="dim",
+    )
     return Group(result, built_in) if robot.postures else built_in
 
 

@@ -90,7 +90,7 @@ def joints_table(sweep: Sweep) -> TitledTable:
         f"rank: by not tolerated; overlapping intervals share ranks; {HEALTHY_ROW}: healthy arm",
     ]
     if several:
-        notes.insert(0, "not tolerated: of all cases, postures × sets that hold the joint")
+        notes.insert(0, "not tolerated: of all cases, postures × sets that contain the joint")
         notes.insert(1, "alone: not tolerated when it fails alone")
     if capable:
         notes.append("force: median of the capability when it fails alone")

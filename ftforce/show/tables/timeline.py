@@ -11,7 +11,13 @@ from ftforce.report import text
 from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, share, size
 from ftforce.report.timeline import timeline_sentence
-from ftforce.show.tables.analysis import arm_fact, conditions_facts, force_fact, task_facts
+from ftforce.show.tables.analysis import (
+    arm_fact,
+    conditions_facts,
+    force_fact,
+    task_facts,
+    tip_facts,
+)
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     HEALTHY_ROW,
@@ -43,6 +49,7 @@ def timeline_view(timeline: Timeline, *, most: int = MOST_SETS) -> RenderableTyp
         facts(_situation(timeline)),
         _sets(timeline, most),
         _capabilities(timeline, most),
+        facts([("Assumed", note) for note in timeline.notes]) if timeline.notes else None,
         warning_lines(timeline.warnings),
         Text(timeline_sentence(timeline), style="bold"),
     )
@@ -59,6 +66,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
+        *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
         ("Path", f"{timeline.course} (points in the root's axes)"),

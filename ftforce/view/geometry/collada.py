@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ftforce.errors import FileError, printable
-from ftforce.io.text import parse_xml
+from ftforce.io.xml_text import parse_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

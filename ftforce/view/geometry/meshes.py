@@ -274,5 +274,5 @@ def _axis(robot: Robot, joint: int) -> Vector:
     data = model.createData()
     q = pin.neutral(robot.model)
     model.calc(data, q)
-    S: Vector = np.asarray(data.S).reshape(-1)
+    S: Vector = np.array(data.S).reshape(-1)  # a copy: S belongs to data
     return S[3:] if np.any(S[3:]) else S[:3]

@@ -16,8 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from ftforce.core.arrays import Matrix, read_only
-from ftforce.errors import URDFError, printable
-from ftforce.io.text import parse_xml, read_numbers, read_text, shortened
+from ftforce.errors import printable
+from ftforce.io.text import read_numbers, shortened
+from ftforce.robot.formats.urdf import robot_element
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,10 +75,10 @@ def read_visuals(path: str | os.PathLike[str]) -> Visuals:
 
     Raises
     ------
-    URDFError
-        The file cannot be read or is not valid XML.
+    FileError
+        The file cannot be read, or is neither a URDF nor a DH table.
     """
-    root = parse_xml(read_text(path, URDFError, "a URDF"), path, URDFError)
+    root = robot_element(path).root
     shapes: list[Visual] = []
     notes: list[str] = []
     for link, element in _elements(root):

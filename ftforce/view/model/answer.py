@@ -118,12 +118,12 @@ def answer(robot: Robot, state: State, earlier: Answer | None = None) -> Answer:
         The question is malformed.
     """
     analysis = analyze_question(state.question(robot))
-    all_sets, problem = _census(state, analysis.question, earlier)
+    census, problem = _census(state, analysis.question, earlier)
     needs_capability = state.shown.weakest or state.shown.solid == "polytope"
     return Answer(
         state=state,
         analysis=analysis,
-        census=all_sets,
+        census=census,
         census_problem=problem,
         capability=capability_of(analysis) if needs_capability else None,
         loads=_loads(analysis),

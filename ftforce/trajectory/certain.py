@@ -1,0 +1,103 @@
+"""Cells of a timeline whose answer depends on no tolerance: thousands of instants at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ftforce.core.faults import FaultMode
+from ftforce.core.stacks import cells_of, reach_of
+from ftforce.robot.dynamics import rnea_torque
+from ftforce.robot.kinematics import frame_jacobian
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ftforce.analysis.question import Question
+    from ftforce.core.arrays import Mask, Matrix
+    from ftforce.core.faults import FaultSet
+    from ftforce.core.limits import Limits
+    from ftforce.trajectory.reference import Motion
+
+_FLOOR = 1e-6  # of the six-row Jacobian: a smaller task Jacobian may be rounding error
+
+
+class Certain(NamedTuple):
+    """Values of S fault sets at N instants, valid where ``known``; each of shape (N, S).
+
+    Attributes
+    ----------
+    known :
+        Where the values are valid.
+    jump, margin, capability, held, verdict :
+        As in `ftforce.trajectory.timeline.Timeline`.
+    """
+
+    known: Mask
+    jump: Matrix
+    margin: Matrix
+    capability: Matrix
+    held: Matrix
+    verdict: NDArray[np.int8]
+
+
+def certain_cells(
+    question: Question, motion: Motion, sets: Sequence[FaultSet], capability_limits: Limits | None
+) -> Certain | None:
+    """Return the cells that no tolerance decides; ``None`` with limits or free-swinging joints.
+
+    Parameters
+    ----------
+    question :
+        What is asked at every instant.
+    motion :
+        Joint positions, velocities and accelerations, each of shape (N, n).
+    sets :
+        The fault sets.
+    capability_limits :
+        Torque limits of the capability; ``None`` for none.
+    """
+    locks = all(fault.mode is FaultMode.LOCKED for faults in sets for fault in faults.faults)
+    if question.limits is not None or not locks:
+        return None
+    robot, task, F, d = question.robot, question.task, question.F, question.direction
+    locked = np.array([faults.mask(robot.n) for faults in sets])
+    whole = np.array([frame_jacobian(robot, q, task.axes) for q in motion.q])
+    J = task.weigh_jacobian(whole[:, task.rows])
+    along = None if d is None else task.weigh_force(d)
+    cells = cells_of(J, locked, F, along, rtol=question.rtol, wary=question.wary)
+    floor = _FLOOR * np.linalg.norm(whole, axis=(1, 2))
+    jump = np.full(cells.certain.shape, np.nan)
+    if F is not None:
+        rows = list(task.force_rows or task.moment_rows)
+        jump = np.linalg.norm(task.unweigh_force(cells.jump)[..., rows], axis=2)
+    unknown = np.full(locked.shape, np.nan)
+    largest, rnea = unknown, np.zeros((len(J), 1, robot.n))
+    if capability_limits is not None:
+        largest = np.array([capability_limits.largest_torques(faults) for faults in sets])
+        rnea = _torques(question, motion, locked)
+    unit = task.weighted_unit if d is None else 1.0
+    commanded, held = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
+    return Certain(
+        cells.certain & (cells.scale > floor)[:, None],
+        jump,
+        cells.margin,
+        commanded * unit,
+        held * unit,
+        cells.verdict,
+    )
+
+
+def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.float64]:
+    """Return the torques for weight and motion after the faults, (N, S, n); (N, 1, n) at rest."""
+    robot, conditions = question.robot, question.conditions
+    own = None if conditions.is_model_gravity else conditions.gravity
+    keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
+    found = np.empty((len(motion.q), len(keep), robot.n))
+    for i, (q, v, a) in enumerate(zip(motion.q, motion.v, motion.a, strict=True)):
+        for j, (v_S, a_S) in enumerate(zip(v * keep, a * keep, strict=True)):  # 0 where locked
+            found[i, j] = rnea_torque(robot, q, v_S, a_S, gravity=own, payload=conditions.payload)
+    return found

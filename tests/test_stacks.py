@@ -1,0 +1,105 @@
+"""Cells answered thousands at a time, beside the modules that answer them one by one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ftforce.core.arrays import read_only
+from ftforce.core.feasible_forces import LockModel, feasible_forces, reach, weakest_direction
+from ftforce.core.measures import margin
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
+from ftforce.core.remap import force_jump
+from ftforce.core.stacks import cells_of, reach_of
+from ftforce.core.verdict import CODES, verdict
+from ftforce.trajectory import Recording
+from ftforce.trajectory import timeline as module
+from ftforce.trajectory.timeline import timeline
+from helpers import assert_close, campaign, seeds, with_singular_values
+
+RATIOS = (1.0, 0.5, 0.1, 1.01e-2, 0.99e-2, 1e-3, 2e-6, 0.9e-6, 1e-7, 1e-12, 0.0)
+
+
+@given(seeds, st.integers(1, 6), st.integers(1, 8), st.booleans(), st.booleans())
+@settings(deadline=None, max_examples=campaign(300, 60))
+def test_cells_are_those_of_one_posture(seed, m, n, forced, directed):
+    rng = np.random.default_rng(seed)
+    J = []
+    for _ in range(12):
+        s = np.sort(rng.choice(RATIOS[:4], 6))[::-1] * (1.0 if rng.random() < 0.8 else 1e-3)
+        one = with_singular_values(rng, m, n, s)
+        u = np.linalg.qr(rng.normal(size=(m, m)))[0][0]  # a direction that hangs on joint 1
+        one += np.outer(u, (rng.choice(RATIOS) - 1.0) * (u @ one))
+        one[:, 0] += u
+        J.append(one)
+    J, locked = np.array(J), rng.random((5, n)) < 0.3
+    locked[0] = np.arange(n) == 0
+    F = rng.normal(size=m) * 50.0 if forced else None
+    d = rng.normal(size=m) if directed else None
+    rnea = rng.normal(size=(12, 5, n)) * 10.0
+    largest = np.where(rng.random((5, n)) < 0.3, np.nan, rng.uniform(2.0, 90.0, (5, n)))
+    cells = cells_of(J, locked, F, d, rtol=RTOL, wary=BORDERLINE_RTOL)
+    found = reach_of(J, rnea, largest, direction=d, cells=cells, rtol=RTOL)
+    for i, j in np.argwhere(cells.certain):
+        reduced = reduce(read_only(J[i].copy()), locked[j], RTOL)
+        assert cells.verdict[i, j] == CODES[verdict(reduced, F, BORDERLINE_RTOL)]
+        assert_close(cells.margin[i, j], margin(reduced), scale=1.0, tol=1e-12)
+        if F is not None:
+            jump = force_jump(reduced, F).jump
+            assert_close(cells.jump[i, j], jump, scale=np.linalg.norm(F), tol=1e-8)
+        space = reduced.healthy.U[:, : reduced.rank]
+        for model, values in zip(LockModel, found, strict=True):
+            feasible = feasible_forces(reduced, rnea[i, j], largest[j], model)
+            ray = reach(feasible, d) if directed else weakest_direction(feasible, space).reach
+            wanted = math.nan if ray.is_empty else ray.maximum
+            np.testing.assert_allclose(values[i, j], wanted, rtol=1e-8, atol=1e-9)
+
+
+def test_certain_are_most_cells_of_a_usual_motion(panda):
+    rng = np.random.default_rng(0)
+    q = panda.postures["default"] + rng.uniform(-0.3, 0.3, (50, 7))
+    from ftforce.robot.kinematics import frame_jacobian
+
+    J = np.array([frame_jacobian(panda, x)[:3] for x in q])
+    cells = cells_of(J, np.eye(7, dtype=bool), None, None, rtol=RTOL, wary=BORDERLINE_RTOL)
+    assert cells.certain.mean() > 0.95
+
+
+def test_a_finer_tolerance_than_lapack_decides_is_left_to_others(panda):
+    J = np.random.default_rng(0).normal(size=(4, 3, 7))
+    for rtol, sure in ((1e-8, True), (1e-12, False)):
+        cells = cells_of(J, np.eye(7, dtype=bool), None, None, rtol=rtol, wary=1e-2)
+        assert cells.certain.any() == sure
+
+
+OPTIONS = {
+    "force": {"force": (10.0, 0.0, 20.0)},
+    "pairs": {"force": (10.0, 0.0, 20.0), "faults": 2},
+    "direction": {"direction": (0, 0, 1)},
+    "weakest": {},
+    "payload": {"payload": (2.0, (0.0, 0.1, 0.0)), "gravity": (1.0, 2.0, -9.0)},
+    "wrench": {"task": "wrench", "length": 0.3, "force": (8, 5, 1, 1, 2, 3), "faults": 2},
+    "moment": {"task": "moment", "length": 0.2},
+    "static": {"static": True, "axes": "world", "force": (1, 0, 0)},
+    "no limits": {"limits": "none", "force": (1, 0, 0)},
+    "zero": {"force": (0, 0, 0)},
+}
+
+
+@pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+def test_a_timeline_is_the_same_either_way(monkeypatch, panda, options):
+    t = np.linspace(0.0, 6.0, 61)
+    q = panda.postures["default"] + 0.3 * np.sin(np.outer(t, np.linspace(0.5, 2.0, 7)))
+    q[:, 3] += np.linspace(0.0, 2.3, 61)  # up to full stretch
+    recording = Recording.of(panda, t, q)
+    found = timeline(panda, recording, rate=5, **options)
+    monkeypatch.setattr(module, "certain_cells", lambda *_: None)
+    wanted = timeline(panda, recording, rate=5, **options)
+    np.testing.assert_array_equal(found.verdict, wanted.verdict)
+    assert_close(found.margin, wanted.margin, tol=1e-10)
+    for name in ("jump", "capability"):
+        one, other = getattr(found, name), getattr(wanted, name)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-7)
+    assert found.warnings == wanted.warnings
