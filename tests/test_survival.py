@@ -19,6 +19,7 @@ from ftforce.batch.sweep import sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import InputError, UnknownNameError
 from ftforce.report.map import map_document, map_rows, map_sentence
+from ftforce.robot.kinematics import frame_jacobian
 from ftforce.show import figures, plots
 from ftforce.show.plots import workspace
 from ftforce.show.render import to_text
@@ -218,6 +219,14 @@ def alone(result, quantity, joint):
     return np.asarray(result.dataset[quantity])[:, names.index((joint,))]
 
 
+def healthy_margins(result):
+    """Return the margins of the healthy arm at the samples, by NumPy."""
+    arm = ftforce.load_robot(result.setting.robot)
+    J = [frame_jacobian(arm, q)[:3] for q in np.asarray(result.dataset["q"])]
+    s = np.linalg.svd(J, compute_uv=False)
+    return s[:, -1] / s[:, 0]
+
+
 def steps_of(ax):
     """Return the steps of each row, from the top, as shares of their peak, and their edges."""
     patches = [one for one in ax.patches if isinstance(one, StepPatch)]
@@ -231,11 +240,13 @@ def steps_of(ax):
 def test_histograms_are_those_of_the_samples(pairs, quantity):
     ax = plots.histogram(pairs, quantity)
     rows = steps_of(ax)
-    assert len(rows) == 5
+    assert len(rows) == 6  # the last one is the healthy arm
     marks = [np.asarray(one.get_offsets())[0] for one in ax.collections]
     for row, (heights, edges) in enumerate(rows):
-        joint = pairs.joints[row].joint
-        values = alone(pairs, quantity, joint)
+        if row < 5:
+            values = alone(pairs, quantity, pairs.joints[row].joint)
+        else:
+            values = np.ones(N) if quantity == "rho" else healthy_margins(pairs)
         counts, _ = np.histogram(np.clip(values, 0.0, 1.0), edges)
         assert counts.sum() == N
         assert_close(heights, counts / counts.max(), tol=1e-6)
@@ -243,13 +254,17 @@ def test_histograms_are_those_of_the_samples(pairs, quantity):
         assert_close(median[0], np.quantile(values, 0.5), tol=1.1e-3, scale=1.0)
         assert_close(bad[0], np.quantile(values, 0.05), tol=1.1e-3, scale=1.0)
     labels = [text.get_text() for text in ax.get_yticklabels()]
-    assert labels == [f"{one.joint + 1} joint{one.joint + 1}" for one in pairs.joints]
+    names = [f"{one.joint + 1} joint{one.joint + 1}" for one in pairs.joints]
+    assert labels == [*names, "none (healthy)"]
 
 
 def test_jumps_that_are_none_are_said_and_not_drawn(free):
     ax = plots.histogram(free, "jump")
     notes = {text.xy[1]: text.get_text() for text in ax.texts}
-    for row, (heights, edges) in enumerate(steps_of(ax)):
+    *joints, (healthy, _) = steps_of(ax)
+    assert not healthy.any()
+    assert notes[len(joints)] == "no jump: 100 %"
+    for row, (heights, edges) in enumerate(joints):
         values = alone(free, "jump", free.joints[row].joint)
         none = float((values < 0.06).sum()) / N
         falls = float(np.isnan(values).sum()) / N
@@ -271,7 +286,7 @@ def test_capabilities_lie_on_a_logarithmic_axis(free):
     ax = plots.histogram(free, "capability")
     assert ax.get_xscale() == "log"
     assert ax.get_xlabel() == "force [N]"
-    for row, (heights, edges) in enumerate(steps_of(ax)):
+    for row, (heights, edges) in enumerate(steps_of(ax)[:-1]):
         values = alone(free, "capability", free.joints[row].joint)
         counts, _ = np.histogram(values[np.isfinite(values)], edges)
         assert_close(heights, counts / max(counts.max(), 1), tol=1e-6)
@@ -381,6 +396,31 @@ def test_the_worst_blocks_are_surely_bad(singles):
     ]
     assert_close([highs[i] for i in worst], sorted(highs)[:5])
     first = worst[0]
+    shown = [line.split() for line in to_text(found).splitlines()]
+    head = [
+        "rank",
+        "x",
+        "[m]",
+        "y",
+        "[m]",
+        "z",
+        "[m]",
+        "postures",
+        "tolerated",
+        "[%]",
+        "at",
+        "least",
+        "at",
+        "most",
+    ]
+    row = shown[shown.index(head) + 1]
+    x, y, z = found.blocks.place[first]
+    assert row[1:4] == [f"{value:.3f}" for value in (x, y, z)]
+    assert f"({x:.4g}, {y:.4g}, {z:.4g})".replace("-", "−") in map_sentence(found)
+    assert row[-1] == f"{100.0 * highs[first]:.1f}"
+    assert f"at most {row[-1]}%" in map_sentence(found)
+    ties = sum(abs(high - highs[first]) < 1e-9 for high in highs)
+    assert row[0] == ("1" if ties == 1 else f"1–{ties}")
     assert f"{cells.tolerated[first]} of {cells.postures[first]} do." in map_sentence(found)
 
 
