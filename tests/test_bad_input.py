@@ -173,18 +173,18 @@ VALUES = {
     "limits empty": (
         "analyze",
         ["--limits", ""],
-        "limits must be 'urdf', 'none', a TOML or CSV file",
+        "limits are 'urdf', 'none', a TOML or CSV file or ftf",
     ),
     "inverse": (
         "analyze",
         ["--inverse", "Dynamic"],
         "unknown inverse 'Dynamic'; available: euclidean, ",
     ),
-    "direction": ("capability", ["--direction", "0,0,0"], "the direction needs a component that "),
+    "direction": ("capability", ["--direction", "0,0,0"], "the direction must not be zero"),
     "no direction": ("capability", ["--direction", "up"], f"--direction {NUMBERS}; 'up' is not a"),
-    "mode": ("census", ["--mode", "weak"], "many fault sets are either locked or free; weak joint"),
+    "mode": ("census", ["--mode", "weak"], "fault sets of many joints are locked or free"),
     "ranking": ("census", ["--rank-by", "x"], "unknown ranking 'x'; available: jump, capability"),
-    "faults": ("census", ["--faults", "5"], "faults must be a number from 1 to 4, got 5"),
+    "faults": ("census", ["--faults", "5"], "faults must be an integer from 1 to 4, got 5"),
 }
 
 

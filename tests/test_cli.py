@@ -191,7 +191,7 @@ def test_replicate():
     assert "43.66 43.66 ✓" in output
     assert document("replicate")["successful"] is True
     rows = list(csv.DictReader(io.StringIO(run("replicate", "--format", "csv").stdout)))
-    assert len(rows) == 87
+    assert len(rows) == 99
 
 
 def test_replicate_fails_if_a_number_differs(monkeypatch):

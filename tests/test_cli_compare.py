@@ -136,7 +136,7 @@ def test_stored_sweeps(tmp_path):
         (["dh5", "kinowa"], "error: unknown robot or file 'kinowa'"),
         (["dh5"], "error: a comparison needs two arms or more, got 1"),
         (["dh5", "none.zarr"], "error: none.zarr: no such folder"),
-        (["panda", "dh5", "--faults", "6"], "error: dh5: faults must be a number from 1 to 5"),
+        (["panda", "dh5", "--faults", "6"], "error: dh5: faults must be an integer from 1 to 5"),
     ],
 )
 def test_what_is_wrong_takes_a_line_and_leaves_nothing(tmp_path, monkeypatch, arms, said):

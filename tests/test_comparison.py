@@ -332,7 +332,7 @@ DIFFERENT = {
     "axes": ("world", "axes tool and world"),
     "task": ("fx,fz", "task (fx, fy, fz) and (fx, fz)"),
     "force": ([0, 0, 50], "force none and (0, 0, 50)"),
-    "direction": ([0, 0, 50], "limits none and counted"),
+    "direction": ([0, 0, 50], "limits none and enforced"),
     "gravity": ([0, 0, 0], "gravity (0, 0, -9.81) and (0, 0, 0)"),
     "payload": (2.0, "payload none and 2"),
     "rtol": (1e-5, "rtol 1e-06 and 1e-05"),
@@ -351,7 +351,7 @@ def test_different_questions_are_refused(two, plain, key):
     with pytest.raises(InputError) as problem:
         compare([plain, sweep(two[1], n=64, **{key: value})])
     said = str(problem.value)
-    assert said.startswith("dh5 and kinova were not asked the same: ")
+    assert said.startswith("dh5 and kinova have different settings: ")
     assert reason in said
     assert "\n" not in said
 
@@ -371,14 +371,14 @@ def test_robots_and_sweeps_together(tmp_path):
     assert found["dh5"].path == str(stored)
     assert found["kinova"].path is None
     assert "cells of other sizes" in " ".join(found.warnings) or len(found.warnings) == 0
-    with pytest.raises(InputError, match="dh5 and kinova were not asked the same: force"):
+    with pytest.raises(InputError, match="dh5 and kinova have different settings: force"):
         compare([stored, "kinova"], n=500)
     with pytest.raises(InputError, match=r"leave out n \(--samples\), force"):
         compare([stored, stored], n=500, force=FORCE)
     other = tmp_path / "other.zarr"
     sweep(ftforce.load_robot("ur5"), n=64, output=other)
     seen = []
-    with pytest.raises(InputError, match="dh5 and ur5 were not asked the same: force"):
+    with pytest.raises(InputError, match="dh5 and ur5 have different settings: force"):
         compare(["kinova", stored, other], n=500, force=FORCE, progress=lambda *x: seen.append(x))
     assert seen == []  # nothing is swept for what will be refused
     with pytest.raises(FileError, match="no such folder"):
@@ -399,7 +399,7 @@ def test_an_arm_that_cannot_be_swept_is_named():
     free = replace(arm, joints=(arm.joints[0], slide))
     with pytest.raises(InputError, match=r"^rail: .*has no position limits"):
         compare({"dh5": "dh5", "rail": free}, n=64)
-    with pytest.raises(InputError, match=r"^dh5: faults must be a number from 1 to 5, got 6"):
+    with pytest.raises(InputError, match=r"^dh5: faults must be an integer from 1 to 5, got 6"):
         compare(["kinova", "dh5"], n=64, faults=6)
     with pytest.raises(InputError, match="arms are robots"):
         compare(["dh5", 7])
@@ -419,8 +419,8 @@ def test_doubts():
     found = compare(["dh5", "tiago", "so101"], n=300, task="wrench", direction=[0, 0, 1, 0, 0, 0])
     said = " ".join(found.warnings)
     assert "dh5 at 0%, so101 at 0%" in said
-    assert "1 rad of a hinge: tiago" in said
-    assert "unknown effort limits count as none: so101 (shoulder_pan" in said
+    assert "1 rad of rotation: tiago" in said
+    assert "unknown effort limits are not enforced: so101 (shoulder_pan" in said
     assert not found["dh5"].is_whole
     assert found["tiago"].is_whole
     few, many = (sweep(ftforce.load_robot(x), n=n) for x, n in (("dh5", 64), ("kinova", 128)))

@@ -354,12 +354,15 @@ def test_progress_is_told_after_every_set(dh5):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mode": "weak"}, "many fault sets are either locked or free; weak joints need a factor"),
+        (
+            {"mode": "weak"},
+            "fault sets of many joints are locked or free; weak joints",
+        ),
         ({"mode": None}, "unknown fault mode None; available: locked, free"),
         ({"rank_by": "force"}, "unknown ranking 'force'; available: jump, capability"),
-        ({"direction": [0, 0, 0]}, "the direction needs a component that is not zero"),
+        ({"direction": [0, 0, 0]}, "the direction must not be zero"),
         *(
-            ({"faults": size}, f"faults must be a number from 1 to 7, got {size!r}")
+            ({"faults": size}, f"faults must be an integer from 1 to 7, got {size!r}")
             for size in (0, 8, True, 2.0, "2", None)
         ),
         ({"force": FORCE, "torque": [0] * 7}, "give either a force or torques"),

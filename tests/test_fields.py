@@ -31,7 +31,7 @@ PAIR = (Field("low", get=itemgetter(0)), Field("high", get=itemgetter(1)))
         (Field("x", unit="1"), math.nan, None, {"x": None}),
         (Field("x", unit="N·m, N"), 2.0, 2.0, {"x": 2.0}),
         (Field("x"), Verdict.TOLERATED, "tolerated", {"x": "tolerated"}),
-        (Field("x", shape="name"), 1, "knee", {"x": 1}),
+        (Field("x", shape="name"), 1, "knee", {"x": "knee"}),
         (Field("x", shape="names"), (1, 0), ["knee", "hip"], {"x": "knee hip"}),
         (Field("x", shape="by joint"), np.array([1.0, math.nan]), {"hip": 1.0, "knee": None}, None),
         (Field("x", shape="by failed joint"), {1: 0.5}, {"knee": 0.5}, None),

@@ -484,7 +484,7 @@ def test_a_moment_that_rounding_gave_a_force_stays_a_moment(panda):
 @pytest.mark.parametrize(
     ("direction", "message"),
     [
-        ([0, 0, 0], "the direction needs a component that is not zero"),
+        ([0, 0, 0], "the direction must not be zero"),
         ([1, 2], "direction needs 3 numbers, got 2 numbers: fx, fy, fz of the task 'force'"),
     ],
     ids=repr,

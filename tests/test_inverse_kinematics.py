@@ -107,10 +107,8 @@ def test_mimic_joints_and_joints_without_room(tmp_path):
     robot = load(tmp_path, arm(j4=followed(4, "j2", -0.5, 0.2)), tip="tool")
     assert_reached(robot, posture_at(robot, place(robot, q), np.zeros(3)), place(robot, q))
     robot = load(tmp_path, j2(limit=FIXED), tip="tool")
-    q = np.array([0.2, 0.5, 0.4, 0.3])
-    found = posture_at(robot, place(robot, q), np.zeros(4))
-    assert_reached(robot, found, place(robot, q))
-    assert found[1] == pytest.approx(0.5, abs=2e-6)
+    assert robot.names == ("j1", "j3", "j4")  # a joint without room is no joint of the chain
+    assert_reached(robot, posture_at(robot, place(robot, q), np.zeros(3)), place(robot, q))
 
 
 def test_a_point_out_of_reach_is_told_with_the_nearest():

@@ -488,8 +488,8 @@ def test_fault_sets_of_every_form(robots):
         ([[9]], InputError, "joint"),
         ([["elbow"]], UnknownNameError, "unknown joint 'elbow'"),
         ([FaultSet.locked([7])], InputError, "joint 8 is out of range"),
-        ([FaultSet((Fault(1, FaultMode.WEAK, 0.5),))], InputError, "ask analyze"),
-        ([FaultSet((Fault(1, FaultMode.WEAK, 0.0),))], InputError, "ask analyze"),
+        ([FaultSet((Fault(1, FaultMode.WEAK, 0.5),))], InputError, "use analyze"),
+        ([FaultSet((Fault(1, FaultMode.WEAK, 0.0),))], InputError, "use analyze"),
     ],
 )
 def test_fault_sets_that_are_none(robots, faults, error, words):

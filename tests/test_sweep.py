@@ -88,7 +88,7 @@ def test_turns_of_no_time_are_single_chunks():
         ({"n": 10, "keep": "some"}, UnknownNameError, "all"),
         ({"n": 10, "threads": 0}, InputError, "must be a positive integer"),
         ({"n": 10, "chunk": 10}, InputError, "from 4096"),
-        ({"n": 10, "force": [0, 0, 0]}, InputError, "not zero"),
+        ({"n": 10, "force": [0, 0, 0]}, InputError, "must not be zero"),
     ],
 )
 def test_what_makes_no_sense_is_told(arm, options, error, words):
@@ -104,7 +104,7 @@ def test_threads_are_those_of_the_process():
 def test_chunks_are_smaller_for_many_sets_and_fit_a_codec():
     assert [_chunk_of(None, sets, 70_000) for sets in (7, 63)] == [65_536, 16_384]
     assert _chunk_of(None, 7, 5000) == _chunk_of(8192, 7, 5000) == 5000
-    with pytest.raises(InputError, match=r"a chunk for 5 fault sets has .* postures at most"):
+    with pytest.raises(InputError, match=r"a chunk with 5 fault sets can hold at most .* postures"):
         _chunk_of(100_000_000, 5, 10**9)
 
 

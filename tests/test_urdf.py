@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 from ftforce import analyze, census, to_dict
-from ftforce.errors import URDFError
+from ftforce.errors import InputError, URDFError
 from ftforce.robot.formats.tree import MAX_DEPTH, MOMENTS, UrdfTree
 from ftforce.robot.formats.urdf import MAX_LINKS, read_urdf
 from ftforce.robot.load import load_robot
@@ -113,11 +113,18 @@ def test_traces_in_an_origin_are_zeros(read, trace):
 
 @pytest.mark.parametrize("trace", [1e-300, 1e-200, 1e-160, 1e-49])
 def test_an_arm_of_traces_makes_no_forces_beyond_all_sizes(trace):
-    """Their squares would overflow, with a warning, which is an error here."""
+    """Their squares would overflow, with a warning, which is an error here.
+
+    Traces that are set to zero leave an arm that moves its tip nowhere.
+    """
     ends = {"xyz": (trace, trace, 0), "rpy": (trace, 0, 0)}
     steps = [("revolute", {**ends, "axis": axis}) for axis in np.eye(3)[[2, 1, 0]]]
     tiny = load_text(serial_urdf(*steps).replace("0.11 0.05 0.03", f"{trace} {trace} {trace}"))
     q = [0.1, 0.2, 0.3]
+    if trace < 1e-50:
+        with pytest.raises(InputError, match="even the healthy arm cannot exert this force"):
+            analyze(tiny, q, locked=2, force=[1, 2, 3])
+        return
     for options in ({"force": [1, 2, 3]}, {"torque": [1, 2, 3]}, {"velocity": [1, 2, 3]}):
         result = analyze(tiny, q, locked=2, **options)
         assert result.is_proved()
