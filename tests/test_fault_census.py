@@ -3,7 +3,7 @@
 import math
 import pickle
 import re
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 
 import ftforce
 from ftforce import Verdict, analyze, census, load_robot
+from ftforce.analysis.census import _order, _rank_joints
 from ftforce.core.feasible_forces import LimitingFactor, LockModel
 from ftforce.core.limits import Limits
 from ftforce.errors import InputError
@@ -497,3 +498,20 @@ def test_tables_and_documents_show_ranks_and_baseline(panda):
     assert [line[0] for line in rows] == [*ranks, *map(str, result.joint_ranks)]
     assert sum(line[:1] == ["none"] for line in shown) == 2
     assert max(map(len, to_text(result).splitlines())) <= 80
+
+
+def test_an_arm_that_falls_is_worse_than_a_jump_beyond_the_force_in_both_tables(dh5):
+    """A free-swinging joint may take more force than was requested; falling is still worse."""
+    lost = [report for report in census(dh5, force=FORCE, mode="free").sets
+            if report.verdict is Verdict.NOT_TOLERATED][:2]  # fmt: skip
+    falls = replace(lost[0], can_stand_still=False, relative_jump=1.0)
+    jumps = replace(lost[1], can_stand_still=True, relative_jump=3.0)
+    others = [replace(report, relative_jump=0.0, can_stand_still=True,
+                      verdict=Verdict.TOLERATED, rank_lost=0)
+              for report in census(dh5).sets
+              if report.faults.joints not in {one.faults.joints for one in lost}]  # fmt: skip
+    reports = [jumps, *others, falls]
+    sets = sorted(reports, key=_order(by_capability=False))
+    joints = _rank_joints(dh5, reports, by_capability=False)
+    assert sets[:2] == [falls, jumps]
+    assert [joint.alone for joint in joints] == sets

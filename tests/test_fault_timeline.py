@@ -1,5 +1,6 @@
 """Every fault set at every instant: each cell beside `analyze`, ratios with NumPy, the worst."""
 
+import dataclasses
 import math
 from itertools import combinations, pairwise
 
@@ -372,3 +373,14 @@ def test_tables_and_files_show_held_ranks_and_the_healthy_arm(panda):
     document = timeline_document(found)
     assert_close(document["healthy"]["over_time"]["capability"], found.healthy.capability)
     assert [one["rank"] for one in document["sets"]] == list(map(list, found.ranks()))
+
+
+def test_a_tolerated_set_has_no_jump_that_could_rank_it(panda):
+    """What rounding leaves of a jump must not put a set before one of a smaller margin."""
+    found = timeline(panda, straight(panda), rate=2, force=(0, 0, 30))
+    widest = int(found.margin.min(axis=0).argmax())
+    noisy = found.jump.copy()
+    noisy[0, widest] = 1e-6
+    ranked = dataclasses.replace(found, jump=noisy).worst()
+    assert [one.faults for one in ranked] == [one.faults for one in found.worst()]
+    assert ranked[0].margin == found.margin.min()
