@@ -144,7 +144,10 @@ def test_limits_are_taken_as_they_are(dh5):
 
 @pytest.mark.parametrize("limits", ["", 3, 2.5, [1, 2, 3, 4, 5], b"urdf", True], ids=repr)
 def test_what_no_limits_are(dh5, limits):
-    wanted = "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits (of an array: Limits.of(effort)), got "
+    wanted = (
+        "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits "
+        "(of an array: Limits.of(effort)), got "
+    )
     with pytest.raises(InputError) as caught:
         choose_limits(dh5, limits)
     assert str(caught.value) == wanted + repr(limits)
