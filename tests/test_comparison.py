@@ -426,7 +426,9 @@ def test_doubts():
     few, many = (sweep(ftforce.load_robot(x), n=n) for x, n in (("dh5", 64), ("kinova", 128)))
     assert "128 of kinova" in " ".join(compare([few, many]).warnings)
     recorded = sweep(ftforce.load_robot("dh5"), np.zeros((3, 5)))
-    assert "not drawn within the limits: dh5" in " ".join(compare([recorded, many]).warnings)
+    assert "not drawn at random within the joint limits: dh5" in " ".join(
+        compare([recorded, many]).warnings
+    )
 
 
 def printed(result):

@@ -52,11 +52,11 @@ class JointReport:
     sets, not_tolerated, borderline :
         Number of sets that contain the joint, and how many of them are not tolerated or borderline.
     falls :
-        Number of sets that contain the joint and with which the arm cannot stand still.
+        Number of sets that contain the joint and with which the arm cannot be held.
     mean_relative_jump :
         Mean of ‖ΔF‖/‖F̂‖ over the sets that contain the joint.
     least_capability :
-        Smallest commanded force over these sets, NaN if the arm cannot stand still with one of
+        Smallest commanded force over these sets, NaN if the arm cannot be held with one of
         them; ``None`` unless the census ranks by capability.
     """
 
@@ -326,7 +326,7 @@ def _order(by_capability: bool) -> Callable[[SetReport], tuple[float, ...]]:
 
 
 def _by_capability(report: SetReport) -> tuple[float, ...]:
-    """Rank by increasing capability; sets with which the arm cannot stand still come first."""
+    """Rank by increasing capability; sets with which the arm cannot be held come first."""
     found = report.capability
     assert found is not None
     return _amount_key(found.commanded), _amount_key(found.held)
@@ -374,7 +374,7 @@ def _rank_joints(
 
 
 def _least(reports: list[SetReport]) -> float:
-    """Return the smallest commanded force, or NaN if the arm cannot stand still with some set."""
+    """Return the smallest commanded force, or NaN if the arm cannot be held with some set."""
     amounts = [report.capability.commanded for report in reports if report.capability is not None]
     return math.nan if any(map(math.isnan, amounts)) else min(amounts)
 

@@ -45,7 +45,7 @@ class SetCapability:
     ----------
     commanded, held :
         Capability under each lock model; infinite if no known limit bounds it, NaN if the arm
-        cannot stand still with any force in this direction.
+        cannot be held with any force in this direction.
     minimum :
         Smallest commanded force; nonzero only with free-swinging joints or if weight alone exceeds
         a limit.
@@ -73,16 +73,16 @@ class SetReport:
         The fault set.
     after, jump :
         Force that can still be held, and force jump, N and N·m, shape (m,); ``None`` without a
-        force, or if the arm cannot stand still.
+        force, or if the arm cannot be held.
     jump_norm, moment_jump_norm :
         Norms of the force components (N) and of the moment components (N·m) of the jump; ``None``
         if it has none.
     relative_jump :
         ‖ΔF‖/‖F̂‖, weighted. Without a force, 1 if a direction is lost and 0 otherwise; 1 if the arm
-        cannot stand still.
+        cannot be held.
     kept :
         F̂ᵀF'/F̂ᵀF̂, weighted: the share of the force that is still exerted along it; ``None`` without
-        a force, or if the arm cannot stand still.
+        a force, or if the arm cannot be held.
     rank_after, rank_lost :
         Rank of K, and rank of J minus rank of K.
     sigma_min_after, margin, condition_number, relative_manipulability :

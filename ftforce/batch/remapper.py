@@ -34,7 +34,7 @@ _FLOAT = np.dtype(np.float64)
 class Remapped(NamedTuple):
     """Result of `Remapper` for S fault sets, in arrays that its next call overwrites.
 
-    The arrays are read-only. Values are NaN where the arm cannot stand still.
+    The arrays are read-only. Values are NaN where the arm cannot be held.
 
     Attributes
     ----------
