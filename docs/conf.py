@@ -49,7 +49,8 @@ nitpick_ignore_regex = [
     (r"py:.*", r"Vector|Matrix|Mask|Axes|Convention|JointType|Solid|Document|Row|Indices"),
     (r"py:.*", r"Joints|WeakJoints|LimitsLike|Inverse|RankBy|CapabilityRange\.direction"),
     (r"py:.*", r"Shown|Drawable|Keep|Counts|Arm|Result|Whole|Codes|Values|xr\..*|xarray\..*"),
-    (r"py:.*", r"Trajectory|Events|Law|Tick|Kind|Quantity|Torque|Figure|scipy\..*|matplotlib\..*"),
+    (r"py:.*", r"Trajectory|Smooth|Events|Law|Tick|Kind|Quantity|Torque|Figure"),
+    (r"py:.*", r"(scipy|matplotlib)\..*"),
 ]
 
 # HTML

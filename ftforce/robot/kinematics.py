@@ -1,7 +1,7 @@
 """Tip pose and Jacobians, computed by Pinocchio.
 
 All functions on a robot share one `pin.Data` per thread, which the next call overwrites: what they
-return is copied, and nothing outside `ftforce.robot` reads that data.
+return is copied, and nothing outside ``ftforce.robot`` reads that data.
 """
 
 from __future__ import annotations

@@ -172,7 +172,8 @@ def _set(
     yield f"{RHO.symbol}\n5 %", quantile(one.rho[0])
     if one.capability is not None:
         yield f"force 5 %\n[{setting.capability_unit}]", amount(one.capability[0])
-        yield "\n50 %", amount(one.capability[1])
+        if not jumps:  # a table of 80 columns has room for either
+            yield "\n50 %", amount(one.capability[1])
 
 
 def _jumps(sweep: Sweep, one: SetSummary) -> tuple[str, ...]:
