@@ -141,7 +141,13 @@ class OutputError(FileError):
 
 
 def printable(text: object) -> str:
-    r"""Return a text, usually a path, with unprintable characters escaped, e.g. as ``\n``."""
+    r"""Return a text, usually a path, with unprintable characters escaped, e.g. as ``\n``.
+
+    Parameters
+    ----------
+    text :
+        The text.
+    """
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
 
 

@@ -100,6 +100,11 @@ class Conditions(NamedTuple):
 def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
     """Return a payload from a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for no payload.
 
+    Parameters
+    ----------
+    payload :
+        Mass, kg; ``(mass, (x, y, z))`` with its position in tip axes, m; or text.
+
     Raises
     ------
     InputError

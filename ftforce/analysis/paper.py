@@ -156,7 +156,13 @@ class Replication(Displayed):
         return all(check.outcome is not Outcome.FAIL for check in self.checks)
 
     def count(self, outcome: Outcome) -> int:
-        """Return the number of comparisons with this outcome."""
+        """Return the number of comparisons with this outcome.
+
+        Parameters
+        ----------
+        outcome :
+            The outcome to count.
+        """
         return sum(check.outcome is outcome for check in self.checks)
 
 

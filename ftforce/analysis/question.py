@@ -249,6 +249,15 @@ class AllFaultSets:
     def parse(cls, robot: Robot, faults: int, mode: FaultMode | str) -> AllFaultSets:
         """Return the sets of up to ``faults`` joints of an arm.
 
+        Parameters
+        ----------
+        robot :
+            The arm.
+        faults :
+            Size of the largest sets.
+        mode :
+            ``locked`` or ``free``.
+
         Raises
         ------
         InputError

@@ -76,7 +76,13 @@ class WorkspaceMap(Displayed):
         return self.projected(self.plane or "xz")
 
     def projected(self, plane: str) -> Flat:
-        """Return the cells of a plane, ``xy``, ``xz`` or ``yz``."""
+        """Return the cells of a plane, ``xy``, ``xz`` or ``yz``.
+
+        Parameters
+        ----------
+        plane :
+            ``xy``, ``xz`` or ``yz``.
+        """
         return _flatten(self.sweep, self.grid, plane, self.at)
 
     @cached_property

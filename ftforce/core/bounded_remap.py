@@ -70,6 +70,11 @@ class Nearest(NamedTuple):
     def residuals(self, feasible: FeasibleForces) -> dict[str, float]:
         """Return the relative residuals of the optimality (KKT) conditions.
 
+        Parameters
+        ----------
+        feasible :
+            The forces among which this one was sought.
+
         Returns
         -------
         :
@@ -98,7 +103,13 @@ class Nearest(NamedTuple):
         }
 
     def binding(self, feasible: FeasibleForces) -> tuple[int, ...]:
-        """Return the indices of the joints whose torque is at its limit, from 0."""
+        """Return the indices of the joints whose torque is at its limit, from 0.
+
+        Parameters
+        ----------
+        feasible :
+            The forces among which this one was sought.
+        """
         if self.F_after is None:
             return ()
         torque, width, rounding = self._torques(feasible)
@@ -392,7 +403,13 @@ def _at_rest(feasible: FeasibleForces) -> Reach:
 
 
 def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
-    """Return the joints that gravity and motion torques overload, with only F₀ at the tip."""
+    """Return the joints that gravity and motion torques overload, with only F₀ at the tip.
+
+    Parameters
+    ----------
+    feasible :
+        The forces that can be held, with the limits.
+    """
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
     return tuple(

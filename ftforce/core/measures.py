@@ -15,19 +15,37 @@ if TYPE_CHECKING:
 
 
 def margin(reduced: ReducedJacobian) -> float:
-    """Return σ_min(K) / σ_max(J); 0 if a direction is lost or J = 0."""
+    """Return σ_min(K) / σ_max(J); 0 if a direction is lost or J = 0.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    """
     return safe_divide(reduced.damaged.s[-1], reduced.sigma_max, 0.0)
 
 
 def relative_manipulability(reduced: ReducedJacobian) -> float:
-    """Return ρ = w(K)/w(J) (Roberts & Maciejewski 1996); NaN if w(J) = 0."""
+    """Return ρ = w(K)/w(J) (Roberts & Maciejewski 1996); NaN if w(J) = 0.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    """
     if reduced.rank < reduced.m:
         return math.nan
     return math.prod(a / b for a, b in zip(reduced.damaged.s, reduced.healthy.s, strict=True))
 
 
 def condition_number(reduced: ReducedJacobian) -> float:
-    """Return σ_max(K)/σ_min(K); infinite if a direction is lost."""
+    """Return σ_max(K)/σ_min(K); infinite if a direction is lost.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
+    """
     smallest = reduced.damaged.s[-1]
     return reduced.damaged.s[0] / smallest if reduced.rank_after == reduced.m else math.inf
 
@@ -37,6 +55,11 @@ def force_error(reduced: ReducedJacobian) -> float:
 
     This is 1/σ for the smallest retained singular value of K, in N (or weighted N) per N·m;
     infinite if no direction is left.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
     """
     r = reduced.rank_after
     return 1.0 / reduced.damaged.s[r - 1] if r else math.inf
@@ -55,6 +78,11 @@ def worst_manipulability_bound(n: int, m: int, f: int) -> float:
 
 def lost_directions(reduced: ReducedJacobian) -> Matrix:
     """Return the force directions that are lost through the fault.
+
+    Parameters
+    ----------
+    reduced :
+        The decomposed Jacobians.
 
     Returns
     -------

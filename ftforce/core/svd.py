@@ -50,7 +50,13 @@ class Svd:
             self.s += [0.0] * (m - n)
 
     def rank(self, threshold: float) -> int:
-        """Return the number of singular values above ``threshold``."""
+        """Return the number of singular values above ``threshold``.
+
+        Parameters
+        ----------
+        threshold :
+            Singular values up to it count as zero.
+        """
         rank = len(self.s)
         while rank and self.s[rank - 1] <= threshold:
             rank -= 1

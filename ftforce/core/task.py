@@ -184,19 +184,43 @@ class Task:
         return as_vector(x, self.m, name, f"{', '.join(self.components)} of the task '{self}'")
 
     def weigh_jacobian(self, J: Matrix) -> Matrix:
-        """Return the weighted Jacobian J̃ of J, shape (m, n)."""
+        """Return the weighted Jacobian J̃ of J, shape (m, n).
+
+        Parameters
+        ----------
+        J :
+            Task Jacobian, shape (m, n).
+        """
         return J if self.weights is None else J * self.weights[:, None]
 
     def weigh_force(self, F: Vector) -> Vector:
-        """Return the weighted force F̃ of F (N, N·m), shape (..., m)."""
+        """Return the weighted force F̃ of F (N, N·m), shape (..., m).
+
+        Parameters
+        ----------
+        F :
+            Force, N and N·m, in task axes, shape (..., m).
+        """
         return F if self.weights is None else F / self.weights
 
     def unweigh_force(self, F: Vector) -> Vector:
-        """Return the force F (N, N·m) of the weighted force F̃, shape (..., m)."""
+        """Return the force F (N, N·m) of the weighted force F̃, shape (..., m).
+
+        Parameters
+        ----------
+        F :
+            Weighted force, shape (..., m).
+        """
         return F if self.weights is None else F * self.weights
 
     def unweigh_velocity(self, x: Vector) -> Vector:
-        """Return the tip velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,)."""
+        """Return the tip velocity (m/s, rad/s) of the weighted velocity J̃v, shape (m,).
+
+        Parameters
+        ----------
+        x :
+            Weighted tip velocity J̃v, shape (m,).
+        """
         return x if self.weights is None else x / self.weights
 
     @property

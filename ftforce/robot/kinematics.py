@@ -64,6 +64,11 @@ def reach_bound(robot: Robot) -> tuple[Vector, float]:
     The tip is never farther from the first joint than this bound, the total length of the links and
     of the travel of all prismatic joints, followers included. The bound is infinite if one of them
     has no limits.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
     """
     model, coordinates = robot.model, robot.coordinates
     start = model.jointPlacements[1].translation

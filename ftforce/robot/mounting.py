@@ -44,7 +44,13 @@ class Mounting:
 
     @classmethod
     def of(cls, robot: Robot) -> Mounting:
-        """Return the mounting of an arm."""
+        """Return the mounting of an arm.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        """
         g = robot.gravity
         up = -g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, 1.0])
         frame = robot.model.getFrameId(robot.base, pin.FrameType.BODY)

@@ -175,6 +175,11 @@ def mid_range(robot: Robot) -> Vector:
     """Return the middle of the joint ranges, shape (n,).
 
     Joints without limits are at 0, those with a single one as close to 0 as it permits.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
     """
     lower, upper = robot.lower, robot.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
@@ -190,6 +195,11 @@ def bent_posture(robot: Robot) -> Vector | None:
     limit that is nearer). Of the postures with the fewest bent joints that are not singular and
     clear of the base (`Mounting`), the best conditioned is returned, of equals the highest;
     ``None`` if there is none.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
     """
     middle = mid_range(robot)
     room = np.minimum(BEND, 0.8 * np.minimum(robot.upper - middle, middle - robot.lower))
@@ -242,7 +252,13 @@ def _rank(J: Vector, rtol: float) -> int:
 
 
 def samples(robot: Robot) -> Vector:
-    """Return random postures within the ranges of the joints, fixed seed, shape (64, n)."""
+    """Return random postures within the ranges of the joints, fixed seed, shape (64, n).
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    """
     lower, upper = robot.ranges
     drawn = np.random.default_rng(_SEED).random((SAMPLES, robot.n))
     return read_only(lower + drawn * (upper - lower))
@@ -252,6 +268,11 @@ def best_sample(robot: Robot) -> Vector:
     """Return the sample with the best-conditioned force Jacobian, shape (n,).
 
     Samples that are clear of the base (`Mounting`) come first.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
     """
     mounting = Mounting.of(robot)
 

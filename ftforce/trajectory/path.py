@@ -127,7 +127,13 @@ class Leg(NamedTuple):
     line: Vector
 
     def at(self, t: float) -> tuple[Vector, Vector]:
-        """Return position (m) and velocity (m/s) at time t (s), both (3,); at rest outside."""
+        """Return position (m) and velocity (m/s) at time t (s), both (3,); at rest outside.
+
+        Parameters
+        ----------
+        t :
+            Time, s, from the start of the path.
+        """
         duration = self.end - self.start
         u = min(max((t - self.start) / duration, 0.0), 1.0)
         s = u * u * u * (10.0 + u * (6.0 * u - 15.0))

@@ -178,6 +178,11 @@ class Sheet(NamedTuple):
     def read(cls, path: str | PathLike[str]) -> Sheet:
         """Read a CSV file.
 
+        Parameters
+        ----------
+        path :
+            The file.
+
         Raises
         ------
         TrajectoryError
@@ -197,6 +202,11 @@ class Sheet(NamedTuple):
     def numbers(self, columns: Sequence[int]) -> Matrix:
         """Return columns as numbers, shape (rows, columns).
 
+        Parameters
+        ----------
+        columns :
+            Names of the columns.
+
         Raises
         ------
         InputError
@@ -208,7 +218,13 @@ class Sheet(NamedTuple):
         return values
 
     def place(self, row: int) -> str:
-        """Return the location of a row in the file, e.g. ``line 2``."""
+        """Return the location of a row in the file, e.g. ``line 2``.
+
+        Parameters
+        ----------
+        row :
+            Index of the row, from 0.
+        """
         line, _ = next(islice(self.table.rows(), row, None))
         return f"line {line}"
 

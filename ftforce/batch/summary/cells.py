@@ -57,7 +57,13 @@ class Cells(NamedTuple):
         return cls(postures, tolerated, share, low, high)
 
     def only(self, chosen: Mask) -> Cells:
-        """Return the cells selected by a mask, as a one-dimensional array."""
+        """Return the cells selected by a mask, as a one-dimensional array.
+
+        Parameters
+        ----------
+        chosen :
+            True at the cells to select, of the shape of the cells.
+        """
         rest: list[Any] = [values[chosen] for values in self]
         return Cells(*rest)
 

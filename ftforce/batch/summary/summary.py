@@ -270,6 +270,11 @@ class Summary:
     def merge(self, other: Summary) -> None:
         """Add the postures of another summary, in place; the order of merging does not matter.
 
+        Parameters
+        ----------
+        other :
+            Summary of other postures, for the same fault sets.
+
         Raises
         ------
         InputError

@@ -90,7 +90,13 @@ class DHRow:
                 _check_name(getattr(self, key), key)
 
     def with_unit(self, q: float) -> str:
-        """Return a value of the joint variable as text, with its unit."""
+        """Return a value of the joint variable as text, with its unit.
+
+        Parameters
+        ----------
+        q :
+            Joint variable, rad or m.
+        """
         if self.type == "prismatic":
             return f"{q:.6g} m"
         return f"{q:.6g} rad ({math.degrees(q):.6g} deg)"

@@ -134,6 +134,11 @@ def _check_inertia(inertia: Matrix, body: Body, model: MassModel, table: DHTable
 def to_urdf(table: DHTable) -> str:
     """Return the arm as URDF text, written by yourdfpy and verified by reading it back.
 
+    Parameters
+    ----------
+    table :
+        The DH table.
+
     Raises
     ------
     DHTableError
@@ -158,7 +163,13 @@ def to_urdf(table: DHTable) -> str:
 
 
 def to_srdf(table: DHTable) -> str:
-    """Return the SRDF text: group ``arm`` (the chain), its postures and the end effector."""
+    """Return the SRDF text: group ``arm`` (the chain), its postures and the end effector.
+
+    Parameters
+    ----------
+    table :
+        The DH table.
+    """
     robot = ElementTree.Element("robot", name=table.name)
     arm = ElementTree.SubElement(robot, "group", name="arm")
     ElementTree.SubElement(arm, "chain", base_link=BASE, tip_link=TIP)

@@ -123,7 +123,13 @@ class UrdfTree:
     notes: tuple[str, ...] = ()
 
     def path_to(self, link: str) -> tuple[UrdfJoint, ...]:
-        """Return the joints from the root to ``link``."""
+        """Return the joints from the root to ``link``.
+
+        Parameters
+        ----------
+        link :
+            Name of the link.
+        """
         joints: list[UrdfJoint] = []
         while (joint := self.parent_joint.get(link)) is not None:
             joints.append(joint)
@@ -131,7 +137,13 @@ class UrdfTree:
         return tuple(reversed(joints))
 
     def below(self, link: str) -> Iterator[UrdfJoint]:
-        """Yield the joints of the subtree below ``link``, parents first."""
+        """Yield the joints of the subtree below ``link``, parents first.
+
+        Parameters
+        ----------
+        link :
+            Name of the link.
+        """
         waiting = [link]
         while waiting:
             for joint in self.child_joints[waiting.pop()]:

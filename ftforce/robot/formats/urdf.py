@@ -53,6 +53,11 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
     Flaws of single links and joints are recorded in the tree, with stand-ins for what is
     malformed: whether they matter depends on the chain.
 
+    Parameters
+    ----------
+    path :
+        The file.
+
     Raises
     ------
     FileError
