@@ -43,7 +43,7 @@ def test_kernels_import_kernels_only(imports):
     assert all(target.startswith(home) for one in kernels for target in imports[one])
 
 
-# ---- what the reference documents is public, and says what it takes -------------------------------
+# ---- what the reference documents is public, and says what it takes ------------------------------
 
 _ENTRY = re.compile(r"\.\. auto(module|function|class):: (\S+)\n((?:   :.*\n)*)")
 
