@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
-MAX_SETS = 1_000_000  # about a minute and a gigabyte; a sweep stores no individual sets
+_MAX_SETS = 1_000_000  # about a minute and a gigabyte; a sweep stores no individual sets
 HEALTHY = FaultSet()
 
 
@@ -268,10 +268,10 @@ class AllFaultSets:
         if not is_integer or not 1 <= faults <= robot.n:
             raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")
         found = cls(robot.n, int(faults), single_mode(mode))
-        if len(found) > MAX_SETS:
+        if len(found) > _MAX_SETS:
             raise InputError(
                 f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
-                f"maximum of {MAX_SETS:,}; ask for smaller sets"
+                f"maximum of {_MAX_SETS:,}; ask for smaller sets"
             )
         return found
 

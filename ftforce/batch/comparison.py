@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 
 SAMPLES = 100_000
-ENOUGH = 0.95
+_ENOUGH = 0.95
 CELLS = 20  # across the workspace, the same number for every arm whatever its size
 _ALIKE = 1.3  # the ratio of cell size to reach may differ by this factor
 
@@ -119,7 +119,7 @@ def compare(
     rtol: float | None = None,
     wary: float | None = None,
     cell: float | None = None,
-    enough: float = ENOUGH,
+    enough: float = _ENOUGH,
     tip: str | None = None,
     base: str | None = None,
     threads: int | None = None,

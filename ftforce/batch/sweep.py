@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
-CHUNK = 65_536  # postures, at most
+_CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
 _VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
 _LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
@@ -186,7 +186,7 @@ def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> 
     FtforceError
         The extra ``sweep`` is not installed.
     """
-    needs_numba()
+    _needs_numba()
     question = Question.parse(robot, limits=URDF if limits is None else limits, **asked)
     if question.force is not None and not question.force.any():
         raise InputError("the force must not be zero; omit it to consider all forces")
@@ -242,7 +242,7 @@ def sweep_of(
     return _run(request, None if output is None else Path(output), runner, progress)
 
 
-def needs_numba() -> None:
+def _needs_numba() -> None:
     """Check that the extra ``sweep`` is installed.
 
     Raises
@@ -328,7 +328,7 @@ def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
                 "(2 GB per array)"
             )
         return size
-    size = CHUNK
+    size = _CHUNK
     while size > PIECE and size * sets > _VALUES:
         size //= 2
     return min(size, count)

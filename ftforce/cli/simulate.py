@@ -37,7 +37,7 @@ Force = Annotated[
         help="Force the tool exerts throughout, N (and N·m); 0,0,0 for free motion.",
     ),
 ]
-FaultOption = Annotated[
+_FaultOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="JOINTS@S",
@@ -58,7 +58,7 @@ def simulate(
     outputs: HistoryOutputs,
     robot: Robot = None,
     force: Force = None,
-    fault: FaultOption = None,
+    fault: _FaultOption = None,
     delay: Annotated[
         float, typer.Option(metavar="S", help="Time from a fault until the remap takes effect.")
     ] = 0.0,

@@ -90,12 +90,12 @@ def _about_falling(analysis: Analysis) -> str:
             f"{joined(torques)}, and no force at the tip ({components}) balances that"
         )
     return (
-        f"the arm cannot support itself: {overload_in_words(analysis)}, and no force "
+        f"the arm cannot support itself: {_overload_in_words(analysis)}, and no force "
         f"at the tip ({components}) relieves it enough"
     )
 
 
-def overload_in_words(analysis: Analysis) -> str:
+def _overload_in_words(analysis: Analysis) -> str:
     """Describe the joints that weight and motion overload; empty if there are none."""
     robot, free = analysis.robot, analysis.reduced.free
     loads = [
@@ -212,7 +212,7 @@ def _support_in_words(analysis: Analysis) -> str:
     if support is None or not _is_shown(support):
         return ""
     listed = with_units(task.components, support.tolist(), task.units)
-    overload = overload_in_words(analysis)
+    overload = _overload_in_words(analysis)
     return (
         f"; {f'{overload}; ' if overload else ''}the arm can be held only while the tip presses "
         f"on its environment with {listed}"

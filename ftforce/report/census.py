@@ -102,7 +102,7 @@ def _joints(census: Census) -> list[_RankedJoint]:
 
 
 # fmt: off
-RANK_LOST = Field("rank_lost", "rank of J minus rank of K")
+_RANK_LOST = Field("rank_lost", "rank of J minus rank of K")
 _RELATIVE = (
     Field("relative_jump", "‖ΔF‖/‖F̂‖, weighted, 1 if the arm cannot be held; without a force, 1 if "
         "a direction is lost and 0 if not", "1"),
@@ -129,7 +129,7 @@ _SET = (
     parts.LOCKED,
     *parts.MODES,
     Field("jacobian", "before and after the fault", get=whole,
-        parts=(RANK_AFTER, RANK_LOST, SIGMA_MIN_AFTER, *MEASURES)),
+        parts=(RANK_AFTER, _RANK_LOST, SIGMA_MIN_AFTER, *MEASURES)),
     Field("force", "its values are `null` without a force", get=whole,
         parts=(*parts.JUMP, *_RELATIVE)),
     _STANDS,
@@ -201,7 +201,7 @@ _SET_COLUMNS = (
     parts.JUMP[1],
     *MEASURES,
     RANK_AFTER,
-    RANK_LOST,
+    _RANK_LOST,
     _STANDS,
     _SHARE,
     _BINDING,

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_NAMED = 4
 
-KEY = (
+_KEY = (
     "the share of postures x fault sets that are tolerated, every size of sets weighing the same; "
     "borderline is not tolerated"
 )
@@ -196,7 +196,7 @@ _ARMS = (
 )
 COMPARISON = (
     Field("question", "what was asked of every arm", parts=_ASKED),
-    *constants({"ranked_by": KEY}),
+    *constants({"ranked_by": _KEY}),
     Field("confidence", "confidence level of the intervals", "1", get=lambda _: CONFIDENCE),
     Field("enough", "share of tolerated postures from which a cell counts as survived", "1"),
     Field("units", "units of the quantities of an arm", shape="by quantities",

@@ -115,7 +115,7 @@ to_dict.register(Timeline, timeline_document)
 
 
 FORMATS = ("json", "csv")
-HISTORY_FORMATS = ("json", *history_files.FORMATS)
+_HISTORY_FORMATS = ("json", *history_files.FORMATS)
 
 
 def save(result: Result, path: str | PathLike[str]) -> Path:
@@ -139,7 +139,7 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
         The file cannot be written; no partial file remains.
     """
     form = Path(path).suffix.lower().removeprefix(".")
-    known = HISTORY_FORMATS if isinstance(result, History) else FORMATS
+    known = _HISTORY_FORMATS if isinstance(result, History) else FORMATS
     if form not in known:
         endings = ", ".join(f".{ending}" for ending in known[:-1])
         raise InputError(f"{printable(path)}: the name must end in {endings} or .{known[-1]}")

@@ -87,7 +87,7 @@ def _selected(found: WorkspaceMap) -> Iterator[_Selected]:
         yield _Selected(one.joints, found.located_of(tuple(i + 1 for i in one.joints)))
 
 
-EVERY = "every"
+_EVERY = "every"
 """Table label of the postures that tolerate every fault set of the sweep."""
 
 
@@ -138,7 +138,7 @@ def map_document(found: WorkspaceMap) -> Document:
 def map_columns(mode: str = "locked") -> tuple[Field, ...]:
     """Return the CSV columns; the names of the failed joints stand in the column of their mode."""
     return (
-        Field("fault_set", f"numbers of the failed joints, from 1, or `{EVERY}`"),
+        Field("fault_set", f"numbers of the failed joints, from 1, or `{_EVERY}`"),
         Field(mode, "names of the failed joints; the column is called `free` in a map of these"),
         *(Field(axis, "middle of the cell, in the axes of the root", "m") for axis in AXES),
         Field("edge", "edge length of a cell", "m"),
@@ -152,7 +152,7 @@ def map_rows(found: WorkspaceMap) -> list[Row]:
     names = found.sweep.setting.joints
     rows: list[Row] = [tuple(one.heading for one in map_columns(found.sweep.setting.mode))]
     for joints, one in _selected(found):
-        faults = EVERY if joints is None else text.set_of(joints)
+        faults = _EVERY if joints is None else text.set_of(joints)
         which = " ".join(names[i] for i in joints or ())
         for place, *counts in zip(one.place.tolist(), *one.cells, strict=True):
             rows.append((faults, which, *place, one.edge, *plain(counts)))

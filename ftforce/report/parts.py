@@ -179,7 +179,7 @@ AMOUNT = (
 # fmt: on
 
 
-def by_time(parts: tuple[Field, ...], before: Any = "", after: Any = "") -> tuple[Field, ...]:
+def _by_time(parts: tuple[Field, ...], before: Any = "", after: Any = "") -> tuple[Field, ...]:
     """Return the fields of a quantity before and after the fault.
 
     Parameters
@@ -216,16 +216,16 @@ CAPABILITY = (
         Field("direction", "in the axes of the task", "1", "m",
             lambda report: report.before[LockModel.COMMANDED].direction),
         Field("unit", "`N`, or `N·m` for a pure moment"),
-        *by_time(_by_lock(AMOUNT)),
+        *_by_time(_by_lock(AMOUNT)),
     )),
     Field("weakest", "the direction in which the least force can be held", get=whole, parts=(
         Field("unit", "`N`, `N·m`, or `weighted N` for a task with forces and moments",
             get=lambda capability: text.unit_of_size(capability.analysis.task)),
-        *under("weakest", by_time(_by_lock((WEAKEST, *AMOUNT)))),
+        *under("weakest", _by_time(_by_lock((WEAKEST, *AMOUNT)))),
     )),
     Field("payload", "additional payload that the tip can carry", parts=(
         Field("unit", "`kg`", get=lambda _: "kg"),
-        *by_time(AMOUNT, itemgetter(0), itemgetter(1)),
+        *_by_time(AMOUNT, itemgetter(0), itemgetter(1)),
     )),
 )
 # fmt: on
@@ -239,7 +239,7 @@ def _polytopes(capability: Capability, after: bool) -> dict[LockModel, Polytope]
 POLYTOPE = Field("polytope", "forces that can be held; `null` for a task of more than three "
     "components",
     get=lambda capability: capability if capability.analysis.task.m <= MOST_DRAWN else None,
-    parts=by_time(
+    parts=_by_time(
     _by_lock((
         Field("vertices", "corners, in the axes of the task; empty if no force can be held", FORCE,
             "k × m"),

@@ -39,7 +39,7 @@ def timeline_sentence(timeline: Timeline) -> str:
     share = f"At {percent(worst.not_tolerated)} of all instants it is not tolerated"
     if worst.verdict is Verdict.BORDERLINE:
         return f"Borderline. {when}, with a margin of {ratio(worst.margin)}{tie}."
-    return f"Not tolerated. {when}: {jump_in_words(timeline, worst)}{tie}. {share}."
+    return f"Not tolerated. {when}: {_jump_in_words(timeline, worst)}{tie}. {share}."
 
 
 def _tied(timeline: Timeline) -> str:
@@ -50,7 +50,7 @@ def _tied(timeline: Timeline) -> str:
     return f"; tied with {joined(others)}" if others else ""
 
 
-def jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
+def _jump_in_words(timeline: Timeline, worst: WorstInstant) -> str:
     """Describe what is lost at the worst instant."""
     if timeline.force is None:
         return "a direction of force is lost"

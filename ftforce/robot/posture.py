@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
-BEND = math.pi / 3.0
+_BEND = math.pi / 3.0
 _MOST_BENT = 3
 _CONSIDERED = 8  # revolute joints, counted from the base, that may be bent: 448 postures of three
 DEGREES = "; these look like degrees, but radians are expected"
@@ -202,7 +202,7 @@ def bent_posture(robot: Robot) -> Vector | None:
         The arm.
     """
     middle = mid_range(robot)
-    room = np.minimum(BEND, 0.8 * np.minimum(robot.upper - middle, middle - robot.lower))
+    room = np.minimum(_BEND, 0.8 * np.minimum(robot.upper - middle, middle - robot.lower))
     usual, mounting = _usual_ranks(robot), Mounting.of(robot)
     joints = [i for i in range(1, robot.n) if robot.joints[i].type != "prismatic"][:_CONSIDERED]
     for count in range(1, _MOST_BENT + 1):

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 GIVEN = "given"
 BY_NAME = "tool frame by name"
-CLEARLY = 2  # a branch is clearly the longest with this many joints more than any other
-MOST_OF_A_GRIPPER = 2  # joints, in series and in all, that may lie beyond the tip unasked
+_CLEARLY = 2  # a branch is clearly the longest with this many joints more than any other
+_MOST_OF_A_GRIPPER = 2  # joints, in series and in all, that may lie beyond the tip unasked
 
 # Names of tool frames, best first. A name is compared word by word: panda_hand_tcp, linkEE.
 _TOOL_FRAMES = tuple(
@@ -97,9 +97,9 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
     if tip is not None:
         return Tip(tip, GIVEN)
     start = tree.root if base is None else base
-    chain_tips = dict.fromkeys(tip for base, tip in srdf.chains if count_joints(tree, base, tip))
+    chain_tips = dict.fromkeys(tip for base, tip in srdf.chains if _count_joints(tree, base, tip))
     for links, what in ((srdf.end_effectors, "SRDF end effector"), (chain_tips, "SRDF chain tip")):
-        usable = [link for link in links if count_joints(tree, start, link) > 0]
+        usable = [link for link in links if _count_joints(tree, start, link) > 0]
         if len(usable) == 1:
             return Tip(usable[0], what)
         if len(usable) > 1:
@@ -111,7 +111,7 @@ def choose_tip(tree: UrdfTree, srdf: Srdf, tip: str | None, base: str | None) ->
     return _tool_of(bodies, _end_of_arm(bodies, start))
 
 
-def count_joints(tree: UrdfTree, base: str, tip: str) -> int:
+def _count_joints(tree: UrdfTree, base: str, tip: str) -> int:
     """Return the number of moving joints from base to tip; 0 if base is not above the tip.
 
     Parameters
@@ -249,7 +249,7 @@ def _end_of_arm(bodies: _Bodies, start: str) -> str:
     if not path:
         raise InputError(f"{printable(tree.path)}: no movable joint below the link {start!r}")
     beyond = 0 if _has_name(exits, _FINGER) else sum(bodies.beyond[one.name] for one in exits)
-    if beyond > MOST_OF_A_GRIPPER:
+    if beyond > _MOST_OF_A_GRIPPER:
         tip = _tool_of(bodies, link).link
         raise _which_tip(bodies, f"{beyond} moving joints lie beyond {tip!r}")
     return link
@@ -274,7 +274,7 @@ def _next(
         arms = _longest(bodies, arms)
     if len(arms) == 1:
         return None if _is_gripper(bodies, link, arms[0], path) else arms[0]
-    if not exits or (path and all(bodies.length[j.name] <= MOST_OF_A_GRIPPER for j in arms)):
+    if not exits or (path and all(bodies.length[j.name] <= _MOST_OF_A_GRIPPER for j in arms)):
         return None
     fork = _fork(bodies.tree, link)
     raise _which_tip(bodies, f"the tree branches into several moving parts at the link {fork!r}")
@@ -284,17 +284,17 @@ def _longest(bodies: _Bodies, arms: list[UrdfJoint]) -> list[UrdfJoint]:
     """Return the branch that is the arm, or all of them if that is not clear."""
     length = {joint.name: bodies.length[joint.name] for joint in arms}
     named = [joint for joint in arms if joint.name in bodies.named]
-    if len(named) == 1 and length[named[0].name] > max(length.values()) - CLEARLY:
+    if len(named) == 1 and length[named[0].name] > max(length.values()) - _CLEARLY:
         return named
     first, second, *_ = sorted(arms, key=lambda joint: -length[joint.name])
-    is_clear = length[first.name] >= length[second.name] + CLEARLY
+    is_clear = length[first.name] >= length[second.name] + _CLEARLY
     return [first] if is_clear and (not named or first in named) else arms
 
 
 def _is_gripper(bodies: _Bodies, link: str, joint: UrdfJoint, path: list[UrdfJoint]) -> bool:
     """Return whether a joint beyond a moving link of the arm, and all beyond it, is a gripper."""
     length = bodies.length[joint.name]
-    if not path or length > MOST_OF_A_GRIPPER or joint.name in bodies.named:
+    if not path or length > _MOST_OF_A_GRIPPER or joint.name in bodies.named:
         return False
     if any(_kind(one) is not None for one in bodies.links[link]):
         return True

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Start, Trajectory
 
-MAX_CELLS = 20_000_000
+_MAX_CELLS = 20_000_000
 _AT_ONCE = 200_000  # instants times sets times joints, which bounds the memory
 
 
@@ -529,10 +529,10 @@ def _cells(
 
 
 def _check_count(instants: int, all_sets: AllFaultSets) -> None:
-    if instants * len(all_sets) > MAX_CELLS:
+    if instants * len(all_sets) > _MAX_CELLS:
         raise InputError(
             f"{instants:,} instants of {len(all_sets):,} fault sets exceed the maximum of "
-            f"{MAX_CELLS:,} cells; ask for a lower rate or smaller sets"
+            f"{_MAX_CELLS:,} cells; ask for a lower rate or smaller sets"
         )
 
 

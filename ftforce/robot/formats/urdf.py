@@ -65,10 +65,10 @@ def read_urdf(path: str | PathLike[str]) -> UrdfTree:
         links and joints.
     """
     found = robot_element(path)
-    return tree_of(found.root, path, found.notes)
+    return _tree_of(found.root, path, found.notes)
 
 
-def tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()) -> UrdfTree:
+def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()) -> UrdfTree:
     """Return the tree that the root element of a URDF describes.
 
     Parameters

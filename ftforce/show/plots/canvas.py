@@ -43,7 +43,7 @@ YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 LINE_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p", "h")
 SOLID, DASHED, DOTTED = (0, ()), (0, (5, 2.5)), (0, (0.1, 2.4))
-DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
+_DASHES = (SOLID, (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1.2)))
 
 NOTHING = "the arm cannot be held"
 NO_FAULT = "none (healthy)"
@@ -54,7 +54,7 @@ HIGHEST = 9.6  # in; a page of A4 with its caption
 ROW = 0.16  # in; height of a row of text
 LONGEST_NAME = 24  # characters of a joint's name
 
-ROW_OF_TEXT = 1.3  # line height, relative to the font size
+_ROW_OF_TEXT = 1.3  # line height, relative to the font size
 _LETTER = 0.52  # average character width, relative to the font size
 _ROOM = 0.8  # share of the axes' width left by legends, approximately
 
@@ -90,7 +90,7 @@ def line_of(i: int, count: int, samples: int) -> dict[str, Any]:
     """Return the options of line i of ``count``, distinguishable also without colour."""
     return {
         "color": LINE_COLOURS[i % len(LINE_COLOURS)],
-        "linestyle": DASHES[i % len(DASHES)],
+        "linestyle": _DASHES[i % len(_DASHES)],
         "marker": MARKERS[i % len(MARKERS)],
         "markevery": sparse(i, count, samples),
     }
@@ -219,11 +219,11 @@ def head(ax: Axes, title: str, handles: Sequence[Any]) -> None:
         "columnspacing": 1.6,
     }
     ax.legend(handles=handles, **place, **space, frameon=False)
-    lift_titles(ax, 1)
+    _lift_titles(ax, 1)
     ax.set_title(title)
 
 
-def lift_titles(ax: Axes, rows: int) -> None:
+def _lift_titles(ax: Axes, rows: int) -> None:
     """Reserve rows of text between the axes and their title.
 
     Titles are placed above the tick labels of a top axis, so one with blank labels is added.
@@ -271,11 +271,11 @@ def frame(ax: Axes, history: History, title: str, ylabel: str) -> None:
     grid(ax)
     first, last = float(history.t[0]), float(history.t[-1])
     ax.set_xlim(first, last if last > first else first + 1.0)
-    lift_titles(ax, mark_faults(ax, history))
+    _lift_titles(ax, _mark_faults(ax, history))
     ax.set_title(title)
 
 
-def mark_faults(ax: Axes, history: History) -> int:
+def _mark_faults(ax: Axes, history: History) -> int:
     """Draw a labelled dashed line at each fault; return the number of label rows."""
     size, room = _size(), max(int(_ROOM * width_of(ax) / (_LETTER * _size())), 1)  # characters
     start, end = ax.get_xlim()
@@ -290,7 +290,7 @@ def mark_faults(ax: Axes, history: History) -> int:
         ax.annotate(
             label,
             (time, 1.0),
-            (0.0, 2.0 + ROW_OF_TEXT * size * row),
+            (0.0, 2.0 + _ROW_OF_TEXT * size * row),
             xycoords=("data", "axes fraction"),
             textcoords="offset points",
             fontsize=size,

@@ -80,7 +80,7 @@ def capability(
         axes.axhline(0.0, color="0.7", linewidth=0.6)
         axes.axvline(0.0, color="0.7", linewidth=0.6)
         for one in slices:
-            _draw(axes, outline(one.polytope, far, _weights(task, rows)), one)
+            _draw(axes, _outline(one.polytope, far, _weights(task, rows)), one)
         _window(axes, corners, same_unit=units[0] == units[1])
         axes.set_xlabel(f"{names[0]} [{units[0]}]")
         axes.set_ylabel(f"{names[1]} [{units[1]}]")
@@ -99,7 +99,7 @@ def slices_of(result: Capability, rows: Rows) -> list[Slice]:
         if (after and not faults) or (reading is LockModel.HELD and not locked):
             continue
         feasible = result.feasible(after=after, reading=reading)
-        found.append(Slice(when, label, plane_slice(feasible, rows, weights), look))
+        found.append(Slice(when, label, _plane_slice(feasible, rows, weights), look))
     return found
 
 
@@ -129,7 +129,7 @@ _LOOKS: tuple[tuple[str, str, bool, LockModel, dict[str, Any]], ...] = (
 )
 
 
-def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = None) -> Polytope:
+def _plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = None) -> Polytope:
     """Return the slice of the feasible forces in the plane of two components.
 
     The slice of ``{F₀ + Z z}`` with its limits has the same form with two rows, so its vertices are
@@ -160,7 +160,7 @@ def plane_slice(feasible: FeasibleForces, rows: Rows, weights: Vector | None = N
     return force_polytope(flat, None if weights is None else weights[list(rows)])
 
 
-def outline(polytope: Polytope, far: float, weights: Vector | None = None) -> Matrix:
+def _outline(polytope: Polytope, far: float, weights: Vector | None = None) -> Matrix:
     """Return the ordered corners of a slice; unbounded directions end at a distance ``far``.
 
     Parameters

@@ -72,12 +72,12 @@ class Marks(NamedTuple):
     bound: Vector
 
 
-MOST = 50
+_MOST = 50
 """Maximum number of arms in a figure, best first."""
 
 
 def comparison(
-    result: Comparison, *, shown: Shown = "tolerated", most: int = MOST, ax: Axes | None = None
+    result: Comparison, *, shown: Shown = "tolerated", most: int = _MOST, ax: Axes | None = None
 ) -> Axes:
     """Draw one dot with an interval per arm, best arm on top.
 
@@ -120,7 +120,7 @@ def _cut(shown: int, arms: int) -> str:
 
 def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
     """Draw the dots without title and legend; return the marks."""
-    marks = marks_of(arms, shown)
+    marks = _marks_of(arms, shown)
     _draw(ax, marks, is_share=shown in _SHARES)
     names = [f"{shortened(arm.name, LONGEST_NAME)}  {ranks(arm)}" for arm in arms]
     ax.set_yticks(range(len(names)), names)
@@ -129,7 +129,7 @@ def _panel(ax: Axes, arms: Sequence[ArmReport], shown: str) -> Marks:
     return marks
 
 
-def marks_of(arms: Sequence[ArmReport], shown: str) -> Marks:
+def _marks_of(arms: Sequence[ArmReport], shown: str) -> Marks:
     """Return the marks of arms in the given order; shares in percent."""
     rows = np.array([_row(arm, shown) for arm in arms])
     return Marks(*(rows[:, k] for k in range(4)))
@@ -176,7 +176,7 @@ def lay_out(drawn: Figure, result: Comparison) -> None:
     result :
         The comparison.
     """
-    arms = result.arms[:MOST]
+    arms = result.arms[:_MOST]
     height = min(1.3 + ROW * max(len(arms), 4), HIGHEST)
     drawn.set_size_inches(WIDTH, height)
     axes = drawn.subplots(1, len(SHOWN), sharey=True)

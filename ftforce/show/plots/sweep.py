@@ -121,7 +121,7 @@ def without_ticks_above(ax: Axes) -> None:
 
 def histograms_of(sweep: Sweep, quantity: str) -> list[Histogram]:
     """Return the histograms of all joints, most critical first, and that of the healthy arm."""
-    joints = [histogram_of(sweep, quantity, one.joint) for one in sweep.joints]
+    joints = [_histogram_of(sweep, quantity, one.joint) for one in sweep.joints]
     return [*joints, _of_healthy(sweep, quantity)]
 
 
@@ -155,7 +155,7 @@ def _grouped(
     return Histogram(edges[::_LINEAR], counts.reshape(-1, _LINEAR).sum(axis=1), *marks, words)
 
 
-def histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
+def _histogram_of(sweep: Sweep, quantity: str, joint: int) -> Histogram:
     """Return the histogram for a joint (from 0) that fails alone, in bins wide enough to see."""
     summary, bins = sweep.summary, sweep.summary.bins
     place = sweep.index_of((joint + 1,))

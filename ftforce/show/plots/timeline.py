@@ -25,7 +25,7 @@ Quantity = Literal["jump", "margin", "capability"]
 
 QUANTITIES = ("jump", "margin", "capability")
 MOST_COLUMNS = 1000  # beyond the resolution of print
-LONGEST_LABEL = 34  # characters
+_LONGEST_LABEL = 34  # characters
 
 
 class Cells(NamedTuple):
@@ -150,10 +150,10 @@ def _columns(t: Vector, values: Matrix, *, largest: bool) -> tuple[Vector, Matri
 def set_labels(robot: Robot, sets: Sequence[FaultSet]) -> list[str]:
     """Label fault sets by joint numbers and names, or only numbers where that is too long."""
     named = [", ".join(f"{j + 1} {robot.names[j]}" for j in one.joints) or NO_FAULT for one in sets]
-    if max(map(len, named)) <= LONGEST_LABEL:
+    if max(map(len, named)) <= _LONGEST_LABEL:
         return named
     return [
-        shortened(name, LONGEST_LABEL) if len(one) < 2 else text.set_of(one.joints).strip("{}")
+        shortened(name, _LONGEST_LABEL) if len(one) < 2 else text.set_of(one.joints).strip("{}")
         for name, one in zip(named, sets, strict=True)
     ]
 

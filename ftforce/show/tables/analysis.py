@@ -177,7 +177,7 @@ def _unit_tip(analysis: Analysis) -> TitledTable:
             for title, own in sizes
             if own
         )
-        asked = ("asked", f"{name} 1 {unit}{beyond}")
+        asked = ("requested", f"{name} 1 {unit}{beyond}")
         rows.append([asked, *zip(task.components, after, strict=True), *jumps])
     result = listing("Force at the tip after the fault, for each unit force", rows)
     if any(text.is_noticeable(force.unsupported) for force, _ in analysis.unit_forces):

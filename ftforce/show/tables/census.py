@@ -97,10 +97,11 @@ _RANKED_BY = {
 
 def _sets(census: Census, most: int) -> TitledTable:
     order = "least capability first" if census.rank_by == "capability" else "worst first"
+    sizes = "1 joint" if census.largest == 1 else f"1 to {census.largest} joints"
     ranks = map(str, census.set_ranks)
     ranked = list(zip(census.sets, ranks, strict=True))[:most]
     result = listing(
-        f"Fault sets, {census.mode}, {order} ({len(census.sets)} of 1 to {census.largest} joints)",
+        f"Fault sets, {census.mode}, {order} ({len(census.sets)} of {sizes})",
         [_set(census, report, rank) for report, rank in (*ranked, (census.healthy, ""))],
         left=3,
         folded=(),

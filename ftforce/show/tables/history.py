@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ftforce.trajectory.history import EventReport, History, Run, Setting
 
 _WIDEST = 3  # components that fit into a row
-RUN_NAMES = {"healthy": "as if healthy", "unremapped": "without remap", "remapped": "with remap"}
+_RUN_NAMES = {"healthy": "as if healthy", "unremapped": "without remap", "remapped": "with remap"}
 
 
 def history_view(history: History) -> RenderableType:
@@ -123,7 +123,7 @@ def _runs(history: History) -> TitledTable:
 
 def _run(history: History, name: str, run: Run) -> Iterator[tuple[str, str | Text]]:
     here, unit = run.until_fall, history.setting.task.size_unit
-    yield "", RUN_NAMES[name]
+    yield "", _RUN_NAMES[name]
     yield "off path", _off_path(run)
     yield f"force jump [{unit}]", _largest(history.jump_norm(run)[here], "not held")
     yield MARGIN.symbol, ratio(float(run.margin.min()))
@@ -160,7 +160,7 @@ def _joint(history: History, i: int) -> Iterator[tuple[str, str]]:
     yield "joint", joint.name
     yield "unit", joint.torque_unit
     for name, run in history.runs.items():
-        yield RUN_NAMES[name], peak(run.motor[run.until_fall, i])
+        yield _RUN_NAMES[name], peak(run.motor[run.until_fall, i])
     load = answer.brake[answer.until_fall, i]
     yield "brake", peak(load) if load.any() else ""
     yield "limit", "unknown" if math.isnan(limit) else f"{limit:g}"
@@ -170,7 +170,7 @@ def _instants(history: History) -> TitledTable:
     """Return the table of force and path error at the start, around each fault and at the end."""
     columns = _force_columns(history.setting.task)
     rows = [_instant(history, columns, i) for i in _shown(history, history.setting.events)]
-    name = RUN_NAMES["unremapped" if history.remapped is None else "remapped"]
+    name = _RUN_NAMES["unremapped" if history.remapped is None else "remapped"]
     return listing(f"Instants, {name}", rows, folded=(0, len(columns) + 4))
 
 

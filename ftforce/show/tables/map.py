@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ftforce.batch.summary.cells import Flat, Located
     from ftforce.batch.workspace_map import WorkspaceMap
 
-MOST_CELLS = 8
+_MOST_CELLS = 8
 """Maximum number of cells in the table of the worst cells."""
 _FACTS = ("Robot", "Axes", "Task", "Postures", "Faults", "Force", "Stored")
 _COLUMNS = 24  # three-character cells that fit beside a row label in 80 columns
@@ -35,7 +35,7 @@ _LABEL = 8  # characters of a row label
 _ALL = "·"
 
 
-def map_view(found: WorkspaceMap, *, most: int = MOST_CELLS) -> RenderableType:
+def map_view(found: WorkspaceMap, *, most: int = _MOST_CELLS) -> RenderableType:
     """Return the map as text and its tables, with the ``most`` worst cells."""
     asked = [pair for pair in sweep_facts(found.sweep) if pair[0] in _FACTS]
     shown = f"{faults_in_words(found.sweep, found.joints)}; {cells_in_words(found, found.flat)}"
