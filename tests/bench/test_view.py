@@ -13,8 +13,10 @@ import pytest
 import ftforce
 from browser import needs_browser, started, watched
 from effort import rounds
+from ftforce.analysis.question import Question
+from ftforce.robot.posture import choose_posture
+from ftforce.view.model.state import initial_state
 from ftforce.view.session import Session
-from helpers import initial_state
 
 BETWEEN_PANELS = {"x": 370, "y": 160, "width": 500, "height": 630}
 CHANGE = "Panda with limits and the census of single faults: from a change to the new page"
@@ -23,7 +25,8 @@ CHANGE = "Panda with limits and the census of single faults: from a change to th
 @pytest.fixture(scope="module")
 def session():
     arm = ftforce.load_robot("panda")
-    state = initial_state(arm, force=[0, 0, 50], limits="urdf").showing(census=1)
+    question = Question.parse(arm, posture=choose_posture(arm), force=[0, 0, 50], limits="urdf")
+    state = initial_state(question, are_limits_given=True).showing(census=1)
     with Session(arm, state) as page:
         page.load_geometry()
         yield page
