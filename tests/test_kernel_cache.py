@@ -60,8 +60,13 @@ def package(tmp_path):
         (folder / "deep.py").write_text(DEEP.format(factor=factor, type=kind))
         (tmp_path / "other.py").write_text(beside)
         program = PROGRAM.format(folder=str(tmp_path), name=name, type=kind)
+        # -B: bytecode is valid for a size and a *second*; an edit may keep both
         done = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+            [sys.executable, "-B", "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
         )
         value, hits = done.stdout.split()
         return float(value), int(hits)
