@@ -15,6 +15,7 @@ from ftforce.batch.summary.criticality import (
 from ftforce.batch.summary.intervals import quantile
 from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.ranks import Rank, ranks_of_intervals
 
 if TYPE_CHECKING:
@@ -73,6 +74,8 @@ class SweepSetting:
         Version of ftforce.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
+    joint_length :
+        Travel of a slide that weighs as much as 1 rad of a hinge, m; older sweeps have 1 m.
     """
 
     robot: str
@@ -101,6 +104,7 @@ class SweepSetting:
     chunk: int
     version: str
     implausible: tuple[str, ...] = ()
+    joint_length: float = DEFAULT_JOINT_LENGTH
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""
@@ -124,6 +128,11 @@ class SweepSetting:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def scale(self) -> JointScale:
+        """Weights of hinges against slides."""
+        return JointScale.of(self.joint_units, self.joint_length)
 
     @property
     def size_unit(self) -> str:

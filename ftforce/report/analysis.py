@@ -114,7 +114,9 @@ def unbalanced(analysis: Analysis) -> dict[int, float]:
     free = analysis.reduced.free
     if free is None or analysis.bounded is None or analysis.bounded.feasible.is_balanced:
         return {}
-    torque = free.unbalanced(analysis.rnea.after)
+    torque = np.zeros(analysis.robot.n)
+    torque[free.joints] = free.unbalanced(analysis.scale.weigh_torque(analysis.rnea.after))
+    torque = analysis.scale.unweigh_torque(torque)[free.joints]
     return dict(zip(free.joints, torque.tolist(), strict=True))
 
 
@@ -127,7 +129,7 @@ def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
     if analysis.bounded is None or analysis.limits is None:
         return {}
     F0 = analysis.bounded.feasible.F0
-    torque = analysis.rnea.after + F0.dot(analysis.reduced.J)
+    torque = analysis.rnea.after + analysis.scale.unweigh_torque(F0.dot(analysis.reduced.J))
     largest = analysis.limits.largest_torques(analysis.faults)
     return {j: (float(torque[j]), float(largest[j])) for j in analysis.bounded.overloaded}
 

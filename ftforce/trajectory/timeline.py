@@ -234,6 +234,7 @@ def timeline(
     limits: LimitsLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rate: float | None = None,
@@ -265,7 +266,7 @@ def timeline(
     limits :
         As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
         capability.
-    gravity, payload, task, length, axes, rtol, wary :
+    gravity, payload, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
         Called with the number of steps completed and their total.
@@ -297,6 +298,7 @@ def timeline(
         limits=limits,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
         wary=wary,
@@ -349,7 +351,13 @@ def timeline_of(
     sets, tick = tuple(all_sets), _counted(progress, 2 * len(start.times))
     phase = Phase(0.0, HEALTHY, HEALTHY)
     motion = advance(
-        question.robot, start.reference, start.q, start.times, (phase,), tick=tick
+        question.robot,
+        start.reference,
+        start.q,
+        start.times,
+        (phase,),
+        scale=question.scale,
+        tick=tick,
     ).motion
     loaded = motion
     if start.is_static:
@@ -496,7 +504,7 @@ def _cells(
     jump, margin, capability, held = (np.full(shape, math.nan) for _ in range(4))
     verdict, exerted = np.zeros(shape, dtype=np.int8), np.zeros((shape[0], question.task.m))
     largest = [
-        None if capability_limits is None else capability_limits.largest_torques(faults)
+        None if capability_limits is None else question.largest_torques(faults, capability_limits)
         for faults in sets
     ]
     count = max(_AT_ONCE // (len(sets) * question.robot.n), 1)
