@@ -278,7 +278,8 @@ _JACOBIAN = (
     *MEASURES,
     Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
     Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
-        "if none is left", "N per N·m", get="force_error"),
+        "if none is left. Beside slides, torques of hinges are divided by `joint_length`",
+        "N per N·m", get="force_error"),
 )
 _FORCE = (
     parts.REQUESTED,
@@ -347,7 +348,7 @@ UNKNOWN_LIMITS = Field("unknown", "joints whose limit, of the motor or if locked
 SITUATION = (
     parts.ROBOT,
     Field("conventions", "conventions of the document",
-        get=lambda x: parts.Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
+        get=lambda x: parts.Asked(x.task, x.scale, x.rtol, x.wary, x.conditions, x.inverse), parts=(
         *parts.CONVENTIONS,
         Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
     )),

@@ -312,6 +312,7 @@ class Survey(Mode):
             state.asking(setting.task, setting.axes, setting.length),
             rtol=setting.rtol,
             wary=setting.wary,
+            scale=setting.scale,
             is_limited=False,
             own_gravity=self._gravity(),
         )

@@ -67,6 +67,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(census.task),
+        *text.joint_kinds(census.scale),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
         ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
