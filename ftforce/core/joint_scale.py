@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,12 +64,7 @@ class JointScale:
                 f"the joint length must lie between {_SHORTEST:g} and {_LONGEST:g} m (m of a slide "
                 f"that weigh as much as 1 rad of a hinge), got {length}"
             )
-        slides = np.array([unit == "m" for unit in units])
-        is_mixed = bool(slides.any() and not slides.all())
-        weights = None
-        if is_mixed and length != 1.0:
-            weights = read_only(np.where(slides, 1.0, 1.0 / length))
-        return cls(float(length), is_mixed, weights)
+        return _scale(tuple(units), float(length))
 
     @property
     def effective_length(self) -> float | None:
@@ -134,6 +130,14 @@ class JointScale:
             Mass matrix, shape (n, n).
         """
         return M if self.weights is None else M * np.outer(self.weights, self.weights)
+
+
+@lru_cache(maxsize=64)  # the same for millions of postures
+def _scale(units: tuple[str, ...], length: float) -> JointScale:
+    is_mixed, weights = len(set(units)) > 1, None
+    if is_mixed and length != 1.0:
+        weights = read_only(np.array([1.0 if unit == "m" else 1.0 / length for unit in units]))
+    return JointScale(length, is_mixed, weights)
 
 
 UNWEIGHTED = JointScale()
