@@ -16,12 +16,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ftforce
+from ftforce.analysis.analyze import load_without_force
+from ftforce.analysis.question import AllFaultSets, Question
 from ftforce.batch.comparison import compare
+from ftforce.batch.plan import Plan
 from ftforce.batch.remapper import Remapper
 from ftforce.batch.result import SweepSetting
 from ftforce.core.joint_scale import JointScale
 from ftforce.errors import InputError, OutputError
 from ftforce.report.files import to_text
+from ftforce.robot.posture import choose_posture
 from ftforce.show import render
 from ftforce.trajectory.history import QUANTITIES
 from ftforce.view.model.state import command_line, initial_state
@@ -154,9 +158,11 @@ QUESTIONS = {
     "two locked": {"locked": [1, 3], "force": [3, 4, 5]},
     "free": {"free": [2], "force": [3, 4, 5]},
     "a free slide": {"free": [3]},
+    "locked and free": {"locked": [3], "free": [2]},
+    "all free": {"free": [1, 2, 3, 4, 5]},
     "weak": {"weak": "3:0.5", "force": [30, 4, 5]},
     "limits": {"locked": [2], "force": [50, 0, 0], "limits": "urdf"},
-    "overloaded": {"free": [2], "limits": "urdf", "payload": 9.0},
+    "overloaded": {"free": [4], "limits": "urdf", "payload": 30.0},
     "wrench": {"locked": [4], "task": "wrench", "length": 0.1, "force": [1, 2, 3, 0.1, 0.2, 0.3]},
     "torques": {"locked": [3], "torque": [1, 2, 3, 0.5, 0.5]},
     "dynamic": {"locked": [3], "torque": [1, 2, 3, 0.5, 0.5], "inverse": "dynamic"},
@@ -190,23 +196,23 @@ def test_an_analysis_does_not_depend_on_the_unit(psm, case, length):
         same_numbers(a.impact.after, b.impact.after / unit)
     for one in (a, b):
         assert one.is_proved()
-    assert_document_has_one_unit(a, b, unit)
+    assert_same_support(a, b, unit)
+    standing = json.loads(to_text(a, "json"))["standing"]
+    assert bool(standing["overloaded"]) == (case == "overloaded")
+    assert bool(standing["unbalanced"]) == (case == "all free")
 
 
-def assert_document_has_one_unit(a, b, unit):
-    """Compare what is said about an arm that cannot stand still."""
+def assert_same_support(a, b, unit):
+    """Compare what holds the arms without a force, or what is said if nothing does."""
+    same_numbers(load_without_force(a), load_without_force(b) * unit)
     one, other = (json.loads(to_text(x, "json"))["standing"] for x in (a, b))
-    names, scale = a.robot.names, dict(zip(a.robot.names, unit, strict=True))
-    for name in names:
-        if name in one["unbalanced"]:
-            same_numbers(one["unbalanced"][name], other["unbalanced"][name] * scale[name])
-        if name in one["overloaded"]:
-            for key in ("torque", "limit"):
-                same_numbers(
-                    one["overloaded"][name][key], other["overloaded"][name][key] * scale[name]
-                )
-    assert one["unbalanced"].keys() == other["unbalanced"].keys()
-    assert one["overloaded"].keys() == other["overloaded"].keys()
+    for name, scale in zip(a.robot.names, unit, strict=True):
+        x, y = (found["unbalanced"].get(name, 0.0) for found in (one, other))
+        same_numbers(x, y * scale)
+        x, y = (found["overloaded"].get(name, {}) for found in (one, other))
+        assert x.keys() == y.keys()
+        for key in x:
+            same_numbers(x[key], y[key] * scale)
 
 
 @pytest.mark.parametrize("mode", ["locked", "free"])
@@ -249,12 +255,13 @@ def test_a_timeline_does_not_depend_on_the_unit(psm, mode, force):
         same_numbers(getattr(a, name), getattr(b, name), tol=1e-5)
 
 
-def test_a_simulation_does_not_depend_on_the_unit(psm):
+@pytest.mark.parametrize("faults", [["4@0.2", "free:2@0.4"], ["3,5@0.2", "4@0.3"]])
+def test_a_simulation_does_not_depend_on_the_unit(psm, faults):
     line = straight(psm.metres, (0.02, -0.02, 0.01), speed=0.1, q=Q, keep_orientation=True)
 
     def question(robot, q, **asked):
         return ftforce.simulate(
-            robot, line, q, rate=20, force=[3, 4, 5], faults=["4@0.2", "free:2@0.4"], delay=0.1,
+            robot, line, q, rate=20, force=[3, 4, 5], faults=faults, delay=0.1,
             limits="urdf", **asked
         )  # fmt: skip
 
@@ -297,9 +304,6 @@ def test_a_sweep_does_not_depend_on_the_unit(psm, mode, task):
 @pytest.mark.parametrize("mode", ["locked", "free"])
 def test_the_kernels_agree_with_analyze(sliding, mode, task):
     """Margins, verdicts and capabilities of a sweep at L = 0.2 m, posture by posture."""
-    from ftforce.analysis.question import AllFaultSets, Question
-    from ftforce.batch.plan import Plan
-
     m = 3 if task == "force" else 6
     force = np.arange(1.0, m + 1)
     asked = {"task": task, "length": 0.3, "joint_length": 0.2}
@@ -345,6 +349,25 @@ def test_a_remapper_agrees_with_analyze(sliding, mode):
                     assert np.isnan(got.U[s]).all()
                 else:
                     assert_close(got.U[s], wanted.torque.after, scale=10.0)
+
+
+def test_rounding_does_not_become_a_lever(tmp_path):
+    """A floor for entries of J is one for the arm as it is, whatever weighs its joints."""
+    steps = [
+        Step(False, (1e-11, 0, 1), (0, 0, 0)),  # tilted by rounding
+        Step(True, (1, 0, 0), (0.3, 0, 0)),
+        Step(False, (0, 0, 1), (0.3, 0, 0)),
+    ]
+    robot = load(tmp_path, urdf(steps), tip="tip")
+    asked = {"task": "fz", "joint_length": 1e-6}
+    with pytest.raises(InputError, match="even the healthy arm cannot exert"):
+        ftforce.analyze(robot, [0.1, 0.2, 0.3], locked=[1], **asked)
+    question = Question.parse(robot, **asked)
+    sets = tuple(AllFaultSets.parse(robot, 1, "locked"))
+    block = Plan.of(question, sets, needs_gravity=False).evaluator()(np.array([[0.1, 0.2, 0.3]]))
+    assert block.rank.tolist() == [0]
+    remapped = Remapper(robot, 1, **asked)(np.array([0.1, 0.2, 0.3]), force=np.ones(1))
+    assert {one.value for one in remapped.verdicts} == {"not tolerated"}
 
 
 def test_a_remapper_keeps_its_result_and_its_torques(sliding):
@@ -471,9 +494,6 @@ def test_every_result_says_the_joint_length(psm, tmp_path):
 
 
 def test_the_page_asks_the_same(psm):
-    from ftforce.analysis.question import Question
-    from ftforce.robot.posture import choose_posture
-
     robot = psm.metres
     question = Question.parse(robot, posture=choose_posture(robot, Q), joint_length=0.2)
     state = initial_state(question)
