@@ -162,7 +162,7 @@ QUESTIONS = {
     "all free": {"free": [1, 2, 3, 4, 5]},
     "weak": {"weak": "3:0.5", "force": [30, 4, 5]},
     "limits": {"locked": [2], "force": [50, 0, 0], "limits": "urdf"},
-    "overloaded": {"free": [4], "limits": "urdf", "payload": 30.0},
+    "overloaded": {"free": [5], "limits": "urdf", "payload": 30.0},
     "wrench": {"locked": [4], "task": "wrench", "length": 0.1, "force": [1, 2, 3, 0.1, 0.2, 0.3]},
     "torques": {"locked": [3], "torque": [1, 2, 3, 0.5, 0.5]},
     "dynamic": {"locked": [3], "torque": [1, 2, 3, 0.5, 0.5], "inverse": "dynamic"},
