@@ -68,7 +68,7 @@ def joint_kinds(scale: JointScale) -> list[tuple[str, str]]:
     if scale.is_mixed:
         words = f"hinges and slides: 1 rad weighed as {scale.length:g} m (--joint-length)"
     elif scale.length != DEFAULT_JOINT_LENGTH:
-        words = "not hinges and slides: --joint-length has no effect"
+        words = "all joints turn, or all slide: --joint-length has no effect"
     return [("Joint kinds", words)] if words else []
 
 
