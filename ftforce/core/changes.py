@@ -69,7 +69,13 @@ class RneaChange(NamedTuple):
         return self.gravity is not None and self.motion_before is not None
 
     def weighed(self, scale: JointScale) -> RneaChange:
-        """Return the weighted torques (theory §2.7)."""
+        """Return the weighted torques (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
         if scale.weights is None:
             return self
         return RneaChange(*(None if x is None else scale.weigh_torque(x) for x in self))  # type: ignore[arg-type] # only what is ``None`` stays so
@@ -137,7 +143,13 @@ class TorqueChange:
     self_motion: Vector
 
     def unweighed(self, scale: JointScale) -> TorqueChange:
-        """Return the torques, N·m (N), if these are weighted (theory §2.7)."""
+        """Return the torques, N·m (N), if these are weighted (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
         if scale.weights is None:
             return self
         torques: dict[str, Any] = {}
@@ -201,7 +213,13 @@ class VelocityChange:
     angular_jump_norm: float | None
 
     def unweighed(self, scale: JointScale) -> VelocityChange:
-        """Return the joint velocities, rad/s or m/s, if these are weighted (theory §2.7)."""
+        """Return the joint velocities, rad/s or m/s, if these are weighted (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
         if scale.weights is None:
             return self
         before, after = map(scale.unweigh_velocity, (self.before, self.after))
