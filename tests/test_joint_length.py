@@ -97,13 +97,14 @@ class Two(NamedTuple):
     other: ftforce.Robot
     per_metre: np.ndarray
 
-    def ask(self, question, q, joint_length=1.0, torque=None, velocity=None, **asked):
+    def ask(self, question, q, joint_length=1.0, velocity=None, **asked):
         """Return the answers for both, each with lengths and torques in its own unit."""
         found = []
         for robot, unit in ((self.metres, np.ones(len(q.T))), (self.other, self.per_metre)):
             own = dict(asked, joint_length=joint_length * unit.max())
-            if torque is not None:
-                own["torque"] = np.asarray(torque) / unit
+            for name in ("torque", "friction"):
+                if name in asked:
+                    own[name] = np.asarray(asked[name]) / unit
             if velocity is not None:
                 own["velocity"] = np.asarray(velocity) * unit
             found.append(question(robot, q * unit, **own))
@@ -159,7 +160,10 @@ QUESTIONS = {
     "free": {"free": [2], "force": [3, 4, 5]},
     "a free slide": {"free": [3]},
     "locked and free": {"locked": [3], "free": [2]},
-    "all free": {"free": [1, 2, 3, 4, 5]},
+    "all free": {"free": [1, 2, 3, 4, 5], "friction": [0.0] * 5},
+    "friction": {"free": [1, 3], "friction": [5, 5, 40, 5, 5], "force": [3, 4, 5]},
+    "friction unknown": {"free": [3], "friction": [math.nan] * 5},
+    "too little friction": {"free": [1, 2, 3, 4, 5], "friction": [0.1, 0.1, 0.2, 0.1, 0.1]},
     "weak": {"weak": "3:0.5", "force": [30, 4, 5]},
     "limits": {"locked": [2], "force": [50, 0, 0], "limits": "urdf"},
     "overloaded": {"free": [5], "limits": "urdf", "payload": 30.0},
@@ -209,10 +213,11 @@ def assert_same_support(a, b, unit):
     for name, scale in zip(a.robot.names, unit, strict=True):
         x, y = (found["unbalanced"].get(name, 0.0) for found in (one, other))
         same_numbers(x, y * scale)
-        x, y = (found["overloaded"].get(name, {}) for found in (one, other))
-        assert x.keys() == y.keys()
-        for key in x:
-            same_numbers(x[key], y[key] * scale)
+        for group in ("overloaded", "friction"):
+            x, y = (found[group].get(name, {}) for found in (one, other))
+            assert x.keys() == y.keys()
+            for key in x.keys() - {"source"}:
+                same_numbers(x[key], y[key] * scale)
 
 
 @pytest.mark.parametrize("mode", ["locked", "free"])

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.core.task import Axes, Task
@@ -222,7 +223,8 @@ class Capability(Displayed):
         faults = analysis.faults if after else FaultSet()
         n, rnea = analysis.robot.n, self._rnea(after=after)
         levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
-        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.free_mask(n))
+        free = analysis.question.free_joints(faults)
+        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, free)
         feasible = feasible_forces(line, rnea, self._largest(faults), LockModel.HELD)
         ray, failed = reach(feasible, np.ones(1)), self._failed(after, LockModel.HELD)
         return _amount(feasible, np.zeros(0), ray, 1.0, failed)
@@ -296,6 +298,7 @@ def capability(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = URDF,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -307,7 +310,7 @@ def capability(
 
     Parameters
     ----------
-    robot, q, locked, free, weak, velocity, acceleration, gravity, payload :
+    robot, q, locked, free, weak, velocity, acceleration, gravity, payload, friction :
         As in `ftforce.analyze`.
     task, length, joint_length, axes, posture, rtol :
         As in `ftforce.analyze`.
@@ -345,6 +348,7 @@ def capability(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         joint_length=joint_length,

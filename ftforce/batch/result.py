@@ -72,6 +72,8 @@ class SweepSetting:
         Postures per chunk.
     version :
         Version of ftforce.
+    friction :
+        Friction of free-swinging joints, in words; ``None`` if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     joint_length :
@@ -103,6 +105,7 @@ class SweepSetting:
     keep: str
     chunk: int
     version: str
+    friction: str | None = None
     implausible: tuple[str, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.task import Axes
@@ -57,6 +58,7 @@ def simulate(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -93,7 +95,7 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
-    gravity, payload, limits, task, length, joint_length, axes, rtol, wary :
+    gravity, payload, limits, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
         Samples per second; by default 100 along a path, or the recording's own times.
@@ -146,6 +148,7 @@ def simulate(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         joint_length=joint_length,
@@ -347,7 +350,8 @@ def _velocity_jumps(
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
     weighted, v = question.scale.weigh_jacobian(J), question.scale.weigh_velocity(state.v)
-    reduced = reduce(read_only(weighted), locked, question.rtol, faults.free_mask(robot.n))
+    free = question.free_joints(faults)
+    reduced = reduce(read_only(weighted), locked, question.rtol, free)
     remapped = tuple(change_of_velocity(reduced, _LINEAR, v).jump.tolist())
     try:
         M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
@@ -384,6 +388,17 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
-        notes=start.notes,
         joint_length=question.scale.length,
+        notes=(*start.notes, *_friction_note(scene)),
+    )
+
+
+def _friction_note(scene: _Scene) -> tuple[str, ...]:
+    """Say which friction is assumed, if a joint swings freely."""
+    question = scene.question
+    joints = sorted({j for event in scene.events for j in event.faults.free})
+    if not joints:
+        return ()
+    return (
+        f"friction of free-swinging joints: {question.friction.in_words(question.robot, joints)}",
     )
