@@ -235,7 +235,13 @@ class Question:
         return self.given_friction or choose_friction(self.robot, None, self.limits)
 
     def free_joints(self, faults: FaultSet) -> FreeJoints | None:
-        """Return the free-swinging joints of a fault set, with their friction, weighted."""
+        """Return the free-swinging joints of a fault set, with their friction, weighted.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+        """
         mask = faults.free_mask(self.robot.n)
         return (
             None

@@ -74,6 +74,9 @@ class SweepSetting:
         Version of ftforce.
     friction :
         Friction of free-swinging joints, in words; ``None`` if joints do not swing.
+    friction_torques :
+        Torque that it bears at each joint, N·m (N), ``None`` where it follows from the weight;
+        empty if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     joint_length :
@@ -106,6 +109,7 @@ class SweepSetting:
     chunk: int
     version: str
     friction: str | None = None
+    friction_torques: tuple[float | None, ...] = ()
     implausible: tuple[str, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import Friction
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
@@ -123,6 +124,8 @@ class State:
         As in `ftforce.analyze`.
     scale :
         Weights of hinges against slides.
+    friction :
+        Friction of free-swinging joints; ``None`` if it was not given.
     origin :
         How the user specified the arm.
     shown :
@@ -148,6 +151,7 @@ class State:
     rtol: float
     wary: float
     scale: JointScale
+    friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
 
@@ -331,6 +335,7 @@ class State:
             inverse=self.inverse,
             rtol=self.rtol,
             wary=self.wary,
+            given_friction=self.friction,
             posture=choose_posture(robot, self.q) if is_given else self.posture,
             faults=self.faults,
             scale=self.scale,
@@ -384,6 +389,7 @@ def initial_state(
         rtol=question.rtol,
         wary=question.wary,
         scale=question.scale,
+        friction=question.given_friction,
         origin=Origin(robot.path) if origin is None else origin,
     )
     return state.with_faults(faults)
@@ -413,6 +419,7 @@ def command_line(robot: Robot, state: State) -> str:
         "gravity": _numbers(state.gravity),
         "payload": _payload(state.payload),
         "limits": _limits(state),
+        "friction": "" if state.friction is None else state.friction.option,
         "inverse": _unless(INVERSES[0], state.inverse),
         "task": _unless("force", str(task)),
         "length": _unless(DEFAULT_LENGTH, task.length),
