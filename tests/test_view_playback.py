@@ -358,9 +358,10 @@ def test_another_arm_or_chain_does_not_fit(dh5, history):
 
 
 def test_moments_have_arrows_and_curves_of_their_own(dh5, simulated):
-    run = simulated("3@0.5", task="fx,fz,my", length=0.3, force=[30, 10, 4])
+    run = simulated("3@0.5", task="fx,fz,my", length=0.3, joint_length=0.2, force=[30, 10, 4])
     with playing(dh5, run, 1.0) as (session, mode):
         assert session.problem == ""
+        assert session.state.scale.length == 0.2
         scene, now = session.picture, snapshot(run, "remapped", 1.0)
         moments = {arrow.kind: arrow for arrow in scene.arrows if arrow.is_moment}
         assert moments["requested"].length == pytest.approx(4 * scene.scales.moment)

@@ -155,11 +155,12 @@ def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
     path = tmp_path / "s.zarr"
     asked = {"task": "fx,fz", "axes": "world", "force": [1, 3], "gravity": [0, 0, -1.62]}
     kept = {"keep": "all", "output": path, "threads": 1}
-    ftforce.sweep(dh5, n=64, rtol=1e-5, wary=0.05, **asked, **kept)
+    ftforce.sweep(dh5, n=64, rtol=1e-5, wary=0.05, joint_length=0.2, **asked, **kept)
     session, mode = opened(dh5, path)
     with session:
         state = session.state
         assert (state.rtol, state.wary, str(state.task)) == (1e-5, 0.05, "fx,fz")
+        assert state.scale.length == 0.2
         assert state.gravity.tolist() == [0, 0, -1.62]
         assert session.panel.handle("task").value == "fx,fz"
         verdicts = ftforce.open_sweep(path).dataset["verdict"].values

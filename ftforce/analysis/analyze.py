@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.conditions import Inverse, mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.conditions import Inverse, rnea_change
 from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
@@ -178,14 +178,16 @@ class Analysis(Answered):
         if self.force is None or self.torque is None:
             return None
         F = self.task.weigh_force(self.force.before)
-        return measures.force_contributions(self.reduced, self.torque.before, F)
+        tau = self.scale.weigh_torque(self.torque.before)
+        return measures.force_contributions(self.reduced, tau, F)
 
     @cached_property
     def velocity_contributions(self) -> Vector | None:
         """Contribution of each joint to the tip velocity, ‖J_k v_k‖/‖J v‖ (Table 2), shape (n,)."""
         if self.velocity is None:
             return None
-        return measures.velocity_contributions(self.reduced.J, self.velocity.before)
+        v = self.scale.weigh_velocity(self.velocity.before)
+        return measures.velocity_contributions(self.reduced.J, v)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -242,7 +244,7 @@ def load_without_force(analysis: Analysis) -> Vector:
     """
     bounded, load = analysis.bounded, analysis.rnea.after
     if bounded is not None and bounded.F_after is not None:
-        load = load + bounded.F_after.dot(analysis.reduced.J)
+        load = load + analysis.scale.unweigh_torque(bounded.F_after.dot(analysis.reduced.J))
     return read_only(load)
 
 
@@ -271,6 +273,7 @@ def analyze(
     inverse: Inverse = "euclidean",
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rtol: float = RTOL,
@@ -314,6 +317,9 @@ def analyze(
         ``force``, ``moment``, ``wrench``, or components such as ``fx,fz,my``.
     length :
         Characteristic length that weighs moments against forces, m; by default 1 m.
+    joint_length :
+        Weighs slides against hinges: the travel of a prismatic joint, m, that counts as much as
+        1 rad; by default 1 m. It has no effect unless the chain has both.
     axes :
         ``tool`` or ``world``.
     posture :
@@ -354,6 +360,7 @@ def analyze(
             inverse=inverse,
             task=task,
             length=length,
+            joint_length=joint_length,
             axes=axes,
             rtol=rtol,
             wary=wary,
@@ -371,37 +378,51 @@ def analyze_question(question: Question) -> Analysis:
         URDF has none.
     """
     robot, task, q, wary = question.robot, question.task, question.q, question.wary
-    faults, conditions, limits = question.faults, question.conditions, question.limits
+    faults, conditions, scale = question.faults, question.conditions, question.scale
     J = task_jacobian(robot, q, task)
     locked, free = faults.mask(robot.n), question.free_joints(faults)
-    reduced = reduce(read_only(task.weigh_jacobian(J)), locked, question.rtol, free)
+    reduced = reduce(read_only(question.weigh_jacobian(J)), locked, question.rtol, free)
     rnea = rnea_change(robot, q, conditions, locked)
-    M = mass_matrix_for(robot, q, conditions, question.inverse)
-    load = tip_load(reduced, task, question.force, question.torque, M=M)
+    weighted, largest = rnea.weighed(scale), question.largest_torques(faults)
+    load = question.load(reduced)
     F = None if load is None else load.F
     if not question.has_force_to_keep(reduced, F):
         raise question.nothing_to_keep()
-    bounded, largest = None, None
-    if limits is not None or free is not None:
+    bounded = None
+    if largest is not None or free is not None:
         from ftforce.core.bounded_remap import remap_inside  # lazy: not for the closed form
 
-        largest = None if limits is None else limits.largest_torques(faults)
-        bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea.after, largest)
-    change = None if load is None else change_of_load(reduced, task, load, rnea, bounded)
-    v = conditions.velocity
+        wanted = np.zeros(task.m) if F is None else F
+        bounded = remap_inside(reduced, wanted, weighted.after, largest)
+    change = None if load is None else change_of_load(reduced, task, load, weighted, bounded)
     return Analysis(
         question=question,
         J=read_only(J),
         reduced=reduced,
         rnea=rnea,
         force=change[0] if change else None,
-        torque=change[1] if change else None,
-        unit_forces=() if change else changes_of_unit_forces(reduced, task),
+        torque=change[1].unweighed(scale) if change else None,
+        unit_forces=() if change else _unit_forces(question, reduced),
         bounded=bounded,
-        velocity=None if v is None else change_of_velocity(reduced, task, v),
+        velocity=_velocity_change(question, reduced),
         impact=_impact(question, reduced, J),
         verdict=judge(reduced, F, wary, bounded, largest),
     )
+
+
+def _velocity_change(question: Question, reduced: ReducedJacobian) -> VelocityChange | None:
+    v, scale = question.conditions.velocity, question.scale
+    if v is None:
+        return None
+    change = change_of_velocity(reduced, question.task, scale.weigh_velocity(v))
+    return change.unweighed(scale)
+
+
+def _unit_forces(
+    question: Question, reduced: ReducedJacobian
+) -> tuple[tuple[ForceChange, TorqueChange], ...]:
+    changes = changes_of_unit_forces(reduced, question.task)
+    return tuple((force, torque.unweighed(question.scale)) for force, torque in changes)
 
 
 def _impact(question: Question, reduced: ReducedJacobian, J: Matrix) -> Impact | None:
@@ -421,8 +442,9 @@ def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> 
     assert force.jump is not None
     assert torque.after is not None
     weighted = Jump(*map(task.weigh_force, (force.before, force.after, force.jump)))
-    laws = force_residuals(reduced, torque.after, weighted)
-    change = (torque.after + torque.self_motion - torque.before)[~reduced.locked]
-    scale = float(np.linalg.norm(torque.before))
+    weigh = analysis.scale.weigh_torque
+    laws = force_residuals(reduced, weigh(torque.after), weighted)
+    change = weigh(torque.after + torque.self_motion - torque.before)[~reduced.locked]
+    scale = float(np.linalg.norm(weigh(torque.before)))
     laws["unchanged"] = float(np.linalg.norm(change)) / scale if scale > 0.0 else 0.0
     return laws

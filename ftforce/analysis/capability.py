@@ -28,7 +28,6 @@ from ftforce.core.feasible_forces import (
     reach,
     weakest_direction,
 )
-from ftforce.core.limits import Limits
 from ftforce.core.polytope import Polytope, force_polytope
 from ftforce.core.reduced_jacobian import RTOL, reduce, reduce_decomposed
 from ftforce.robot.dynamics import Payload, payload_acceleration, payload_jacobian
@@ -173,7 +172,7 @@ class Capability(Displayed):
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
         reduced = analysis.reduced if after else self._healthy
-        rnea = analysis.rnea.after if after else analysis.rnea.before
+        rnea = self._rnea(after=after)
         return feasible_forces(reduced, rnea, self._largest(faults), reading)
 
     def polytope(self, *, after: bool, reading: LockModel | str = LockModel.COMMANDED) -> Polytope:
@@ -222,7 +221,7 @@ class Capability(Displayed):
         # A mass loads the joints linearly, as a force with these lever arms: the same ratio test.
         analysis = self.analysis
         faults = analysis.faults if after else FaultSet()
-        n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
+        n, rnea = analysis.robot.n, self._rnea(after=after)
         levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
         free = analysis.question.free_joints(faults)
         line = reduce(levers, faults.mask(n), analysis.reduced.rtol, free)
@@ -237,14 +236,19 @@ class Capability(Displayed):
         faults = self.analysis.faults
         return faults.joints if reading is LockModel.COMMANDED else faults.free
 
+    def _rnea(self, *, after: bool) -> Vector:
+        """Return the weighted torques for weight and motion, shape (n,)."""
+        rnea = self.analysis.rnea.after if after else self.analysis.rnea.before
+        return self.analysis.scale.weigh_torque(rnea)
+
     def _largest(self, faults: FaultSet) -> Vector:
-        limits = self.analysis.limits
-        if limits is None:
-            limits = Limits.of(np.full(self.analysis.robot.n, np.nan))
-        return limits.largest_torques(faults)
+        """Return the weighted torque limits, NaN where unknown, shape (n,)."""
+        question = self.analysis.question
+        largest = question.largest_torques(faults)
+        return np.full(question.robot.n, np.nan) if largest is None else largest
 
     def _torque_per_kg(self, *, after: bool) -> Vector:
-        """Return the joint torques per kg at the tip, N·m (N) per kg, shape (n,)."""
+        """Return the weighted joint torques per kg at the tip, shape (n,)."""
         analysis, conditions = self.analysis, self.analysis.conditions
         robot, q = analysis.robot, analysis.posture.q
         offset = np.zeros(3) if conditions.payload is None else conditions.payload.offset
@@ -256,7 +260,7 @@ class Capability(Displayed):
                 for x in (conditions.velocity, conditions.acceleration)
             )
             pull = pull + payload_acceleration(robot, q, v, a, kilogram)
-        J = payload_jacobian(robot, q, kilogram)
+        J = analysis.scale.weigh_jacobian(payload_jacobian(robot, q, kilogram))
         torque = pull.dot(J)
         largest = float(np.linalg.norm(pull) * np.linalg.norm(J, axis=0).max())
         return np.where(np.abs(torque) > analysis.reduced.rtol * largest, torque, 0.0)
@@ -297,6 +301,7 @@ def capability(
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rtol: float = RTOL,
@@ -307,7 +312,7 @@ def capability(
     ----------
     robot, q, locked, free, weak, velocity, acceleration, gravity, payload, friction :
         As in `ftforce.analyze`.
-    task, length, axes, posture, rtol :
+    task, length, joint_length, axes, posture, rtol :
         As in `ftforce.analyze`.
     direction :
         Additional direction of force, in task axes, shape (m,).
@@ -346,6 +351,7 @@ def capability(
         friction=friction,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
     )

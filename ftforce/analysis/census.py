@@ -205,6 +205,7 @@ def census(
     direction: ArrayLike | None = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rtol: float = RTOL,
@@ -217,7 +218,7 @@ def census(
     ----------
     robot, q, force, torque, velocity, acceleration, gravity, payload, friction, inverse :
         As in `ftforce.analyze`.
-    task, length, axes, posture, rtol, wary :
+    task, length, joint_length, axes, posture, rtol, wary :
         As in `ftforce.analyze`.
     faults :
         Size of the largest sets.
@@ -269,6 +270,7 @@ def census(
         inverse=inverse,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
         wary=wary,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.conditions import mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.conditions import rnea_change
 from ftforce.analysis.question import HEALTHY
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
@@ -131,7 +131,7 @@ class SharedCase(NamedTuple):
     healthy :
         Weighted Jacobian of the healthy arm, decomposed and reduced by no fault.
     rnea :
-        Torques for weight and motion of the healthy arm.
+        Weighted torques for weight and motion of the healthy arm.
     F :
         Weighted force that the healthy arm exerts, shape (m,); ``None`` without a force.
     direction :
@@ -153,14 +153,13 @@ class SharedCase(NamedTuple):
         InputError
             The dynamic inverse needs masses, and the URDF has none.
         """
-        robot, task, q, conditions = question.robot, question.task, question.q, question.conditions
+        robot, q, scale = question.robot, question.q, question.scale
         no_joint = HEALTHY.mask(robot.n)
-        svd = Svd(task.weigh_jacobian(task_jacobian(robot, q, task)))
+        svd = Svd(question.weigh_jacobian(task_jacobian(robot, q, question.task)))
         healthy = reduce_decomposed(svd, no_joint, question.rtol)
-        M = mass_matrix_for(robot, q, conditions, question.inverse)
-        load = tip_load(healthy, task, question.force, question.torque, M=M)
+        load = question.load(healthy)
         F = None if load is None else load.F
-        rnea = rnea_change(robot, q, conditions, no_joint)
+        rnea = rnea_change(robot, q, question.conditions, no_joint).weighed(scale)
         return cls(question, healthy, rnea, F, question.direction_or_that_of(F))
 
     def reduce(self, faults: FaultSet) -> ReducedJacobian:
@@ -170,7 +169,7 @@ class SharedCase(NamedTuple):
         return reduce_decomposed(whole.healthy, faults.mask(n), whole.rtol, free)
 
     def rnea_after(self, faults: FaultSet) -> Vector:
-        """Return the torques for weight and motion after a fault set, N·m (N), shape (n,)."""
+        """Return the weighted torques for weight and motion after a fault set, shape (n,)."""
         robot, q, conditions = self.question.robot, self.question.q, self.question.conditions
         if not conditions.moves:
             return self.rnea.after
@@ -180,7 +179,8 @@ class SharedCase(NamedTuple):
             for x in (conditions.velocity, conditions.acceleration)
         )
         own = None if conditions.is_model_gravity else conditions.gravity
-        return rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
+        rnea = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
+        return self.question.scale.weigh_torque(rnea)
 
 
 def report_set(
@@ -198,8 +198,7 @@ def report_set(
         Whether the report includes the capability.
     """
     question, F = case.question, case.F
-    task, limits = question.task, question.limits
-    largest = None if limits is None else limits.largest_torques(faults)
+    task, largest = question.task, question.largest_torques(faults)
     bounded, rnea = None, case.rnea.after
     if largest is not None or reduced.free is not None:
         rnea = case.rnea_after(faults)
@@ -266,7 +265,7 @@ def set_capability(
     reduced :
         The decomposed Jacobians of the set.
     rnea, largest :
-        Torques for weight and motion, and torque limits, after the fault, shape (n,).
+        Weighted torques for weight and motion, and torque limits, after the fault, shape (n,).
     """
     rays, ends, stops = [], [], []
     for reading in LockModel:

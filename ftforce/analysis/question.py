@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
+from ftforce.analysis.conditions import INVERSES, Conditions, Inverse, mass_matrix_for, tip_load
 from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
+from ftforce.core.joint_scale import UNWEIGHTED, JointScale
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, FreeJoints, check_tolerances
 from ftforce.core.task import Axes, Task
 from ftforce.errors import InputError, UnknownNameError, listed
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.friction import Friction, FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
-    from ftforce.core.arrays import Vector
+    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.changes import TipLoad
     from ftforce.core.limits import Limits
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.robot.dynamics import Payload
@@ -74,6 +76,8 @@ class Question:
         The posture; ``None`` if many are asked about.
     faults :
         The fault set; empty if the arm is healthy, or many sets are asked about.
+    scale :
+        Weights of hinges against slides.
     """
 
     robot: Robot
@@ -89,6 +93,7 @@ class Question:
     given_friction: Friction | None = None
     posture: Posture | None = None
     faults: FaultSet = HEALTHY
+    scale: JointScale = UNWEIGHTED
 
     @classmethod
     def parse(
@@ -109,6 +114,7 @@ class Question:
         inverse: Inverse = "euclidean",
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
+        joint_length: float | None = None,
         axes: Axes = "tool",
         rtol: float = RTOL,
         wary: float = BORDERLINE_RTOL,
@@ -124,7 +130,7 @@ class Question:
             Direction of the force capability, in task axes, shape (m,).
         force, torque, velocity, acceleration, gravity, payload, limits, friction, inverse :
             As in `ftforce.analyze`.
-        task, length, axes, rtol, wary :
+        task, length, joint_length, axes, rtol, wary :
             As in `ftforce.analyze`.
 
         Raises
@@ -161,6 +167,7 @@ class Question:
             given_friction=None if friction is None else choose_friction(robot, friction, known),
             posture=posture,
             faults=faults,
+            scale=JointScale.of((joint.unit for joint in robot.joints), joint_length),
         )
 
     @property
@@ -179,13 +186,56 @@ class Question:
         """The force, weighted, shape (m,); ``None`` if none was given."""
         return None if self.force is None else self.task.weigh_force(self.force)
 
+    def weigh_jacobian(self, J: Matrix) -> Matrix:
+        """Return the Jacobian with its rows and columns weighted, shape (..., m, n).
+
+        Parameters
+        ----------
+        J :
+            Task Jacobian, unweighted, shape (..., m, n).
+        """
+        return self.scale.weigh_jacobian(self.task.weigh_jacobian(J))
+
+    def largest_torques(self, faults: FaultSet, limits: Limits | None = None) -> Vector | None:
+        """Return the weighted limits with a fault set, shape (n,); ``None`` if none are in force.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+        limits :
+            Other limits than those in force.
+        """
+        limits = self.limits if limits is None else limits
+        return None if limits is None else self.scale.weigh_torque(limits.largest_torques(faults))
+
+    def load(self, reduced: ReducedJacobian) -> TipLoad | None:
+        """Return the force of the healthy arm, weighted; ``None`` for neither force nor torques.
+
+        Parameters
+        ----------
+        reduced :
+            The decomposed Jacobians.
+
+        Raises
+        ------
+        InputError
+            The dynamic inverse needs masses, and the URDF has none.
+        """
+        torque = None if self.torque is None else self.scale.weigh_torque(self.torque)
+        M = None
+        if self.inverse != "euclidean":
+            M = mass_matrix_for(self.robot, self.q, self.conditions, self.inverse)
+            M = None if M is None else self.scale.weigh_mass_matrix(M)
+        return tip_load(reduced, self.task, self.force, torque, M=M)
+
     @cached_property
     def friction(self) -> Friction:
         """Friction of each joint, should it swing freely."""
         return self.given_friction or choose_friction(self.robot, None, self.limits)
 
     def free_joints(self, faults: FaultSet) -> FreeJoints | None:
-        """Return the free-swinging joints of a fault set, with their friction.
+        """Return the free-swinging joints of a fault set, with their friction, weighted.
 
         Parameters
         ----------
@@ -193,7 +243,11 @@ class Question:
             The fault set.
         """
         mask = faults.free_mask(self.robot.n)
-        return None if mask is None else FreeJoints(mask, self.friction.torque, self.wary)
+        return (
+            None
+            if mask is None
+            else FreeJoints(mask, self.scale.weigh_torque(self.friction.torque), self.wary)
+        )
 
     def at(
         self,
@@ -333,6 +387,11 @@ class Answered(Displayed):
     def limits(self) -> Limits | None:
         """Torque limits in force; ``None`` if none are."""
         return self.question.limits
+
+    @property
+    def scale(self) -> JointScale:
+        """Weights of hinges against slides."""
+        return self.question.scale
 
     @property
     def rtol(self) -> float:

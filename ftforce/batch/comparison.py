@@ -22,6 +22,7 @@ from ftforce.batch.sweep import sweep_of, sweep_question
 from ftforce.core.arrays import is_number
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH
 from ftforce.core.ranks import ranks_of_intervals
 from ftforce.errors import InputError, listed, printable
 from ftforce.robot.kinematics import reach_bound
@@ -117,6 +118,7 @@ def compare(
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     task: str | Iterable[str] | Task | None = None,
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes | None = None,
     rtol: float | None = None,
     wary: float | None = None,
@@ -145,6 +147,8 @@ def compare(
         As in `ftforce.sweep`.
     length :
         Characteristic length, m, the same for all arms: it weighs moments against forces.
+    joint_length :
+        Weighs slides against hinges in arms that have both, as in `ftforce.analyze`.
     cell :
         Edge length of the workspace cells, m; default a tenth of each arm's longest reach.
     enough :
@@ -176,8 +180,8 @@ def compare(
         {"count": n, "method": method, "seed": seed},
         {"faults": faults, "mode": mode},
         {"force": force, "direction": direction, "limits": limits, "friction": friction,
-         "gravity": gravity, "payload": payload, "task": task, "length": length, "axes": axes,
-         "rtol": rtol, "wary": wary},
+         "gravity": gravity, "payload": payload, "task": task, "length": length,
+         "joint_length": joint_length, "axes": axes, "rtol": rtol, "wary": wary},
         {"cell": cell},
     )  # fmt: skip
     entries = _named(_loaded(arms, tip, base))
@@ -191,6 +195,7 @@ def compare(
         )
     for one in stored:
         _check_same(stored[0], one)
+    _check_joint_lengths(stored)
     reports = _Reports(asked, enough, threads, progress).of(entries)
     return Comparison(_ranked(reports), float(enough), _warnings(reports))
 
@@ -325,6 +330,7 @@ class _Reports:
         cases = {name: self._case(name, robot) for name, robot in robots.items()}
         self.total = sum(case.postures.count for case in cases.values())
         found: list[ArmReport] = []
+        done: list[_Entry] = []
         first = next((one for one in entries if isinstance(one.arm, Sweep)), None)
         for one in entries:
             swept, healthy = one, None
@@ -336,6 +342,8 @@ class _Reports:
             found.append(
                 arm_report(swept.arm, one.name, enough=self.enough, healthy_capability=healthy)
             )
+            done.append(swept)
+        _check_joint_lengths(done)
         return found
 
     def _case(self, name: str, robot: Robot) -> _Case:
@@ -378,10 +386,25 @@ _QUESTION = (
     *("components", "axes", "length", "mode", "largest", "force", "limits", "direction"),
     *("gravity", "payload", "rtol", "wary"),
 )
-_CALLED = {"components": "task", "largest": "size of sets"}
+_CALLED = {"components": "task", "largest": "size of sets", "joint_length": "joint length"}
 
 
-def _check_same(one: _Entry, other: _Entry) -> None:
+def _check_joint_lengths(entries: Sequence[_Entry]) -> None:
+    """Check that the sweeps of arms with hinges and slides weigh them alike.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    mixed = [
+        one for one in entries if isinstance(one.arm, Sweep) and one.arm.setting.scale.is_mixed
+    ]
+    for one in mixed:
+        _check_same(mixed[0], one, ("joint_length",))
+
+
+def _check_same(one: _Entry, other: _Entry, keys: Sequence[str] = _QUESTION) -> None:
     """Check that two sweeps have the same setting.
 
     Raises
@@ -393,7 +416,7 @@ def _check_same(one: _Entry, other: _Entry) -> None:
     assert isinstance(other.arm, Sweep)
     differs = [
         f"{_CALLED.get(key, key)} {_in_words(a)} and {_in_words(b)}"
-        for key in _QUESTION
+        for key in keys
         for a, b in [(_asked(one.arm.setting, key), _asked(other.arm.setting, key))]
         if not _is_same(a, b)
     ]
@@ -456,8 +479,8 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
     slides = [arm.name for arm in reports if "m" in arm.setting.joint_units]
     if slides and len({unit for arm in reports for unit in arm.setting.joint_units}) > 1:
         found.append(
-            "prismatic joints: margin, ρ and verdict equate 1 m of travel with 1 rad of rotation: "
-            f"{listed(slides)}"
+            f"prismatic joints: margin, ρ and verdict equate {_joint_length(reports):g} m of "
+            f"travel with 1 rad of rotation: {listed(slides)}"
         )
     unknown = [
         f"{arm.name} ({listed(arm.setting.unknown_limits, 3)})"
@@ -468,6 +491,12 @@ def _warnings(reports: Sequence[ArmReport]) -> tuple[str, ...]:
         found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
     found += [f"{arm.name}: {words}" for arm in reports for words in arm.setting.implausible]
     return (*found, *_posture_warnings(reports))
+
+
+def _joint_length(reports: Sequence[ArmReport]) -> float:
+    """Return the joint length of the arms that have hinges and slides."""
+    lengths = (arm.setting.scale.effective_length for arm in reports)
+    return next((length for length in lengths if length is not None), DEFAULT_JOINT_LENGTH)
 
 
 def _posture_warnings(reports: Sequence[ArmReport]) -> list[str]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, aligned
 from ftforce.batch.kernels.layout import Question as KernelQuestion
 from ftforce.core.arrays import read_only
+from ftforce.core.joint_scale import UNWEIGHTED
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import noise_floor
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.question import Question
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.faults import FaultSet
+    from ftforce.core.joint_scale import JointScale
     from ftforce.core.limits import Limits
     from ftforce.core.task import Task
     from ftforce.robot.dynamics import Payload
@@ -34,6 +36,7 @@ def mechanism_of(
     gravity: Vector | None = None,
     payload: Payload | None = None,
     needs_gravity: bool = True,
+    scale: JointScale = UNWEIGHTED,
 ) -> Mechanism:
     """Return a robot as arrays.
 
@@ -49,6 +52,8 @@ def mechanism_of(
         Payload at the tip.
     needs_gravity :
         Whether gravity torques are needed; if not, joints that only carry weight are left out.
+    scale :
+        Weights of hinges against slides.
 
     Raises
     ------
@@ -73,14 +78,16 @@ def mechanism_of(
     rows = [model.joints[i].idx_v for i in kept]
     G = coordinates.G[rows]
     drivers = np.abs(G).argmax(axis=1)
+    ratio = G[np.arange(len(rows)), drivers]
     mass, centre = _bodies(robot, kept, rotations, payload)
     return Mechanism(
         parent=read_only(np.array([place[model.parents[i]] for i in kept], dtype=np.int64)),
         is_prismatic=read_only(np.array(prismatic)),
         placement=read_only(np.array(placements)),
         driver=read_only(drivers.astype(np.int64)),
-        ratio=read_only(G[np.arange(len(rows)), drivers].copy()),
+        ratio=read_only(ratio.copy()),
         offset=read_only(coordinates.offset[rows].copy()),
+        gain=read_only(scale.weigh_torque(np.ones(robot.n))[drivers] * ratio),
         moves_tip=read_only(np.array([i in path for i in kept])),
         tip=read_only(
             _flat(to_parent @ tip.placement.rotation, to_parent @ tip.placement.translation)
@@ -179,7 +186,11 @@ class Plan:
         own = None if conditions.is_model_gravity else conditions.gravity
         return cls(
             mechanism_of(
-                robot, gravity=own, payload=conditions.payload, needs_gravity=needs_gravity
+                robot,
+                gravity=own,
+                payload=conditions.payload,
+                needs_gravity=needs_gravity,
+                scale=question.scale,
             ),
             faults_of(sets, robot.n),
             question_of(
@@ -193,6 +204,7 @@ class Plan:
                 wary=question.wary,
                 floors=noise_floor(robot),
                 needs_gravity=needs_gravity,
+                scale=question.scale,
             ),
             robot.n,
             bool(task.force_rows and task.moment_rows),
@@ -318,6 +330,7 @@ def question_of(
     wary: float,
     floors: tuple[float, float] = (0.0, 0.0),
     needs_gravity: bool,
+    scale: JointScale = UNWEIGHTED,
 ) -> KernelQuestion:
     """Return the question as arrays.
 
@@ -340,6 +353,8 @@ def question_of(
         Whether gravity torques are needed.
     floors :
         Entries up to which J is rounding, `ftforce.robot.kinematics.noise_floor`.
+    scale :
+        Weights of hinges against slides.
     """
     rows = np.arange(6)[task.rows].astype(np.int64)
     unknown = np.full(n, np.nan)
@@ -348,14 +363,20 @@ def question_of(
     return KernelQuestion(
         rows=read_only(rows),
         weights=read_only(weights.copy()),
-        floor=read_only(weights * np.where(rows < 3, *floors)),
+        floor=read_only(
+            scale.weigh_jacobian(
+                np.repeat((weights * np.where(rows < 3, *floors))[:, None], n, axis=1)
+            )
+        ),
         in_tool=task.axes == "tool",
         is_whole=rows.tolist() in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]),
         force=read_only(nothing if force is None else task.weigh_force(force).copy()),
         direction=read_only(nothing if direction is None else task.weigh_force(direction).copy()),
-        effort=read_only((unknown if limits is None else limits.effort).copy()),
-        brake=read_only((unknown if limits is None else limits.brake).copy()),
-        friction=read_only(np.zeros(n) if friction is None else friction.copy()),
+        effort=read_only(scale.weigh_torque(unknown if limits is None else limits.effort).copy()),
+        brake=read_only(scale.weigh_torque(unknown if limits is None else limits.brake).copy()),
+        friction=read_only(
+            np.zeros(n) if friction is None else scale.weigh_torque(friction).copy()
+        ),
         rtol=rtol,
         wary=wary,
         needs_gravity=needs_gravity,

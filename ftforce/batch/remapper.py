@@ -60,7 +60,8 @@ class Remapped(NamedTuple):
     margin :
         σ_min(K)/σ_max(J), shape (S,).
     sigma_min :
-        σ_min(K) of the weighted Jacobian, m (dimensionless if prismatic), shape (S,).
+        σ_min(K) of the weighted Jacobian, m; dimensionless if a joint is prismatic, since hinges
+        are then divided by the joint length, shape (S,).
     rank_lost :
         rank(J) - rank(K), shape (S,).
     verdict :
@@ -114,7 +115,7 @@ class Remapper:
     gravity, payload, friction :
         As in `ftforce.analyze`. They matter only for free-swinging joints, whose weight has to be
         balanced. Inertial torques are not considered.
-    task, length, axes, rtol, wary :
+    task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
 
     Raises
@@ -150,6 +151,7 @@ class Remapper:
         friction: FrictionLike = None,
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
+        joint_length: float | None = None,
         axes: Axes = "tool",
         rtol: float = RTOL,
         wary: float = BORDERLINE_RTOL,
@@ -161,6 +163,7 @@ class Remapper:
             friction=friction,
             task=task,
             length=length,
+            joint_length=joint_length,
             axes=axes,
             rtol=rtol,
             wary=wary,
@@ -172,9 +175,13 @@ class Remapper:
         answer = _kernel()
         plan = Plan.of(question, sets, needs_gravity=any(one.free for one in sets))
         constants = _constants(plan)
-        work, self._result = _workspace(plan, question.task)
+        work, self._result, torques = _workspace(plan, question.task)
         self._by_torque = partial(answer, False, *constants, *work)
         self._by_force = partial(answer, True, *constants, *work)
+        if (weights := question.scale.weights) is not None:
+            scaling = _Scaling(weights, torques, np.empty(plan.n))
+            self._by_torque = partial(scaling.by_torque, self._by_torque)
+            self._by_force = partial(scaling.by_force, self._by_force)
 
     @property
     def robot(self) -> Robot:
@@ -327,19 +334,53 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     tree[E, :3] = mechanism.tip_parent, question.in_tool, question.needs_gravity
     body = np.zeros((E + 1, single.BODY))
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
-    body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
+    body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre, mechanism.gain])
     body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
-    task = np.zeros((5, max(m, n, 2)))
-    task[0, :m], task[1, :m], task[3, :m] = question.rows, question.weights, question.floor
-    task[2, :2], task[4, :n] = (question.rtol, question.wary), question.friction
+    task = np.zeros((4 + n, max(m, n, 2)))
+    task[0, :m], task[1, :m], task[4:, :m] = question.rows, question.weights, question.floor.T
+    task[2, :2], task[3, :n] = (question.rtol, question.wary), question.friction
     failed = np.zeros((-(-len(faults.locked) // single.SET_LANES), n, single.SET_LANES))
     for at, locked in enumerate(faults.locked):
         failed[at // single.SET_LANES, :, at % single.SET_LANES] = locked
     return tree, body, task, faults.locked.copy(), faults.free.copy(), failed
 
 
-def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapped]:
-    """Return the output arrays of `single.answer`, and the views of them that are the result."""
+class _Scaling(NamedTuple):
+    """Torques of the kernel, where hinges are weighed against slides (theory §2.7).
+
+    Attributes
+    ----------
+    weights :
+        Joint weights, shape (n,).
+    outputs :
+        Torques that the kernel writes, weighted, shape (1 + S, n).
+    buffer :
+        For the weighted torques that it reads, shape (n,).
+    """
+
+    weights: Vector
+    outputs: Matrix
+    buffer: Vector
+
+    def by_torque(self, run: Any, q: Vector, torque: Vector) -> int:
+        """Run the kernel with torques."""
+        if torque.shape == self.buffer.shape:  # the kernel rejects other shapes
+            torque = np.multiply(torque, self.weights, out=self.buffer)
+        return self.by_force(run, q, torque)
+
+    def by_force(self, run: Any, q: Vector, given: Vector) -> int:
+        """Run the kernel, and unweight the torques that it writes."""
+        code: int = run(q, given)
+        if not code:
+            np.divide(self.outputs, self.weights, out=self.outputs)
+        return code
+
+
+def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapped, NDArray[Any]]:
+    """Return the output arrays of `single.answer`, and the views of them that are the result.
+
+    The last item holds all torques of the result, τ_N and U of every set, shape (1 + S, n).
+    """
     from ftforce.batch.kernels import single
 
     m, n, sets = task.m, plan.n, len(plan.faults.locked)
@@ -359,7 +400,7 @@ def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapp
         np.zeros((single.LINES, single.SET_LANES)),
         *(torque, force, number, code),
     )
-    return work, Remapped(
+    result = Remapped(
         U=_view(torque[single.TORQUES :]),
         self_motion=_view(torque[single.TORQUES - 1]),
         force_before=_view(force[0]),
@@ -372,6 +413,7 @@ def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapp
         rank_lost=_view(code[1, :sets]),
         verdict=_view(code[0, :sets]),
     )
+    return work, result, torque[single.TORQUES - 1 :]
 
 
 def _view(array: NDArray[Any]) -> NDArray[Any]:

@@ -15,6 +15,7 @@ from ftforce.batch.summary.criticality import (
 from ftforce.batch.summary.intervals import quantile
 from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.ranks import Rank, ranks_of_intervals
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class SweepSetting:
         empty if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
+    joint_length :
+        Travel of a slide that weighs as much as 1 rad of a hinge, m; older sweeps have 1 m.
     """
 
     robot: str
@@ -108,6 +111,7 @@ class SweepSetting:
     friction: str | None = None
     friction_torques: tuple[float | None, ...] = ()
     implausible: tuple[str, ...] = ()
+    joint_length: float = DEFAULT_JOINT_LENGTH
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""
@@ -131,6 +135,11 @@ class SweepSetting:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def scale(self) -> JointScale:
+        """Weights of hinges against slides."""
+        return JointScale.of(self.joint_units, self.joint_length)
 
     @property
     def size_unit(self) -> str:

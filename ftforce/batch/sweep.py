@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.__version__ import __version__
-from ftforce.analysis.conditions import tip_load
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.analysis.warnings import implausible
@@ -72,6 +71,7 @@ def sweep(
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     rtol: float = RTOL,
     wary: float = BORDERLINE_RTOL,
@@ -107,7 +107,7 @@ def sweep(
         Torque limits of the capability: ``urdf`` (default), a TOML or CSV file, or
         `ftforce.core.limits.Limits`; ``none`` computes no capability. Verdicts and jumps ignore
         them.
-    friction, gravity, payload, task, length, axes, rtol, wary :
+    friction, gravity, payload, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     keep :
         Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
@@ -150,6 +150,7 @@ def sweep(
         payload=payload,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
         wary=wary,
@@ -279,9 +280,9 @@ def _check_task(question: Question, postures: Postures) -> None:
     for k in range(tried):  # spread over the sweep: a recording may begin in a singular posture
         at = k * (postures.count - 1) // max(tried - 1, 1)
         q = read_only(postures.block(at, at + 1)[0].copy())
-        J = task.weigh_jacobian(task_jacobian(robot, q, task))
+        J = question.weigh_jacobian(task_jacobian(robot, q, task))
         healthy = reduce(read_only(J), HEALTHY.mask(robot.n), question.rtol)
-        load = tip_load(healthy, task, question.force, None)
+        load = question.load(healthy)
         if question.has_force_to_keep(healthy, None if load is None else load.F):
             return
     raise question.nothing_to_keep(f"in any of {tried} postures")
@@ -393,6 +394,7 @@ def _setting(
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        joint_length=question.scale.length,
         friction=question.friction.in_words(robot) if swings else None,
         friction_torques=tuple(friction) if swings else (),
         implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),

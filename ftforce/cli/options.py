@@ -314,6 +314,14 @@ class TaskOptions(Group):
             help="Characteristic length that weighs moments against forces, m.", show_default="1"
         ),
     ] = None
+    joint_length: Annotated[
+        float | None,
+        typer.Option(
+            metavar="M",
+            help="In a chain of hinges and slides: travel, m, that counts as much as 1 rad.",
+            show_default="1",
+        ),
+    ] = None
     axes: Annotated[
         str,
         typer.Option(

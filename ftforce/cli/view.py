@@ -29,7 +29,17 @@ if TYPE_CHECKING:
 
 
 _LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
-_OF_A_SWEEP = _LOAD | {"limits", "friction", "inverse", "task", "length", "axes", "rtol", "wary"}
+_OF_A_SWEEP = _LOAD | {
+    "limits",
+    "friction",
+    "inverse",
+    "task",
+    "length",
+    "joint_length",
+    "axes",
+    "rtol",
+    "wary",
+}
 _OF_A_HISTORY = _OF_A_SWEEP | {"q", "payload"}
 
 

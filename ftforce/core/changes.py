@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ftforce.core.remap import (
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix
     from ftforce.core.bounded_remap import BoundedRemap
+    from ftforce.core.joint_scale import JointScale
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.core.task import Task
 
@@ -66,6 +67,18 @@ class RneaChange(NamedTuple):
     def is_known(self) -> bool:
         """Whether gravity and motion torques are known."""
         return self.gravity is not None and self.motion_before is not None
+
+    def weighed(self, scale: JointScale) -> RneaChange:
+        """Return the weighted torques (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
+        if scale.weights is None:
+            return self
+        return RneaChange(*(None if x is None else scale.weigh_torque(x) for x in self))  # type: ignore[arg-type] # only what is ``None`` stays so
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,6 +142,24 @@ class TorqueChange:
     brake_load: Vector | None
     self_motion: Vector
 
+    def unweighed(self, scale: JointScale) -> TorqueChange:
+        """Return the torques, N·m (N), if these are weighted (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
+        if scale.weights is None:
+            return self
+        torques: dict[str, Any] = {}
+        for field in fields(self):
+            torque = getattr(self, field.name)
+            torques[field.name] = (
+                None if torque is None else read_only(scale.unweigh_torque(torque))
+            )
+        return TorqueChange(**torques)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Impact:
@@ -180,6 +211,19 @@ class VelocityChange:
     jump: Vector
     jump_norm: float | None
     angular_jump_norm: float | None
+
+    def unweighed(self, scale: JointScale) -> VelocityChange:
+        """Return the joint velocities, rad/s or m/s, if these are weighted (theory §2.7).
+
+        Parameters
+        ----------
+        scale :
+            Weights of hinges against slides.
+        """
+        if scale.weights is None:
+            return self
+        before, after = map(scale.unweigh_velocity, (self.before, self.after))
+        return replace(self, before=read_only(before), after=read_only(after))
 
 
 def change_of_load(

@@ -13,7 +13,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
 from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
-from ftforce.report.friction import friction_borne, reliance_in_words
+from ftforce.report.friction import friction_borne, reliance_in_words, torque_at
 from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
 from ftforce.report.text import (
     amounts,
@@ -116,7 +116,7 @@ def _nothing_balances(analysis: Analysis) -> str:
         return f"no {force} balances that"
     most = [
         torque_of(robot, j, x)
-        for j, x in zip(bearings.joints, bearings.friction.tolist(), strict=True)
+        for j, x in zip(bearings.joints, torque_at(analysis, bearings.friction), strict=True)
         if j in unbalanced(analysis)
     ]
     return f"neither a {force} nor friction (at most {joined(most)}) balances that"
@@ -143,7 +143,7 @@ def unbalanced(analysis: Analysis) -> dict[int, float]:
         return {}
     most = 0.0 if bearings.is_ideal else bearings.friction
     beyond = np.abs(bearings.unbalanced) > most
-    pairs = zip(bearings.joints, bearings.unbalanced.tolist(), strict=True)
+    pairs = zip(bearings.joints, torque_at(analysis, bearings.unbalanced), strict=True)
     return {j: x for (j, x), over in zip(pairs, beyond.tolist(), strict=True) if over}
 
 
@@ -156,7 +156,7 @@ def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
     if analysis.bounded is None or analysis.limits is None:
         return {}
     F0 = analysis.bounded.feasible.F0
-    torque = analysis.rnea.after + F0.dot(analysis.reduced.J)
+    torque = analysis.rnea.after + analysis.scale.unweigh_torque(F0.dot(analysis.reduced.J))
     largest = analysis.limits.largest_torques(analysis.faults)
     return {j: (float(torque[j]), float(largest[j])) for j in analysis.bounded.overloaded}
 
@@ -305,7 +305,8 @@ _JACOBIAN = (
     *MEASURES,
     Field("lost_directions", "orthonormal rows, directions of the weighted force", "1", "k × m"),
     Field("force_error_per_torque", "1/σ of the smallest singular value that is not lost; `null` "
-        "if none is left", "N per N·m", get="force_error"),
+        "if none is left. Beside slides, torques of hinges are divided by `joint_length`",
+        "N per N·m", get="force_error"),
 )
 _FORCE = (
     parts.REQUESTED,
@@ -377,7 +378,7 @@ UNKNOWN_LIMITS = Field("unknown", "joints whose limit, of the motor or if locked
 SITUATION = (
     parts.ROBOT,
     Field("conventions", "conventions of the document",
-        get=lambda x: parts.Asked(x.task, x.reduced.rtol, x.wary, x.conditions, x.inverse), parts=(
+        get=lambda x: parts.Asked(x.task, x.scale, x.rtol, x.wary, x.conditions, x.inverse), parts=(
         *parts.CONVENTIONS,
         Field("inverse", "`euclidean` or `dynamic`: splits torques into force and self-motion"),
     )),

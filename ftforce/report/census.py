@@ -149,7 +149,8 @@ _RANKED_SET = (parts.RANK, *under("report", _SET), _KEPT)
 CENSUS = (
     parts.ROBOT,
     Field("conventions", "conventions of the document",
-        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
+        get=lambda x: parts.Asked(x.task, x.scale, x.rtol, x.wary, x.conditions),
+        parts=parts.CONVENTIONS),
     parts.POSTURE,
     Field("faults", "size of the largest sets", get="largest"),
     Field("mode", "`locked` or `free`"),

@@ -144,6 +144,8 @@ _ASKED = (
     parts.SETTING_COMPONENTS,
     parts.SETTING_TASK[0],
     parts.SETTING_TASK[2],
+    replace(parts.SETTING_TASK[3], meaning="travel of a slide that weighs as much as 1 rad of a "
+        "hinge, in arms that have both", get="joint_length"),
     _MODE,
     Field("faults", "size of the largest sets", get="largest"),
     Field("force", "requested force; `null` without", parts.FORCE, "m"),
@@ -256,14 +258,14 @@ def comparison_columns(unit: str = parts.FORCE) -> tuple[Field, ...]:
         parts.quantiles(replace(one, unit=unit), _LOW, parts=parts.ESTIMATE[:1])
         for one in (_HEALTHY, _CAPABILITY)
     )
-    axes, task, length, *others = parts.SETTING_COLUMNS
+    axes, task, length, joint_length, *others = parts.SETTING_COLUMNS
     return (
         *under("arm", arm),
         *under("one", size),
         *under("arm", [healthy]),
         *under("one", [capability]),
         *under("arm.workspace", (_REACH, _CELL, *_VOLUMES)),
-        *under("arm.setting", (axes, task, length, _MODE, *others)),
+        *under("arm.setting", (axes, task, length, joint_length, _MODE, *others)),
     )
 
 

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ftforce.report.text import joined, ratio
 
 if TYPE_CHECKING:
     from ftforce.analysis.analyze import Analysis
+    from ftforce.core.arrays import Vector
 
 _NOTHING = 1e-6  # of what friction can bear: rounding errors of the URDF, not worth a word
+
+
+def torque_at(analysis: Analysis, weighted: Vector) -> list[float]:
+    """Return torques at the free-swinging joints, N·m (N), from weighted ones, shape (f,)."""
+    torque = np.zeros(analysis.robot.n)
+    joints = analysis.faults.free
+    torque[list(joints)] = weighted
+    return [float(x) for x in analysis.scale.unweigh_torque(torque)[list(joints)]]
 
 
 def friction_borne(analysis: Analysis) -> dict[int, dict[str, Any]]:
@@ -18,10 +29,11 @@ def friction_borne(analysis: Analysis) -> dict[int, dict[str, Any]]:
     if bounded is None or bounded.F_after is None or bounded.feasible.bearings is None:
         return {}
     bearings, sources = bounded.feasible.bearings, analysis.question.friction.sources
-    torques = bearings.torque(bounded.F_after).tolist()
+    torques = torque_at(analysis, bearings.torque(bounded.F_after))
+    limits = torque_at(analysis, bearings.friction)
     return {
         j: {"torque": x, "limit": most, "source": sources[j]}
-        for j, x, most in zip(bearings.joints, torques, bearings.friction.tolist(), strict=True)
+        for j, x, most in zip(bearings.joints, torques, limits, strict=True)
         if not bearings.is_ideal and abs(x) > _NOTHING * most
     }
 

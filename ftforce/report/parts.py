@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.capability import Capability
     from ftforce.analysis.conditions import Conditions
     from ftforce.batch.result import SweepSetting
+    from ftforce.core.joint_scale import JointScale
     from ftforce.core.polytope import Polytope
     from ftforce.core.task import Task
 
@@ -49,6 +50,7 @@ class Asked(NamedTuple):
     """The question of a result, as the conventions of its document state it."""
 
     task: Task
+    scale: JointScale
     rtol: float
     wary: float
     conditions: Conditions
@@ -61,6 +63,8 @@ TASK_COLUMNS = (
     Field("task", "the task as a word or as components", get=lambda one: str(one.task)),
     Field("length", "characteristic length; `null` if the task has no moments", "m",
         get=lambda one: one.task.length if one.task.moment_rows else None),
+    Field("joint_length", "travel of a slide that weighs as much as 1 rad of a hinge; `null` if "
+        "the chain does not have both", "m", get="scale.effective_length"),
 )
 
 
@@ -70,13 +74,13 @@ SIGN = Field("sign", "the sign convention in a sentence", get=lambda _: text.SIG
 
 def task_fields(units: dict[str, str]) -> tuple[Field, ...]:
     """Return the fields of a task and of the units of a document."""
-    axes, task, length = TASK_COLUMNS
+    axes, task, *lengths = TASK_COLUMNS
     about = "some of `fx fy fz mx my mz`: the order of the components of all force vectors"
     return (
         axes,
         task,
         Field("components", about, shape="m names", get="task.components"),
-        length,
+        *lengths,
         SIGN,
         Field("units", "the unit of each kind of number", get=whole, parts=constants(units)),
     )
@@ -99,7 +103,8 @@ CONVENTIONS = (
             "mass": "kg",
             "tip_velocity": "m/s, rad/s",
             "matrix": "m/rad, rad/rad (m/m for prismatic joints), unweighted",
-            "sigma": "of the weighted Jacobian [J_lin; length * J_ang]",
+            "sigma": "of the weighted Jacobian [J_lin; length * J_ang], the columns of hinges "
+            "divided by joint_length unless that is null",
             "lost_directions": "unit vectors of the weighted force [f; moment / length]",
         }
     ),
@@ -272,6 +277,7 @@ SETTING_TASK = (
     replace(TASK_COLUMNS[0], get=""),
     replace(TASK_COLUMNS[1], get=""),
     replace(TASK_COLUMNS[2], get=_setting_length),
+    TASK_COLUMNS[3],
 )
 SETTING_COMPONENTS = Field("components", "order of the components of all force vectors",
     shape="m names")

@@ -177,7 +177,7 @@ _RANK = replace(parts.RANK, meaning="first and last rank: those whose intervals 
 _CONVENTIONS = (
     *parts.SETTING_TASK[:2],
     parts.SETTING_COMPONENTS,
-    parts.SETTING_TASK[2],
+    *parts.SETTING_TASK[2:],
     parts.SIGN,
     Field("units", "units of jump, capability and positions", shape="by quantity",
         get=lambda x: {"jump": x.size_unit, "capability": x.capability_unit, "place": "m"}),

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from ftforce.batch.result import SweepSetting
     from ftforce.core.arrays import Vector
+    from ftforce.core.joint_scale import JointScale
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
@@ -51,6 +54,22 @@ def joined(words: Iterable[str]) -> str:
 def axes_in_words(task: Task | SweepSetting) -> str:
     """Describe the axes in which vectors are expressed."""
     return "the tool frame" if task.axes == "tool" else "the world (the robot's root), at the tip"
+
+
+def joint_kinds(scale: JointScale) -> list[tuple[str, str]]:
+    """Return how hinges weigh against slides; nothing where only one kind is there to be weighed.
+
+    Parameters
+    ----------
+    scale :
+        Weights of the joints.
+    """
+    words = ""
+    if scale.is_mixed:
+        words = f"hinges and slides: 1 rad weighed as {scale.length:g} m (--joint-length)"
+    elif scale.length != DEFAULT_JOINT_LENGTH:
+        words = "all joints turn, or all slide: --joint-length has no effect"
+    return [("Joint kinds", words)] if words else []
 
 
 def direction(task: Task, row: Vector) -> str:

@@ -106,7 +106,8 @@ def _ranked(timeline: Timeline) -> list[_Ranked]:
 TIMELINE = (
     replace(parts.ROBOT, shape="as of an analysis"),
     Field("conventions", "as of an analysis", shape="as of an analysis",
-        get=lambda x: parts.Asked(x.task, x.rtol, x.wary, x.conditions), parts=parts.CONVENTIONS),
+        get=lambda x: parts.Asked(x.task, x.scale, x.rtol, x.wary, x.conditions),
+        parts=parts.CONVENTIONS),
     Field("course", "description of the trajectory"),
     Field("start", "initial posture", get=whole, parts=(
         Field("q", "joint positions at the start", "rad, m", "n", lambda x: x.q[0]),

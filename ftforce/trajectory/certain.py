@@ -66,6 +66,7 @@ def certain_cells(
     robot, task, F, d = question.robot, question.task, question.F, question.direction
     locked = np.array([faults.mask(robot.n) for faults in sets])
     whole = np.array([frame_jacobian(robot, q, task.axes) for q in motion.q])
+    whole = question.scale.weigh_jacobian(whole)
     J = task.weigh_jacobian(whole[:, task.rows])
     along = None if d is None else task.weigh_force(d)
     cells = cells_of(J, locked, F, along, rtol=question.rtol, wary=question.wary)
@@ -77,7 +78,7 @@ def certain_cells(
     unknown = np.full(locked.shape, np.nan)
     largest, rnea = unknown, np.zeros((len(J), 1, robot.n))
     if capability_limits is not None:
-        largest = np.array([capability_limits.largest_torques(faults) for faults in sets])
+        largest = np.array([question.largest_torques(faults, capability_limits) for faults in sets])
         rnea = _torques(question, motion, locked)
     unit = task.weighted_unit if d is None else 1.0
     commanded, held = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
@@ -92,7 +93,7 @@ def certain_cells(
 
 
 def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.float64]:
-    """Return the torques for weight and motion after the faults, (N, S, n); (N, 1, n) at rest."""
+    """Return the weighted torques after the faults, shape (N, S, n); (N, 1, n) at rest."""
     robot, conditions = question.robot, question.conditions
     own = None if conditions.is_model_gravity else conditions.gravity
     keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
@@ -101,4 +102,4 @@ def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.flo
         found[i] = rnea_torques(
             robot, q, v * keep, a * keep, gravity=own, payload=conditions.payload
         )
-    return found
+    return question.scale.weigh_torque(found)

@@ -53,9 +53,9 @@ class _FaultConstraints(NamedTuple):
     free :
         Free-swinging joints; ``None`` if there are none.
     limits :
-        Torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
+        Weighted torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
     known_limits :
-        The same; if no limits are in force, those of the URDF.
+        The same, unweighted; if no limits are in force, those of the URDF.
     """
 
     locked: Mask
@@ -67,9 +67,11 @@ class _FaultConstraints(NamedTuple):
     def of(cls, case: Question, faults: FaultSet) -> _FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
-        limits = None if case.limits is None else case.limits.largest_torques(faults)
+        limits = case.largest_torques(faults)
         motors = case.robot.effort * faults.factors(n)
-        known = np.where(faults.mask(n), np.nan, motors) if limits is None else limits
+        known = np.where(faults.mask(n), np.nan, motors)
+        if case.limits is not None:
+            known = case.limits.largest_torques(faults)
         return cls(faults.mask(n), case.free_joints(faults), limits, known)
 
 
@@ -89,7 +91,7 @@ class _FaultKnowledge(NamedTuple):
 
 
 class _Balance(NamedTuple):
-    """Weighted tip force and the matching torques; NaN if the arm cannot be held.
+    """Weighted tip force and the matching weighted torques; NaN if the arm cannot be held.
 
     Attributes
     ----------
@@ -114,9 +116,10 @@ class _Balance(NamedTuple):
     verdict: Verdict
 
     @property
-    def torques(self) -> tuple[Vector, Vector, Vector]:
-        """``U``, ``motor`` and ``unbalanced``."""
-        return self.U, self.motor, self.unbalanced
+    def torques(self) -> tuple[Vector, ...]:
+        """``U``, ``motor``, ``unbalanced``, and the torques for the two forces."""
+        J = self.reduced.J
+        return self.U, self.motor, self.unbalanced, self.F.dot(J), self.F_after.dot(J)
 
 
 def run_of(
@@ -189,7 +192,7 @@ def _fill(
     is_static: bool,
 ) -> None:
     """Compute the quantities of one instant; `_finish` completes them for a whole phase."""
-    robot, task = case.robot, case.task
+    robot, task, scale = case.robot, case.task, case.scale
     q, v, a = run.q[i], run.v[i], run.a[i]
     R, run.position[i], J = tip_pose_and_jacobian(robot, q)
     run.orientation[i] = quaternion(R)
@@ -198,14 +201,16 @@ def _fill(
     run.velocity_jump[i] = J[:3].dot(v)
     if task.axes == "tool":
         J = np.matmul(R.T, J.reshape(2, 3, -1)).reshape(6, -1)
-    J = task.weigh_jacobian(without_noise(robot, np.ascontiguousarray(J[task.rows]), task))
+    J = case.weigh_jacobian(without_noise(robot, np.ascontiguousarray(J[task.rows]), task))
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     if is_static:
         v = a = robot.at_rest
     rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
-    found = _balance(case, q, J, rnea, knowledge)
-    run.rnea[i], run.U[i], run.motor[i], run.unbalanced[i] = rnea, *found.torques
-    run.force_part[i], run.brake[i] = found.F.dot(J), found.F_after.dot(J)
+    found = _balance(case, q, J, scale.weigh_torque(rnea), knowledge)
+    run.rnea[i] = rnea
+    torques = (run.U, run.motor, run.unbalanced, run.force_part, run.brake)
+    for all_torques, torque in zip(torques, found.torques, strict=True):
+        all_torques[i] = scale.unweigh_torque(torque)
     run.force[i], run.jump[i] = found.F_after, found.F - found.F_after
     run.margin[i] = measures.margin(found.reduced)
     run.verdict[i] = CODES[found.verdict]
@@ -279,7 +284,8 @@ def _without_remap(
         return planned._replace(reduced=reduced, verdict=Verdict.NOT_TOLERATED)
     motor = np.where(reduced.commanding, planned.motor, 0.0)
     if case.limits is not None:  # motor torques saturate at their limits
-        limits = np.where(np.isnan(actual.known_limits), np.inf, actual.known_limits)
+        known = case.scale.weigh_torque(actual.known_limits)
+        limits = np.where(np.isnan(known), np.inf, known)
         motor = np.clip(motor, -limits, limits)
     moving = ~actual.locked
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
@@ -319,7 +325,7 @@ def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) 
     if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:
         return F  # both inverses agree
     try:
-        M = mass_matrix(case.robot, q, case.conditions.payload)
+        M = case.scale.weigh_mass_matrix(mass_matrix(case.robot, q, case.conditions.payload))
     except InputError:
         return F
     # A locked joint has infinite inertia: it is decoupled from the others.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.core.display import Displayed
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.robot.robot import JointUnits
 
@@ -107,6 +108,8 @@ class Setting:
         Warnings about the result.
     notes :
         Assumptions.
+    joint_length :
+        Travel of a slide that weighs as much as 1 rad of a hinge, m; older histories have 1 m.
     """
 
     robot: str
@@ -128,6 +131,12 @@ class Setting:
     wary: float
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    joint_length: float = DEFAULT_JOINT_LENGTH
+
+    @property
+    def scale(self) -> JointScale:
+        """Weights of hinges against slides."""
+        return JointScale.of((joint.unit for joint in self.joints), self.joint_length)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,11 +8,13 @@ change that compensates for the locked joints.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from ftforce.core.faults import FaultMode
+from ftforce.core.joint_scale import UNWEIGHTED
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.resolved_rates import Bounds, damped_inverse, resolved_rates, without_columns
 from ftforce.core.svd import Svd
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
     from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.faults import FaultSet
+    from ftforce.core.joint_scale import JointScale
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import ReferenceTrajectory
@@ -75,6 +78,7 @@ def advance(
     times: Vector,
     phases: Sequence[Phase],
     *,
+    scale: JointScale = UNWEIGHTED,
     planned: Progression | None = None,
     tick: Tick,
 ) -> Progression:
@@ -93,6 +97,8 @@ def advance(
         Sample times, s, increasing from 0, shape (N,).
     phases :
         Actual and known faults over time; no phase starts after the last sample.
+    scale :
+        Weights of hinges against slides.
     planned :
         Motion of the healthy arm over the same phases; computed if not given.
     tick :
@@ -117,7 +123,13 @@ def advance(
         else:
             span = (phase.start, end)
             segment, state = _segment(
-                robot, reference, start, times[rows], span=span, known=known, tick=tick
+                partial(rates_law, robot, reference, scale=scale),
+                reference,
+                start,
+                times[rows],
+                span=span,
+                known=known,
+                tick=tick,
             )
         for x, samples, held in zip(whole, segment, (here, nothing, nothing), strict=True):
             x[rows] = np.where(undetected, held, samples)
@@ -127,7 +139,12 @@ def advance(
     return Progression(whole, arrivals)
 
 
-def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> Law:
+def rates_law(
+    robot: Robot,
+    reference: ReferenceTrajectory,
+    known: FaultSet,
+    scale: JointScale = UNWEIGHTED,
+) -> Law:
     """Return the joint velocities that follow a trajectory, as a function of time and posture.
 
     Parameters
@@ -136,10 +153,12 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
         The arm and its reference trajectory.
     known :
         Faults known to the controller.
+    scale :
+        Weights of hinges against slides: the smallest velocities are those of least weighted norm.
     """
     top, orientation = max(reference.top_speed, _SLOWEST), reference.orientation
     speeds = np.array([joint.velocity or np.inf for joint in robot.joints])
-    rates = _Rates(speeds, robot.lower, robot.upper)
+    rates = _Rates(*map(scale.weigh_velocity, (speeds, robot.lower, robot.upper)))
     locked = known.mask(robot.n)
     free = known.free_mask(robot.n)
     uncommanded = locked if free is None else locked | free
@@ -148,6 +167,7 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
 
     def velocities(t: float, q: Vector) -> Vector:
         R, x, J = tip_pose_and_jacobian(robot, q)
+        J, q = scale.weigh_jacobian(J), scale.weigh_velocity(q)  # J̃ and q̃ from here on
         target = reference.at(t)
         x_dot = target.x_dot + _at_most(top, GAIN * (target.x - x))
         turn = None  # angular velocity that corrects the orientation error
@@ -155,7 +175,8 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
             # Bounded like the tip speed, 1 rad for 1 m: where the orientation cannot be kept,
             # chasing it would drive the arm to postures where the position is lost as well.
             turn = _at_most(top, GAIN * rotation_vector(orientation @ R.T))
-        healthy, v = Svd(J[:3], left_only=True), target.nominal_velocity
+        healthy = Svd(J[:3], left_only=True)
+        v = scale.weigh_velocity(target.nominal_velocity)
         damped_below = BORDERLINE_RTOL * healthy.s[0]
         v = rates.track_position(healthy, x_dot - healthy.A.dot(v), q, v, damped_below)
         if turn is not None:
@@ -166,7 +187,7 @@ def rates_law(robot: Robot, reference: ReferenceTrajectory, known: FaultSet) -> 
             v = rates.track_position(K, x_dot - healthy.A.dot(v), q, v, damped_below)
             if turn is not None:
                 v = rates.track_orientation(J, turn, uncommanded, q, v)
-        return v
+        return scale.unweigh_velocity(v)
 
     return velocities
 
@@ -230,7 +251,7 @@ class _Rates(NamedTuple):
 
 
 def _segment(
-    robot: Robot,
+    law_for: Callable[[FaultSet], Law],
     reference: ReferenceTrajectory,
     q: Vector,
     times: Vector,
@@ -245,7 +266,7 @@ def _segment(
         assert last is not None
         tick(len(times))
         return given, State(*(x[0] for x in last))
-    law = rates_law(robot, reference, known)
+    law = law_for(known)
     samples, q_end = _integrate(law, q, times, span, tick)
     v = np.empty_like(samples)
     for i, t in enumerate(times.tolist()):

@@ -61,6 +61,7 @@ def simulate(
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rate: float | None = None,
@@ -94,7 +95,7 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
-    gravity, payload, limits, friction, task, length, axes, rtol, wary :
+    gravity, payload, limits, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
         Samples per second; by default 100 along a path, or the recording's own times.
@@ -150,6 +151,7 @@ def simulate(
         friction=friction,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
         wary=wary,
@@ -242,7 +244,15 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
     later = tuple(phase for phase in later if phase.start <= last)
     stops = sorted({phase.start for phase in (*never, *later)})
     whole = tuple(Phase(stop, FaultSet(), FaultSet()) for stop in stops)
-    follow = partial(advance, question.robot, start.reference, start.q, start.times, tick=tick)
+    follow = partial(
+        advance,
+        question.robot,
+        start.reference,
+        start.q,
+        start.times,
+        scale=question.scale,
+        tick=tick,
+    )
     evaluate = partial(
         run_of,
         question,
@@ -339,8 +349,10 @@ def _velocity_jumps(
     if not locked.any():
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
-    reduced = reduce(J, locked, question.rtol, question.free_joints(faults))
-    remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
+    weighted, v = question.scale.weigh_jacobian(J), question.scale.weigh_velocity(state.v)
+    free = question.free_joints(faults)
+    reduced = reduce(read_only(weighted), locked, question.rtol, free)
+    remapped = tuple(change_of_velocity(reduced, _LINEAR, v).jump.tolist())
     try:
         M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
     except InputError:
@@ -376,6 +388,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
+        joint_length=question.scale.length,
         notes=(*start.notes, *_friction_note(scene)),
     )
 

@@ -236,6 +236,7 @@ def timeline(
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
+    joint_length: float | None = None,
     axes: Axes = "tool",
     posture: str | None = None,
     rate: float | None = None,
@@ -267,7 +268,7 @@ def timeline(
     limits :
         As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
         capability.
-    gravity, payload, friction, task, length, axes, rtol, wary :
+    gravity, payload, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
         Called with the number of steps completed and their total.
@@ -300,6 +301,7 @@ def timeline(
         friction=friction,
         task=task,
         length=length,
+        joint_length=joint_length,
         axes=axes,
         rtol=rtol,
         wary=wary,
@@ -352,7 +354,13 @@ def timeline_of(
     sets, tick = tuple(all_sets), _counted(progress, 2 * len(start.times))
     phase = Phase(0.0, HEALTHY, HEALTHY)
     motion = advance(
-        question.robot, start.reference, start.q, start.times, (phase,), tick=tick
+        question.robot,
+        start.reference,
+        start.q,
+        start.times,
+        (phase,),
+        scale=question.scale,
+        tick=tick,
     ).motion
     loaded = motion
     if start.is_static:
@@ -499,7 +507,7 @@ def _cells(
     jump, margin, capability, held = (np.full(shape, math.nan) for _ in range(4))
     verdict, exerted = np.zeros(shape, dtype=np.int8), np.zeros((shape[0], question.task.m))
     largest = [
-        None if capability_limits is None else capability_limits.largest_torques(faults)
+        None if capability_limits is None else question.largest_torques(faults, capability_limits)
         for faults in sets
     ]
     count = max(_AT_ONCE // (len(sets) * question.robot.n), 1)

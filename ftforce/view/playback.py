@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import time as clock
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -216,7 +217,12 @@ class Playback(Mode):
         self._draw_charts()
         task, force = self.history.setting.task, np.array(self.history.setting.force)
         wrench = in_components(task.components, force)
-        session.change(lambda s: s.asking(str(task), task.axes, task.length).pushing(wrench))
+        scale = self.history.setting.scale
+        session.change(
+            lambda s: replace(
+                s.asking(str(task), task.axes, task.length).pushing(wrench), scale=scale
+            )
+        )
         self._request_view()
         self._thread = threading.Thread(target=self._play, name="ftforce playback", daemon=True)
         self._thread.start()

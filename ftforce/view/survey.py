@@ -322,6 +322,7 @@ class Survey(Mode):
             state.asking(setting.task, setting.axes, setting.length),
             rtol=setting.rtol,
             wary=setting.wary,
+            scale=setting.scale,
             is_limited=False,
             friction=_friction(setting),
             own_gravity=self._gravity(),

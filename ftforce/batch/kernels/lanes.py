@@ -42,7 +42,7 @@ class Kinematics(NamedTuple):
     tip: np.ndarray  # (12, LANES)
     column: np.ndarray  # (6, LANES)
     J: np.ndarray  # (m, n, LANES)
-    weight: np.ndarray  # (n, LANES): gravity torques
+    weight: np.ndarray  # (n, LANES): weighted gravity torques
     moment: np.ndarray  # (E, 3, LANES)
     mass: np.ndarray  # (E,)
     force: np.ndarray  # (6, LANES): requested force, in the axes of the rows
@@ -204,22 +204,22 @@ def place(mechanism, question, q, work):
 
 @inner
 def _jacobian_column(mechanism, e, work):
-    """Compute the tip velocity per unit rate of joint e, linear rows first, in root axes."""
-    frame, tip, column, ratio = work.frame[e], work.tip, work.column, mechanism.ratio[e]
+    """Compute the column of joint e of the weighted Jacobian, linear rows first, in root axes."""
+    frame, tip, column, gain = work.frame[e], work.tip, work.column, mechanism.gain[e]
     if mechanism.is_prismatic[e]:
         for i in range(3):
             for b in range(LANES):
-                column[i, b] = ratio * frame[3 * i + 2, b]
+                column[i, b] = gain * frame[3 * i + 2, b]
                 column[3 + i, b] = 0.0
         return
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         for b in range(LANES):
-            column[i, b] = ratio * (
+            column[i, b] = gain * (
                 frame[3 * j + 2, b] * (tip[9 + k, b] - frame[9 + k, b])
                 - frame[3 * k + 2, b] * (tip[9 + j, b] - frame[9 + j, b])
             )
-            column[3 + i, b] = ratio * frame[3 * i + 2, b]
+            column[3 + i, b] = gain * frame[3 * i + 2, b]
 
 
 @inner
@@ -265,7 +265,7 @@ def _drop_noise(floor, J, excess):
     Parameters
     ----------
     floor :
-        Entries of each row up to which J is rounding, shape (m,).
+        Entries up to which J is rounding, shape (m, n).
     J :
         Weighted task Jacobians, shape (m, n, LANES).
     excess :
@@ -276,7 +276,7 @@ def _drop_noise(floor, J, excess):
     for r in range(J.shape[0]):
         for k in range(J.shape[1]):
             for b in range(LANES):
-                excess[b] = max(excess[b], abs(J[r, k, b]) - floor[r])
+                excess[b] = max(excess[b], abs(J[r, k, b]) - floor[r, k])
     for b in range(LANES):
         if excess[b] <= 0.0:
             for r in range(J.shape[0]):
@@ -286,7 +286,7 @@ def _drop_noise(floor, J, excess):
 
 @inner
 def weight_torque(mechanism, work):
-    """Compute the gravity torques G(q), shape (n, LANES), of everything each joint carries.
+    """Compute the weighted gravity torques, shape (n, LANES), of everything each joint carries.
 
     Parameters
     ----------
@@ -307,12 +307,12 @@ def weight_torque(mechanism, work):
                 work.moment[e, i, b] = mass * (frame[9 + i, b] + place)
         work.mass[e] = mass
     for e in range(mechanism.parent.size - 1, -1, -1):
-        above, d, ratio = mechanism.parent[e], mechanism.driver[e], mechanism.ratio[e]
+        above, d, gain = mechanism.parent[e], mechanism.driver[e], mechanism.gain[e]
         frame, h, mass = work.frame[e], work.moment[e], work.mass[e]
         if mechanism.is_prismatic[e]:
             for b in range(LANES):
                 along = frame[2, b] * g0 + frame[5, b] * g1 + frame[8, b] * g2
-                work.weight[d, b] -= ratio * mass * along
+                work.weight[d, b] -= gain * mass * along
         else:
             for b in range(LANES):
                 x = h[0, b] - mass * frame[9, b]
@@ -320,7 +320,7 @@ def weight_torque(mechanism, work):
                 z = h[2, b] - mass * frame[11, b]
                 u, v, w = frame[2, b], frame[5, b], frame[8, b]
                 torque = g0 * (v * z - w * y) + g1 * (w * x - u * z) + g2 * (u * y - v * x)
-                work.weight[d, b] -= ratio * torque
+                work.weight[d, b] -= gain * torque
         if above >= 0:
             work.mass[above] += mass
             for i in range(3):

@@ -90,6 +90,9 @@ class Mechanism(NamedTuple):
         Index of the chain joint that drives it, shape (E,).
     ratio, offset :
         1 and 0 except for mimic joints, shape (E,).
+    gain :
+        Share of its column, and of its gravity torque, in those of its driver: ``ratio``, times
+        the weight of the driver where hinges are weighed against slides, shape (E,).
     moves_tip :
         Whether it lies between root and tip, shape (E,).
     tip :
@@ -110,6 +113,7 @@ class Mechanism(NamedTuple):
     driver: Integers
     ratio: Vector
     offset: Vector
+    gain: Vector
     moves_tip: Mask
     tip: Vector
     tip_parent: int
@@ -146,7 +150,7 @@ class Question(NamedTuple):
     rows, weights :
         Rows of the frame Jacobian, linear first, and their weights (1 or L), shape (m,).
     floor :
-        Entries of the weighted rows up to which J is rounding (theory §2.6), shape (m,).
+        Entries of the weighted J up to which it is rounding (theory §2.6), shape (m, n).
     in_tool :
         Whether the rows, the force and the direction are in tip axes.
     is_whole :
@@ -157,10 +161,10 @@ class Question(NamedTuple):
     direction :
         Weighted direction of the capability, shape (m,), or (0,) without one.
     effort, brake :
-        Largest torques of motors and brakes, N·m (N if prismatic), NaN where unknown, shape (n,).
+        Largest torques of motors and brakes, weighted, NaN where unknown, shape (n,).
     friction :
-        Torques that the friction of free-swinging joints bears, NaN where it is a share of the
-        largest gravity torque, shape (n,).
+        Torques that the friction of free-swinging joints bears, weighted, NaN where it is a share
+        of the largest gravity torque, shape (n,).
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     needs_gravity :
@@ -169,7 +173,7 @@ class Question(NamedTuple):
 
     rows: Integers
     weights: Vector
-    floor: Vector
+    floor: Matrix
     in_tool: bool
     is_whole: bool
     force: Vector

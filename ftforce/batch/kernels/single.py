@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 DONE, MALFORMED = 0, 1
 """Return codes of `answer`; input of the wrong size or with non-finite numbers is malformed."""
 
-FRAME, BODY = 16, 18
+FRAME, BODY = 16, 19
 MATRICES, SQUARES, VECTORS, TORQUES, LINES = 4, 5, 12, 10, 9
 """Sizes of the workspace."""
 
@@ -66,12 +66,12 @@ def answer(
         whether it moves the tip; then the tip's parent, whether the rows are in tip axes and
         whether gravity torques are needed; (E + 1, 4).
     body :
-        Placement, ratio, offset, mass and centre of every joint (`layout`); then the
+        Placement, ratio, offset, mass, centre and gain of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
-        Rows of the frame Jacobian, their weights, the two tolerances, the entries of each row up
-        to which J is rounding, and the friction of each joint, NaN where unknown,
-        (5, max(m, n, 2)).
+        Rows of the frame Jacobian, their weights, the two tolerances, the friction of each joint,
+        NaN where unknown, and for each joint the entries up to which its column is rounding,
+        (4 + n, max(m, n, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
@@ -96,7 +96,7 @@ def answer(
         return MALFORMED
     _place(tree, body, q, frame)
     _task_jacobian(tree, body, task, frame, matrix[0])
-    _drop_noise(task[3], matrix[0])
+    _drop_noise(task[4:], matrix[0])
     if tree[tree.shape[0] - 1, 2]:
         _weight_torque(tree, body, frame, torque[0])
     work = slabs.Slabs(
@@ -108,7 +108,7 @@ def answer(
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2], torque[3],
         square[3], vector[6],
     )  # fmt: skip
-    exact.friction_under_weight(task[4, :n], torque[0], torque[3])
+    exact.friction_under_weight(task[3, :n], torque[0], torque[3])
     posture = _Posture(scratch, square[2], task, torque[6], force[0])
     has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[TORQUES - 1])
     clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
@@ -202,8 +202,8 @@ def _task_jacobian(tree, body, task, frame, J):
     for e in range(last):
         if not tree[e, 3]:
             continue
-        own, ratio = frame[e], body[e, 12]
-        u, v, w = ratio * own[2], ratio * own[5], ratio * own[8]
+        own, gain = frame[e], body[e, 18]
+        u, v, w = gain * own[2], gain * own[5], gain * own[8]
         x, y, z = tip[9] - own[9], tip[10] - own[10], tip[11] - own[11]
         velocity = (v * z - w * y, w * x - u * z, u * y - v * x)
         linear, angular = velocity, (u, v, w)
@@ -225,7 +225,7 @@ def _drop_noise(floor, J):
     """Set J to zero if it holds nothing but rounding errors (theory §2.6)."""
     for r in range(J.shape[0]):
         for k in range(J.shape[1]):
-            if abs(J[r, k]) > floor[r]:
+            if abs(J[r, k]) > floor[k, r]:
                 return
     for r in range(J.shape[0]):
         for k in range(J.shape[1]):
@@ -234,7 +234,7 @@ def _drop_noise(floor, J):
 
 @inner
 def _weight_torque(tree, body, frame, weight):
-    """Compute the gravity torques G(q), (n,), of everything each joint carries."""
+    """Compute the weighted gravity torques, (n,), of everything each joint carries."""
     last = tree.shape[0] - 1
     g0, g1, g2 = body[last, 12], body[last, 13], body[last, 14]
     for k in range(weight.size):
@@ -252,7 +252,7 @@ def _weight_torque(tree, body, frame, weight):
         torque = g0 * (v * z - w * y) + g1 * (w * x - u * z) + g2 * (u * y - v * x)
         if tree[e, 2]:
             torque = mass * (u * g0 + v * g1 + w * g2)
-        weight[tree[e, 1]] -= body[e, 12] * torque
+        weight[tree[e, 1]] -= body[e, 18] * torque
         if above >= 0:
             for i in range(12, 16):
                 frame[above, i] += own[i]
@@ -486,7 +486,7 @@ def _settle_set(posture, locked, free, at, number, code, U, after, jump):
     """Evaluate a set by the singular values of K, like the module `settle`."""
     scratch, has_free, task = posture.scratch, _any_true(free), posture.task
     rtol, wary, s, t = task[2, 0], task[2, 1], scratch.s, scratch.t
-    friction = task[4, : U.size]
+    friction = task[3, : U.size]
     ideal = exact.is_ideal(friction, free)
     verdict, stands = TOLERATED, True
     if has_free:

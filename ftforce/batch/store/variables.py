@@ -192,7 +192,8 @@ def _units(unit: str, setting: SweepSetting) -> dict[str, str]:
         return {"units": {"joint": "m", "m/joint": "1"}[unit]}
     both = {
         "joint": "rad or m, see joint_unit",
-        "m/joint": "columns of revolute joints are in m/rad, of prismatic joints in m/m",
+        "m/joint": "dimensionless: columns of revolute joints are divided by the joint length, "
+        f"{setting.joint_length:g} m/rad",
     }
     return {"comment": both[unit]}
 
@@ -322,6 +323,7 @@ def attributes(
         "task": setting.task,
         "axes": setting.axes,
         "length": setting.length,
+        "joint_length": setting.joint_length,
         "fault_mode": setting.mode,
         "rtol": setting.rtol,
         "wary": setting.wary,

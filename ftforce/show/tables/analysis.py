@@ -78,6 +78,7 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
         arm_fact(robot.name, robot.n, robot.base, robot.tip),
         ("Tip", tip_in_words(robot)),
         *task_facts(analysis.task),
+        *text.joint_kinds(analysis.scale),
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
         *friction_facts(analysis.question, analysis.faults.free),
@@ -253,8 +254,10 @@ def _force_error(analysis: Analysis) -> str:
     if analysis.reduced.rank_after == 0:
         return "– (no direction remains)"
     unit = text.unit_of_size(task)
-    sliding = any(joint.type == "prismatic" for joint in analysis.robot.joints)
-    per = "N·m or N" if sliding else "N·m"
+    units = sorted({joint.torque_unit for joint in analysis.robot.joints})
+    per = units[-1]
+    if analysis.scale.is_mixed:
+        per = f"N (N·m divided by {analysis.scale.length:g} m)"
     return f"up to {ratio(analysis.force_error)} {unit} per {per} of torque error"
 
 

@@ -68,6 +68,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(census.task),
+        *text.joint_kinds(census.scale),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
         *(friction_facts(census.question) if census.mode is FaultMode.FREE else []),

@@ -12,7 +12,7 @@ from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.comparison import comparison_sentence, critical_words, fault_words, ranks
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import force_in_words
-from ftforce.report.text import ratio, share, vector_in_words
+from ftforce.report.text import joint_kinds, ratio, share, vector_in_words
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     amount,
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ftforce.batch.comparison import Comparison
     from ftforce.batch.result import SweepSetting
     from ftforce.batch.summary.criticality import Estimate
+    from ftforce.core.joint_scale import JointScale
     from ftforce.show.tables.parts import TitledTable
 
 _AXES = {"tool": "the tool frame", "world": "the world (each robot's root), at the tip"}
@@ -50,6 +51,12 @@ def comparison_view(comparison: Comparison) -> RenderableType:
     )
 
 
+def _scale(comparison: Comparison) -> JointScale:
+    """Return the weights of the first arm that has hinges and slides, or of the first arm."""
+    scales = [arm.setting.scale for arm in comparison.arms]
+    return next((scale for scale in scales if scale.is_mixed), scales[0])
+
+
 def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     asked = comparison.question
     has_moments = any(name[0] == "m" for name in asked.components)
@@ -60,6 +67,7 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
         ("Faults", f"{fault_words(asked)}, all such sets"),
         ("Task", f"{asked.task} ({', '.join(asked.components)}){length}"),
         ("Axes", f"{asked.axes}: vectors are in the axes of {_AXES[asked.axes]}"),
+        *joint_kinds(_scale(comparison)),
         ("Force", force_in_words(asked)),
     ]
     if asked.direction is not None:

@@ -59,6 +59,7 @@ def _situation(history: History) -> list[tuple[str, str]]:
     return [
         arm_fact(setting.robot, len(setting.joints), setting.base, setting.tip),
         *task_facts(task, "forces"),
+        *text.joint_kinds(setting.scale),
         force_fact(task, setting.force),
         ("Path", f"{setting.course} (points in the root's axes)"),
         ("Start", f"{setting.start}: q {_positions(history)}"),

@@ -10,7 +10,7 @@ from rich.text import Text
 from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import direction_in_words, force_in_words, interval, sweep_sentence
-from ftforce.report.text import NEGLIGIBLE, axes_in_words, ratio, set_of, share
+from ftforce.report.text import NEGLIGIBLE, axes_in_words, joint_kinds, ratio, set_of, share
 from ftforce.show.tables.analysis import arm_fact
 from ftforce.show.tables.parts import (
     HEALTHY_ROW,
@@ -67,6 +67,7 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
         ("Joints", numbered),
         ("Axes", f"{setting.axes}: vectors are in the axes of {axes_in_words(setting)}"),
         ("Task", f"{setting.task} ({', '.join(setting.components)}){length}"),
+        *joint_kinds(setting.scale),
         ("Postures", setting.postures),
         ("Faults", f"{len(sweep.sets)} sets of {sizes}, {setting.mode}"),
         ("Force", force_in_words(setting)),

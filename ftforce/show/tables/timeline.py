@@ -71,6 +71,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
         *tip_facts(robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
+        *text.joint_kinds(timeline.scale),
         ("Path", f"{timeline.course} (points in the root's axes)"),
         ("Start", timeline.start),
         force_fact(timeline.task, timeline.force),

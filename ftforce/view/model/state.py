@@ -14,6 +14,7 @@ from ftforce.analysis.limits_files import NONE, URDF, choose_limits
 from ftforce.analysis.question import Question, limits_for
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.faults import Fault, FaultMode, FaultSet
+from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.task import COMPONENTS, DEFAULT_LENGTH, Task
 from ftforce.errors import InputError, UnknownNameError
@@ -121,6 +122,8 @@ class State:
         Payload at the tip; ``None`` for none.
     inverse, rtol, wary :
         As in `ftforce.analyze`.
+    scale :
+        Weights of hinges against slides.
     friction :
         Friction of free-swinging joints; ``None`` if it was not given.
     origin :
@@ -147,6 +150,7 @@ class State:
     inverse: Inverse
     rtol: float
     wary: float
+    scale: JointScale
     friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
@@ -334,13 +338,15 @@ class State:
             given_friction=self.friction,
             posture=choose_posture(robot, self.q) if is_given else self.posture,
             faults=self.faults,
+            scale=self.scale,
         )
 
     def essence(self) -> tuple[object, ...]:
         """Return what a verdict depends on besides posture, faults, payload and given limits."""
         vectors = (self.force, self.asked_torque, self.velocity, self.acceleration, self.gravity)
         plain = (self.load, self.counts_limits, self.inverse, self.task, self.rtol, self.wary)
-        return (*(None if x is None else x.tobytes() for x in vectors), *plain)
+        weighed = self.scale.effective_length
+        return (*(None if x is None else x.tobytes() for x in vectors), *plain, weighed)
 
     def census_essence(self) -> tuple[object, ...]:
         """Return what the census depends on: states that agree in it share their census."""
@@ -382,6 +388,7 @@ def initial_state(
         inverse=question.inverse,
         rtol=question.rtol,
         wary=question.wary,
+        scale=question.scale,
         friction=question.given_friction,
         origin=Origin(robot.path) if origin is None else origin,
     )
@@ -416,6 +423,7 @@ def command_line(robot: Robot, state: State) -> str:
         "inverse": _unless(INVERSES[0], state.inverse),
         "task": _unless("force", str(task)),
         "length": _unless(DEFAULT_LENGTH, task.length),
+        "joint-length": _unless(DEFAULT_JOINT_LENGTH, state.scale.length),
         "axes": _unless("tool", task.axes),
         "base": origin.base,
         "tip": origin.tip,
