@@ -31,6 +31,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
 if TYPE_CHECKING:
@@ -364,6 +365,8 @@ def _setting(
         robot=robot.name,
         base=robot.base,
         tip=robot.tip,
+        tip_source=robot.tip_source,
+        other_tips=dict(robot.other_tips),
         joints=robot.names,
         joint_units=tuple(joint.unit for joint in robot.joints),
         task=str(task),
@@ -378,6 +381,7 @@ def _setting(
         unknown_limits=tuple(robot.names[i] for i in unknown),
         gravity=tuple(question.conditions.gravity.tolist()),
         payload=None if payload is None else str(payload),
+        **numbers_of(payload),
         rtol=question.rtol,
         wary=question.wary,
         keep=job.keep,
@@ -402,10 +406,17 @@ def _runner(
     return on_cluster(workers, scheduler, output)
 
 
+# Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
+_NOT_IDENTIFYING = (
+    *("postures", "count", "is_random", "implausible"),
+    *("tip_source", "other_tips", "payload_mass", "payload_offset"),
+)
+
+
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
     """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
-    for name in ("postures", "count", "is_random", "implausible"):
+    for name in _NOT_IDENTIFYING:
         del plain[name]
     arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)

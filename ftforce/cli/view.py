@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ftforce.view.session import Session
 
 
-_LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
+_LOAD = {"force", "torque", "velocity", "acceleration", "gravity", "payload"}
 _OF_A_SWEEP = _LOAD | {"limits", "inverse", "task", "length", "axes", "rtol", "wary"}
-_OF_A_HISTORY = _OF_A_SWEEP | {"q", "payload"}
+_OF_A_HISTORY = _OF_A_SWEEP | {"q"}
 
 
 def view(

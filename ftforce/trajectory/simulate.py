@@ -19,7 +19,7 @@ from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
-from ftforce.robot.dynamics import mass_matrix
+from ftforce.robot.dynamics import mass_matrix, numbers_of
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.evaluation import TipPath, run_of
@@ -359,6 +359,8 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         robot=robot.name,
         base=robot.base,
         tip=robot.tip,
+        tip_source=robot.tip_source,
+        other_tips=dict(robot.other_tips),
         joints=tuple(JointInfo(joint.name, joint.type) for joint in robot.joints),
         task=question.task,
         force=tuple(question.force.tolist()),
@@ -370,6 +372,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         effort=tuple((robot.effort if limits is None else limits.effort).tolist()),
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
+        **numbers_of(conditions.payload),
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,

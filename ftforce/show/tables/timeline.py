@@ -12,16 +12,15 @@ from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, share, size
 from ftforce.report.timeline import timeline_sentence
 from ftforce.show.tables.analysis import (
-    arm_fact,
     conditions_facts,
     force_fact,
     task_facts,
-    tip_facts,
 )
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     HEALTHY_ROW,
     amount,
+    arm_facts,
     facts,
     listing,
     percent_kept,
@@ -65,8 +64,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
     if bearing is not None and timeline.limits is None:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
-        arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        *tip_facts(robot),
+        *arm_facts(robot.name, robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
         ("Path", f"{timeline.course} (points in the root's axes)"),
