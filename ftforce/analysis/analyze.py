@@ -45,7 +45,6 @@ from ftforce.core.verdict import judge
 from ftforce.errors import InputError
 from ftforce.robot.dynamics import Payload, mass_matrix
 from ftforce.robot.kinematics import task_jacobian
-from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -334,7 +333,6 @@ def analyze(
     return analyze_question(
         Question.parse(
             robot,
-            posture=choose_posture(robot, q, posture),
             faults=named_faults(robot, locked, free, weak),
             force=force,
             torque=torque,
@@ -349,7 +347,7 @@ def analyze(
             axes=axes,
             rtol=rtol,
             wary=wary,
-        )
+        ).placed(q, posture)
     )
 
 

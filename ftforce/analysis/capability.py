@@ -32,7 +32,6 @@ from ftforce.core.limits import Limits
 from ftforce.core.polytope import Polytope, force_polytope
 from ftforce.core.reduced_jacobian import RTOL, reduce, reduce_decomposed
 from ftforce.robot.dynamics import Payload, payload_acceleration, payload_jacobian
-from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -332,7 +331,6 @@ def capability(
     """
     question = Question.parse(
         robot,
-        posture=choose_posture(robot, q, posture),
         faults=named_faults(robot, locked, free, weak),
         direction=direction,
         velocity=velocity,
@@ -344,7 +342,7 @@ def capability(
         length=length,
         axes=axes,
         rtol=rtol,
-    )
+    ).placed(q, posture)
     return capability_to(question)
 
 

@@ -117,8 +117,10 @@ class PostureOptions(Group):
         ),
     ] = False
 
-    def of(self, robot: "Robot") -> "Posture":
-        """Return the given, the named or the default posture of a robot."""
+    def of(self, robot: "Robot") -> "Posture | None":
+        """Return the given or the named posture of a robot; ``None`` for the default."""
+        if not self.is_given:
+            return None
         from ftforce.robot.posture import choose_posture
 
         return choose_posture(robot, numbers(self.q, "--q"), self.posture, degrees=self.deg)

@@ -93,11 +93,11 @@ def simulate(
     else:
         arm = chain.load(robot, posture_options.posture)
         asked = merged(weight, limits, task_options, tolerances)
-        asked |= trajectory_options.arguments_for(arm, posture_options)
+        asked["force"] = numbers(force, "--force") or []
+        asked |= trajectory_options.arguments_for(arm, posture_options, asked)
         with progress_bar("instants") as progress:
             history = simulation(
                 arm,
-                force=numbers(force, "--force") or [],
                 faults=fault or (),
                 delay=delay,
                 remap=remap,

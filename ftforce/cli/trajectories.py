@@ -1,5 +1,6 @@
 """Options of the commands that follow a trajectory."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +12,10 @@ from ftforce.errors import InputError
 if TYPE_CHECKING:
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
+
+
+# Arguments of the question that decide whether it can be answered in a posture.
+_QUESTION = ("force", "task", "length", "axes", "rtol", "wary")
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,9 @@ class TrajectoryOptions(Group):
         typer.Option("--static", help="Count the weight only, no velocities and accelerations."),
     ] = False
 
-    def arguments_for(self, robot: "Robot", posture_options: PostureOptions) -> dict[str, Any]:
+    def arguments_for(
+        self, robot: "Robot", posture_options: PostureOptions, asked: Mapping[str, Any]
+    ) -> dict[str, Any]:
         """Return trajectory and posture as arguments of the functions behind the commands.
 
         Parameters
@@ -83,6 +90,8 @@ class TrajectoryOptions(Group):
             The arm.
         posture_options :
             Posture near which a path starts; a recording has its own.
+        asked :
+            The other arguments, on which the default posture depends.
 
         Raises
         ------
@@ -90,9 +99,12 @@ class TrajectoryOptions(Group):
             No trajectory is given, or more than one.
         """
         is_file = self.trajectory is not None
-        place = None
-        if posture_options.is_given or not is_file:
-            place = posture_options.of(robot)
+        place = posture_options.of(robot)
+        if place is None and not is_file:
+            from ftforce.analysis.question import Question
+
+            known = {name: asked[name] for name in _QUESTION if name in asked}
+            place = Question.parse(robot, **known).placed().place
         return {
             "trajectory": self.trajectory if is_file else self._lines(robot, place),
             "q": place,

@@ -99,10 +99,9 @@ def view(
     arm = chain.load(robot, posture)
     question = Question.parse(
         arm,
-        posture=posture_options.of(arm),
         faults=fault_options.of(arm),
         **merged(load, motion, weight, limits, task_options, tolerances),
-    )
+    ).placed(posture_options.of(arm))
     origin = Origin(robot, chain.base, chain.tip, posture, note=_note(arm, robot, chain, posture))
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None

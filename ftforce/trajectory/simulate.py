@@ -162,6 +162,7 @@ def simulate(
         max_gap=max_gap,
         smooth=smooth,
         static=static,
+        problem=question.problem_in,
     )
     if question.force is None:
         raise InputError("the force is missing; e.g. force=[80, 50, 10], zeros for free motion")

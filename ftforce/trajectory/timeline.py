@@ -312,6 +312,7 @@ def timeline(
         max_gap=max_gap,
         smooth=smooth,
         static=static,
+        problem=question.problem_in,
     )
     bearing = choose_limits(robot, URDF) if limits is None else question.limits
     return timeline_of(question, start, all_sets, bearing, progress)
