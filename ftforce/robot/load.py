@@ -273,6 +273,11 @@ def _held_by_default(
     # As the default of a question about forces, the usual one.
     name, _ = usable_posture(robot, lambda q: SINGULAR * is_singular_for(robot, q, _FORCE))
     held = places[fallback if name is None else name]
+    # Postures that hold them elsewhere are no defaults, whatever the question; those that were
+    # skipped stay, to be told.
+    last = len(robot.preferred) if name is None else robot.preferred.index(name)
+    own = (one for i, one in enumerate(robot.preferred) if i < last or places[one] == held)
+    robot = replace(robot, preferred=tuple(own))
     if held == robot.held:
         return robot
     model = reduced_model(chain, held)
