@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ftforce.cli.options import Group, PostureOptions, numbers
-from ftforce.errors import InputError
 
 if TYPE_CHECKING:
     from ftforce.robot.posture import Posture
@@ -95,7 +94,7 @@ class TrajectoryOptions(Group):
 
         Raises
         ------
-        InputError
+        BadParameter
             No trajectory is given, or more than one.
         """
         is_file = self.trajectory is not None
@@ -121,16 +120,18 @@ class TrajectoryOptions(Group):
             return self.smooth
         found = numbers(self.smooth, "--smooth")
         if found is None or len(found) != 1:
-            raise InputError(f"--smooth must be auto, none or a time in s, got {self.smooth!r}")
+            raise typer.BadParameter(
+                f"--smooth must be auto, none or a time in s, got {self.smooth!r}"
+            )
         return found[0]
 
     def _lines(self, robot: "Robot", place: "Posture | None") -> Any:
         if not self.to:
-            raise InputError(
+            raise typer.BadParameter(
                 "the trajectory is missing: give --to X,Y,Z --speed M/S, or a CSV file"
             )
         if self.speed is None:
-            raise InputError("--speed is missing, the maximum speed of the tip in m/s")
+            raise typer.BadParameter("--speed is missing, the maximum speed of the tip in m/s")
         from ftforce.trajectory.path import Path
         from ftforce.trajectory.start import tip_at
 
@@ -145,15 +146,15 @@ class TrajectoryOptions(Group):
 
         Raises
         ------
-        InputError
+        BadParameter
             Both are given.
         """
         if self.trajectory is not None and (self.start is not None or self.to):
-            raise InputError("give either a trajectory file or --from and --to, not both")
+            raise typer.BadParameter("give either a trajectory file or --from and --to, not both")
 
 
 def _point(text: str, option: str) -> list[float]:
     point = numbers(text, option)
     if point is None or len(point) != 3:
-        raise InputError(f"{option} needs x,y,z in m, got {text!r}")
+        raise typer.BadParameter(f"{option} needs x,y,z in m, got {text!r}")
     return point

@@ -135,7 +135,7 @@ def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
     of, own = ("history", _OF_A_HISTORY) if is_history else ("sweep", _OF_A_SWEEP)
     given = given_options(context)
     if named := [given[name] for name in given if name in own]:
-        raise InputError(f"a {of} determines these itself; leave out {', '.join(named)}")
+        raise typer.BadParameter(f"a {of} determines these itself; leave out {', '.join(named)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
@@ -144,7 +144,9 @@ def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
         if path is None:
             continue
         if path.suffix.lower() not in endings:
-            raise InputError(f"{printable(path)}: the name must end in {' or '.join(endings)}")
+            raise typer.BadParameter(
+                f"{printable(path)}: the name must end in {' or '.join(endings)}"
+            )
         if not path.parent.is_dir():
             raise OutputError(path, "cannot be written (no such folder)")
 
