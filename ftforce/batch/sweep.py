@@ -227,6 +227,26 @@ def sweep_of(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
+    request = request_of(question, all_sets, postures, keep=keep, cell=cell, chunk=chunk)
+    return run_request(request, None if output is None else Path(output), runner, progress)
+
+
+def request_of(
+    question: Question,
+    all_sets: AllFaultSets,
+    postures: Postures,
+    *,
+    keep: str,
+    cell: float | None,
+    chunk: int | None = None,
+) -> store.SweepRequest:
+    """Return what a sweep does, before any posture is analysed; parameters as of `sweep_of`.
+
+    Raises
+    ------
+    InputError
+        The chunk is malformed or too large, or the cell is malformed.
+    """
     _check_task(question, postures)
     sets = tuple(all_sets)
     needs_gravity = question.direction is not None or all_sets.mode is FaultMode.FREE
@@ -239,8 +259,7 @@ def sweep_of(
         _chunk_of(chunk, len(sets), postures.count),
     )
     setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
-    request = store.SweepRequest(job, setting, sets, _identity(job, setting))
-    return _run(request, None if output is None else Path(output), runner, progress)
+    return store.SweepRequest(job, setting, sets, _identity(job, setting))
 
 
 def _needs_numba() -> None:
@@ -436,9 +455,23 @@ def _as_json(value: Any) -> Any:
     return json.loads(json.dumps(value))
 
 
-def _run(
+def run_request(
     request: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
 ) -> Sweep:
+    """Return the sweep that was requested.
+
+    Parameters
+    ----------
+    request :
+        What it does.
+    path, runner, progress :
+        Output, what runs the chunks, and progress, as of `sweep_of`.
+
+    Raises
+    ------
+    FileError
+        A file cannot be read or written, or the output holds another sweep.
+    """
     with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
             run(request.job, opened, runner, progress)
