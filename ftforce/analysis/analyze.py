@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.conditions import Inverse, mass_matrix_for, rnea_change, tip_load
+from ftforce.analysis.conditions import (
+    Inverse,
+    known_mass_matrix,
+    mass_matrix_for,
+    rnea_change,
+    tip_load,
+)
 from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
@@ -42,8 +48,6 @@ from ftforce.core.reduced_jacobian import (
 )
 from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.core.verdict import judge
-from ftforce.errors import InputError
-from ftforce.robot.dynamics import Payload, mass_matrix
 from ftforce.robot.kinematics import task_jacobian
 
 if TYPE_CHECKING:
@@ -56,6 +60,7 @@ if TYPE_CHECKING:
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
+    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -395,14 +400,12 @@ def analyze_question(question: Question) -> Analysis:
 
 
 def _impact(question: Question, reduced: ReducedJacobian, J: Matrix) -> Impact | None:
-    robot, v = question.robot, question.conditions.velocity
-    if v is None or robot.mass == 0.0 or not reduced.locked.any():
+    v = question.conditions.velocity
+    if v is None or not reduced.locked.any():
         return None
-    try:
-        M = mass_matrix(robot, question.q, question.conditions.payload)
-    except InputError:
-        return None  # only the impact needs M; a warning reports it
-    return impact_of_lock(reduced, question.task, J, M, v)
+    M = known_mass_matrix(question.robot, question.q, question.conditions)
+    # Only the impact needs M; a warning reports its lack.
+    return None if M is None else impact_of_lock(reduced, question.task, J, M, v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

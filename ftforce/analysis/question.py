@@ -24,7 +24,7 @@ from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import ArrayLike
 
@@ -45,6 +45,27 @@ class Progress(Protocol):
 
     def __call__(self, done: int, total: int, /) -> None:
         """Report progress."""
+
+
+def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
+    """Return a function that adds to what is done and reports it.
+
+    Parameters
+    ----------
+    progress :
+        Called with what is done, up to the total, and the total.
+    total :
+        The total.
+    """
+    done = 0
+
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        if progress is not None:
+            progress(min(done, total), total)
+
+    return tick
 
 
 @dataclass(frozen=True, eq=False)

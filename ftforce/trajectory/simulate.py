@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ftforce.analysis.conditions import known_mass_matrix
 from ftforce.analysis.fault_set import SharedCase, report_set
 from ftforce.analysis.limits_files import NONE, URDF
-from ftforce.analysis.question import Question
+from ftforce.analysis.question import Question, counted
 from ftforce.core.arrays import is_number, read_only
 from ftforce.core.changes import change_of_velocity, impact_of_lock
 from ftforce.core.faults import FaultMode, FaultSet
@@ -19,7 +20,7 @@ from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
-from ftforce.robot.dynamics import mass_matrix, numbers_of
+from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.evaluation import TipPath, run_of
@@ -196,7 +197,8 @@ def history_of(
         any instant of it.
     """
     _check_times(events, start)
-    tick = _counted(progress, start, is_remapped=delay < NEVER)
+    # An instant of a run counts for its motion and its evaluation.
+    tick = counted(progress, 2 * len(start.times) * (3 if delay < NEVER else 2))
     scene = _Scene(question, start, events, _tip_path(start), tick)
     healthy, unremapped, remapped, arrivals = _runs(scene, delay)
     if _has_nothing_to_keep(question, healthy):
@@ -266,21 +268,6 @@ def _tip_path(start: Start) -> TipPath:
     return TipPath(read_only(x), read_only(x_dot), start.reference.orientation)
 
 
-def _counted(
-    progress: Progress | None, start: Start, *, is_remapped: bool
-) -> Callable[[int], None]:
-    """Return a progress callback; an instant of a run counts for its motion and its evaluation."""
-    total, done = 2 * len(start.times) * (3 if is_remapped else 2), 0
-
-    def tick(count: int) -> None:
-        nonlocal done
-        done += count
-        if progress is not None:
-            progress(min(done, total), total)
-
-    return tick
-
-
 def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
     last = float(start.times[-1])
     for event in events:
@@ -339,10 +326,7 @@ def _velocity_jumps(
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
     reduced = reduce(J, locked, question.rtol, faults.free_mask(robot.n))
     remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
-    try:
-        M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
-    except InputError:
-        M = None
+    M = known_mass_matrix(robot, state.q, question.conditions)
     if M is None:
         return (), remapped
     return tuple(impact_of_lock(reduced, _LINEAR, J, M, state.v).jump.tolist()), remapped
