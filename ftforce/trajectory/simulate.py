@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.task import Axes
@@ -58,6 +59,7 @@ def simulate(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -93,7 +95,7 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
-    gravity, payload, limits, task, length, axes, rtol, wary :
+    gravity, payload, limits, friction, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
         Samples per second; by default 100 along a path, or the recording's own times.
@@ -146,6 +148,7 @@ def simulate(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         axes=axes,
@@ -324,7 +327,7 @@ def _velocity_jumps(
     if not locked.any():
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
-    reduced = reduce(J, locked, question.rtol, faults.free_mask(robot.n))
+    reduced = reduce(J, locked, question.rtol, question.free_joints(faults))
     remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
     M = known_mass_matrix(robot, state.q, question.conditions)
     if M is None:

@@ -225,7 +225,7 @@ class _Reader:
         parent, child = (self.reference(element, role, where) for role in ("parent", "child"))
         kind, axis, mimic = "fixed", _X, None
         xyz = rpy = _ZERO3
-        lower = upper = effort = velocity = None
+        lower = upper = effort = velocity = friction = None
         with self.noting_flaws("joint", name, hides_motion=True):
             kind = self.kind(element, where)
         with self.noting_flaws("joint", name):
@@ -238,10 +238,11 @@ class _Reader:
         with self.noting_flaws("joint", name):
             effort, velocity = (self.largest(limit, key, where) for key in ("effort", "velocity"))
         with self.noting_flaws("joint", name):
+            friction = self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
+        with self.noting_flaws("joint", name):
             mimic = self.mimic(element, kind, where)
-        return UrdfJoint(
-            name, kind, parent, child, xyz, rpy, axis, lower, upper, effort, velocity, mimic
-        )
+        limits = (lower, upper, effort, velocity)
+        return UrdfJoint(name, kind, parent, child, xyz, rpy, axis, *limits, friction, mimic)
 
     def kind(self, element: Element, where: str) -> str:
         kind = element.get("type", "")

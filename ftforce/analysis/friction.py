@@ -1,0 +1,100 @@
+"""Friction of free-swinging joints: what holds them where no tip force has a lever (theory §4)."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from ftforce.analysis.limits_files import read_friction
+from ftforce.core.arrays import Vector, as_floats, read_only
+from ftforce.errors import DimensionError, InputError
+from ftforce.io.text import read_numbers
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ftforce.core.limits import Limits
+    from ftforce.robot.robot import Robot
+
+_SHARE_OF_EFFORT = 1e-3
+GIVEN, FROM_URDF = "given", "the URDF"
+FROM_EFFORT = "0.1 % of the effort limit"
+FROM_WEIGHT = "0.1 % of the largest weight torque"
+
+FrictionLike: TypeAlias = "ArrayLike | str | os.PathLike[str] | None"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Friction:
+    """Largest torque that the friction of each joint bears, should the joint swing freely.
+
+    Attributes
+    ----------
+    torque :
+        N·m (N for prismatic joints), shape (n,); NaN where it is 0.1 % of the largest weight
+        torque of the arm, in the posture analysed.
+    sources :
+        Where each value comes from, n texts.
+    """
+
+    torque: Vector
+    sources: tuple[str, ...]
+
+
+def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None) -> Friction:
+    """Return the friction of each joint: as given, from the URDF, or from the effort limits.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    friction :
+        One number for all joints, one per joint (NaN where unknown, shape (n,)), N·m or N, or a
+        TOML or CSV file (joint, friction); 0 is an ideal joint. ``None`` where unknown.
+    limits :
+        Torque limits in force, which precede the efforts of the URDF.
+
+    Raises
+    ------
+    InputError
+        A value is negative or not a number, or their number does not match the arm.
+    LimitsError
+        The file cannot be read or does not fit the robot.
+    """
+    given, source = _given(robot, friction)
+    effort = robot.effort
+    if limits is not None:
+        effort = np.where(np.isnan(limits.effort), effort, limits.effort)
+    torque, sources = [], []
+    for one, own, most in zip(given, robot.friction, effort, strict=True):
+        known = [(one, source), (own, FROM_URDF), (_SHARE_OF_EFFORT * most, FROM_EFFORT)]
+        value, origin = next((x for x in known if not math.isnan(x[0])), (math.nan, FROM_WEIGHT))
+        torque.append(value)
+        sources.append(origin)
+    return Friction(read_only(np.array(torque)), tuple(sources))
+
+
+def _given(robot: Robot, friction: FrictionLike) -> tuple[Vector, str]:
+    """Return the friction given, NaN where none is, and its source."""
+    if friction is None:
+        return np.full(robot.n, np.nan), GIVEN
+    if isinstance(friction, (str, os.PathLike)):
+        try:
+            friction = read_numbers(str(friction), 1)[0]
+        except ValueError:
+            return read_friction(robot, friction), str(friction)
+    values = as_floats(friction, "friction")
+    if values.ndim == 0:
+        values = np.full(robot.n, float(values))
+    if values.shape != (robot.n,):
+        raise DimensionError("friction", (robot.n,), values.shape, robot.numbered())
+    if (values < 0.0).any() or np.isinf(values).any():
+        raise InputError(
+            "friction needs a number of at least 0 (N·m or N), one per joint, or a TOML or CSV "
+            f"file (joint, friction), got {friction!r}"
+        )
+    return values, GIVEN
