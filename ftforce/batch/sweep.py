@@ -245,7 +245,12 @@ def request_of(
     cell: float | None,
     chunk: int | None = None,
 ) -> store.SweepRequest:
-    """Return what a sweep does, before any posture is analysed; parameters as of `sweep_of`.
+    """Return what a sweep does, before any posture is analysed.
+
+    Parameters
+    ----------
+    question, all_sets, postures, keep, cell, chunk :
+        As of `sweep_of`.
 
     Raises
     ------
