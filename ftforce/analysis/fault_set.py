@@ -278,7 +278,7 @@ def set_capability(
         ends.append(end)
         stops.append(
             ray.limiting_joints
-            if end is LimitingFactor.LIMIT
+            if end in {LimitingFactor.LIMIT, LimitingFactor.FRICTION}
             else overloaded(feasible)
             if end is LimitingFactor.WEIGHT
             else ()

@@ -15,10 +15,12 @@ from ftforce.errors import DimensionError, InputError
 from ftforce.io.text import read_numbers
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from ftforce.core.limits import Limits
-    from ftforce.robot.robot import Robot
+    from ftforce.robot.robot import Joint, Robot
 
 _SHARE_OF_EFFORT = 1e-3
 GIVEN, FROM_URDF = "given", "the URDF"
@@ -43,6 +45,36 @@ class Friction:
 
     torque: Vector
     sources: tuple[str, ...]
+
+    def in_words(self, robot: Robot, joints: Sequence[int] | None = None) -> str:
+        """Describe the friction of joints, grouped by its source.
+
+        Parameters
+        ----------
+        robot :
+            The arm.
+        joints :
+            Indices of the joints, which are then named; by default all.
+        """
+        groups: dict[str, list[int]] = {}
+        for j in range(robot.n) if joints is None else joints:
+            groups.setdefault(self.sources[j], []).append(j)
+        is_whole = joints is None and len(groups) == 1
+        parts = []
+        for source, own in groups.items():
+            each = [self._named(robot.joints[j], float(self.torque[j])) for j in own]
+            values = {f"{self.torque[j]:.3g} {robot.joints[j].torque_unit}" for j in own}
+            if is_whole and len(values) == 1 and source == GIVEN:
+                parts.append(values.pop())
+            else:
+                parts.append(source if is_whole else f"{', '.join(each)} ({source})")
+        return "; ".join(parts)
+
+    @staticmethod
+    def _named(joint: Joint, torque: float) -> str:
+        return (
+            joint.name if math.isnan(torque) else f"{joint.name} {torque:.3g} {joint.torque_unit}"
+        )
 
 
 def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None) -> Friction:
@@ -82,12 +114,15 @@ def _given(robot: Robot, friction: FrictionLike) -> tuple[Vector, str]:
     """Return the friction given, NaN where none is, and its source."""
     if friction is None:
         return np.full(robot.n, np.nan), GIVEN
+    value: ArrayLike
     if isinstance(friction, (str, os.PathLike)):
         try:
-            friction = read_numbers(str(friction), 1)[0]
+            value = read_numbers(str(friction), 1)[0]
         except ValueError:
             return read_friction(robot, friction), str(friction)
-    values = as_floats(friction, "friction")
+    else:
+        value = friction
+    values = as_floats(value, "friction")
     if values.ndim == 0:
         values = np.full(robot.n, float(values))
     if values.shape != (robot.n,):

@@ -76,6 +76,8 @@ class SweepSetting(CarriedPayload):
         Postures per chunk.
     version :
         Version of ftforce.
+    friction :
+        Friction of free-swinging joints, in words; ``None`` if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     """
@@ -105,6 +107,7 @@ class SweepSetting(CarriedPayload):
     keep: str
     chunk: int
     version: str
+    friction: str | None = None
     implausible: tuple[str, ...] = ()
     tip_source: str = ""
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)

@@ -389,6 +389,7 @@ def _setting(
 ) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
+    swings = all_sets.mode is FaultMode.FREE
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
     return SweepSetting(
         robot=robot.name,
@@ -419,6 +420,7 @@ def _setting(
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        friction=question.friction.in_words(robot) if swings else None,
         implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 

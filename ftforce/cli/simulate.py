@@ -6,6 +6,7 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    FrictionOption,
     HistoryOutputs,
     LimitsOption,
     PostureOptions,
@@ -51,6 +52,7 @@ def simulate(
     posture_options: PostureOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -95,7 +97,7 @@ def simulate(
         raise typer.BadParameter("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
     else:
         arm = chain.load(robot, posture_options.posture)
-        asked = merged(weight, limits, task_options, tolerances)
+        asked = merged(weight, limits, friction, task_options, tolerances)
         asked["force"] = numbers(force, "--force") or []
         asked |= trajectory_options.arguments_for(arm, posture_options, asked)
         with progress_bar("instants") as progress:

@@ -94,7 +94,8 @@ class Bearings(NamedTuple):
     weight :
         Their gravity and motion torques, shape (f,).
     unbalanced :
-        The part of them that no tip force can balance, shape (f,).
+        The part of them that no tip force can balance, shape (f,): for joints with friction, the
+        torque where the row is zero.
     friction :
         ε, the largest torque that friction bears, shape (f,).
     rounding :
@@ -350,12 +351,17 @@ def _bearings(reduced: ReducedJacobian, rnea: Vector, balance: float) -> Bearing
     weight = rnea[joints]
     weight[np.abs(weight) <= _ROUNDING * whole] = 0.0
     friction = friction_under(free.given.friction, rnea)[joints]
+    rows, least = reduced.J.T[joints], reduced.rtol * reduced.sigma_max
+    if free.given.is_ideal:
+        unbalanced = free.without_lever(weight, least)
+    else:
+        unbalanced = np.where(np.vecdot(rows, rows) <= least * least, weight, 0.0)
     shortest = (reduced.rtol if free.given.is_ideal else free.given.lever) * reduced.sigma_max
     return Bearings(
         joints,
-        reduced.J.T[joints],
+        rows,
         weight,
-        free.without_lever(weight, reduced.rtol * reduced.sigma_max),
+        unbalanced,
         np.maximum(friction, balance * whole),
         balance * whole,
         shortest,

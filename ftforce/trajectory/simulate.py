@@ -364,5 +364,16 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
-        notes=start.notes,
+        notes=(*start.notes, *_friction_note(scene)),
+    )
+
+
+def _friction_note(scene: _Scene) -> tuple[str, ...]:
+    """Say which friction is assumed, if a joint swings freely."""
+    question = scene.question
+    joints = sorted({j for event in scene.events for j in event.faults.free})
+    if not joints:
+        return ()
+    return (
+        f"friction of free-swinging joints: {question.friction.in_words(question.robot, joints)}",
     )

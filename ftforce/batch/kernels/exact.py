@@ -34,6 +34,7 @@ class Scratch(NamedTuple):
     """Workspace for one posture and one fault set."""
 
     rank: np.ndarray  # (2,): of J, and of the columns of the free-swinging joints with a lever
+    slabs: slabs.Slabs
     J: np.ndarray  # (m, n)
     U: np.ndarray  # (m, m): of J = U diag(s) Vᵀ
     s: np.ndarray  # (m,)
@@ -51,7 +52,6 @@ class Scratch(NamedTuple):
     friction: np.ndarray  # (n,): ε, torque that the friction of each joint bears
     fixed: np.ndarray  # (m, m): left singular vectors of the free columns with a lever
     jump: np.ndarray  # (m,): ΔF
-    slabs: slabs.Slabs
 
 
 def workspace(m, n):
@@ -66,8 +66,8 @@ def workspace(m, n):
     fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n, n, (m, m), m]
     return Scratch(
         aligned_zeros(2, np.int64),
-        *aligned_arrays([*posture, *fault_set]),
         slabs.Slabs(*aligned_arrays(slabs.shapes(m, n))),
+        *aligned_arrays([*posture, *fault_set]),
     )
 
 
@@ -240,10 +240,10 @@ def is_ideal(friction, free):
     free :
         True at the free-swinging joints, shape (n,).
     """
+    found = True
     for k in range(free.size):
-        if free[k] and friction[k] != 0.0:
-            return False
-    return True
+        found &= not (free[k] and friction[k] != 0.0)
+    return found
 
 
 @inner
@@ -334,7 +334,7 @@ def balance_free(scratch, free, rank, movable):
 
 @inner
 def is_balanced(scratch, free, ideal, tolerance):
-    """Return whether some tip force, or friction, balances the free-swinging joints.
+    """Return whether some tip force, or friction, balances each free-swinging joint.
 
     Parameters
     ----------
@@ -350,10 +350,12 @@ def is_balanced(scratch, free, ideal, tolerance):
     rounding = tolerance * norm(scratch.rnea)
     if ideal:
         return norm(scratch.residual) <= rounding
+    total, least, found = norm(scratch.rnea), tolerance * scratch.s[0], True
     for k in range(free.size):
-        if free[k] and abs(scratch.residual[k]) > max(scratch.friction[k], rounding):
-            return False
-    return True
+        has_lever = norm(scratch.J[:, k]) > least
+        weight = _weight_of(scratch, k, total)
+        found &= not free[k] or has_lever or abs(weight) <= max(scratch.friction[k], rounding)
+    return found
 
 
 @inner

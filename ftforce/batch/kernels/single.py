@@ -104,9 +104,9 @@ def answer(
         vector[11],
     )  # fmt: skip
     scratch = exact.Scratch(
-        code[2], matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
+        code[2], work, matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2], torque[3],
-        square[3], vector[6], work,
+        square[3], vector[6],
     )  # fmt: skip
     exact.friction_under_weight(task[4, :n], torque[0], torque[3])
     posture = _Posture(scratch, square[2], task, torque[6], force[0])

@@ -16,6 +16,7 @@ from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import (
     conditions_facts,
     force_fact,
+    friction_facts,
     limits_in_words,
     task_facts,
 )
@@ -67,6 +68,7 @@ def _census_situation(census: Census) -> list[tuple[str, str]]:
         *task_facts(census.task),
         ("Posture", census.posture.source),
         *conditions_facts(census.conditions),
+        *(friction_facts(census.question) if census.mode is FaultMode.FREE else []),
         ("Limits", limits_in_words(census.limits, (), robot, ()) + _unknown_brakes(census)),
         force_fact(census.task, census.before),
         ("Tolerance", f"rank {census.rtol:g}, borderline below {census.wary:g}"),
