@@ -290,6 +290,7 @@ def test_what_an_answer_relies_on_is_said(panda):
     assert "nor friction (at most 0.01 N·m) balances that" in verdict_sentence(falls)
 
 
+@pytest.mark.thorough  # compiles
 @pytest.mark.parametrize("name", ["panda", "so101", "dh5", "ur5"])
 def test_analyze_capability_census_sweep_and_remapper_agree(name):
     arm, rng = load_robot(name), np.random.default_rng(3)

@@ -70,6 +70,15 @@ class Friction:
                 parts.append(source if is_whole else f"{', '.join(each)} ({source})")
         return "; ".join(parts)
 
+    @property
+    def option(self) -> str:
+        """What ``--friction`` has to say to give this friction; empty if it says nothing."""
+        known = {GIVEN, FROM_URDF, FROM_EFFORT, FROM_WEIGHT}
+        if files := [source for source in self.sources if source not in known]:
+            return files[0]
+        values = {x for x, source in zip(self.torque, self.sources, strict=True) if source == GIVEN}
+        return str(float(values.pop())) if len(values) == 1 else ""
+
     @staticmethod
     def _named(joint: Joint, torque: float) -> str:
         return (

@@ -250,7 +250,13 @@ class Question:
         return self.given_friction or choose_friction(self.robot, None, self.limits)
 
     def free_joints(self, faults: FaultSet) -> FreeJoints | None:
-        """Return the free-swinging joints of a fault set, with their friction."""
+        """Return the free-swinging joints of a fault set, with their friction.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+        """
         mask = faults.free_mask(self.robot.n)
         return None if mask is None else FreeJoints(mask, self.friction.torque, self.wary)
 

@@ -78,6 +78,9 @@ class SweepSetting(CarriedPayload):
         Version of ftforce.
     friction :
         Friction of free-swinging joints, in words; ``None`` if joints do not swing.
+    friction_torques :
+        Torque that it bears at each joint, N·m (N), ``None`` where it follows from the weight;
+        empty if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     """
@@ -108,6 +111,7 @@ class SweepSetting(CarriedPayload):
     chunk: int
     version: str
     friction: str | None = None
+    friction_torques: tuple[float | None, ...] = ()
     implausible: tuple[str, ...] = ()
     tip_source: str = ""
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)

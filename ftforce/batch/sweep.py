@@ -389,6 +389,7 @@ def _setting(
 ) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
+    friction = [None if math.isnan(x) else x for x in question.friction.torque.tolist()]
     swings = all_sets.mode is FaultMode.FREE
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
     return SweepSetting(
@@ -421,6 +422,7 @@ def _setting(
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
         friction=question.friction.in_words(robot) if swings else None,
+        friction_torques=tuple(friction) if swings else (),
         implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 

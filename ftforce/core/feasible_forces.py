@@ -239,7 +239,13 @@ class FeasibleForces(NamedTuple):
         return self.bearings is None or self.bearings.is_at_rest
 
     def without_friction(self, joints: Iterable[int]) -> tuple[int, ...]:
-        """Return the joints among ``joints`` whose limit is that of a motor or brake."""
+        """Return the joints whose limit is that of a motor or brake.
+
+        Parameters
+        ----------
+        joints :
+            Indices of joints, free-swinging ones among them.
+        """
         free = () if self.bearings is None else self.bearings.joints
         return tuple(j for j in joints if j not in free)
 
@@ -281,7 +287,13 @@ class Reach(NamedTuple):
         return self.maximum < self.minimum
 
     def within(self, other: Reach) -> Reach:
-        """Return the part that is in another range too."""
+        """Return the part that is in another range too.
+
+        Parameters
+        ----------
+        other :
+            The other range.
+        """
         nearest = other if other.maximum < self.maximum else self
         return Reach(max(self.minimum, other.minimum), nearest.maximum, nearest.limiting_joints)
 

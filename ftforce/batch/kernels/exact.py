@@ -388,9 +388,9 @@ def is_borne(scratch, free, after, rtol, wary):
         if free[k]:
             lever, weight = lever_of(scratch, k, F), _weight_of(scratch, k, total)
             most = max(scratch.friction[k], rtol * total)
-            if abs(lever) <= rtol * scratch.s[0] * size:
-                lever = 0.0
             if abs(lever + weight) > most or abs(lever) > wary * scratch.s[0] * size:
+                return False
+            if abs(lever) <= rtol * scratch.s[0] * size and abs(weight) > most:
                 return False
     return beyond_of(scratch, after, F) <= rtol * size
 

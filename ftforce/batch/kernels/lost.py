@@ -285,8 +285,9 @@ def project_on_column(force, k, question, largest, lost):
         size = math.sqrt(largest[b] * whole[b])
         lever = along[b] * lost.length[b]
         is_short = abs(lever) <= question.wary * size
-        counted = lever if abs(lever) > question.rtol * size else 0.0
-        is_borne = has_friction & is_short & (abs(counted + lost.weight[b]) <= lost.friction[b])
+        is_borne = has_friction & is_short & (abs(lever + lost.weight[b]) <= lost.friction[b])
+        is_resting = abs(lost.weight[b]) <= lost.friction[b]
+        is_borne &= is_resting | (abs(lever) > question.rtol * size)
         along[b] = 0.0 if is_borne else along[b] + lost.offset[b]
         close = _is_close(abs(lever), question.wary * size)
         close |= _is_close(abs(lever), question.rtol * size)
