@@ -451,6 +451,23 @@ def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path, stored):
     assert_same_files(stored.path, path)
 
 
+def test_a_sweep_of_an_older_version_is_read_and_recognised(arm, tmp_path):
+    path = tmp_path / "s"
+    asked = {"n": 5000, "keep": "summary", "payload": (1.5, [0.0, 0.1, 0.0])}
+    written = sweep(arm, **asked, output=path)
+    assert store.open_sweep(path).setting == written.setting
+    about = json.loads((path / ".zattrs").read_text())
+    own = json.loads(about["ftforce"])
+    for name in ("tip_source", "other_tips", "payload_mass", "payload_offset"):
+        del own["setting"][name]
+        assert name not in own["identity"]
+    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps(own)}))
+    setting = store.open_sweep(path).setting
+    assert (setting.carried.mass, setting.carried.offset.tolist()) == (1.5, [0.0, 0.1, 0.0])
+    assert (setting.tip_source, setting.other_tips) == ("", {})
+    assert sweep(arm, **asked, output=path).done == 5000  # no error: it is the same sweep
+
+
 def test_damage_is_told(arm, tmp_path):
     path = tmp_path / "s"
     sweep(arm, n=5000, keep="summary", output=path)

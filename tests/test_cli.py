@@ -21,7 +21,6 @@ import ftforce
 from ftforce import cli
 from ftforce.cli import options as common
 from ftforce.cli import printing
-from ftforce.errors import InputError
 from urdfs import full_device
 
 DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
@@ -292,14 +291,16 @@ def test_interruption_is_no_traceback():
 
 @pytest.mark.parametrize("text", ["1,x,3", "1,,x", "one"])
 def test_vectors_are_numbers(text):
-    with pytest.raises(InputError, match=r"--q needs numbers separated by commas, .*is not"):
+    with pytest.raises(
+        typer.BadParameter, match=r"--q needs numbers separated by commas, .*is not"
+    ):
         common.numbers(text, "--q")
 
 
 def test_commas_and_blanks_separate_numbers():
     assert common.numbers("80 50,10", "--force") == [80.0, 50.0, 10.0]
     assert common.numbers(None, "--force") is None
-    with pytest.raises(InputError, match=r"--force needs .*; got none"):
+    with pytest.raises(typer.BadParameter, match=r"--force needs .*; got none"):
         common.numbers(" ,, ", "--force")
 
 

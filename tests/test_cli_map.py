@@ -99,18 +99,18 @@ def test_files_hold_the_cells(stored, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "status", "words"),
     [
-        ("--joints 2,3", "no fault set {2, 3}"),
-        ("--joints 6", "unknown joint '6'; available: 1 joint1"),
-        ("--joints ,", "--joints needs numbers or names separated by commas"),
-        ("--plane zx", "unknown plane 'zx'"),
-        ("--at 9", "no posture has its tip at y = 9 m"),
-        ("--quantity speed", "unknown quantity 'speed'"),
+        ("--joints 2,3", 1, "no fault set {2, 3}"),
+        ("--joints 6", 1, "unknown joint '6'; available: 1 joint1"),
+        ("--joints ,", 2, "--joints needs numbers or names separated by commas"),
+        ("--plane zx", 2, "unknown plane 'zx'"),
+        ("--at 9", 1, "no posture has its tip at y = 9 m"),
+        ("--quantity rho,speed", 2, "unknown quantity 'speed'"),
     ],
 )
-def test_what_is_not_there_is_said_in_a_line(stored, options, words):
-    result = run(stored, *options.split(), status=1)
+def test_what_is_not_there_is_said_in_a_line(stored, options, status, words):
+    result = run(stored, *options.split(), status=status)
     assert words in result.stderr
     assert result.stderr.startswith("error: ")
     assert len(result.stderr.splitlines()) == 1

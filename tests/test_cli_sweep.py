@@ -103,10 +103,10 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--deg"), 2, "--deg requires --postures"),
         (("--grid", "2.5"), 2, "--grid needs whole numbers"),
         (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
-        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 1, "unknown value of keep 'some'"),
+        (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 2, "unknown value of keep 'some'"),
         (("--samples", "10", "--workers", "0"), 1, "workers must be a positive integer"),
         (("--samples", "10", "--chunk", "10"), 1, "chunk must be an integer from 4096"),
-        (("--samples", "10", "-o", "x.nc"), 1, "the name must end in"),
+        (("--samples", "10", "-o", "x.nc"), 2, "the name must end in"),
         (("--samples", "10", "-o", "nowhere/x.zarr"), 1, "cannot be written"),
         (("--postures", "nowhere.csv"), 1, "no such file"),
     ],
@@ -114,13 +114,13 @@ def test_a_grid(tmp_path):
 def test_wrong_words_get_one_line(words, status, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = run("sweep", "dh5", *words, status=status)
-    assert message in " ".join(result.stderr.split()).replace("│ ", "")
-    assert status == 2 or result.stderr.count("\n") == 1
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
 def test_zarr_is_for_sweeps(tmp_path):
-    result = run("census", "dh5", "-o", str(tmp_path / "x.zarr"), status=1)
+    result = run("census", "dh5", "-o", str(tmp_path / "x.zarr"), status=2)
     assert result.stderr == "error: .zarr is for `ftforce sweep`; use .json or .csv\n"
 
 

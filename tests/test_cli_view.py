@@ -93,15 +93,8 @@ def test_degrees_are_taken(opened):
         (["nobody"], ""),
         (["dh5", "--force", "1,2"], ""),
         (["dh5", "--q", "0,0,0,0,0", "--posture", "zero"], ""),
-        (["dh5", "--export", "page.pdf"], "must end in .html"),
-        (["dh5", "--screenshot", "page.jpg"], "must end in .png"),
         (["dh5", "--export", "nowhere/page.html"], "no such folder"),
         (["dh5", "--host", "203.0.113.7"], ""),
-        (["dh5", "--history", "r.npz", "--force", "1,2,3"], "these itself; leave out --force"),
-        (["dh5", "--history", "r.npz", "--gravity", "0,0,0"], "leave out --gravity"),
-        (["dh5", "--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --q, --limits"),
-        (["dh5", "--history", "r.npz", "--inverse", "dynamic"], "leave out --inverse"),
-        (["dh5", "--sweep", "s.zarr", "--task", "wrench"], "a sweep determines these itself"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
@@ -118,10 +111,22 @@ def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
         (["--history", "a.npz", "--sweep", "b.zarr"], "not both"),
         (["--force", "1,2,3", "--torque", "1,2,3,4,5"], "not both"),
         (["--at", "3"], "--at requires --history"),
+        (["--export", "page.pdf"], "must end in .html"),
+        (["--screenshot", "page.jpg"], "must end in .png"),
+        (["--history", "r.npz", "--force", "1,2,3"], "these itself; leave out --force"),
+        (["--history", "r.npz", "--gravity", "0,0,0"], "leave out --gravity"),
+        (["--history", "r.npz", "--limits", "urdf", "--q", "0"], "leave out --q, --limits"),
+        (["--history", "r.npz", "--inverse", "dynamic"], "leave out --inverse"),
+        (["--sweep", "s.zarr", "--task", "wrench"], "a sweep determines these itself"),
+        (["--sweep", "s.zarr", "--payload", "1"], "leave out --payload"),
     ],
 )
 def test_what_excludes_each_other_is_refused(opened, arguments, words):
-    assert words in run("dh5", *arguments, status=2).stderr
+    message = run("dh5", *arguments, status=2).stderr
+    assert words in message
+    assert message.startswith("error: ")
+    assert len(message.splitlines()) == 1
+    assert not opened[0]
 
 
 def test_without_viser_it_says_what_to_install(opened, monkeypatch):

@@ -371,13 +371,13 @@ def test_robots_and_sweeps_together(tmp_path):
     assert found["dh5"].path == str(stored)
     assert found["kinova"].path is None
     assert "cells of other sizes" in " ".join(found.warnings) or len(found.warnings) == 0
+    seen = []
     with pytest.raises(InputError, match="dh5 and kinova have different settings: force"):
-        compare([stored, "kinova"], n=500)
+        compare(["kinova", stored], n=500, progress=lambda *x: seen.append(x))
     with pytest.raises(InputError, match=r"leave out n \(--samples\), force"):
         compare([stored, stored], n=500, force=FORCE)
     other = tmp_path / "other.zarr"
     sweep(ftforce.load_robot("ur5"), n=64, output=other)
-    seen = []
     with pytest.raises(InputError, match="dh5 and ur5 have different settings: force"):
         compare(["kinova", stored, other], n=500, force=FORCE, progress=lambda *x: seen.append(x))
     assert seen == []  # nothing is swept for what will be refused

@@ -14,9 +14,16 @@ import pytest
 
 import ftforce
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
+from ftforce.robot.dynamics import Payload
 from ftforce.trajectory import Path
 from ftforce.trajectory.history import QUANTITIES, History
-from ftforce.trajectory.history_files import FORMATS, columns_of, history_bytes
+from ftforce.trajectory.history_files import (
+    FORMATS,
+    _about,
+    _read_about,
+    columns_of,
+    history_bytes,
+)
 from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
@@ -60,6 +67,32 @@ def test_it_comes_back_bit_for_bit(request, tmp_path, form, which):
     path = tmp_path / f"run.{form}"
     assert ftforce.save(written, path) == path
     assert same(ftforce.load_history(path), written)
+
+
+@pytest.mark.parametrize("offset", [[0.0, 0.0, 0.0], [0.1, -1e-7, 1.0 / 3.0]])
+def test_the_payload_comes_back_as_it_was_given(tmp_path, offset):
+    dh5 = ftforce.load_robot("dh5")
+    carried = Payload.of(10.0 / 7.0, offset)
+    run = ftforce.simulate(dh5, LINE, force=[1, 2, 3], remap=False, rate=5, payload=carried)
+    ftforce.save(run, tmp_path / "run.npz")
+    found = ftforce.load_history(tmp_path / "run.npz").setting.carried
+    assert (found.mass, found.offset.tolist()) == (carried.mass, carried.offset.tolist())
+
+
+def test_older_versions_stored_the_payload_as_text_only(falling):
+    added = {"tip_source", "other_tips", "payload_mass", "payload_offset"}
+    about = json.loads(_about(falling))
+    about["setting"] = {k: x for k, x in about["setting"].items() if k not in added}
+    for text, mass, offset in (
+        ("3 kg", 3.0, [0.0, 0.0, 0.0]),
+        ("1.42857 kg at (0.1, -1e-07, 0.333333) m", 1.42857, [0.1, -1e-7, 0.333333]),
+    ):
+        about["setting"]["payload"] = text
+        setting, _ = _read_about(json.dumps(about))
+        assert (setting.carried.mass, setting.carried.offset.tolist()) == (mass, offset)
+        assert (str(setting.carried), setting.tip_source, setting.other_tips) == (text, "", {})
+    about["setting"]["payload"] = ""
+    assert _read_about(json.dumps(about))[0].carried is None
 
 
 @pytest.mark.parametrize("form", FORMATS)

@@ -202,6 +202,15 @@ def test_joints_outside_are_held_where_the_default_posture_has_them(states, defa
     assert_consistent(found, place.q)
 
 
+def test_a_posture_that_holds_joints_outside_elsewhere_is_no_default():
+    """Not of any question: its weight would be that of another posture."""
+    states = {"a": {**BENT, "neck": 0.6}, "b": {**BENT, "neck": 0.9}, "c": {**BENT, "neck": 0.6}}
+    assert headed(states).preferred == ("a", "c")
+    later = {"z": {**STRAIGHT, "neck": 0.1}, **states}
+    assert headed(later).preferred == ("z", "a", "c")  # "z" is singular, which is told
+    assert choose_posture(headed(later)).source == "posture 'a' ('z' is singular)"
+
+
 def test_joints_above_the_base_are_held_where_the_default_posture_has_them():
     """They turn the chain against the root, in whose axes a result may be wanted."""
     states = {"a": STRAIGHT, "b": {**BENT, "j1": 0.9}}

@@ -8,8 +8,9 @@ import pinocchio as pin
 import pytest
 
 import ftforce
+from ftforce.analysis.question import Question
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from ftforce.robot.mounting import Mounting
 from ftforce.robot.posture import (
     SAMPLES,
@@ -21,6 +22,8 @@ from ftforce.robot.posture import (
     mid_range,
     samples,
 )
+from ftforce.trajectory import Path
+from ftforce.view.model.state import command_line, initial_state
 from helpers import assert_close, joint, load_text, serial_urdf, srdf_of
 
 Y = {"axis": (0, 1, 0)}
@@ -163,6 +166,98 @@ def test_what_is_clear_of_the_base():
         found.append((here[1:, 2].min() >= -1e-3, away >= 0.25 * length))
         assert mounting.is_clear(q) == all(found[-1])
     assert {(True, True), (False, True), (True, False)} <= set(found)
+
+
+# ---- the default of a question -----------------------------------------------------------------
+
+WRIST = [0.0, -1.8, 1.8, -1.57, 0.0, 0.0]  # wrist axes 1 and 3 in line: forces are kept
+READY = [0.0, -1.8, 1.8, -1.57, 1.2, 0.0]
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    """Return a UR5 whose file brings a posture for forces, and one for everything."""
+    path = ftforce.known_robots()["ur5"].urdf
+    names = ftforce.load_robot("ur5").names
+    home, up = (dict(zip(names, q, strict=True)) for q in (WRIST, READY))
+    return load_text(path.read_text(), srdf_of(home=home, up=up))
+
+
+def defaults(robot, **asked):
+    """Return the default postures of all functions that analyse one."""
+    question = Question.parse(robot, **asked).placed()
+    found = [question.place, ftforce.analyze(robot, **asked).posture]
+    found.append(ftforce.census(robot, **asked).posture)
+    if "force" not in asked:
+        found.append(ftforce.capability(robot, **asked).analysis.posture)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("task", "q", "source"),
+    [
+        ("force", WRIST, "posture 'home'"),
+        ("fx,fz", WRIST, "posture 'home'"),
+        ("wrench", READY, "posture 'up' ('home' is singular)"),
+    ],
+)
+def test_the_users_own_posture_is_used_where_the_question_can_be_answered(ur5, task, q, source):
+    """The oracle: Pinocchio's Jacobian of the file, and NumPy's singular values of its rows."""
+    rows = {"force": [0, 1, 2], "fx,fz": [0, 2], "wrench": [0, 1, 2, 3, 4, 5]}[task]
+    model, frame = ur5.model, ur5.tip_frame
+    for place, fits in ((WRIST, task != "wrench"), (READY, True)):
+        J = pin.computeFrameJacobian(model, model.createData(), np.array(place), frame)[rows]
+        s = np.linalg.svd(J, compute_uv=False)
+        assert (s[-1] > 0.01 * s[0]) == fits
+    for posture in defaults(ur5, task=task):
+        assert (posture.q.tolist(), posture.source) == (q, source)
+    asked = Question.parse(ur5, task=task).placed()
+    page = initial_state(asked)
+    assert page.posture.q.tolist() == q
+    assert "--q" not in command_line(ur5, page)
+    elsewhere = "wrench" if task != "wrench" else "force"  # asked anew, it has another default
+    assert "--q" in command_line(ur5, page.asking(elsewhere, "tool", 1.0))
+
+
+def test_a_path_starts_near_the_default_of_its_question(ur5):
+    for task, m, wanted in (("force", 3, "'home'"), ("wrench", 6, "'up' ('home' is singular)")):
+        x = tip_pose(ur5, np.array(WRIST if m == 3 else READY))[1]
+        path = Path.through([x, x + np.array([0.0, 0.0, 0.01])], speed=0.1)
+        run = ftforce.simulate(ur5, path, force=np.ones(m), task=task, rate=20)
+        over = ftforce.timeline(ur5, path, task=task, rate=20)
+        assert run.setting.start == over.start == f"posture {wanted}"
+
+
+def hinge(srdf=None):
+    """Return an arm of one hinge about z, which pushes across its lever only."""
+    steps = [("revolute", {"lower": -3.0, "upper": 3.0})]
+    return load_text(serial_urdf(*steps).replace("0.11 0.05 0.03", "0.4 0 0"), srdf)
+
+
+def test_a_posture_that_cannot_exert_the_force_is_passed_over():
+    """At 0 the tip moves along y, at a right angle along x: closed form."""
+    along_x = {"force": [5.0, 0.0], "task": "fx,fy", "axes": "world"}
+    states = srdf_of(out={"j1": 0.0}, side={"j1": math.pi / 2})
+    for posture in defaults(hinge(states), **along_x):
+        assert posture.source == "posture 'side' ('out' cannot exert the force)"
+    for posture in defaults(hinge(states), **along_x | {"force": [0.0, 5.0]}):
+        assert posture.source == "posture 'out'"
+    for posture in defaults(hinge(), **along_x):  # not even the middle of the range
+        assert posture.source == (
+            "best of 64 samples clear of the base (mid-range cannot exert the force)"
+        )
+
+
+def test_where_no_posture_answers_the_error_does():
+    with pytest.raises(InputError, match="even the healthy arm cannot exert this force"):
+        ftforce.analyze(hinge(), force=[0, 0, 1])
+
+
+def test_the_default_of_one_question_is_not_that_of_another(ur5):
+    """Nothing is remembered that depends on the question."""
+    for task, q in (("wrench", READY), ("force", WRIST), ("wrench", READY)):
+        assert ftforce.analyze(ur5, task=task).posture.q.tolist() == q
+    assert choose_posture(ur5).q.tolist() == READY  # of no question: good for all
 
 
 # ---- named -----------------------------------------------------------------------------------

@@ -2,16 +2,23 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import ftforce
+from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import InputError, UnknownNameError
-from ftforce.report.robot import robot_document, tip_in_words
+from ftforce.report.files import to_dict
+from ftforce.report.robot import robot_document
+from ftforce.report.text import tip_in_words
 from ftforce.robot.chain import choose_base, links_above, moving_path
 from ftforce.robot.formats.urdf import read_urdf
+from ftforce.robot.kinematics import tip_pose
+from ftforce.robot.posture import choose_posture
 from ftforce.robot.srdf import Srdf
 from ftforce.robot.tip import BY_NAME, choose_tip, tip_candidates
 from ftforce.show.render import to_text
+from ftforce.trajectory import Path
 from urdfs import arm, chain, end_effector, hand, joint, link, load, mimic, robot, write
 
 ENDS = "last link before several moving parts"
@@ -193,17 +200,40 @@ def test_frames_that_differ_are_told_with_their_distance(tree):
         assert list(choose_tip(tree(two), Srdf(), None, None).others) == ["ee_link"]
 
 
+def every_result(found, folder):
+    """Return one result of every kind about an arm, stored ones as they are read again."""
+    start = tip_pose(found, choose_posture(found).q)[1]
+    line = Path.through([start, start + np.array([0.01, 0.0, 0.01])], speed=0.05)
+    asked = {"task": "fx,fz", "force": [1.0, 2.0]}
+    ftforce.save(ftforce.simulate(found, line, rate=20, **asked), folder / "run.csv")
+    ftforce.sweep(found, n=64, output=folder / "sweep.zarr", threads=1, **asked)
+    stored = ftforce.open_sweep(folder / "sweep.zarr")
+    return [
+        ftforce.analyze(found, locked=1), ftforce.capability(found, locked=1),
+        ftforce.census(found), ftforce.timeline(found, line, rate=20, **asked),
+        ftforce.load_history(folder / "run.csv"), stored, workspace_map(stored),
+        ftforce.compare([found, stored], n=64, threads=1, **asked),
+    ]  # fmt: skip
+
+
+@pytest.mark.thorough  # every kind of result, each computed once
 def test_the_header_tells_the_other_frames(tmp_path):
     tools = [*fixed("end", "tool0", rpy="0 0 0", xyz="0 0 0"),
              *fixed("tool0", "ee_link", xyz="0 0 0.02", rpy="0 0 0.5")]  # fmt: skip
     found = load(tmp_path, nameless(*tools))
     words = "tool0 (tool frame by name), not ee_link (20.0 mm, 28.6° away)"
     assert tip_in_words(found) == words
-    for one in (found, ftforce.analyze(found, locked=1), ftforce.census(found)):
-        assert words in " ".join(to_text(one).split())
-    assert robot_document(found)["other_tips"] == {
-        "ee_link": {"distance": pytest.approx(0.02), "angle": pytest.approx(0.5)}
-    }
+    others = {"ee_link": {"distance": pytest.approx(0.02), "angle": pytest.approx(0.5)}}
+    assert words in " ".join(to_text(found).split())
+    assert robot_document(found)["other_tips"] == others
+    for one in every_result(found, tmp_path):
+        shown = to_text(one)
+        assert words in " ".join(shown.split())
+        assert max(map(len, shown.splitlines())) <= 80
+        document = to_dict(one)
+        for about in [document["robot"]] if "robot" in document else document["arms"]:
+            assert (about["tip"], about["tip_source"]) == ("tool0", "tool frame by name")
+            assert about["other_tips"] == others
     given = load(tmp_path, nameless(*tools), tip="ee_link")
     assert (tip_in_words(given), given.other_tips) == ("ee_link (given)", {})
 

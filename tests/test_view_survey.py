@@ -151,9 +151,10 @@ def test_reset_goes_back_to_the_sweep_s_question_and_the_legend_says_so(page, cl
     assert "as on this page" in mode._legend.content
 
 
-def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
+def test_tolerances_gravity_and_payload_are_the_sweep_s(dh5, tmp_path):
     path = tmp_path / "s.zarr"
     asked = {"task": "fx,fz", "axes": "world", "force": [1, 3], "gravity": [0, 0, -1.62]}
+    asked["payload"] = (10.0 / 7.0, [0.0, 0.1, 1.0 / 3.0])
     kept = {"keep": "all", "output": path, "threads": 1}
     ftforce.sweep(dh5, n=64, rtol=1e-5, wary=0.05, joint_length=0.2, **asked, **kept)
     session, mode = opened(dh5, path)
@@ -162,6 +163,9 @@ def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
         assert (state.rtol, state.wary, str(state.task)) == (1e-5, 0.05, "fx,fz")
         assert state.scale.length == 0.2
         assert state.gravity.tolist() == [0, 0, -1.62]
+        carried = (state.payload.mass, state.payload.offset.tolist())
+        assert carried == asked["payload"]
+        assert "payload 1.42857 kg at (0, 0.1, 0.333333) m; as on this page" in mode.part()
         assert session.panel.handle("task").value == "fx,fz"
         verdicts = ftforce.open_sweep(path).dataset["verdict"].values
         mode.controls["sets"].value = "{2}"
@@ -169,6 +173,9 @@ def test_tolerances_and_gravity_are_the_sweep_s(dh5, tmp_path):
             mode.move_to(point)
             session.settle()
             assert session.answer.analysis.verdict is VERDICTS[int(verdicts[point, 1])]
+        session.change(lambda state: state.carrying(None))
+        session.settle()
+        assert "unlike on this page" in mode.part()
 
 
 def test_a_page_that_is_taken_along_says_what_the_colours_mean(page):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.conditions import Inverse, rnea_change
+from ftforce.analysis.conditions import Inverse, known_mass_matrix, rnea_change
 from ftforce.analysis.fault_names import named_faults
 from ftforce.analysis.question import Answered, Question
 from ftforce.analysis.warnings import (
@@ -42,10 +42,7 @@ from ftforce.core.reduced_jacobian import (
 )
 from ftforce.core.remap import PROOF_TOLERANCE, Jump, force_residuals
 from ftforce.core.verdict import judge
-from ftforce.errors import InputError
-from ftforce.robot.dynamics import Payload, mass_matrix
 from ftforce.robot.kinematics import task_jacobian
-from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -58,6 +55,7 @@ if TYPE_CHECKING:
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
+    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -347,7 +345,6 @@ def analyze(
     return analyze_question(
         Question.parse(
             robot,
-            posture=choose_posture(robot, q, posture),
             faults=named_faults(robot, locked, free, weak),
             force=force,
             torque=torque,
@@ -364,7 +361,7 @@ def analyze(
             axes=axes,
             rtol=rtol,
             wary=wary,
-        )
+        ).placed(q, posture)
     )
 
 
@@ -426,14 +423,12 @@ def _unit_forces(
 
 
 def _impact(question: Question, reduced: ReducedJacobian, J: Matrix) -> Impact | None:
-    robot, v = question.robot, question.conditions.velocity
-    if v is None or robot.mass == 0.0 or not reduced.locked.any():
+    v = question.conditions.velocity
+    if v is None or not reduced.locked.any():
         return None
-    try:
-        M = mass_matrix(robot, question.q, question.conditions.payload)
-    except InputError:
-        return None  # only the impact needs M; a warning reports it
-    return impact_of_lock(reduced, question.task, J, M, v)
+    M = known_mass_matrix(question.robot, question.q, question.conditions)
+    # Only the impact needs M; a warning reports its lack.
+    return None if M is None else impact_of_lock(reduced, question.task, J, M, v)
 
 
 def _residuals(analysis: Analysis, force: ForceChange, torque: TorqueChange) -> dict[str, float]:

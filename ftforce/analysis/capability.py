@@ -31,7 +31,6 @@ from ftforce.core.feasible_forces import (
 from ftforce.core.polytope import Polytope, force_polytope
 from ftforce.core.reduced_jacobian import RTOL, reduce, reduce_decomposed
 from ftforce.robot.dynamics import Payload, payload_acceleration, payload_jacobian
-from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -340,7 +339,6 @@ def capability(
     """
     question = Question.parse(
         robot,
-        posture=choose_posture(robot, q, posture),
         faults=named_faults(robot, locked, free, weak),
         direction=direction,
         velocity=velocity,
@@ -354,7 +352,7 @@ def capability(
         joint_length=joint_length,
         axes=axes,
         rtol=rtol,
-    )
+    ).placed(q, posture)
     return capability_to(question)
 
 

@@ -19,7 +19,6 @@ from ftforce.core.ranks import Rank, ranks_of
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import Verdict
 from ftforce.errors import InputError, UnknownNameError, listed
-from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -257,7 +256,6 @@ def census(
     """
     question = Question.parse(
         robot,
-        posture=choose_posture(robot, q, posture),
         force=force,
         torque=torque,
         direction=direction,
@@ -274,7 +272,7 @@ def census(
         axes=axes,
         rtol=rtol,
         wary=wary,
-    )
+    ).placed(q, posture)
     return census_of(question, AllFaultSets.parse(robot, faults, mode), rank_by, progress)
 
 

@@ -235,6 +235,22 @@ def mass_matrix_for(
     return mass_matrix(robot, q, conditions.payload)
 
 
+def known_mass_matrix(robot: Robot, q: Vector, conditions: Conditions) -> Matrix | None:
+    """Return the mass matrix, shape (n, n); ``None`` if masses are missing or unphysical.
+
+    Parameters
+    ----------
+    robot, q, conditions :
+        The arm, its joint positions, rad or m, shape (n,), and its payload.
+    """
+    if robot.mass == 0.0:
+        return None
+    try:
+        return mass_matrix(robot, q, conditions.payload)
+    except InputError:
+        return None
+
+
 def without_rounding(F: Vector, part: Vector, whole: Vector) -> Vector:
     """Return F, or zero if its part of the request is within rounding error.
 

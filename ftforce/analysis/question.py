@@ -15,15 +15,24 @@ import numpy as np
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse, mass_matrix_for, tip_load
 from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import URDF, choose_limits
+from ftforce.core.arrays import read_only
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
 from ftforce.core.joint_scale import UNWEIGHTED, JointScale
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, FreeJoints, check_tolerances
+from ftforce.core.reduced_jacobian import (
+    BORDERLINE_RTOL,
+    RTOL,
+    FreeJoints,
+    check_tolerances,
+    reduce,
+)
 from ftforce.core.task import Axes, Task
 from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.robot.kinematics import task_jacobian
+from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import ArrayLike
 
@@ -46,6 +55,27 @@ class Progress(Protocol):
 
     def __call__(self, done: int, total: int, /) -> None:
         """Report progress."""
+
+
+def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
+    """Return a function that adds to what is done and reports it.
+
+    Parameters
+    ----------
+    progress :
+        Called with what is done, up to the total, and the total.
+    total :
+        The total.
+    """
+    done = 0
+
+    def tick(count: int) -> None:
+        nonlocal done
+        done += count
+        if progress is not None:
+            progress(min(done, total), total)
+
+    return tick
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +199,41 @@ class Question:
             faults=faults,
             scale=JointScale.of((joint.unit for joint in robot.joints), joint_length),
         )
+
+    def placed(self, q: ArrayLike | Posture | None = None, posture: str | None = None) -> Question:
+        """Return the question in the given, the named or the default posture.
+
+        Parameters
+        ----------
+        q, posture :
+            As in `ftforce.analyze`.
+
+        Raises
+        ------
+        InputError
+            Both are given, ``q`` is malformed, or the name is unknown.
+        """
+        chosen = choose_posture(self.robot, q, posture, problem=self.problem_in)
+        return replace(self, posture=chosen)
+
+    def problem_in(self, q: Vector) -> str:
+        """Return why the question cannot be answered in a posture; empty if it can.
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, shape (n,).
+        """
+        robot, task = self.robot, self.task
+        J = self.weigh_jacobian(task_jacobian(robot, q, task))
+        healthy = reduce(read_only(J), HEALTHY.mask(robot.n), self.rtol)
+        if is_singular_for(robot, q, task, healthy.healthy.s):
+            return SINGULAR
+        if healthy.rank == task.m:
+            return ""
+        load = tip_load(healthy, task, self.force, None)
+        can_answer = self.has_force_to_keep(healthy, None if load is None else load.F)
+        return "" if can_answer else "cannot exert the force"
 
     @property
     def place(self) -> Posture:

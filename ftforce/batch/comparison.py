@@ -18,7 +18,7 @@ from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
 from ftforce.batch.runner import in_threads, threads_of
 from ftforce.batch.summary.bins import Bins, Workspace
-from ftforce.batch.sweep import sweep_of, sweep_question
+from ftforce.batch.sweep import request_of, run_request, sweep_question
 from ftforce.core.arrays import is_number
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.postures.drawn import Drawn
+    from ftforce.batch.store.store import SweepRequest
     from ftforce.batch.summary.criticality import Estimate
     from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
@@ -193,9 +194,6 @@ def compare(
             "every arm is a stored sweep with a question of its own; leave out "
             f"{', '.join('n (--samples)' if key == 'count' else key for key in unused)}"
         )
-    for one in stored:
-        _check_same(stored[0], one)
-    _check_joint_lengths(stored)
     reports = _Reports(asked, enough, threads, progress).of(entries)
     return Comparison(_ranked(reports), float(enough), _warnings(reports))
 
@@ -328,29 +326,34 @@ class _Reports:
         # Parse the question for all arms before the first sweep: most errors surface here.
         robots = {one.name: one.arm for one in entries if isinstance(one.arm, Robot)}
         cases = {name: self._case(name, robot) for name, robot in robots.items()}
+        requests = {name: self._request(name, case) for name, case in cases.items()}
+        settings = [(one.name, one.arm.setting) for one in entries if isinstance(one.arm, Sweep)]
+        settings += [(name, request.setting) for name, request in requests.items()]
+        for other in settings[1:]:
+            _check_same(settings[0], other)
+        _check_joint_lengths(settings)
         self.total = sum(case.postures.count for case in cases.values())
         found: list[ArmReport] = []
-        done: list[_Entry] = []
-        first = next((one for one in entries if isinstance(one.arm, Sweep)), None)
         for one in entries:
-            swept, healthy = one, None
-            if isinstance(one.arm, Robot):
-                swept, healthy = self._swept(one, cases[one.name])
-            first = swept if first is None else first
-            _check_same(first, swept)
-            assert isinstance(swept.arm, Sweep)
+            swept, healthy = one.arm, None
+            if isinstance(swept, Robot):
+                swept, healthy = self._swept(one.name, requests[one.name], cases[one.name])
             found.append(
-                arm_report(swept.arm, one.name, enough=self.enough, healthy_capability=healthy)
+                arm_report(swept, one.name, enough=self.enough, healthy_capability=healthy)
             )
-            done.append(swept)
-        _check_joint_lengths(done)
         return found
 
     def _case(self, name: str, robot: Robot) -> _Case:
         with _naming(name):
             return self.asked.about(robot)
 
-    def _swept(self, one: _Entry, case: _Case) -> tuple[_Entry, Any]:
+    def _request(self, name: str, case: _Case) -> SweepRequest:
+        reach = reach_bound(case.question.robot)[1]
+        cell = 2.0 * reach / CELLS if 0.0 < reach < math.inf else None
+        with _naming(name):
+            return request_of(*case, keep="summary", cell=self.asked.cells.get("cell", cell))
+
+    def _swept(self, name: str, request: SweepRequest, case: _Case) -> tuple[Sweep, Any]:
         before = self.done
 
         def progress(done: int, _: int, /) -> None:
@@ -358,18 +361,10 @@ class _Reports:
             if self.progress is not None:
                 self.progress(self.done, self.total)
 
-        reach = reach_bound(case.question.robot)[1]
-        cell = 2.0 * reach / CELLS if 0.0 < reach < math.inf else None
-        with _naming(one.name):
-            result = sweep_of(
-                *case,
-                keep="summary",
-                cell=self.asked.cells.get("cell", cell),
-                runner=in_threads(self.threads),
-                progress=progress,
-            )
+        with _naming(name):
+            result = run_request(request, None, in_threads(self.threads), progress)
             healthy = healthy_capability(case.question, case.postures, self.threads)
-        return one._replace(arm=result), healthy
+        return result, healthy
 
 
 @contextmanager
@@ -389,41 +384,39 @@ _QUESTION = (
 _CALLED = {"components": "task", "largest": "size of sets", "joint_length": "joint length"}
 
 
-def _check_joint_lengths(entries: Sequence[_Entry]) -> None:
-    """Check that the sweeps of arms with hinges and slides weigh them alike.
+def _check_joint_lengths(settings: Sequence[tuple[str, SweepSetting]]) -> None:
+    """Check that arms with hinges and slides weigh them alike.
 
     Raises
     ------
     InputError
         They do not.
     """
-    mixed = [
-        one for one in entries if isinstance(one.arm, Sweep) and one.arm.setting.scale.is_mixed
-    ]
+    mixed = [one for one in settings if one[1].scale.is_mixed]
     for one in mixed:
         _check_same(mixed[0], one, ("joint_length",))
 
 
-def _check_same(one: _Entry, other: _Entry, keys: Sequence[str] = _QUESTION) -> None:
-    """Check that two sweeps have the same setting.
+def _check_same(
+    one: tuple[str, SweepSetting],
+    other: tuple[str, SweepSetting],
+    keys: Sequence[str] = _QUESTION,
+) -> None:
+    """Check that two arms, by name, have the same setting.
 
     Raises
     ------
     InputError
         They differ; the message says in what.
     """
-    assert isinstance(one.arm, Sweep)
-    assert isinstance(other.arm, Sweep)
     differs = [
         f"{_CALLED.get(key, key)} {_in_words(a)} and {_in_words(b)}"
         for key in keys
-        for a, b in [(_asked(one.arm.setting, key), _asked(other.arm.setting, key))]
+        for a, b in [(_asked(one[1], key), _asked(other[1], key))]
         if not _is_same(a, b)
     ]
     if differs:
-        raise InputError(
-            f"{one.name} and {other.name} have different settings: {'; '.join(differs)}"
-        )
+        raise InputError(f"{one[0]} and {other[0]} have different settings: {'; '.join(differs)}")
 
 
 def _asked(setting: SweepSetting, key: str) -> Any:

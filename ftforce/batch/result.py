@@ -17,9 +17,10 @@ from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.ranks import Rank, ranks_of_intervals
+from ftforce.robot.dynamics import CarriedPayload
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     import xarray as xr
 
@@ -31,13 +32,16 @@ KEEPS: tuple[str, ...] = get_args(Keep)
 
 
 @dataclass(frozen=True)
-class SweepSetting:
+class SweepSetting(CarriedPayload):
     """Setting of a sweep, as plain numbers and names that are stored with the result.
 
     Attributes
     ----------
     robot, base, tip :
         Names of the robot, its base link and its tip link.
+    tip_source, other_tips :
+        How the tip was chosen, and what else could have been meant, as of a `ftforce.Robot`; empty
+        if an older version stored the sweep.
     joints :
         Names of the n joints.
     joint_units :
@@ -56,8 +60,9 @@ class SweepSetting:
         Names of the joints whose motor limit is unknown and treated as infinite.
     gravity :
         In root axes, m/s².
-    payload :
-        Description of the payload, or ``None``.
+    payload, payload_mass, payload_offset :
+        Description of the payload, its mass, kg, and its position in tip axes, m; ``None`` and
+        empty without one. `carried` is the payload itself.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     postures :
@@ -112,6 +117,10 @@ class SweepSetting:
     friction_torques: tuple[float | None, ...] = ()
     implausible: tuple[str, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
+    tip_source: str = ""
+    other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
+    payload_mass: float | None = None
+    payload_offset: tuple[float, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""
@@ -129,6 +138,7 @@ class SweepSetting:
         known: dict[str, Any] = {
             k: tuple(v) if isinstance(v, list) else v for k, v in found.items()
         }
+        known["other_tips"] = {k: tuple(v) for k, v in known.get("other_tips", {}).items()}
         return cls(**known)
 
     @property

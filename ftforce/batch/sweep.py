@@ -30,6 +30,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
 if TYPE_CHECKING:
@@ -232,6 +233,31 @@ def sweep_of(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
+    request = request_of(question, all_sets, postures, keep=keep, cell=cell, chunk=chunk)
+    return run_request(request, None if output is None else Path(output), runner, progress)
+
+
+def request_of(
+    question: Question,
+    all_sets: AllFaultSets,
+    postures: Postures,
+    *,
+    keep: str,
+    cell: float | None,
+    chunk: int | None = None,
+) -> store.SweepRequest:
+    """Return what a sweep does, before any posture is analysed.
+
+    Parameters
+    ----------
+    question, all_sets, postures, keep, cell, chunk :
+        As of `sweep_of`.
+
+    Raises
+    ------
+    InputError
+        The chunk is malformed or too large, or the cell is malformed.
+    """
     _check_task(question, postures)
     sets = tuple(all_sets)
     needs_gravity = question.direction is not None or all_sets.mode is FaultMode.FREE
@@ -244,8 +270,7 @@ def sweep_of(
         _chunk_of(chunk, len(sets), postures.count),
     )
     setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
-    request = store.SweepRequest(job, setting, sets, _identity(job, setting))
-    return _run(request, None if output is None else Path(output), runner, progress)
+    return store.SweepRequest(job, setting, sets, _identity(job, setting))
 
 
 def _needs_numba() -> None:
@@ -372,6 +397,8 @@ def _setting(
         robot=robot.name,
         base=robot.base,
         tip=robot.tip,
+        tip_source=robot.tip_source,
+        other_tips=dict(robot.other_tips),
         joints=robot.names,
         joint_units=tuple(joint.unit for joint in robot.joints),
         task=str(task),
@@ -386,6 +413,7 @@ def _setting(
         unknown_limits=tuple(robot.names[i] for i in unknown),
         gravity=tuple(question.conditions.gravity.tolist()),
         payload=None if payload is None else str(payload),
+        **numbers_of(payload),
         rtol=question.rtol,
         wary=question.wary,
         keep=job.keep,
@@ -413,10 +441,17 @@ def _runner(
     return on_cluster(workers, scheduler, output)
 
 
+# Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
+_NOT_IDENTIFYING = (
+    *("postures", "count", "is_random", "implausible"),
+    *("tip_source", "other_tips", "payload_mass", "payload_offset"),
+)
+
+
 def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
     """Return the identity of a sweep: everything its output depends on."""
     plain = setting.to_dict()
-    for name in ("postures", "count", "is_random", "implausible"):
+    for name in _NOT_IDENTIFYING:
         del plain[name]
     arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
@@ -436,9 +471,23 @@ def _as_json(value: Any) -> Any:
     return json.loads(json.dumps(value))
 
 
-def _run(
+def run_request(
     request: store.SweepRequest, path: Path | None, runner: Runner, progress: Progress | None
 ) -> Sweep:
+    """Return the sweep that was requested.
+
+    Parameters
+    ----------
+    request :
+        What it does.
+    path, runner, progress :
+        Output, what runs the chunks, and progress, as of `sweep_of`.
+
+    Raises
+    ------
+    FileError
+        A file cannot be read or written, or the output holds another sweep.
+    """
     with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
             run(request.job, opened, runner, progress)

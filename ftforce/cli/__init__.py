@@ -5,10 +5,12 @@ Imports are deferred until a command runs, so that ``ftforce --help`` responds i
 
 import sys
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ftforce import __version__
 from ftforce.cli.options import guarded
@@ -31,10 +33,45 @@ COMMANDS = (
 )
 
 
+_UsageError: Any = typer.BadParameter.__base__  # which typer does not export
+
+
+class Program(TyperGroup):
+    """The program; it reports a wrong command line in one line, with exit status 2."""
+
+    def main(self, *args: Any, standalone_mode: bool = True, **options: Any) -> Any:
+        """Run the program, as `typer.core.TyperGroup.main`."""
+        options |= {"standalone_mode": False}
+        run = partial(super().main, *args, **options)
+        if not standalone_mode:
+            return run()
+        try:
+            status = run()
+        except _UsageError as error:
+            if type(error).__name__ == "NoArgsIsHelpError":  # its message is the help
+                error.show()
+            else:
+                typer.echo(f"error: {_wrong(error)}", err=True)
+            status = error.exit_code
+        except typer.Abort:
+            status = 1
+        sys.exit(status or 0)
+
+
+def _wrong(error: Any) -> str:
+    """Return what is wrong with a command line: in ftforce's words, or in typer's."""
+    if isinstance(error, typer.BadParameter) and error.param is None:
+        return error.message
+    words = " ".join(error.format_message().split()).removesuffix(".")
+    place = "ftforce" if error.ctx is None else error.ctx.command_path
+    return f"{words} (see `{place} --help`)"
+
+
 def build(*names: str) -> typer.Typer:
     """Return the program with the given commands, each a function in the module of its name."""
     program = typer.Typer(
         name="ftforce",
+        cls=Program,
         help="What a robot arm can still do when a joint fails.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,

@@ -73,10 +73,12 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
 
     Raises
     ------
-    InputError
-        The list is empty, or a joint is unknown.
+    BadParameter
+        The list is empty.
+    UnknownNameError
+        A joint is unknown.
     """
-    from ftforce.errors import InputError, UnknownNameError
+    from ftforce.errors import UnknownNameError
 
     found = set()
     for word in _words(text):
@@ -88,5 +90,7 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
             numbered = [f"{i} {name}" for i, name in enumerate(names, start=1)]
             raise UnknownNameError("joint", word, numbered)
     if not found:
-        raise InputError("--joints needs numbers or names separated by commas, e.g. 2,4; got none")
+        raise typer.BadParameter(
+            "--joints needs numbers or names separated by commas, e.g. 2,4; got none"
+        )
     return sorted(found)

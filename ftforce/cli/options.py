@@ -3,12 +3,14 @@
 Options that belong together form a `Group`. A command names the group as a parameter; `guarded`
 replaces it by the options of the group.
 
-Exit status: 0 success, 1 invalid input, 2 invalid command line, 130 interrupted.
+Exit status: 0 success; 1 a file is wrong, or a value does not fit the robot or the question; 2 the
+command line itself is wrong, which can be told from its words alone; 130 interrupted.
 """
 
 import functools
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -18,7 +20,7 @@ import typer
 
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, InputError
+from ftforce.errors import FtforceError, UnknownNameError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -65,7 +67,7 @@ class Group:
 
         Raises
         ------
-        InputError
+        BadParameter
             A vector is malformed.
         """
         return {
@@ -117,8 +119,10 @@ class PostureOptions(Group):
         ),
     ] = False
 
-    def of(self, robot: "Robot") -> "Posture":
-        """Return the given, the named or the default posture of a robot."""
+    def of(self, robot: "Robot") -> "Posture | None":
+        """Return the given or the named posture of a robot; ``None`` for the default."""
+        if not self.is_given:
+            return None
         from ftforce.robot.posture import choose_posture
 
         return choose_posture(robot, numbers(self.q, "--q"), self.posture, degrees=self.deg)
@@ -306,7 +310,11 @@ class TaskOptions(Group):
     """Components and axes of the force."""
 
     task: Annotated[
-        str, typer.Option(help="force, moment, wrench, or components such as fx,fz,my.")
+        str,
+        typer.Option(
+            metavar="force|moment|wrench|fx,…",
+            help="force, moment, wrench, or components such as fx,fz,my.",
+        ),
     ] = "force"
     length: Annotated[
         float | None,
@@ -419,7 +427,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         try:
             if "form" in given:
                 check_outputs(command.__name__, **given)
-            command(**_grouped(command, given))
+            command(**_grouped(command, dict(given)))
         except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
             silence()
         except KeyboardInterrupt:
@@ -431,7 +439,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             if debug:
                 raise
             typer.echo(f"error: {_reason(error)}", err=True)
-            raise typer.Exit(1) from None
+            raise typer.Exit(2 if _is_no_choice(command, given, error) else 1) from None
 
     parameters = [
         *_expanded(command),
@@ -478,6 +486,18 @@ def _grouped(command: Callable[..., None], given: dict[str, Any]) -> dict[str, A
     return given | collected
 
 
+def _is_no_choice(command: Callable[..., None], given: dict[str, Any], error: Exception) -> bool:
+    """Return whether an error is about a word of an option that takes those of its metavar."""
+    if not isinstance(error, UnknownNameError):
+        return False
+    return any(
+        str(error.name) in str(given.get(parameter.name)).split(",")
+        and re.split("[|,]", str(option.metavar))[0] in error.available
+        for parameter in _expanded(command)
+        for option in getattr(parameter.annotation, "__metadata__", ())
+    )
+
+
 def _reason(error: Exception) -> str:
     if isinstance(error, FtforceError):
         return str(error)
@@ -489,7 +509,7 @@ def numbers(text: str | None, option: str) -> list[float] | None:
 
     Raises
     ------
-    InputError
+    BadParameter
         The list is empty, or an item is not a finite number.
     """
     if text is None:
@@ -499,11 +519,11 @@ def numbers(text: str | None, option: str) -> list[float] | None:
     wanted = f"{option} needs numbers separated by commas, e.g. 1,2.5,-3"
     words = text.replace(",", " ").split()
     if not words:
-        raise InputError(f"{wanted}; got none")
+        raise typer.BadParameter(f"{wanted}; got none")
     try:
         return [read_numbers(word, 1, math.inf)[0] for word in words]
     except ValueError as problem:
-        raise InputError(f"{wanted}; {problem}") from None
+        raise typer.BadParameter(f"{wanted}; {problem}") from None
 
 
 def merged(*groups: Group) -> dict[str, Any]:

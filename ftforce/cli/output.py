@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ftforce.cli.printing import printing, say
-from ftforce.errors import InputError, OutputError, printable
+from ftforce.errors import OutputError, printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,7 +46,7 @@ def check_outputs(
 
     Raises
     ------
-    InputError
+    BadParameter
         A file extension is unknown, or contradicts the requested format.
     OutputError
         The folder does not exist.
@@ -55,16 +55,24 @@ def check_outputs(
         endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
         ending = _ending(output)
         if ending in _HISTORY_ENDINGS and command != "simulate":
-            raise InputError(f".{ending} is for histories of `ftforce simulate`; use .json or .csv")
+            raise typer.BadParameter(
+                f".{ending} is for histories of `ftforce simulate`; use .json or .csv"
+            )
         if ending == "zarr" and command != "sweep":
-            raise InputError(".zarr is for `ftforce sweep`; use .json or .csv")
+            raise typer.BadParameter(".zarr is for `ftforce sweep`; use .json or .csv")
         if ending and ending not in endings and form is None:
-            raise InputError(f"{printable(output)}: the name must end in {_listed(endings)}")
+            raise typer.BadParameter(
+                f"{printable(output)}: the name must end in {_listed(endings)}"
+            )
         if form not in {None, ending} and ending in _DATA:
-            raise InputError(f"{printable(output)}: the extension does not match --format {form}")
+            raise typer.BadParameter(
+                f"{printable(output)}: the extension does not match --format {form}"
+            )
     if plot is not None:
         if _ending(plot) not in _PLOT_ENDINGS:
-            raise InputError(f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}")
+            raise typer.BadParameter(
+                f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}"
+            )
         from ftforce.show.plots.canvas import needs_matplotlib
 
         needs_matplotlib()

@@ -19,7 +19,6 @@ from ftforce.cli.options import (
 )
 from ftforce.cli.progress import progress_bar
 from ftforce.cli.trajectories import TrajectoryOptions
-from ftforce.errors import InputError
 
 _BESIDE_PAPER = {"paper", "debug", "rate", "delay", "no_remap", "plot", "form", "output"}
 
@@ -84,22 +83,26 @@ def simulate(
     if paper:
         given = given_options(context)
         if named := [given[name] for name in given if name not in _BESIDE_PAPER]:
-            raise InputError(f"--paper determines these itself; leave out {', '.join(named)}")
+            raise typer.BadParameter(
+                f"--paper determines these itself; leave out {', '.join(named)}"
+            )
         with progress_bar("instants") as progress:
             rate = trajectory_options.rate
             history = section_v(rate=rate, delay=delay, remap=remap, progress=progress)
     elif robot is None:
-        raise InputError("ROBOT is missing: a URDF, DH table or known name (see `ftforce robots`)")
+        raise typer.BadParameter(
+            "ROBOT is missing: a URDF, DH table or known name (see `ftforce robots`)"
+        )
     elif force is None:
-        raise InputError("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
+        raise typer.BadParameter("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
     else:
         arm = chain.load(robot, posture_options.posture)
         asked = merged(weight, limits, friction, task_options, tolerances)
-        asked |= trajectory_options.arguments_for(arm, posture_options)
+        asked["force"] = numbers(force, "--force") or []
+        asked |= trajectory_options.arguments_for(arm, posture_options, asked)
         with progress_bar("instants") as progress:
             history = simulation(
                 arm,
-                force=numbers(force, "--force") or [],
                 faults=fault or (),
                 delay=delay,
                 remap=remap,

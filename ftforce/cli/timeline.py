@@ -44,7 +44,7 @@ def timeline(
 
     arm = chain.load(robot, posture_options.posture)
     asked = merged(sets, forces, weight, limits, friction, task_options, tolerances)
-    asked |= trajectory_options.arguments_for(arm, posture_options)
+    asked |= trajectory_options.arguments_for(arm, posture_options, asked)
     with progress_bar("instants") as progress:
         result = fault_timeline.timeline(arm, progress=progress, **asked)
     outputs.emit(timeline_view(result, most=top), result, f"ftforce timeline {arm.name}")

@@ -1,16 +1,20 @@
 """Options of the commands that follow a trajectory."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ftforce.cli.options import Group, PostureOptions, numbers
-from ftforce.errors import InputError
 
 if TYPE_CHECKING:
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
+
+
+# Arguments of the question that decide whether it can be answered in a posture.
+_QUESTION = ("force", "task", "length", "axes", "rtol", "wary")
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,9 @@ class TrajectoryOptions(Group):
         typer.Option("--static", help="Count the weight only, no velocities and accelerations."),
     ] = False
 
-    def arguments_for(self, robot: "Robot", posture_options: PostureOptions) -> dict[str, Any]:
+    def arguments_for(
+        self, robot: "Robot", posture_options: PostureOptions, asked: Mapping[str, Any]
+    ) -> dict[str, Any]:
         """Return trajectory and posture as arguments of the functions behind the commands.
 
         Parameters
@@ -83,16 +89,21 @@ class TrajectoryOptions(Group):
             The arm.
         posture_options :
             Posture near which a path starts; a recording has its own.
+        asked :
+            The other arguments, on which the default posture depends.
 
         Raises
         ------
-        InputError
+        BadParameter
             No trajectory is given, or more than one.
         """
         is_file = self.trajectory is not None
-        place = None
-        if posture_options.is_given or not is_file:
-            place = posture_options.of(robot)
+        place = posture_options.of(robot)
+        if place is None and not is_file:
+            from ftforce.analysis.question import Question
+
+            known = {name: asked[name] for name in _QUESTION if name in asked}
+            place = Question.parse(robot, **known).placed().place
         return {
             "trajectory": self.trajectory if is_file else self._lines(robot, place),
             "q": place,
@@ -109,16 +120,18 @@ class TrajectoryOptions(Group):
             return self.smooth
         found = numbers(self.smooth, "--smooth")
         if found is None or len(found) != 1:
-            raise InputError(f"--smooth must be auto, none or a time in s, got {self.smooth!r}")
+            raise typer.BadParameter(
+                f"--smooth must be auto, none or a time in s, got {self.smooth!r}"
+            )
         return found[0]
 
     def _lines(self, robot: "Robot", place: "Posture | None") -> Any:
         if not self.to:
-            raise InputError(
+            raise typer.BadParameter(
                 "the trajectory is missing: give --to X,Y,Z --speed M/S, or a CSV file"
             )
         if self.speed is None:
-            raise InputError("--speed is missing, the maximum speed of the tip in m/s")
+            raise typer.BadParameter("--speed is missing, the maximum speed of the tip in m/s")
         from ftforce.trajectory.path import Path
         from ftforce.trajectory.start import tip_at
 
@@ -133,15 +146,15 @@ class TrajectoryOptions(Group):
 
         Raises
         ------
-        InputError
+        BadParameter
             Both are given.
         """
         if self.trajectory is not None and (self.start is not None or self.to):
-            raise InputError("give either a trajectory file or --from and --to, not both")
+            raise typer.BadParameter("give either a trajectory file or --from and --to, not both")
 
 
 def _point(text: str, option: str) -> list[float]:
     point = numbers(text, option)
     if point is None or len(point) != 3:
-        raise InputError(f"{option} needs x,y,z in m, got {text!r}")
+        raise typer.BadParameter(f"{option} needs x,y,z in m, got {text!r}")
     return point

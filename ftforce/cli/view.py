@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ftforce.view.session import Session
 
 
-_LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
+_LOAD = {"force", "torque", "velocity", "acceleration", "gravity", "payload"}
 _OF_A_SWEEP = _LOAD | {
     "limits",
     "friction",
@@ -40,7 +40,7 @@ _OF_A_SWEEP = _LOAD | {
     "rtol",
     "wary",
 }
-_OF_A_HISTORY = _OF_A_SWEEP | {"q", "payload"}
+_OF_A_HISTORY = _OF_A_SWEEP | {"q"}
 
 
 def view(
@@ -111,10 +111,9 @@ def view(
     arm = chain.load(robot, posture)
     question = Question.parse(
         arm,
-        posture=posture_options.of(arm),
         faults=fault_options.of(arm),
         **merged(load, motion, weight, limits, friction, task_options, tolerances),
-    )
+    ).placed(posture_options.of(arm))
     origin = Origin(robot, chain.base, chain.tip, posture, note=_note(arm, robot, chain, posture))
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None
@@ -148,7 +147,7 @@ def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
     of, own = ("history", _OF_A_HISTORY) if is_history else ("sweep", _OF_A_SWEEP)
     given = given_options(context)
     if named := [given[name] for name in given if name in own]:
-        raise InputError(f"a {of} determines these itself; leave out {', '.join(named)}")
+        raise typer.BadParameter(f"a {of} determines these itself; leave out {', '.join(named)}")
 
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
@@ -157,7 +156,9 @@ def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
         if path is None:
             continue
         if path.suffix.lower() not in endings:
-            raise InputError(f"{printable(path)}: the name must end in {' or '.join(endings)}")
+            raise typer.BadParameter(
+                f"{printable(path)}: the name must end in {' or '.join(endings)}"
+            )
         if not path.parent.is_dir():
             raise OutputError(path, "cannot be written (no such folder)")
 

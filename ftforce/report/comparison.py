@@ -153,7 +153,7 @@ _ASKED = (
     Field("limits_count", "whether torque limits bound the capability",
         get=lambda asked: asked.limits is not None),
     parts.GRAVITY,
-    Field("payload", "description; `null` without a payload"),
+    *parts.SETTING_PAYLOAD,
     parts.RTOL,
     parts.WARY,
 )

@@ -224,7 +224,7 @@ _EVENT = (
 HISTORY = (
     Field("robot", "keys as of an analysis", shape="as of an analysis", get="setting", parts=(
         Field("name", get="robot"),
-        *parts.SETTING_ARM[1:3],
+        *parts.CHAIN,
         Field("joints", get=lambda x: [joint.name for joint in x.joints]),
         Field("types", get=lambda x: [joint.type for joint in x.joints]),
     )),
@@ -243,7 +243,7 @@ HISTORY = (
             }
         ),
         parts.GRAVITY,
-        Field("payload", get=lambda setting: setting.payload or None),
+        *parts.SETTING_PAYLOAD,
         parts.RTOL,
         parts.WARY,
     )),

@@ -34,10 +34,21 @@ GRAVITY_UNIT = "m/s², in the root's axes"
 MOST_DRAWN = 3  # dimensions: polytopes in higher ones have thousands of vertices
 
 # fmt: off
-ARM = (
-    Field("name", "name"),
+CHAIN = (
     Field("base", "base link"),
     Field("tip", "tip link"),
+    Field("tip_source", "why this link is the tip; `null` if an older version stored the result",
+        get=lambda arm: arm.tip_source or None),
+    Field("other_tips", "other tool frames fixed to the same link: `distance` and `angle` from the "
+        "tip", "m, rad", "by link", lambda arm: {
+            link: {"distance": distance, "angle": angle}
+            for link, (distance, angle) in arm.other_tips.items()
+        }),
+)
+"""Of a robot, and of the setting of a stored result."""
+ARM = (
+    Field("name", "name"),
+    *CHAIN,
     Field("joints", "joints, base to tip", shape="n names", get="names"),
     Field("types", "`revolute`, `continuous` or `prismatic`", shape="n names",
         get=lambda robot: [joint.type for joint in robot.joints]),
@@ -269,10 +280,16 @@ def _setting_length(setting: SweepSetting) -> float | None:
 # fmt: off
 SETTING_ARM = (
     Field("name", "name", get="robot"),
-    *ARM[1:3],
+    *CHAIN,
     Field("joints", "joints, base to tip", shape="n names"),
 )
 """Of the setting of a sweep."""
+SETTING_PAYLOAD = (
+    Field("payload", "description; `null` without a payload", get=lambda x: x.payload or None),
+    Field("payload_mass", "its mass; `null` without a payload", "kg", get="carried.mass"),
+    Field("payload_offset", "its position, in the axes of the tip frame; likewise", "m", "3",
+        "carried.offset"),
+)
 SETTING_TASK = (
     replace(TASK_COLUMNS[0], get=""),
     replace(TASK_COLUMNS[1], get=""),

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from ftforce.analysis.paper import ERRATA, Replication
-from ftforce.errors import listed
 from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
 from ftforce.report.parts import ARM
 
@@ -25,12 +23,6 @@ _JOINT_LIMITS = (
 ROBOT_FIELDS = (
     *ARM,
     Field("base_source", "why this link is the base"),
-    Field("tip_source", "why this link is the tip"),
-    Field("other_tips", "other tool frames fixed to the same link: `distance` and `angle` from the "
-        "tip", "m, rad", "by link", lambda robot: {
-            link: {"distance": distance, "angle": angle}
-            for link, (distance, angle) in robot.other_tips.items()
-        }),
     Field("limits", "`lower`, `upper`, `effort`, `velocity`; `null` is unbounded or unknown",
         "rad, m, N·m, N, rad/s, m/s", "by joint",
         lambda robot: {joint.name: document(_JOINT_LIMITS, joint) for joint in robot.joints}),
@@ -78,15 +70,6 @@ REPLICATION = (
 )
 # fmt: on
 CHECK_COLUMNS = (*_CHECK, _ERRATUM)
-
-
-def tip_in_words(robot: Robot) -> str:
-    """Return the tip, how it was chosen, and the tool frames that it is not."""
-    others = [
-        f"{link} ({1e3 * distance:.1f} mm, {math.degrees(angle):.1f}° away)"
-        for link, (distance, angle) in robot.other_tips.items()
-    ]
-    return f"{robot.tip} ({robot.tip_source})" + (f", not {listed(others)}" if others else "")
 
 
 def robot_document(robot: Robot) -> Document:

@@ -187,7 +187,7 @@ _CONVENTIONS = (
         "intervals": "95 %",
     }),
     parts.GRAVITY,
-    Field("payload", "description; `null` without a payload"),
+    *parts.SETTING_PAYLOAD,
     parts.RTOL,
     parts.WARY,
 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH
+from ftforce.errors import listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ftforce.core.joint_scale import JointScale
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import Setting
 
 SIGN = (
     "force is what the robot exerts on its environment; tau = rnea(q, v, a) + J^T F; torques are "
@@ -166,3 +168,13 @@ def set_of(joints: Iterable[int]) -> str:
 def torque_of(robot: Robot, joint: int, torque: float) -> str:
     """Format the absolute torque of a joint (index from 0) with its unit."""
     return f"{size(abs(torque))} {robot.joints[joint].torque_unit}"
+
+
+def tip_in_words(arm: Robot | SweepSetting | Setting) -> str:
+    """Return the tip, how it was chosen, and the tool frames that it is not."""
+    others = [
+        f"{link} ({1e3 * distance:.1f} mm, {math.degrees(angle):.1f}° away)"
+        for link, (distance, angle) in arm.other_tips.items()
+    ]
+    how = f" ({arm.tip_source})" if arm.tip_source else ""  # older versions did not store it
+    return f"{arm.tip}{how}" + (f", not {listed(others)}" if others else "")

@@ -7,8 +7,9 @@ torques, so that gravity can be set without modifying the model, which threads s
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
+_NUMBER = re.compile(r"-?\d[\d.e+-]*")
 _ROUNDING = 1e-14  # smaller inertias, relative to the arm's largest, count as zero
 
 
@@ -66,6 +68,39 @@ class Payload:
         """Return the mass, and the position if it is not the tip."""
         place = ", ".join(f"{x:g}" for x in self.offset.tolist())
         return f"{self.mass:g} kg" + (f" at ({place}) m" if self.offset.any() else "")
+
+
+class CarriedPayload:
+    """Base of settings that store a payload as text and as numbers."""
+
+    __slots__ = ()
+    payload: str | None
+    payload_mass: float | None
+    payload_offset: tuple[float, ...]
+
+    @property
+    def carried(self) -> Payload | None:
+        """The payload; ``None`` if the tip carries nothing.
+
+        Of a result that an older version stored, with six digits.
+        """
+        if self.payload_mass is not None:
+            return Payload.of(self.payload_mass, self.payload_offset)
+        mass, *offset = map(float, _NUMBER.findall(self.payload or "0"))
+        return Payload.of(mass, offset or np.zeros(3)) if self.payload else None
+
+
+def numbers_of(payload: Payload | None) -> dict[str, Any]:
+    """Return the numbers of a payload as arguments of a setting.
+
+    Parameters
+    ----------
+    payload :
+        The payload; ``None`` for none.
+    """
+    if payload is None:
+        return {}
+    return {"payload_mass": payload.mass, "payload_offset": tuple(payload.offset.tolist())}
 
 
 def weight_torque(

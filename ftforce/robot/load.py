@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
+from ftforce.core.task import Task
 from ftforce.errors import InputError, UnknownNameError, URDFError, listed
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.dh import is_dh_table, read_dh_table
@@ -20,7 +21,7 @@ from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import read_urdf
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
-from ftforce.robot.posture import usable_posture
+from ftforce.robot.posture import SINGULAR, is_singular_for, usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
 from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
 from ftforce.robot.tip import GIVEN, tip_candidates
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 # kilometre, but the motor of a lead screw may make a thousand turns.
 _PLACEHOLDER = 1e4  # efforts, velocities and angles
 _LONGEST_SLIDE = 1e3  # m
+_FORCE = Task()
 
 _States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
@@ -269,8 +271,14 @@ def _held_by_default(
     """
     if all(held == robot.held for held in places.values()):
         return robot  # the usual case: the choice makes no difference
-    name, _ = usable_posture(robot)
+    # As the default of a question about forces, the usual one.
+    name, _ = usable_posture(robot, lambda q: SINGULAR * is_singular_for(robot, q, _FORCE))
     held = places[fallback if name is None else name]
+    # Postures that hold them elsewhere are no defaults, whatever the question; those that were
+    # skipped stay, to be told.
+    last = len(robot.preferred) if name is None else robot.preferred.index(name)
+    own = (one for i, one in enumerate(robot.preferred) if i < last or places[one] == held)
+    robot = replace(robot, preferred=tuple(own))
     if held == robot.held:
         return robot
     model = reduced_model(chain, held)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, product
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,7 +16,7 @@ import numpy as np
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import DimensionError, InputError, UnknownNameError
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobian, task_jacobian
 from ftforce.robot.mounting import Mounting
 from ftforce.robot.robot import BUILT_IN_POSTURES
 
@@ -23,15 +25,24 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
 SAMPLES = 64
 _BEND = math.pi / 3.0
 _MOST_BENT = 3
 _CONSIDERED = 8  # revolute joints, counted from the base, that may be bent: 448 postures of three
+SINGULAR = "is singular"
 DEGREES = "; these look like degrees, but radians are expected"
 _SEED = 20_100  # fixed, so that samples are reproducible
-_defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()  # cached per robot
+
+# Cached per robot: its default posture, those that ftforce chooses, and ranks of tasks.
+_defaults: WeakKeyDictionary[Robot, Posture] = WeakKeyDictionary()
+_chosen: WeakKeyDictionary[Robot, dict[str, Posture | None]] = WeakKeyDictionary()
+_task_ranks: WeakKeyDictionary[Robot, dict[Task, int]] = WeakKeyDictionary()
+
+Problem: TypeAlias = Callable[[Vector], str]
+"""Says why a question cannot be answered in a posture, e.g. ``is singular``; empty if it can."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,12 +70,14 @@ def choose_posture(
     name: str | None = None,
     *,
     degrees: bool = False,
+    problem: Problem | None = None,
 ) -> Posture:
     """Return the given, the named or the default posture.
 
-    The default is the first preferred posture of the robot that lies within the limits and is not
-    singular; else the middle of the joint ranges; if that is singular, `bent_posture`; if there is
-    none, `best_sample`.
+    The default is the first of these in which the question can be answered: the preferred postures
+    of the robot that lie within the limits; the middle of the joint ranges, unless it is singular
+    for forces or wrenches; `bent_posture`; `best_sample`. If there is none, or without a question,
+    it is the first of them that is not singular for forces or wrenches.
 
     Parameters
     ----------
@@ -76,6 +89,8 @@ def choose_posture(
         Named posture of the robot, or ``mid-range``, ``zero``, ``bent`` or ``sample``.
     degrees :
         Whether the angles in ``q`` are in degrees.
+    problem :
+        Says why the question cannot be answered in a posture.
 
     Raises
     ------
@@ -94,9 +109,7 @@ def choose_posture(
         return _checked(robot, _in_radians(robot, values) if degrees else values, "given")
     if name is not None:
         return _named(robot, name)
-    if (posture := _defaults.get(robot)) is None:
-        posture = _defaults[robot] = _default(robot)
-    return posture
+    return _default(robot, problem)
 
 
 def _in_radians(robot: Robot, q: Vector) -> Vector:
@@ -120,8 +133,15 @@ def _named(robot: Robot, name: str) -> Posture:
     raise UnknownNameError("posture", name, [*robot.postures, *BUILT_IN_POSTURES])
 
 
-def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
-    """Return the first preferred posture that is within limits and not singular.
+def usable_posture(robot: Robot, problem: Problem) -> tuple[str | None, list[str]]:
+    """Return the first preferred posture within limits in which a question can be answered.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    problem :
+        Says why the question cannot be answered in a posture.
 
     Returns
     -------
@@ -131,24 +151,49 @@ def usable_posture(robot: Robot) -> tuple[str | None, list[str]]:
     skipped: list[str] = []
     for name in robot.preferred:
         q = robot.postures[name]
-        problem = "outside the limits" if _outside(robot, q) else ""
-        problem = problem or ("singular" if is_singular(robot, q) else "")
-        if not problem:
+        why = "is outside the limits" if _outside(robot, q) else problem(q)
+        if not why:
             return name, skipped
-        skipped.append(f"'{name}' is {problem}")
+        skipped.append(f"'{name}' {why}")
     return None, skipped
 
 
-def _default(robot: Robot) -> Posture:
-    name, skipped = usable_posture(robot)
+def _default(robot: Robot, problem: Problem | None) -> Posture:
+    if problem is not None and (posture := _first(robot, problem)) is not None:
+        return posture
+    if (posture := _defaults.get(robot)) is None:
+        posture = _first(robot, None)
+        assert posture is not None
+        _defaults[robot] = posture
+    return posture
+
+
+def _first(robot: Robot, problem: Problem | None) -> Posture | None:
+    """Return the first candidate in which a question can be answered, with what was skipped."""
+    name, skipped = usable_posture(robot, problem or partial(_generic_problem, robot))
     if name is not None:
         return Posture(robot.postures[name], f"posture '{name}'" + _in_brackets(skipped))
+    for name, find in (("mid-range", _middle), ("bent", _bent), ("sample", _sample)):
+        known = _chosen.setdefault(robot, {})
+        if name not in known:
+            known[name] = find(robot)
+        if (posture := known[name]) is None:
+            skipped += [f"{name} {SINGULAR}"] * (find is _middle)
+            continue
+        why = "" if problem is None else problem(posture.q)
+        if not why:
+            return Posture(posture.q, posture.source + _in_brackets(skipped))
+        skipped.append(f"{name} {why}")
+    return None
+
+
+def _generic_problem(robot: Robot, q: Vector) -> str:
+    return SINGULAR if is_singular(robot, q) else ""
+
+
+def _middle(robot: Robot) -> Posture | None:
     q = mid_range(robot)
-    if not is_singular(robot, q):
-        return Posture(q, "mid-range" + _in_brackets(skipped))
-    skipped.append("mid-range is singular")
-    posture = _bent(robot) or _sample(robot)
-    return Posture(posture.q, posture.source + _in_brackets(skipped))
+    return None if is_singular(robot, q) else Posture(q, "mid-range")
 
 
 def _bent(robot: Robot) -> Posture | None:
@@ -234,21 +279,54 @@ def is_singular(robot: Robot, q: Vector) -> bool:
     return _lacks_rank(frame_jacobian(robot, q), _usual_ranks(robot))
 
 
+def is_singular_for(robot: Robot, q: Vector, task: Task, s: Sequence[float] = ()) -> bool:
+    """Return whether the weighted task Jacobian is rank-deficient relative to other postures.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q :
+        Joint positions, rad or m, shape (n,).
+    task :
+        The task.
+    s :
+        Singular values of the weighted task Jacobian, if they are known.
+    """
+    rank = _rank(s or _task_singular_values(robot, q, task), BORDERLINE_RTOL)
+    if rank == min(task.m, robot.n):
+        return False
+    known = _task_ranks.setdefault(robot, {})
+    if task not in known:
+        each = (_task_singular_values(robot, sample, task) for sample in samples(robot))
+        known[task] = max(_rank(values, RTOL) for values in each)
+    return rank < known[task]
+
+
+def _task_singular_values(robot: Robot, q: Vector, task: Task) -> list[float]:
+    J = task.weigh_jacobian(task_jacobian(robot, q, task))
+    s: list[float] = np.linalg.svd(J, compute_uv=False).tolist()
+    return s
+
+
 def _lacks_rank(J: Vector, usual: tuple[int, int]) -> bool:
     """Return whether the force or wrench rows have less than their usual rank."""
-    ranks = (_rank(J[:3], BORDERLINE_RTOL), _rank(J, BORDERLINE_RTOL))
+    ranks = (_rank_of(J[:3], BORDERLINE_RTOL), _rank_of(J, BORDERLINE_RTOL))
     return any(rank < full for rank, full in zip(ranks, usual, strict=True))
 
 
 def _usual_ranks(robot: Robot) -> tuple[int, int]:
     """Return the generic ranks of the force and wrench rows of the Jacobian."""
     jacobians = [frame_jacobian(robot, q) for q in samples(robot)]
-    return max(_rank(J[:3], RTOL) for J in jacobians), max(_rank(J, RTOL) for J in jacobians)
+    return max(_rank_of(J[:3], RTOL) for J in jacobians), max(_rank_of(J, RTOL) for J in jacobians)
 
 
-def _rank(J: Vector, rtol: float) -> int:
-    s = np.linalg.svd(J, compute_uv=False)
-    return int(np.count_nonzero(s > rtol * s[0]))
+def _rank_of(J: Matrix, rtol: float) -> int:
+    return _rank(np.linalg.svd(J, compute_uv=False).tolist(), rtol)
+
+
+def _rank(s: Sequence[float], rtol: float) -> int:
+    return sum(x > rtol * s[0] for x in s)
 
 
 def samples(robot: Robot) -> Vector:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.conditions import without_rounding
+from ftforce.analysis.conditions import known_mass_matrix, without_rounding
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only, safe_divide
 from ftforce.core.bounded_remap import remap_inside
@@ -20,8 +20,7 @@ from ftforce.core.feasible_forces import friction_under
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
-from ftforce.errors import InputError
-from ftforce.robot.dynamics import mass_matrix, rnea_torque
+from ftforce.robot.dynamics import rnea_torque
 from ftforce.robot.kinematics import (
     quaternion,
     rotation_vector,
@@ -322,12 +321,12 @@ def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) 
     open_joints = reduce(read_only(K), np.zeros_like(reduced.locked), lost / size)
     F = exerted_force(open_joints, rest)
     left = np.where(reduced.locked, 0.0, rest - F.dot(reduced.J))
-    if math.hypot(*left) <= 1e-12 * math.hypot(*rest) or not case.robot.mass:
+    if math.hypot(*left) <= 1e-12 * math.hypot(*rest):
         return F  # both inverses agree
-    try:
-        M = case.scale.weigh_mass_matrix(mass_matrix(case.robot, q, case.conditions.payload))
-    except InputError:
+    M = known_mass_matrix(case.robot, q, case.conditions)
+    if M is None:
         return F
+    M = case.scale.weigh_mass_matrix(M)
     # A locked joint has infinite inertia: it is decoupled from the others.
     M = np.where(reduced.locked[:, None] | reduced.locked, np.diag(np.diag(M)), M)
     return dynamically_exerted_force(open_joints, rest, M)

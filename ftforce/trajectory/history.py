@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +10,12 @@ import numpy as np
 from ftforce.core.display import Displayed
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.verdict import VERDICTS, Verdict
+from ftforce.robot.dynamics import CarriedPayload
 from ftforce.robot.robot import JointUnits
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from ftforce.core.arrays import Matrix, Vector
@@ -71,13 +74,16 @@ class EventReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(CarriedPayload):
     """Inputs and assumptions of a simulation.
 
     Attributes
     ----------
     robot, base, tip :
         Names.
+    tip_source, other_tips :
+        How the tip was chosen, and what else could have been meant, as of a `ftforce.Robot`; empty
+        if an older version stored the history.
     joints :
         Joints of the chain.
     task :
@@ -98,8 +104,9 @@ class Setting:
         Motor torque limits, N·m (N), NaN where unknown, whether or not they are in force.
     gravity :
         In root axes, m/s².
-    payload :
-        Payload as text; empty if there is none.
+    payload, payload_mass, payload_offset :
+        Payload as text, its mass, kg, and its position in tip axes, m; empty and ``None`` if there
+        is none. `carried` is the payload itself.
     has_masses :
         Whether the URDF has masses; without them torques contain the force part only.
     rtol, wary :
@@ -131,6 +138,10 @@ class Setting:
     wary: float
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    tip_source: str = ""
+    other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
+    payload_mass: float | None = None
+    payload_offset: tuple[float, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
 
     @property
@@ -236,7 +247,7 @@ class Run:
         return norms
 
 
-QUANTITIES = tuple(field.name for field in fields(Run))
+QUANTITIES = tuple(one.name for one in fields(Run))
 MOTIONS = ("q", "v", "a")
 SCALARS = ("margin", "verdict")
 

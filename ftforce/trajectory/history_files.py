@@ -47,7 +47,7 @@ _KIND = "a history written by ftforce (.csv, .npz or .parquet)"
 _VERSION = 1
 _ABOUT, _KEY = "about", b"ftforce"
 _WORDS = [verdict.value for verdict in VERDICTS]
-_LISTS = ("force", "effort", "gravity", "warnings", "notes")
+_LISTS = ("force", "effort", "gravity", "payload_offset", "warnings", "notes")
 _PER_JOINT = {"q": "", "v": "/s", "a": "/s²"}
 _TORQUES = ("rnea", "force_part", "U", "motor", "brake", "unbalanced")
 _PLACES = {
@@ -199,7 +199,9 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
             "joints": tuple(JointInfo(**joint) for joint in content["joints"]),
             "task": Task(tuple(task["components"]), task["axes"], task["length"]),
             "events": tuple(map(_event, content["events"])),
-            **{name: tuple(content[name]) for name in _LISTS},
+            # An older version stored neither the numbers of the payload nor the choice of the tip.
+            **{name: tuple(content.get(name, ())) for name in _LISTS},
+            "other_tips": {k: tuple(v) for k, v in content.get("other_tips", {}).items()},
         }
     )
     runs = about["runs"]

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ftforce.analysis.conditions import known_mass_matrix
 from ftforce.analysis.fault_set import SharedCase, report_set
 from ftforce.analysis.limits_files import NONE, URDF
-from ftforce.analysis.question import Question
+from ftforce.analysis.question import Question, counted
 from ftforce.core.arrays import is_number, read_only
 from ftforce.core.changes import change_of_velocity, impact_of_lock
 from ftforce.core.faults import FaultMode, FaultSet
@@ -19,7 +20,7 @@ from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
-from ftforce.robot.dynamics import mass_matrix
+from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.evaluation import TipPath, run_of
@@ -167,6 +168,7 @@ def simulate(
         max_gap=max_gap,
         smooth=smooth,
         static=static,
+        problem=question.problem_in,
     )
     if question.force is None:
         raise InputError("the force is missing; e.g. force=[80, 50, 10], zeros for free motion")
@@ -200,7 +202,8 @@ def history_of(
         any instant of it.
     """
     _check_times(events, start)
-    tick = _counted(progress, start, is_remapped=delay < NEVER)
+    # An instant of a run counts for its motion and its evaluation.
+    tick = counted(progress, 2 * len(start.times) * (3 if delay < NEVER else 2))
     scene = _Scene(question, start, events, _tip_path(start), tick)
     healthy, unremapped, remapped, arrivals = _runs(scene, delay)
     if _has_nothing_to_keep(question, healthy):
@@ -278,21 +281,6 @@ def _tip_path(start: Start) -> TipPath:
     return TipPath(read_only(x), read_only(x_dot), start.reference.orientation)
 
 
-def _counted(
-    progress: Progress | None, start: Start, *, is_remapped: bool
-) -> Callable[[int], None]:
-    """Return a progress callback; an instant of a run counts for its motion and its evaluation."""
-    total, done = 2 * len(start.times) * (3 if is_remapped else 2), 0
-
-    def tick(count: int) -> None:
-        nonlocal done
-        done += count
-        if progress is not None:
-            progress(min(done, total), total)
-
-    return tick
-
-
 def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
     last = float(start.times[-1])
     for event in events:
@@ -353,10 +341,7 @@ def _velocity_jumps(
     free = question.free_joints(faults)
     reduced = reduce(read_only(weighted), locked, question.rtol, free)
     remapped = tuple(change_of_velocity(reduced, _LINEAR, v).jump.tolist())
-    try:
-        M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
-    except InputError:
-        M = None
+    M = known_mass_matrix(robot, state.q, question.conditions)
     if M is None:
         return (), remapped
     return tuple(impact_of_lock(reduced, _LINEAR, J, M, state.v).jump.tolist()), remapped
@@ -374,6 +359,8 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         robot=robot.name,
         base=robot.base,
         tip=robot.tip,
+        tip_source=robot.tip_source,
+        other_tips=dict(robot.other_tips),
         joints=tuple(JointInfo(joint.name, joint.type) for joint in robot.joints),
         task=question.task,
         force=tuple(question.force.tolist()),
@@ -385,6 +372,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         effort=tuple((robot.effort if limits is None else limits.effort).tolist()),
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
+        **numbers_of(conditions.payload),
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,

@@ -21,6 +21,7 @@ from ftforce.trajectory.reference import PathReference, RecordedReference, smoot
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from ftforce.robot.posture import Problem
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.reference import ReferenceTrajectory
 
@@ -80,6 +81,7 @@ def start_of(
     max_gap: float | None = None,
     smooth: Smooth = "auto",
     static: bool = False,
+    problem: Problem | None = None,
 ) -> Start:
     """Return the reference trajectory, initial posture and sample times of a trajectory.
 
@@ -100,6 +102,8 @@ def start_of(
         For a recording read from a file, as in `Recording.read`.
     smooth, static :
         As in `ftforce.simulate`.
+    problem :
+        Says why the question cannot be answered in a posture, for the default posture.
 
     Raises
     ------
@@ -136,7 +140,7 @@ def start_of(
         raise InputError("smooth applies to a recorded motion; a path is smooth")
     if not isinstance(given, Path):
         raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
-    start = _along(robot, given, choose_posture(robot, q, posture), rate or _RATE)
+    start = _along(robot, given, choose_posture(robot, q, posture, problem=problem), rate or _RATE)
     return start._replace(is_static=static, notes=(_STATIC,) * static)
 
 

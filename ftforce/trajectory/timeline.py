@@ -10,7 +10,7 @@ import numpy as np
 
 from ftforce.analysis.fault_set import SharedCase, commanded_and_held, report_set
 from ftforce.analysis.limits_files import URDF, choose_limits
-from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Question, counted
 from ftforce.analysis.warnings import implausible
 from ftforce.core.arrays import Matrix, Vector, read_only
 from ftforce.core.faults import FaultMode, FaultSet
@@ -317,6 +317,7 @@ def timeline(
         max_gap=max_gap,
         smooth=smooth,
         static=static,
+        problem=question.problem_in,
     )
     bearing = choose_limits(robot, URDF) if limits is None else question.limits
     return timeline_of(question, start, all_sets, bearing, progress)
@@ -351,7 +352,7 @@ def timeline_of(
     _check_count(len(start.times), all_sets)
     direction = question.direction_or_that_of(question.F)
     question = replace(question, direction=direction)
-    sets, tick = tuple(all_sets), _counted(progress, 2 * len(start.times))
+    sets, tick = tuple(all_sets), counted(progress, 2 * len(start.times))
     phase = Phase(0.0, HEALTHY, HEALTHY)
     motion = advance(
         question.robot,
@@ -393,18 +394,6 @@ def timeline_of(
         ),
         notes=start.notes,
     )
-
-
-def _counted(progress: Progress | None, total: int) -> Callable[[int], None]:
-    done = 0
-
-    def tick(count: int) -> None:
-        nonlocal done
-        done += count
-        if progress is not None:
-            progress(done, total)
-
-    return tick
 
 
 def _warnings(question: Question, start: Start, motion: Motion, exerted: Matrix) -> Iterator[str]:

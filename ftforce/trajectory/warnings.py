@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ftforce.analysis.conditions import known_mass_matrix
 from ftforce.analysis.warnings import implausible, unjudged
-from ftforce.errors import InputError
-from ftforce.robot.dynamics import mass_matrix, rnea_torque
+from ftforce.robot.dynamics import rnea_torque
 from ftforce.robot.posture import DEGREES, looks_like_degrees
 
 if TYPE_CHECKING:
@@ -112,16 +112,15 @@ def noise_warnings(question: Question, start: Start, motion: Motion | Run) -> It
     """
     smoothing = start.reference.smoothing
     robot, conditions = question.robot, question.conditions
-    if smoothing is None or start.is_static or robot.mass == 0.0:
+    if smoothing is None or start.is_static:
         return
     own = None if conditions.is_model_gravity else conditions.gravity
     rows = np.unique(np.linspace(0, len(motion.q) - 1, _INSTANTS).astype(int))
     made, whole = np.zeros(robot.n), np.zeros(robot.n)
     for i in rows.tolist():
         q, v, a = motion.q[i], motion.v[i], motion.a[i]
-        try:
-            M = mass_matrix(robot, q, conditions.payload)
-        except InputError:  # masses or inertias are missing
+        M = known_mass_matrix(robot, q, conditions)
+        if M is None:
             return
         made = np.maximum(made, np.hypot.reduce(M * smoothing.acceleration_noise, axis=1))
         torque = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)

@@ -216,6 +216,10 @@ def share_colours(shares: Vector) -> NDArray[np.uint8]:
     return interpolate(RAMP, shares)
 
 
+def _question_of(state: State) -> tuple[object, ...]:
+    return (*state.essence(), str(state.payload))
+
+
 class Survey(Mode):
     """A sweep on the page; a `ftforce.view.modes.Mode`.
 
@@ -259,7 +263,7 @@ class Survey(Mode):
     def view(self, state: State) -> None:
         """Return ``None`` for the ordinary answer; the legend says if the question differs."""
         with self._lock:
-            is_same = state.essence() == self._question.essence()
+            is_same = _question_of(state) == _question_of(self._question)
             if is_same != self._is_same_question:
                 self._is_same_question = is_same
                 self._update_legend()
@@ -326,6 +330,7 @@ class Survey(Mode):
             is_limited=False,
             friction=_friction(setting),
             own_gravity=self._gravity(),
+            payload=setting.carried,
         )
         if setting.force is None:
             return question.loaded("every direction")
@@ -434,10 +439,9 @@ class Survey(Mode):
         if not self._is_same_question:
             agrees = "unlike on this page (Reset restores them)"
         total = f"tolerated in {percent(share)} of all {self.sweep.done:,} postures"
-        payload = f"The sweep had a payload, {setting.payload}; set it in the Force tab."
+        payload = f", payload {setting.payload}" if setting.payload else ""
         return [
             f"Fault set: {what}, {setting.mode}: {total}.",
-            f"Settings of the sweep: task {setting.task}, {force}; {agrees}.",
-            *([payload] if setting.payload else []),
+            f"Settings of the sweep: task {setting.task}, {force}{payload}; {agrees}.",
             *(f"Warning: {warning}." for warning in self.sweep.warnings),
         ]

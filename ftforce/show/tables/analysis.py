@@ -13,7 +13,6 @@ from ftforce.errors import listed, printable
 from ftforce.report import analysis as sentences
 from ftforce.report import text
 from ftforce.report.measures import MEASURES
-from ftforce.report.robot import tip_in_words
 from ftforce.report.text import number, ratio
 from ftforce.show.tables.joints import (
     by_joint,
@@ -27,6 +26,7 @@ from ftforce.show.tables.parts import (
     VERDICT_STYLE,
     Components,
     TitledTable,
+    arm_facts,
     defined,
     facts,
     listing,
@@ -75,8 +75,7 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
     """Return the question: robot, axes, task, posture, faults, conditions."""
     robot = analysis.robot
     return [
-        arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        ("Tip", tip_in_words(robot)),
+        *arm_facts(robot.name, robot),
         *task_facts(analysis.task),
         *text.joint_kinds(analysis.scale),
         ("Posture", analysis.posture.source),
@@ -97,16 +96,6 @@ def friction_facts(
     friction = question.friction.in_words(question.robot, joints)
     own = "" if question.given_friction else "; --friction sets it"
     return [("Friction", f"{friction}{own}")]
-
-
-def tip_facts(robot: Robot) -> list[tuple[str, str]]:
-    """Return the tip where another tool frame could have been meant."""
-    return [("Tip", tip_in_words(robot))] if robot.other_tips else []
-
-
-def arm_fact(name: str, n: int, base: str, tip: str) -> tuple[str, str]:
-    """Return the arm with its base and tip."""
-    return "Robot", f"{name}: {n} joints, {base} → {tip}"
 
 
 def task_facts(task: Task, vectors: str = "vectors") -> list[tuple[str, str]]:

@@ -14,19 +14,18 @@ from ftforce.report.census import critical_joint
 from ftforce.report.measures import MARGIN, MEASURES, RHO
 from ftforce.report.text import ratio, size
 from ftforce.show.tables.analysis import (
-    arm_fact,
     conditions_facts,
     force_fact,
     friction_facts,
     limits_in_words,
     task_facts,
-    tip_facts,
 )
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     HEALTHY_ROW,
     TitledTable,
     amount,
+    arm_facts,
     defined,
     facts,
     listing,
@@ -64,8 +63,7 @@ def census_view(census: Census, *, most: int = MOST_SETS) -> RenderableType:
 def _census_situation(census: Census) -> list[tuple[str, str]]:
     robot = census.robot
     return [
-        arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        *tip_facts(robot),
+        *arm_facts(robot.name, robot),
         ("Joints", robot.numbered()),
         *task_facts(census.task),
         *text.joint_kinds(census.scale),

@@ -12,7 +12,7 @@ from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.comparison import comparison_sentence, critical_words, fault_words, ranks
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import force_in_words
-from ftforce.report.text import joint_kinds, ratio, share, vector_in_words
+from ftforce.report.text import joint_kinds, ratio, share, tip_in_words, vector_in_words
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     amount,
@@ -63,7 +63,9 @@ def _situation(comparison: Comparison) -> list[tuple[str, str]]:
     length = f", characteristic length {asked.length:g} m for every arm" if has_moments else ""
     counts = sorted({arm.postures for arm in comparison.arms})
     each = f"{counts[0]:,}" if len(counts) == 1 else f"{counts[0]:,} to {counts[-1]:,}"
+    tips = (f"{arm.name}: {tip_in_words(arm.setting)}" for arm in comparison.arms)
     found = [
+        ("Tips", "\n".join(tips)),
         ("Faults", f"{fault_words(asked)}, all such sets"),
         ("Task", f"{asked.task} ({', '.join(asked.components)}){length}"),
         ("Axes", f"{asked.axes}: vectors are in the axes of {_AXES[asked.axes]}"),

@@ -13,10 +13,11 @@ from ftforce.report import text
 from ftforce.report.history import history_sentence, peak, worst_verdict
 from ftforce.report.measures import MARGIN
 from ftforce.report.text import number, ratio, size
-from ftforce.show.tables.analysis import arm_fact, force_fact, task_facts
+from ftforce.show.tables.analysis import force_fact, task_facts
 from ftforce.show.tables.parts import (
     VERDICT_STYLE,
     TitledTable,
+    arm_facts,
     facts,
     listing,
     spaced,
@@ -57,7 +58,7 @@ def history_view(history: History) -> RenderableType:
 def _situation(history: History) -> list[tuple[str, str]]:
     setting, task = history.setting, history.setting.task
     return [
-        arm_fact(setting.robot, len(setting.joints), setting.base, setting.tip),
+        *arm_facts(setting.robot, setting),
         *task_facts(task, "forces"),
         *text.joint_kinds(setting.scale),
         force_fact(task, setting.force),

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _MOST_CELLS = 8
 """Maximum number of cells in the table of the worst cells."""
-_FACTS = ("Robot", "Axes", "Task", "Joint kinds", "Postures", "Faults", "Force", "Stored")
+_FACTS = ("Robot", "Tip", "Axes", "Task", "Joint kinds", "Postures", "Faults", "Force", "Stored")
 _COLUMNS = 24  # three-character cells that fit beside a row label in 80 columns
 _SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _LABEL = 8  # characters of a row label

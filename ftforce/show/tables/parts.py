@@ -13,14 +13,17 @@ from rich.text import Text
 
 from ftforce.core.faults import Fault, FaultMode
 from ftforce.core.verdict import Verdict
-from ftforce.report.text import number, ratio, size
+from ftforce.report.text import number, ratio, size, tip_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from rich.console import RenderableType
 
+    from ftforce.batch.result import SweepSetting
     from ftforce.core.arrays import Vector
+    from ftforce.robot.robot import Robot
+    from ftforce.trajectory.history import Setting
 
 _DIFFERENCES = ("jump", "jump ", "unsupported")  # printed also when small
 
@@ -39,6 +42,14 @@ def facts(pairs: Iterable[tuple[str, str]]) -> Table:
     for name, value in pairs:
         grid.add_row(Text(name), Text(value))
     return grid
+
+
+def arm_facts(name: str, arm: Robot | SweepSetting | Setting) -> list[tuple[str, str]]:
+    """Return the arm with its base and tip, and how the tip was chosen."""
+    return [
+        ("Robot", f"{name}: {len(arm.joints)} joints, {arm.base} → {arm.tip}"),
+        ("Tip", tip_in_words(arm)),
+    ]
 
 
 class TitledTable:

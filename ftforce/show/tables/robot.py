@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.text import Text
 
-from ftforce.report.robot import tip_in_words
-from ftforce.report.text import number
+from ftforce.report.text import number, tip_in_words
 from ftforce.show.tables.parts import TitledTable, facts, spaced, table
 
 if TYPE_CHECKING:

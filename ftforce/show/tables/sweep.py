@@ -11,10 +11,10 @@ from ftforce.batch.summary.bins import LINEAR_BINS
 from ftforce.report.measures import MARGIN, RHO
 from ftforce.report.sweep import direction_in_words, force_in_words, interval, sweep_sentence
 from ftforce.report.text import NEGLIGIBLE, axes_in_words, joint_kinds, ratio, set_of, share
-from ftforce.show.tables.analysis import arm_fact
 from ftforce.show.tables.parts import (
     HEALTHY_ROW,
     amount,
+    arm_facts,
     defined,
     facts,
     listing,
@@ -63,7 +63,7 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
     weighs = setting.direction is not None or setting.mode == "free"
     stored = [] if sweep.path is None else [("Stored", f"{sweep.path} (kept: {setting.keep})")]
     return [
-        arm_fact(setting.robot, setting.n, setting.base, setting.tip),
+        *arm_facts(setting.robot, setting),
         ("Joints", numbered),
         ("Axes", f"{setting.axes}: vectors are in the axes of {axes_in_words(setting)}"),
         ("Task", f"{setting.task} ({', '.join(setting.components)}){length}"),

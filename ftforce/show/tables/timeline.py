@@ -13,17 +13,16 @@ from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, share, size
 from ftforce.report.timeline import timeline_sentence
 from ftforce.show.tables.analysis import (
-    arm_fact,
     conditions_facts,
     force_fact,
     friction_facts,
     task_facts,
-    tip_facts,
 )
 from ftforce.show.tables.parts import (
     ABOVE_HEALTHY,
     HEALTHY_ROW,
     amount,
+    arm_facts,
     facts,
     listing,
     percent_kept,
@@ -67,8 +66,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
     if bearing is not None and timeline.limits is None:
         counted = f"none for jump and verdict, {bearing.source} for the capability"
     return [
-        arm_fact(robot.name, robot.n, robot.base, robot.tip),
-        *tip_facts(robot),
+        *arm_facts(robot.name, robot),
         ("Joints", robot.numbered()),
         *task_facts(timeline.task),
         *text.joint_kinds(timeline.scale),

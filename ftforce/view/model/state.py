@@ -406,12 +406,14 @@ def command_line(robot: Robot, state: State) -> str:
         for mode in (FaultMode.LOCKED, FaultMode.FREE)
     )
     weak = (f for f in faults.faults if f.mode is FaultMode.WEAK)
+    is_named = state.is_start and origin.posture is not None
+    is_default = state.is_start and not is_named and _has_default_posture(robot, state)
     options = {
         "locked": locked,
         "free": free,
         "weak": ",".join(f"{_joint(robot, f.joint)}:{f.factor!r}" for f in weak),
-        "posture": origin.posture if state.is_start else None,
-        "q": None if state.is_start else _numbers(state.q),
+        "posture": origin.posture if is_named else None,
+        "q": None if is_named or is_default else _numbers(state.q),
         "force": _numbers(state.force),
         "torque": _numbers(state.asked_torque),
         "velocity": _numbers(state.velocity),
@@ -433,6 +435,11 @@ def command_line(robot: Robot, state: State) -> str:
     # As `--option=value`, since a value may begin with a minus sign.
     given = (f"--{option}={value}" for option, value in options.items() if value)
     return shlex.join(["ftforce", "analyze", _argument(origin.robot), *given])
+
+
+def _has_default_posture(robot: Robot, state: State) -> bool:
+    """Return whether the page's question, asked anew, has the posture of the page."""
+    return np.array_equal(state.question(robot).placed().q, state.q)
 
 
 def _unless(default: object, value: object) -> str:
