@@ -70,10 +70,15 @@ def test_cells_within_limits_are_those_of_one_posture(seed, m, n, asked):
     ]
     J, locked = np.array(J), rng.random((6, n)) < 0.2
     J[:, :, 0] *= rng.choice([1.0, 1e-8], 9)[:, None]  # sometimes without a lever
+    u = np.linalg.qr(rng.normal(size=(m, m)))[0][0]  # a direction that only joint 1 moves in
+    J[::2] -= u[:, None] * (u @ J[::2])[:, None]
+    J[::2, :, 0] += u
+    locked[0] = np.arange(n) == 0
     F = None if asked == "all" else rng.normal(size=m) * (50.0 if asked == "force" else 0.0)
     rnea = rng.normal(size=(9, 6, n)) * 10.0
     largest = np.where(rng.random((6, n)) < 0.3, np.nan, rng.uniform(1.0, 60.0, (6, n)))
-    cells = cells_of(J, locked, F, None, rtol=RTOL, wary=BORDERLINE_RTOL)
+    d = rng.normal(size=m)
+    cells = cells_of(J, locked, F, d, rtol=RTOL, wary=BORDERLINE_RTOL)
     found = within_limits(
         cells, J, rnea, largest, locked=locked, F=F, rtol=RTOL, wary=BORDERLINE_RTOL
     )
