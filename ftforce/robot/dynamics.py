@@ -171,21 +171,29 @@ def rnea_torques(
     q, v, a :
         Joint positions, velocities and accelerations, shape (N, n).
     """
+    fold, model, data = robot.coordinates, robot.model, robot.data
     if gravity is not None or payload is not None:
-        found = [
-            rnea_torque(robot, *motion, gravity=gravity, payload=payload)
-            for motion in zip(q, v, a, strict=True)
-        ]
-        return np.array(found)
-    fold = robot.coordinates
+        model = _loaded_model(robot, gravity, payload)
+        data = model.createData()
     q = fold.to_models(q)
     if not fold.is_identity:
         v, a = v @ fold.G.T, a @ fold.G.T
-    model, data, rnea = robot.model, robot.data, pin.rnea
     torques = np.empty(v.shape)
     for torque, *motion in zip(torques, q, v, a, strict=True):
-        torque[:] = rnea(model, data, *motion)
+        torque[:] = pin.rnea(model, data, *motion)
     return torques if fold.is_identity else torques @ fold.G
+
+
+def _loaded_model(robot: Robot, gravity: Vector | None, payload: Payload | None) -> pin.Model:
+    """Return a copy of the model with another gravity and a payload."""
+    model = robot.model.copy()
+    if gravity is not None:
+        model.gravity.linear = gravity
+    if payload is not None:
+        tip = model.frames[robot.tip_frame]
+        point = pin.Inertia(payload.mass, payload.offset, np.zeros((3, 3)))
+        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
+    return model
 
 
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
