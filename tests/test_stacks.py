@@ -78,6 +78,7 @@ def test_cells_within_limits_are_those_of_one_posture(seed, m, n, asked):
     rnea = rng.normal(size=(9, 6, n)) * 10.0
     largest = np.where(rng.random((6, n)) < 0.3, np.nan, rng.uniform(1.0, 60.0, (6, n)))
     d = rng.normal(size=m)
+    rnea[:, :3] *= 4.0  # often more than the limits, so that nothing can be held
     cells = cells_of(J, locked, F, d, rtol=RTOL, wary=BORDERLINE_RTOL)
     found = within_limits(
         cells, J, rnea, largest, locked=locked, F=F, rtol=RTOL, wary=BORDERLINE_RTOL

@@ -3,8 +3,9 @@
 Where the closed form exceeds no limit, it is the answer. Elsewhere the feasible force closest to it
 is sought by adding the most exceeded limit to those that bind, and dropping those that would pull
 the wrong way, for a whole stack at once. A force that satisfies the conditions of optimality (KKT)
-is the only one; where none is found so, or a torque is at its limit within rounding error, the cell
-is left to `ftforce.core.bounded_remap`.
+is the only one; where the limits that bind exclude each other (Farkas' lemma), there is none. What
+is decided by neither, or has a torque within rounding error of its limit, is left to
+`ftforce.core.bounded_remap`.
 """
 
 from __future__ import annotations
@@ -110,8 +111,8 @@ def _fill_binding(
         upper = np.where(bears, (limit - load) / lever, np.inf)
         slack = np.where(bears, (limit + np.abs(load)) / lever, 0.0)
     slack = _ROUNDING * (slack + np.abs(closed).max(axis=1)[:, None])
-    nearest, solved = _nearest(A / lever[..., None], lower, upper, closed, slack)
-    is_held = ~(short & (np.abs(load) > limit)).any(axis=1)
+    nearest, solved, empty = _nearest(A / lever[..., None], lower, upper, closed, slack)
+    is_held = ~(empty | (short & (np.abs(load) > limit)).any(axis=1))
     jump = np.where(is_held[:, None], closed - nearest + cells.jump[rows], np.nan)
     relative = _relative(jump, F, scale, load)
     code = np.full(len(jump), CODES[Verdict.BORDERLINE], dtype=np.int8)
@@ -136,8 +137,8 @@ def _relative(jump: Matrix, F: Vector | None, scale: Vector, load: Matrix) -> Ve
 
 def _nearest(
     a: NDArray[np.float64], lower: Matrix, upper: Matrix, x0: Matrix, slack: Matrix
-) -> tuple[Matrix, Mask]:
-    """Return the points of ``lower ≤ a x ≤ upper`` nearest to x0, and where they are found.
+) -> tuple[Matrix, Mask, Mask]:
+    """Return the points of ``lower ≤ a x ≤ upper`` nearest to x0, where found, and where none is.
 
     Parameters
     ----------
@@ -165,7 +166,29 @@ def _nearest(
         above = at[np.arange(len(todo)), worst] > upper[todo, worst]
         side[todo, worst] = np.where(above, 1.0, -1.0)
         todo = _on_bounds(x, side, todo, (a, lower, upper, x0))
-    return x, solved
+    left = np.flatnonzero(~solved)
+    empty = np.zeros(len(a), dtype=np.bool_)
+    empty[left] = _exclude_each_other(a[left], lower[left], upper[left], side[left])
+    return x, solved, empty
+
+
+def _exclude_each_other(
+    a: NDArray[np.float64], lower: Matrix, upper: Matrix, side: Matrix
+) -> NDArray[np.bool_]:
+    """Return where the bounds at hand have no point in common, by Farkas' lemma.
+
+    They have none if some nonnegative combination of them reads ``0 · x ≤ c`` with c < 0.
+    """
+    binds = side != 0.0
+    normals = a * binds[..., None]
+    gram = normals @ normals.swapaxes(1, 2) + np.eye(a.shape[1]) * ~binds[:, None]
+    w = np.where(binds, np.linalg.eigh(gram)[1][..., 0], 0.0)
+    y = w * side
+    w = np.where(y.sum(axis=1, keepdims=True) < 0.0, -w, w)
+    vanishes = np.linalg.norm(np.vecdot(normals.swapaxes(1, 2), w[:, None]), axis=1) <= _ROUNDING
+    c = w * np.where(binds, np.where(side > 0.0, upper, lower), 0.0)
+    positive = (w * side >= -_ROUNDING).all(axis=1)
+    return vanishes & positive & (c.sum(axis=1) < -_NEAR * np.abs(c).sum(axis=1))
 
 
 def _on_bounds(
