@@ -112,6 +112,21 @@ def test_few_cells_with_limits_need_a_solver(panda, factor):
     assert found.certain.sum() > 0.99 * cells.certain.sum()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_limits_that_exclude_each_other_need_no_solver(sign):
+    # 10 F' + 5 ≤ 1 and -10 F' + 5 ≤ 1; a third limit, in the way of the force, does not matter.
+    J = np.broadcast_to([[10.0, -10.0, 1.0]], (4, 1, 3))
+    rnea, locked = sign * np.array([[[5.0, 5.0, 0.0]]]), np.zeros((1, 3), dtype=bool)
+    tolerances = {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    for F in (np.array([20.0]), np.array([-20.0]), np.zeros(1)):
+        cells = cells_of(J, locked, F, np.ones(1), **tolerances)
+        largest = np.array([[1.0, 1.0, 7.0]])
+        found = within_limits(cells, J, rnea, largest, locked=locked, F=F, **tolerances)
+        assert found.certain.all()
+        assert np.isnan(found.jump).all()
+        assert (found.verdict == CODES[Verdict.NOT_TOLERATED]).all()
+
+
 def test_certain_are_most_cells_of_a_usual_motion(panda):
     rng = np.random.default_rng(0)
     q = panda.postures["default"] + rng.uniform(-0.3, 0.3, (50, 7))
