@@ -188,8 +188,9 @@ def _exclude_each_other(
     vanishes = np.linalg.norm(np.vecdot(normals.swapaxes(1, 2), w[:, None]), axis=1) <= _ROUNDING
     c = w * np.where(binds, np.where(side > 0.0, upper, lower), 0.0)
     positive = (w * side >= -_ROUNDING).all(axis=1)
-    found: NDArray[np.bool_] = c.sum(axis=1) < -_NEAR * np.abs(c).sum(axis=1)
-    return found & vanishes & positive
+    is_negative = c.sum(axis=1) < -_NEAR * np.abs(c).sum(axis=1)
+    found: NDArray[np.bool_] = vanishes & positive & is_negative
+    return found
 
 
 def _on_bounds(
