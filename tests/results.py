@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import ftforce
+from ftforce.analysis.friction import choose_friction
 from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.report.files import to_text
 from ftforce.robot.kinematics import noise_floor
@@ -60,7 +61,8 @@ def capable_of(case):
 
 def answers_of(robot, q, sets, task, *, rtol=1e-6, wary=1e-2, gravity=None, payload=None, **asked):
     """Return the block of answers that the kernels give for postures, shape (k, n)."""
-    asked = {"force": None, "direction": None, "limits": None} | asked
+    asked = {"force": None, "direction": None, "limits": None, "friction": None} | asked
+    asked["friction"] = choose_friction(robot, asked["friction"], asked["limits"]).torque
     question = question_of(
         task, robot.n, **asked, rtol=rtol, wary=wary, floors=noise_floor(robot), needs_gravity=True
     )

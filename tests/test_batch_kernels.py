@@ -13,6 +13,7 @@ from numba import njit
 
 import urdfs
 from ftforce import analyze, census, load_robot
+from ftforce.analysis.friction import choose_friction
 from ftforce.batch.kernels import fast, lanes, secular, spectrum
 from ftforce.batch.kernels import three as eigenvalues
 from ftforce.batch.kernels.layout import LANES, NOT_TOLERATED, UNDECIDED
@@ -69,7 +70,8 @@ def check_census(robot, q, task, *, faults=1, mode="locked", force=None, **optio
     direction, limits = options.get("direction"), options.get("limits")
     kernel = {k: v for k, v in options.items() if k in ("gravity", "payload")}
     if direction is not None:
-        kernel |= {"direction": direction, "limits": limits}
+        friction = choose_friction(robot, None, None).torque  # the census applies no limits
+        kernel |= {"direction": direction, "limits": limits, "friction": friction}
     block = answers_of(robot, q, sets, task, force=force, **kernel)
     more = {k: options[k] for k in ("gravity", "payload") if k in options}
     for at, one in enumerate(q):
@@ -203,10 +205,9 @@ def test_a_force_whose_jump_is_near_a_tolerance(robots, mode, bound):
             force = 50.0 * (math.sqrt(1.0 - jump**2) * along + jump * lost)
             faulty = FaultSet((Fault(k, FaultMode.parse(mode)),))
             # without weight, which a free joint would ask the force to carry
-            block = answers_of(robot, one[None], [faulty], task, force=force, gravity=np.zeros(3))
-            report = analyze(
-                robot, one, force=force, task=task, gravity=np.zeros(3), **{mode: [k + 1]}
-            )
+            ideal = {"gravity": np.zeros(3), "friction": 0.0}
+            block = answers_of(robot, one[None], [faulty], task, force=force, **ideal)
+            report = analyze(robot, one, force=force, task=task, **ideal, **{mode: [k + 1]})
             assert WORDS[block.verdict[0, 0]] == report.verdict.value
             assert abs(block.relative_jump[0, 0] / jump - 1.0) < 1e-7
 

@@ -73,8 +73,9 @@ def test_every_option_of_analyze_is_one_of_view_and_means_the_same(opened):
     given = (
         "--free=3 --weak=5:0.25 --posture=zero --torque=1.0,2.0,3.0,4.0,5.0,6.0,7.0 "
         "--velocity=1.0,0.0,0.0,0.0,0.0,0.0,0.0 --acceleration=0.0,2.0,0.0,0.0,0.0,0.0,0.0 "
-        "--gravity=0.0,0.0,-1.0 --payload=2.0@0.0,0.0,0.1 --limits=none --inverse=dynamic "
-        "--task=wrench --length=0.4 --axes=world --tip=panda_hand --rtol=1e-05 --wary=0.02"
+        "--gravity=0.0,0.0,-1.0 --payload=2.0@0.0,0.0,0.1 --limits=none --friction=0.25 "
+        "--inverse=dynamic --task=wrench --length=0.4 --axes=world --tip=panda_hand "
+        "--rtol=1e-05 --wary=0.02"
     )
     run("panda", *given.split(), "--no-browser")
     arm = ftforce.load_robot("panda", tip="panda_hand")

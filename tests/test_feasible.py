@@ -119,7 +119,7 @@ def test_a_load_that_balances_itself_is_left_alone():
 def test_what_is_left_unbalanced_is_judged_by_the_weight(left, stands):
     flat = np.array([[1.0, 0.0, 1.0]])
     feasible = forces(flat, None, free=(2,), rnea=[1.0, left, 0.0])
-    assert feasible.unbalanced == pytest.approx(left)
+    assert feasible.bearings.unbalanced == pytest.approx(left)
     assert feasible.is_balanced is stands
     assert reach(feasible, np.ones(1)).is_empty is not stands
 

@@ -234,7 +234,7 @@ def test_csv_files_that_cannot_be_used(dh5, file, content, message):
 
 
 TABLE = "use one per joint, e.g. [elbow] followed by effort = 87 and brake = 120 (N·m)"
-KEYS = "available: joint, effort, brake"
+KEYS = "available: joint, effort, brake, friction"
 BAD_TOML = {
     "unknown joint": (
         "[join3]\neffort = 1\n",

@@ -204,8 +204,8 @@ def by_trying(J, F, limits=None, *, locked=(), free=(), rnea=None, wary=BORDERLI
         reduced = reduce(J, L, t, S if S.any() else None)
         feasible = feasible_forces(reduced, rnea, largest)
         asked = np.zeros(len(J)) if F is None else F
-        after = nearest_force(feasible._replace(unbalanced=0.0), asked).F_after
-        kept = after is not None and feasible.unbalanced <= t
+        after = nearest_force(feasible, asked).F_after
+        kept = after is not None
         if kept and asked.any():
             kept = np.linalg.norm(asked - after) <= t * np.linalg.norm(asked)
         elif kept and after.any():

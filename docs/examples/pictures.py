@@ -77,6 +77,7 @@ SESSIONS = {
     "moments-short": ["analyze dh5 --locked 3 --task wrench --length 0.2"],
     "torque": ["analyze dh5 --locked 3 --torque -35,-12,27,10,4"],
     "velocity": ["analyze dh5 --locked 3 --force 80,50,10 --velocity 0.05,0.4,0.2,0.1,0.3"],
+    "mode-friction": ["analyze panda --free 7 --force 0,0,-50 --axes world"],
     "mode-falls": ["analyze panda --free 2,4,6 --force 0,0,-50 --axes world"],
     "mode-mixed": ["analyze panda --locked 2 --free 4 --weak 6:0.1 --force 0,0,-50 --axes world"],
     "mode-census": ["census panda --mode free --force 0,0,-50 --axes world"],

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.task import Axes, Task
@@ -266,6 +267,7 @@ def analyze(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     inverse: Inverse = "euclidean",
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
@@ -301,6 +303,11 @@ def analyze(
     limits :
         Torque limits: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or ``none``. By
         default ``urdf`` if a joint is weak, otherwise ``none``.
+    friction :
+        Largest torque that the friction of a free-swinging joint bears where no force at the tip
+        can balance the joint, N·m (N): one number, one per joint (shape (n,), NaN where unknown),
+        or a TOML or CSV file (joint, friction); 0 is an ideal joint. By default that of the URDF,
+        else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
     inverse :
         Inverse that splits given torques into force and self-motion: ``euclidean`` or ``dynamic``.
     task :
@@ -343,6 +350,7 @@ def analyze(
             gravity=gravity,
             payload=payload,
             limits=limits,
+            friction=friction,
             inverse=inverse,
             task=task,
             length=length,
@@ -365,7 +373,7 @@ def analyze_question(question: Question) -> Analysis:
     robot, task, q, wary = question.robot, question.task, question.q, question.wary
     faults, conditions, limits = question.faults, question.conditions, question.limits
     J = task_jacobian(robot, q, task)
-    locked, free = faults.mask(robot.n), faults.free_mask(robot.n)
+    locked, free = faults.mask(robot.n), question.free_joints(faults)
     reduced = reduce(read_only(task.weigh_jacobian(J)), locked, question.rtol, free)
     rnea = rnea_change(robot, q, conditions, locked)
     M = mass_matrix_for(robot, q, conditions, question.inverse)

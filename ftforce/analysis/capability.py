@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.analysis.fault_names import Joints, WeakJoints
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.core.task import Axes, Task
@@ -223,7 +224,8 @@ class Capability(Displayed):
         faults = analysis.faults if after else FaultSet()
         n, rnea = analysis.robot.n, analysis.rnea.after if after else analysis.rnea.before
         levers = read_only(self._torque_per_kg(after=after).reshape(1, n))
-        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, faults.free_mask(n))
+        free = analysis.question.free_joints(faults)
+        line = reduce(levers, faults.mask(n), analysis.reduced.rtol, free)
         feasible = feasible_forces(line, rnea, self._largest(faults), LockModel.HELD)
         ray, failed = reach(feasible, np.ones(1)), self._failed(after, LockModel.HELD)
         return _amount(feasible, np.zeros(0), ray, 1.0, failed)
@@ -292,6 +294,7 @@ def capability(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = URDF,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -302,7 +305,7 @@ def capability(
 
     Parameters
     ----------
-    robot, q, locked, free, weak, velocity, acceleration, gravity, payload :
+    robot, q, locked, free, weak, velocity, acceleration, gravity, payload, friction :
         As in `ftforce.analyze`.
     task, length, axes, posture, rtol :
         As in `ftforce.analyze`.
@@ -340,6 +343,7 @@ def capability(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         axes=axes,

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ftforce.analysis.conditions import Inverse
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.task import Axes, Task
     from ftforce.robot.dynamics import Payload
@@ -198,6 +199,7 @@ def census(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     inverse: Inverse = "euclidean",
     rank_by: RankBy = "jump",
     direction: ArrayLike | None = None,
@@ -213,7 +215,7 @@ def census(
 
     Parameters
     ----------
-    robot, q, force, torque, velocity, acceleration, gravity, payload, inverse :
+    robot, q, force, torque, velocity, acceleration, gravity, payload, friction, inverse :
         As in `ftforce.analyze`.
     task, length, axes, posture, rtol, wary :
         As in `ftforce.analyze`.
@@ -263,6 +265,7 @@ def census(
         gravity=gravity,
         payload=payload,
         limits=URDF if limits is None and rank_by == "capability" else limits,
+        friction=friction,
         inverse=inverse,
         task=task,
         length=length,

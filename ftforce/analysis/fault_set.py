@@ -166,7 +166,8 @@ class SharedCase(NamedTuple):
     def reduce(self, faults: FaultSet) -> ReducedJacobian:
         """Return the Jacobians before and after a fault set."""
         n, whole = self.question.robot.n, self.healthy
-        return reduce_decomposed(whole.healthy, faults.mask(n), whole.rtol, faults.free_mask(n))
+        free = self.question.free_joints(faults)
+        return reduce_decomposed(whole.healthy, faults.mask(n), whole.rtol, free)
 
     def rnea_after(self, faults: FaultSet) -> Vector:
         """Return the torques for weight and motion after a fault set, N·m (N), shape (n,)."""
@@ -278,7 +279,7 @@ def set_capability(
         ends.append(end)
         stops.append(
             ray.limiting_joints
-            if end is LimitingFactor.LIMIT
+            if end in {LimitingFactor.LIMIT, LimitingFactor.FRICTION}
             else overloaded(feasible)
             if end is LimitingFactor.WEIGHT
             else ()

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
+from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.core.display import Displayed
 from ftforce.core.faults import FaultMode, FaultSet, count_fault_sets, fault_sets
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, FreeJoints, check_tolerances
 from ftforce.core.task import Axes, Task
 from ftforce.errors import InputError, UnknownNameError, listed
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import Friction, FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.arrays import Vector
     from ftforce.core.limits import Limits
@@ -66,6 +68,8 @@ class Question:
         Inverse that splits ``torque`` into force and self-motion.
     rtol, wary :
         Rank tolerance, and the largest tolerance considered for a borderline verdict.
+    given_friction :
+        Friction of free-swinging joints; ``None`` if it follows from the URDF and the limits.
     posture :
         The posture; ``None`` if many are asked about.
     faults :
@@ -82,6 +86,7 @@ class Question:
     inverse: Inverse
     rtol: float
     wary: float
+    given_friction: Friction | None = None
     posture: Posture | None = None
     faults: FaultSet = HEALTHY
 
@@ -100,6 +105,7 @@ class Question:
         gravity: ArrayLike | None = None,
         payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
         limits: LimitsLike = None,
+        friction: FrictionLike = None,
         inverse: Inverse = "euclidean",
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
@@ -116,7 +122,7 @@ class Question:
             `ftforce.analysis.fault_names.named_faults`.
         direction :
             Direction of the force capability, in task axes, shape (m,).
-        force, torque, velocity, acceleration, gravity, payload, limits, inverse :
+        force, torque, velocity, acceleration, gravity, payload, limits, friction, inverse :
             As in `ftforce.analyze`.
         task, length, axes, rtol, wary :
             As in `ftforce.analyze`.
@@ -126,7 +132,7 @@ class Question:
         InputError
             An argument is invalid; the message says what is expected.
         LimitsError
-            The limits file cannot be read or does not fit the robot.
+            The file of limits or friction cannot be read or does not fit the robot.
         """
         check_tolerances(rtol, wary)
         wanted = Task.parse(task, axes, length)
@@ -134,6 +140,7 @@ class Question:
             raise UnknownNameError("inverse", inverse, INVERSES)
         if force is not None and torque is not None:
             raise InputError("give either a force or torques, not both")
+        known = choose_limits(robot, limits_for(faults, limits))
         return cls(
             robot,
             wanted,
@@ -147,10 +154,11 @@ class Question:
             force=None if force is None else wanted.vector(force, "force"),
             torque=None if torque is None else robot.vector(torque, "torque"),
             direction=None if direction is None else unit_direction(wanted, direction),
-            limits=choose_limits(robot, limits_for(faults, limits)),
+            limits=known,
             inverse=inverse,
             rtol=rtol,
             wary=wary,
+            given_friction=None if friction is None else choose_friction(robot, friction, known),
             posture=posture,
             faults=faults,
         )
@@ -170,6 +178,22 @@ class Question:
     def F(self) -> Vector | None:
         """The force, weighted, shape (m,); ``None`` if none was given."""
         return None if self.force is None else self.task.weigh_force(self.force)
+
+    @cached_property
+    def friction(self) -> Friction:
+        """Friction of each joint, should it swing freely."""
+        return self.given_friction or choose_friction(self.robot, None, self.limits)
+
+    def free_joints(self, faults: FaultSet) -> FreeJoints | None:
+        """Return the free-swinging joints of a fault set, with their friction.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+        """
+        mask = faults.free_mask(self.robot.n)
+        return None if mask is None else FreeJoints(mask, self.friction.torque, self.wary)
 
     def at(
         self,

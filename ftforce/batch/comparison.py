@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.postures.drawn import Drawn
@@ -111,6 +112,7 @@ def compare(
     force: ArrayLike | None = None,
     direction: ArrayLike | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     task: str | Iterable[str] | Task | None = None,
@@ -139,7 +141,7 @@ def compare(
         Number of postures per arm, drawn within its limits; default 1e5.
     method, seed :
         How they are drawn, see `ftforce.sweep`; the seed is the same for all arms.
-    faults, mode, force, direction, limits, gravity, payload, task, axes, rtol, wary :
+    faults, mode, force, direction, limits, friction, gravity, payload, task, axes, rtol, wary :
         As in `ftforce.sweep`.
     length :
         Characteristic length, m, the same for all arms: it weighs moments against forces.
@@ -173,9 +175,9 @@ def compare(
     asked = _Asked.of(
         {"count": n, "method": method, "seed": seed},
         {"faults": faults, "mode": mode},
-        {"force": force, "direction": direction, "limits": limits, "gravity": gravity,
-         "payload": payload, "task": task, "length": length, "axes": axes, "rtol": rtol,
-         "wary": wary},
+        {"force": force, "direction": direction, "limits": limits, "friction": friction,
+         "gravity": gravity, "payload": payload, "task": task, "length": length, "axes": axes,
+         "rtol": rtol, "wary": wary},
         {"cell": cell},
     )  # fmt: skip
     entries = _named(_loaded(arms, tip, base))

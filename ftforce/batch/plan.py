@@ -188,6 +188,7 @@ class Plan:
                 force=question.force,
                 direction=question.direction,
                 limits=question.limits,
+                friction=question.friction.torque,
                 rtol=question.rtol,
                 wary=question.wary,
                 floors=noise_floor(robot),
@@ -312,6 +313,7 @@ def question_of(
     force: Vector | None,
     direction: Vector | None,
     limits: Limits | None,
+    friction: Vector | None = None,
     rtol: float,
     wary: float,
     floors: tuple[float, float] = (0.0, 0.0),
@@ -329,6 +331,9 @@ def question_of(
         Unweighted, in the task's axes, shape (m,); ``None`` if not requested.
     limits :
         Torque limits for the capability; ``None`` for unlimited.
+    friction :
+        Torques that the friction of free-swinging joints bears, NaN where unknown, shape (n,);
+        ``None`` for ideal joints.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     needs_gravity :
@@ -350,6 +355,7 @@ def question_of(
         direction=read_only(nothing if direction is None else task.weigh_force(direction).copy()),
         effort=read_only((unknown if limits is None else limits.effort).copy()),
         brake=read_only((unknown if limits is None else limits.brake).copy()),
+        friction=read_only(np.zeros(n) if friction is None else friction.copy()),
         rtol=rtol,
         wary=wary,
         needs_gravity=needs_gravity,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from ftforce.analysis.fault_names import Joints
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.batch.kernels.layout import Integers
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
@@ -110,7 +111,7 @@ class Remapper:
         for sets that mix modes.
     mode :
         Fault mode of joints not given in a `ftforce.FaultSet`: ``locked`` or ``free``.
-    gravity, payload :
+    gravity, payload, friction :
         As in `ftforce.analyze`. They matter only for free-swinging joints, whose weight has to be
         balanced. Inertial torques are not considered.
     task, length, axes, rtol, wary :
@@ -146,6 +147,7 @@ class Remapper:
         mode: FaultMode | str = FaultMode.LOCKED,
         gravity: ArrayLike | None = None,
         payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        friction: FrictionLike = None,
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
         axes: Axes = "tool",
@@ -156,6 +158,7 @@ class Remapper:
             robot,
             gravity=gravity,
             payload=payload,
+            friction=friction,
             task=task,
             length=length,
             axes=axes,
@@ -326,9 +329,9 @@ def _constants(plan: Plan) -> tuple[NDArray[Any], ...]:
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
     body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre])
     body[E, :15] = np.concatenate([mechanism.tip, mechanism.gravity])
-    task = np.zeros((4, max(m, 2)))
+    task = np.zeros((5, max(m, n, 2)))
     task[0, :m], task[1, :m], task[3, :m] = question.rows, question.weights, question.floor
-    task[2, :2] = question.rtol, question.wary
+    task[2, :2], task[4, :n] = (question.rtol, question.wary), question.friction
     failed = np.zeros((-(-len(faults.locked) // single.SET_LANES), n, single.SET_LANES))
     for at, locked in enumerate(faults.locked):
         failed[at // single.SET_LANES, :, at % single.SET_LANES] = locked
@@ -346,7 +349,7 @@ def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapp
     torque[0] = 0.0  # gravity torques, unless the kernel computes them
     force = np.full((1 + 2 * sets, m), np.nan)
     number = np.full((4, sets), np.nan)
-    code = np.full((3, sets), len(VERDICTS), dtype=np.int64)
+    code = np.full((3, max(sets, 2)), len(VERDICTS), dtype=np.int64)
     work = (
         np.zeros((len(plan.mechanism.parent) + 1, single.FRAME)),
         np.zeros((single.MATRICES, m, n)),
@@ -366,8 +369,8 @@ def _workspace(plan: Plan, task: Task) -> tuple[tuple[NDArray[Any], ...], Remapp
         moment_jump_norm=_view(number[3]) if task.moment_rows else None,
         margin=_view(number[0]),
         sigma_min=_view(number[1]),
-        rank_lost=_view(code[1]),
-        verdict=_view(code[0]),
+        rank_lost=_view(code[1, :sets]),
+        verdict=_view(code[0, :sets]),
     )
 
 

@@ -71,6 +71,11 @@ class SweepSetting:
         Postures per chunk.
     version :
         Version of ftforce.
+    friction :
+        Friction of free-swinging joints, in words; ``None`` if joints do not swing.
+    friction_torques :
+        Torque that it bears at each joint, N·m (N), ``None`` where it follows from the weight;
+        empty if joints do not swing.
     implausible :
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     """
@@ -100,6 +105,8 @@ class SweepSetting:
     keep: str
     chunk: int
     version: str
+    friction: str | None = None
+    friction_torques: tuple[float | None, ...] = ()
     implausible: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.runner import Runner
@@ -66,6 +67,7 @@ def sweep(
     force: ArrayLike | None = None,
     direction: ArrayLike | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     task: str | Iterable[str] | Task = "force",
@@ -105,7 +107,7 @@ def sweep(
         Torque limits of the capability: ``urdf`` (default), a TOML or CSV file, or
         `ftforce.core.limits.Limits`; ``none`` computes no capability. Verdicts and jumps ignore
         them.
-    gravity, payload, task, length, axes, rtol, wary :
+    friction, gravity, payload, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     keep :
         Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
@@ -143,6 +145,7 @@ def sweep(
         force=force,
         direction=direction,
         limits=limits,
+        friction=friction,
         gravity=gravity,
         payload=payload,
         task=task,
@@ -192,7 +195,9 @@ def sweep_question(robot: Robot, *, limits: LimitsLike = None, **asked: Any) -> 
         raise InputError("the force must not be zero; omit it to consider all forces")
     direction = question.direction_or_that_of(question.F)
     if direction is None or question.limits is None:
-        return replace(question, direction=None, limits=None)
+        # The limits may supply the friction, which matters without a capability too.
+        friction = question.friction if question.given_friction or limits else None
+        return replace(question, direction=None, limits=None, given_friction=friction)
     return replace(question, direction=direction)
 
 
@@ -359,6 +364,8 @@ def _setting(
 ) -> SweepSetting:
     robot, task, limits = question.robot, question.task, question.limits
     force, direction, payload = question.force, question.direction, question.conditions.payload
+    friction = [None if math.isnan(x) else x for x in question.friction.torque.tolist()]
+    swings = all_sets.mode is FaultMode.FREE
     unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
     return SweepSetting(
         robot=robot.name,
@@ -386,6 +393,8 @@ def _setting(
         count=job.postures.count,
         is_random=isinstance(job.postures, Drawn),
         version=__version__,
+        friction=question.friction.in_words(robot) if swings else None,
+        friction_torques=tuple(friction) if swings else (),
         implausible=tuple(implausible(question, needs_gravity=needs_gravity, needs_inertia=False)),
     )
 

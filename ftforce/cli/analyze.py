@@ -3,6 +3,7 @@
 from ftforce.cli.options import (
     ChainOptions,
     FaultOptions,
+    FrictionOption,
     LimitsOption,
     LoadOptions,
     MotionOptions,
@@ -24,6 +25,7 @@ def analyze(
     motion: MotionOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -38,7 +40,7 @@ def analyze(
     from ftforce.show.tables.analysis import analysis_view
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(fault_options, load, motion, weight, limits, task_options, tolerances)
+    asked = merged(fault_options, load, motion, weight, limits, friction, task_options, tolerances)
     result = analysis.analyze(arm, posture_options.of(arm), **asked)
     shown = analysis_view(result, degrees=posture_options.deg)
     outputs.emit(shown, result, f"ftforce analyze {arm.name}")

@@ -5,6 +5,7 @@ from ftforce.cli.options import (
     ChainOptions,
     DirectionOption,
     FaultOptions,
+    FrictionOption,
     MotionOptions,
     PlotOutputs,
     PostureOptions,
@@ -24,6 +25,7 @@ def capability(
     motion: MotionOptions,
     weight: WeightOptions,
     limits: CapabilityLimits,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerance: RankTolerance,
@@ -38,6 +40,8 @@ def capability(
     from ftforce.show.tables.capability import capability_view
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(fault_options, direction_option, motion, weight, limits, task_options, tolerance)
+    asked = merged(
+        fault_options, direction_option, motion, weight, limits, friction, task_options, tolerance
+    )
     result = force_capability.capability(arm, posture_options.of(arm), **asked)
     outputs.emit(capability_view(result), result, f"ftforce capability {arm.name}")

@@ -7,6 +7,7 @@ import typer
 from ftforce.cli.options import (
     ChainOptions,
     DirectionOption,
+    FrictionOption,
     LimitsOption,
     LoadOptions,
     MotionOptions,
@@ -32,6 +33,7 @@ def census(
     motion: MotionOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -52,7 +54,9 @@ def census(
     from ftforce.show.tables.census import census_view
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(sets, direction_option, load, motion, weight, limits, task_options, tolerances)
+    asked = merged(
+        sets, direction_option, load, motion, weight, limits, friction, task_options, tolerances
+    )
     ranking: Any = rank_by  # checked by the function, with a message that lists what is valid
     with progress_bar("fault sets") as progress:
         result = fault_census.census(

@@ -8,6 +8,7 @@ from ftforce.cli.options import (
     CapabilityLimits,
     ChainOptions,
     ForceOptions,
+    FrictionOption,
     MethodOption,
     PlotOutputs,
     SeedOption,
@@ -35,6 +36,7 @@ def compare(
     forces: ForceOptions,
     weight: WeightOptions,
     limits: CapabilityLimits,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -72,7 +74,9 @@ def compare(
     from ftforce.show.tables.comparison import comparison_view
 
     asked: dict[str, Any] = {"n": samples, "method": method, "seed": seed}
-    asked |= {"cell": cell} | merged(sets, forces, weight, limits, task_options, chain, tolerances)
+    asked |= {"cell": cell} | merged(
+        sets, forces, weight, limits, friction, task_options, chain, tolerances
+    )
     # Only what was given: a stored sweep has a question of its own.
     given = {"n" if name == "samples" else name for name in given_options(context)}
     with rate_bar("postures") as progress:

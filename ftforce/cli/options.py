@@ -287,6 +287,21 @@ class CapabilityLimits(Group):
 
 
 @dataclass(frozen=True)
+class FrictionOption(Group):
+    """Friction of free-swinging joints."""
+
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N·m|FILE",
+            help="Friction of free-swinging joints: a number, or a TOML or CSV file "
+            "(joint,friction); 0 for ideal joints.",
+            show_default="the URDF's, else 0.1 % of the effort limit",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
 class TaskOptions(Group):
     """Components and axes of the force."""
 

@@ -6,6 +6,7 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    FrictionOption,
     HistoryOutputs,
     LimitsOption,
     PostureOptions,
@@ -52,6 +53,7 @@ def simulate(
     posture_options: PostureOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -92,7 +94,7 @@ def simulate(
         raise InputError("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
     else:
         arm = chain.load(robot, posture_options.posture)
-        asked = merged(weight, limits, task_options, tolerances)
+        asked = merged(weight, limits, friction, task_options, tolerances)
         asked |= trajectory_options.arguments_for(arm, posture_options)
         with progress_bar("instants") as progress:
             history = simulation(

@@ -10,6 +10,7 @@ from ftforce.cli.options import (
     CapabilityLimits,
     ChainOptions,
     ForceOptions,
+    FrictionOption,
     MethodOption,
     PlotOutputs,
     RobotArgument,
@@ -52,6 +53,7 @@ def sweep(
     forces: ForceOptions,
     weight: WeightOptions,
     limits: CapabilityLimits,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -142,7 +144,7 @@ def sweep(
                 workers=workers,
                 scheduler=scheduler,
                 progress=progress,
-                **merged(sets, forces, weight, limits, task_options, tolerances),
+                **merged(sets, forces, weight, limits, friction, task_options, tolerances),
             )
     except KeyboardInterrupt:
         kept = "nothing was kept (--output DIR.zarr stores finished chunks)"

@@ -3,6 +3,7 @@
 from ftforce.cli.options import (
     ChainOptions,
     ForceOptions,
+    FrictionOption,
     LimitsOption,
     PlotOutputs,
     PostureOptions,
@@ -26,6 +27,7 @@ def timeline(
     posture_options: PostureOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -41,7 +43,7 @@ def timeline(
     from ftforce.trajectory import timeline as fault_timeline
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(sets, forces, weight, limits, task_options, tolerances)
+    asked = merged(sets, forces, weight, limits, friction, task_options, tolerances)
     asked |= trajectory_options.arguments_for(arm, posture_options)
     with progress_bar("instants") as progress:
         result = fault_timeline.timeline(arm, progress=progress, **asked)

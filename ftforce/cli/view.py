@@ -8,6 +8,7 @@ import typer
 from ftforce.cli.options import (
     ChainOptions,
     FaultOptions,
+    FrictionOption,
     LimitsOption,
     LoadOptions,
     MotionOptions,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _LOAD = {"force", "torque", "velocity", "acceleration", "gravity"}
-_OF_A_SWEEP = _LOAD | {"limits", "inverse", "task", "length", "axes", "rtol", "wary"}
+_OF_A_SWEEP = _LOAD | {"limits", "friction", "inverse", "task", "length", "axes", "rtol", "wary"}
 _OF_A_HISTORY = _OF_A_SWEEP | {"q", "payload"}
 
 
@@ -41,6 +42,7 @@ def view(
     motion: MotionOptions,
     weight: WeightOptions,
     limits: LimitsOption,
+    friction: FrictionOption,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -101,7 +103,7 @@ def view(
         arm,
         posture=posture_options.of(arm),
         faults=fault_options.of(arm),
-        **merged(load, motion, weight, limits, task_options, tolerances),
+        **merged(load, motion, weight, limits, friction, task_options, tolerances),
     )
     origin = Origin(robot, chain.base, chain.tip, posture, note=_note(arm, robot, chain, posture))
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)

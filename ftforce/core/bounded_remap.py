@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, as_vector, norm, read_only, safe_divide
+from ftforce.core.arrays import (
+    Matrix,
+    Vector,
+    as_floats,
+    as_vector,
+    norm,
+    read_only,
+    safe_divide,
+)
 from ftforce.core.feasible_forces import (
     NOTHING,
     FeasibleForces,
@@ -26,7 +34,9 @@ from ftforce.core.feasible_forces import (
 )
 from ftforce.core.limits import checked_limits
 from ftforce.core.reduced_jacobian import (
+    BORDERLINE_RTOL,
     RTOL,
+    FreeJoints,
     ReducedJacobian,
     check_core_input,
     check_mask,
@@ -115,9 +125,8 @@ class Nearest(NamedTuple):
         torque, width, rounding = self._torques(feasible)
         near = 2.0 * _SLACK * width + rounding
         at_limit = (torque >= feasible.upper - near) | (torque <= feasible.lower + near)
-        return tuple(
-            j for j, bound in zip(feasible.joints, at_limit.tolist(), strict=True) if bound
-        )
+        bound = [j for j, at in zip(feasible.joints, at_limit.tolist(), strict=True) if at]
+        return feasible.without_friction(bound)
 
     def _torques(self, feasible: FeasibleForces) -> tuple[Vector, Vector, Vector]:
         """Return the torques J_iᵀ F', half the width between limits, and the rounding error."""
@@ -141,8 +150,11 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
         Desired force F̂, shape (m,).
     """
     multipliers = np.zeros(len(feasible.joints))
+    bearings = feasible.bearings
     if not feasible.is_balanced:
         return Nearest(F, None, multipliers)
+    if bearings is not None and bearings.bears(F) and _is_held(feasible, F):
+        return Nearest(F, F, multipliers)
     wanted = F.dot(feasible.Z)
     unrestricted = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
     closed = F if unrestricted else feasible.F0 + feasible.Z.dot(wanted)
@@ -150,6 +162,12 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
         return Nearest(F, closed, multipliers)  # no limit is active: the closed form holds
     z = _solve(feasible, wanted, multipliers)
     return Nearest(F, None if z is None else feasible.F0 + feasible.Z.dot(z), multipliers)
+
+
+def _is_held(feasible: FeasibleForces, F: Vector) -> bool:
+    """Return whether a force that free-swinging joints bear is held as it is."""
+    ray = reach(feasible, F) if F.any() else _at_rest(feasible)
+    return ray.minimum <= 1.0 <= ray.maximum
 
 
 def _is_within(feasible: FeasibleForces, F: Vector) -> bool:
@@ -275,7 +293,7 @@ class BoundedRemap:
 
     @property
     def binding(self) -> tuple[int, ...]:
-        """Indices of the joints whose torque is at its limit, from 0."""
+        """Indices of the joints whose torque is at the limit of motor or brake, from 0."""
         return self.nearest.binding(self.feasible)
 
     @property
@@ -295,6 +313,7 @@ def bounded_remap(
     *,
     limits: ArrayLike,
     free: ArrayLike | None = None,
+    friction: ArrayLike | None = None,
     rnea: ArrayLike | None = None,
     rtol: float = RTOL,
 ) -> BoundedRemap:
@@ -314,6 +333,9 @@ def bounded_remap(
         (n,).
     free :
         True at free-swinging joints, shape (n,).
+    friction :
+        Largest torque that the friction of a free-swinging joint bears, NaN for 0.1 % of the
+        largest torque of ``rnea``, shape (n,); by default the joints are ideal.
     rnea :
         Gravity and motion torques, shape (n,); zero by default.
     rtol :
@@ -322,7 +344,8 @@ def bounded_remap(
     Raises
     ------
     InputError
-        Shapes do not match, a joint is both locked and free, or a limit is not positive.
+        Shapes do not match, a joint is both locked and free, a limit is not positive, or friction
+        is negative.
 
     Examples
     --------
@@ -343,7 +366,7 @@ def bounded_remap(
                 f"the joint of column {(mask & free_mask).argmax() + 1} of J cannot be both locked "
                 "and free; a joint fails in only one mode"
             )
-    check_tolerances(rtol, max(rtol, 1e-2))
+    check_tolerances(rtol, max(rtol, BORDERLINE_RTOL))
     n = J.shape[1]
     tau = as_vector(tau, n, "tau", "one torque per column of J")
     weight = np.zeros(n) if rnea is None else as_vector(rnea, n, "rnea", "one per column of J")
@@ -351,11 +374,25 @@ def bounded_remap(
     if len(largest) != n:
         hint = "one per column of J, NaN where unknown"
         raise DimensionError("limits", (n,), largest.shape, hint)
-    if free_mask is not None:
+    swinging = None
+    if free_mask is not None and free_mask.any():
         largest[free_mask] = 0.0
-        free_mask = free_mask if free_mask.any() else None
-    reduced = reduce(J, mask, rtol, free_mask)
+        borne = _checked_friction(friction, n)
+        swinging = FreeJoints(free_mask, borne, max(rtol, BORDERLINE_RTOL))
+    reduced = reduce(J, mask, rtol, swinging)
     return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
+
+
+def _checked_friction(friction: ArrayLike | None, n: int) -> Vector:
+    """Return the friction of each joint, 0 by default."""
+    if friction is None:
+        return np.zeros(n)
+    values = as_floats(friction, "friction")
+    if values.shape != (n,):
+        raise DimensionError("friction", (n,), values.shape, "one per column of J")
+    if (values < 0.0).any() or np.isinf(values).any():
+        raise InputError(f"friction must not be negative or infinite, got {values.tolist()}")
+    return read_only(values)
 
 
 def remap_inside(
@@ -397,9 +434,8 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
 
 def _at_rest(feasible: FeasibleForces) -> Reach:
     """Return an unbounded range if zero force is feasible: any multiple of zero is zero."""
-    bare = not feasible.F0.any() and feasible.is_balanced
     inside = bool((feasible.lower <= 0.0).all() and (feasible.upper >= 0.0).all())
-    return Reach(0.0, math.inf) if bare and inside else NOTHING
+    return Reach(0.0, math.inf) if feasible.is_at_rest and inside else NOTHING
 
 
 def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
@@ -412,6 +448,5 @@ def overloaded(feasible: FeasibleForces) -> tuple[int, ...]:
     """
     torque = feasible.rows.dot(feasible.F0)
     beyond = (torque > feasible.upper) | (torque < feasible.lower)
-    return tuple(
-        j for j, exceeded in zip(feasible.joints, beyond.tolist(), strict=True) if exceeded
-    )
+    exceeded = [j for j, over in zip(feasible.joints, beyond.tolist(), strict=True) if over]
+    return feasible.without_friction(exceeded)

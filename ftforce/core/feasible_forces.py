@@ -3,11 +3,16 @@
 Motors, brakes and free-swinging joints each constrain ``τ = rnea + JᵀF'``:
 
     F' in range(K)                        commandable by the motors (lock model *commanded* only)
-    [rnea]_k + J_kᵀ F' = 0                 free-swinging joint k
+    [rnea]_k + J_kᵀ F' = 0                 free-swinging joint k with a lever
+    -ε_k ≤ [rnea]_k + J_kᵀ F' ≤ ε_k        free-swinging joint k without one: friction bears it
     -limit_i ≤ [rnea]_i + J_iᵀ F' ≤ limit_i   motor or brake i with a known limit
 
 The equality constraints define an affine subspace, ``F' = F₀ + Z z``; the inequalities bound a
 polytope in it. The lock model *held* drops the first constraint: locked joints carry existing load.
+
+Whether a free-swinging joint has a lever depends on what is asked: for a force of any direction it
+is the singular values of the columns J_S that count (theory §4), for one given force, the lever of
+that force, J_kᵀ F'. A force without a lever at any of these joints is held by their friction.
 """
 
 from __future__ import annotations
@@ -22,11 +27,14 @@ from ftforce.core.arrays import norm
 from ftforce.errors import UnknownNameError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.reduced_jacobian import ReducedJacobian
 
 
 _ROUNDING = 1e-12  # smaller torques, relative to the arm's, count as zero
+_SHARE_OF_WEIGHT = 1e-3  # of the largest weight torque: friction of a joint of unknown friction
 
 
 class LockModel(StrEnum):
@@ -70,6 +78,116 @@ class LimitingFactor(StrEnum):
     """Gravity and motion torques alone exceed the limits: the arm cannot support itself."""
     UNLIMITED = "unlimited"
     """No known limit applies."""
+    FRICTION = "friction"
+    """The friction of a free-swinging joint, which yields beyond it."""
+
+
+class Bearings(NamedTuple):
+    """Free-swinging joints as they bear a tip force, with their friction.
+
+    Attributes
+    ----------
+    joints :
+        Indices of the f joints, from 0.
+    rows :
+        J_kᵀ of these joints, shape (f, m).
+    weight :
+        Their gravity and motion torques, shape (f,).
+    unbalanced :
+        The part of them that no tip force can balance, shape (f,): for joints with friction, the
+        torque where the row is zero.
+    friction :
+        ε, the largest torque that friction bears, shape (f,).
+    rounding :
+        Torque that counts as zero.
+    shortest :
+        Torque per unit of force, up to which a force has no lever at these joints.
+    is_ideal :
+        Whether none of them has friction.
+    """
+
+    joints: list[int]
+    rows: Matrix
+    weight: Vector
+    unbalanced: Vector
+    friction: Vector
+    rounding: float
+    shortest: float
+    is_ideal: bool
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether some tip force, or friction, balances these joints."""
+        if self.is_ideal:
+            return norm(self.unbalanced) <= self.rounding
+        return bool((np.abs(self.unbalanced) <= self.friction).all())
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether friction bears the weight, so that these joints need no tip force."""
+        return bool((np.abs(self.weight) <= self.friction).all())
+
+    def bears(self, F: Vector) -> bool:
+        """Return whether friction bears a force as it is: it has no lever, and they are at rest.
+
+        Parameters
+        ----------
+        F :
+            Weighted force, shape (m,).
+        """
+        if self.is_ideal:
+            return False
+        lever = self.rows.dot(F)
+        borne = np.abs(lever + self.weight) <= self.friction
+        return bool((borne & (np.abs(lever) <= self.shortest * norm(F))).all())
+
+    def torque(self, F: Vector) -> Vector:
+        """Return the torque that is left for friction, [rnea]_S + J_Sᵀ F', shape (f,).
+
+        Parameters
+        ----------
+        F :
+            Weighted force, shape (m,).
+        """
+        lever = self.rows.dot(F)
+        left = lever + self.weight
+        size = np.abs(lever) + np.abs(self.weight)
+        return np.where(np.abs(left) > _ROUNDING * size, left, 0.0)
+
+    def interval(self, d: Vector, shortest: float) -> Reach:
+        """Return the range of s, s ≥ 0, in which these joints bear ``s·d``.
+
+        Parameters
+        ----------
+        d :
+            Direction in weighted task coordinates, shape (m,).
+        shortest :
+            Levers of at most this size do not count.
+        """
+        lever, weight, friction = self.rows.dot(d), self.weight, self.friction
+        long = np.abs(lever) > self.shortest * norm(d)
+        minimum, maximum = 0.0, math.inf
+        if long.any():  # an equation, [rnea]_k + s J_kᵀ d = 0
+            x, w = lever[long], weight[long]
+            x, w = x / (size := float(np.abs(x).max())), w / size
+            s = -float(x.dot(w) / x.dot(x)) + 0.0
+            if s < 0.0 or (np.abs(s * x + w) * size > friction[long]).any():
+                if not self.is_at_rest:
+                    return NOTHING
+                s = 0.0
+            minimum, maximum = 0.0 if self.is_at_rest else s, s
+        joints: tuple[int, ...] = ()
+        for k in np.flatnonzero(~long).tolist():
+            x, w, most = float(lever[k]), float(weight[k]), float(friction[k])
+            if abs(x) <= shortest:
+                if abs(w) > most:
+                    return NOTHING
+                continue
+            ends = sorted(((-most - w) / x, (most - w) / x))
+            minimum = max(minimum, ends[0])
+            if ends[1] < maximum:
+                maximum, joints = ends[1], (self.joints[k],)
+        return Reach(minimum, maximum, joints)
 
 
 class FeasibleForces(NamedTuple):
@@ -86,14 +204,17 @@ class FeasibleForces(NamedTuple):
     lower, upper :
         Bounds on J_iᵀ F': the limits minus the gravity and motion torques, shape (k,).
     joints :
-        Indices of these joints, from 0.
-    unbalanced :
-        Torque at the free-swinging joints that no tip force can balance, relative to the arm's
-        gravity and motion torques; ideally 0.
+        Indices of these joints, from 0. The last ones, if free-swinging joints lack a lever, are
+        these, with their friction as limit.
     rtol :
         Relative tolerance below which values count as zero.
     scale :
         σ_max(J).
+    bearings :
+        The free-swinging joints; ``None`` if there are none.
+    fixed :
+        Orthonormal basis of the forces that the free-swinging joints determine, to which F₀
+        belongs, shape (m, r).
     """
 
     F0: Vector
@@ -102,14 +223,31 @@ class FeasibleForces(NamedTuple):
     lower: Vector
     upper: Vector
     joints: list[int]
-    unbalanced: float
     rtol: float
     scale: float
+    bearings: Bearings | None
+    fixed: Matrix
 
     @property
     def is_balanced(self) -> bool:
         """Whether some tip force balances the free-swinging joints, so that the arm can be held."""
-        return self.unbalanced <= self.rtol
+        return self.bearings is None or self.bearings.is_balanced
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the free-swinging joints, if any, need no force at the tip."""
+        return self.bearings is None or self.bearings.is_at_rest
+
+    def without_friction(self, joints: Iterable[int]) -> tuple[int, ...]:
+        """Return the joints whose limit is that of a motor or brake.
+
+        Parameters
+        ----------
+        joints :
+            Indices of joints, free-swinging ones among them.
+        """
+        free = () if self.bearings is None else self.bearings.joints
+        return tuple(j for j in joints if j not in free)
 
 
 class Weakest(NamedTuple):
@@ -148,6 +286,17 @@ class Reach(NamedTuple):
         """Whether no part of the ray is feasible."""
         return self.maximum < self.minimum
 
+    def within(self, other: Reach) -> Reach:
+        """Return the part that is in another range too.
+
+        Parameters
+        ----------
+        other :
+            The other range.
+        """
+        nearest = other if other.maximum < self.maximum else self
+        return Reach(max(self.minimum, other.minimum), nearest.maximum, nearest.limiting_joints)
+
 
 NOTHING = Reach(0.0, -1.0)
 
@@ -157,6 +306,8 @@ def feasible_forces(
     rnea: Vector,
     largest: Vector | None,
     lock_model: LockModel = LockModel.COMMANDED,
+    *,
+    balance: float | None = None,
 ) -> FeasibleForces:
     """Return the set of forces that the arm can hold.
 
@@ -171,29 +322,79 @@ def feasible_forces(
         (n,). ``None`` applies no limits.
     lock_model :
         How locked joints are modelled.
+    balance :
+        Torques at free-swinging joints up to this share of ‖rnea‖ count as balanced; by default
+        the rank tolerance.
     """
-    free = reduced.free
-    F0, unbalanced = np.zeros(reduced.m), 0.0
+    free, m, bearings = reduced.free, reduced.m, None
+    F0, fixed = np.zeros(m), np.zeros((m, 0))
     if free is not None:
-        weight = norm(rnea)
-        if norm(rnea[free.joints]) > _ROUNDING * weight:
-            F0 = free.support(rnea)
-            unbalanced = norm(free.unbalanced(rnea)) / weight
+        bearings = _bearings(reduced, rnea, reduced.rtol if balance is None else balance)
+        fixed = free.U[:, : free.rank]
+        if bearings.weight.any():
+            F0 = free.support(bearings.weight)
     if lock_model is LockModel.COMMANDED:
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
-        Z = np.eye(reduced.m) if free is None else free.U[:, free.rank :]
-    scale = reduced.sigma_max
-    if largest is None:
-        none = np.zeros(0)
-        return FeasibleForces(
-            F0, Z, np.zeros((0, reduced.m)), none, none, [], unbalanced, reduced.rtol, scale
-        )
-    # NaN is unknown; 0 is a free-swinging joint, already accounted for in F0 and Z.
-    joints = (largest > 0.0).nonzero()[0]
-    weights, limit = rnea[joints], largest[joints]
-    rows, bounds = reduced.J.T[joints], (-limit - weights, limit - weights)
-    return FeasibleForces(F0, Z, rows, *bounds, joints.tolist(), unbalanced, reduced.rtol, scale)
+        Z = np.eye(m) if free is None else free.U[:, free.rank :]
+    rows, lower, upper = np.zeros((0, m)), np.zeros(0), np.zeros(0)
+    joints: list[int] = []
+    if largest is not None:
+        # NaN is unknown; 0 is a free-swinging joint.
+        known = (largest > 0.0).nonzero()[0]
+        weights, limit = rnea[known], largest[known]
+        rows, lower, upper = reduced.J.T[known], -limit - weights, limit - weights
+        joints = known.tolist()
+    if bearings is not None and not bearings.is_ideal and fixed.shape[1] < len(bearings.joints):
+        rows = np.concatenate([rows, bearings.rows])
+        lower = np.concatenate([lower, -bearings.friction - bearings.weight])
+        upper = np.concatenate([upper, bearings.friction - bearings.weight])
+        joints = joints + bearings.joints
+    return FeasibleForces(
+        F0, Z, rows, lower, upper, joints, reduced.rtol, reduced.sigma_max, bearings, fixed
+    )
+
+
+def _bearings(reduced: ReducedJacobian, rnea: Vector, balance: float) -> Bearings:
+    """Return the free-swinging joints under their gravity and motion torques."""
+    free = reduced.free
+    assert free is not None
+    joints, whole = free.joints, norm(rnea)
+    weight = rnea[joints]
+    weight[np.abs(weight) <= _ROUNDING * whole] = 0.0
+    friction = friction_under(free.given.friction, rnea)[joints]
+    rows, least = reduced.J.T[joints], reduced.rtol * reduced.sigma_max
+    if free.given.is_ideal:
+        unbalanced = free.without_lever(weight, least)
+    else:
+        unbalanced = np.where(np.vecdot(rows, rows) <= least * least, weight, 0.0)
+    shortest = (reduced.rtol if free.given.is_ideal else free.given.lever) * reduced.sigma_max
+    return Bearings(
+        joints,
+        rows,
+        weight,
+        unbalanced,
+        np.maximum(friction, balance * whole),
+        balance * whole,
+        shortest,
+        free.given.is_ideal,
+    )
+
+
+def friction_under(friction: Vector, rnea: Vector) -> Vector:
+    """Return the torque that friction bears, with a share of the weight where it is unknown.
+
+    Parameters
+    ----------
+    friction :
+        N·m (N), NaN where unknown, shape (n,).
+    rnea :
+        Gravity and motion torques, shape (n,).
+    """
+    unknown = np.isnan(friction)
+    if unknown.any():
+        return np.where(unknown, _SHARE_OF_WEIGHT * np.abs(rnea).max(), friction)
+    return friction
 
 
 def reach(feasible: FeasibleForces, d: Vector) -> Reach:
@@ -208,15 +409,20 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
     """
     if not feasible.is_balanced:
         return NOTHING
-    minimum, maximum = _on_plane(feasible, d)
-    if maximum < minimum or not feasible.joints:
-        return Reach(minimum, maximum)
-    lever = feasible.rows.dot(d)
     size = feasible.rtol * feasible.scale * norm(d)
-    limiting_joints: tuple[int, ...] = ()
-    ends = []
+    ray = Reach(0.0, _on_plane(feasible, d))
+    if feasible.bearings is not None:
+        ray = ray.within(feasible.bearings.interval(d, size))
+    return ray if ray.is_empty or not feasible.joints else ray.within(_limits(feasible, d, size))
+
+
+def _limits(feasible: FeasibleForces, d: Vector, size: float) -> Reach:
+    """Return the range of ``s·d`` within the limits; levers of at most ``size`` do not count."""
+    lever = feasible.rows.dot(d)
+    minimum, ends = 0.0, []
+    motors = len(feasible.without_friction(feasible.joints))  # free-swinging joints come last
     bounds = (feasible.lower.tolist(), feasible.upper.tolist())
-    rows = zip(feasible.joints, lever.tolist(), *bounds, strict=True)
+    rows = zip(feasible.joints[:motors], lever.tolist(), *bounds, strict=False)
     for joint, x, lower, upper in rows:
         if abs(x) <= size:  # the force does not load this joint
             if lower > 0.0 or upper < 0.0:
@@ -225,13 +431,11 @@ def reach(feasible: FeasibleForces, d: Vector) -> Reach:
         first, last = (lower / x, upper / x) if x > 0.0 else (upper / x, lower / x)
         minimum = max(minimum, first)
         ends.append((last, joint))
-    if ends:
-        nearest = min(end for end, _ in ends)
-        if nearest < maximum:
-            maximum = nearest
-            limit = nearest + 1e-9 * abs(nearest)  # joints that reach their limits together
-            limiting_joints = tuple(joint for end, joint in ends if end <= limit)
-    return Reach(minimum, maximum, limiting_joints)
+    if not ends:
+        return Reach(minimum, math.inf)
+    nearest = min(end for end, _ in ends)
+    limit = nearest + 1e-9 * abs(nearest)  # joints that reach their limits together
+    return Reach(minimum, nearest, tuple(joint for end, joint in ends if end <= limit))
 
 
 def is_beyond_arm(reduced: ReducedJacobian, d: Vector) -> bool:
@@ -263,10 +467,10 @@ def limiting_factor(
         Whether even the healthy arm lacks the direction, from `is_beyond_arm`.
     """
     if ray.is_empty:
-        balanced = feasible.is_balanced and not feasible.F0.any()
-        return LimitingFactor.WEIGHT if balanced else LimitingFactor.FAULT
+        return LimitingFactor.WEIGHT if feasible.is_at_rest else LimitingFactor.FAULT
     if ray.limiting_joints:
-        return LimitingFactor.LIMIT
+        is_limit = feasible.without_friction(ray.limiting_joints)
+        return LimitingFactor.LIMIT if is_limit else LimitingFactor.FRICTION
     if math.isinf(ray.maximum):
         return LimitingFactor.UNLIMITED
     return LimitingFactor.DIRECTION if beyond_arm else LimitingFactor.FAULT
@@ -284,7 +488,7 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     """
     if not space.size:
         space = np.eye(len(space), 1)
-    if not feasible.is_balanced or feasible.F0.any():  # zero force is not feasible
+    if not feasible.is_at_rest:  # zero force is not feasible
         return Weakest(space[:, 0], NOTHING)
     missing = space - feasible.Z.dot(feasible.Z.T.dot(space))
     _, s, Vt = np.linalg.svd(missing)
@@ -307,18 +511,12 @@ def weakest_direction(feasible: FeasibleForces, space: Matrix) -> Weakest:
     return Weakest(direction, reach(feasible, direction))
 
 
-def _on_plane(feasible: FeasibleForces, d: Vector) -> tuple[float, float]:
-    """Return the interval of s for which ``s·d`` lies in the subspace ``F₀ + Z z``."""
-    Z, F0 = feasible.Z, feasible.F0
-    offset = norm(F0)
-    if Z.shape[1] == len(d) and offset == 0.0:
-        return 0.0, math.inf
+def _on_plane(feasible: FeasibleForces, d: Vector) -> float:
+    """Return the largest s for which the motors, or brakes, can exert ``s·d`` at all."""
+    Z, fixed = feasible.Z, feasible.fixed
+    if Z.shape[1] == len(d):
+        return math.inf
     beyond = d - Z.dot(d.dot(Z))
-    size = norm(beyond)
-    if size <= feasible.rtol * norm(d):
-        return (0.0, math.inf) if offset == 0.0 else (0.0, -1.0)
-    if offset == 0.0:
-        return 0.0, 0.0
-    s = float((F0 / size).dot(beyond / size))
-    miss = norm(s * beyond - F0)
-    return (s, s) if s >= 0.0 and miss <= feasible.rtol * offset else (0.0, -1.0)
+    if fixed.size:  # along these the free-swinging joints decide
+        beyond -= fixed.dot(beyond.dot(fixed))
+    return math.inf if norm(beyond) <= feasible.rtol * norm(d) else 0.0

@@ -6,6 +6,7 @@ singular values are unchanged, and every vector keeps one entry per joint.
 A free-swinging joint k transmits no torque, so only forces in range(K) that do not load it remain
 available: ``J_kᵀ F' = 0``, apart from its gravity torque. K is therefore projected onto the
 orthogonal complement of the columns of the free-swinging joints, and all results for K still hold.
+Columns too short to balance anything do not count: there the friction of the joint decides.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Vector, as_floats, check_finite, read_only
+from ftforce.core.arrays import Mask, Matrix, Vector, as_floats, check_finite, norm, read_only
 from ftforce.core.svd import Svd
 from ftforce.errors import DimensionError, InputError
 
@@ -28,49 +29,84 @@ RTOL = 1e-6
 BORDERLINE_RTOL = 1e-2
 """Default upper end of the range of tolerances over which a verdict must not change."""
 
+_ROUNDING = 1e-12  # smaller torques, relative to the others, count as zero
+
+
+class FreeJoints(NamedTuple):
+    """Free-swinging joints, and how much torque their friction bears.
+
+    Attributes
+    ----------
+    mask :
+        True at these joints, shape (n,).
+    friction :
+        Largest torque that friction bears, N·m (N), NaN where it follows from the weight of the
+        arm, shape (n,).
+    lever :
+        Where there is friction, singular values of the columns up to ``lever · σ_max(J)`` are too
+        short a lever to balance anything (theory §4).
+    """
+
+    mask: Mask
+    friction: Vector
+    lever: float
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether none of these joints has any friction."""
+        return not self.friction[self.mask].any()  # NaN is some
+
 
 class FreeColumns(NamedTuple):
     """Singular value decomposition of the Jacobian columns of the free-swinging joints.
 
     Attributes
     ----------
+    given :
+        The joints and their friction.
     joints :
         Indices of the f joints, from 0.
     U, s, Vt :
         Decomposition of the columns J_S, shapes (m, m), (min(m, f),) and (f, f).
     rank :
-        Number of singular values above ``rtol · σ_max(J)``.
+        Number of singular values that are a lever: above ``lever · σ_max(J)``, or for ideal joints
+        above ``rtol · σ_max(J)``.
     """
 
+    given: FreeJoints
     joints: list[int]
     U: Matrix
     s: Vector
     Vt: Matrix
     rank: int
 
-    def support(self, rnea: Vector) -> Vector:
+    def support(self, torque: Vector) -> Vector:
         """Return the minimum-norm balancing force, -(J_Sᵀ)† [rnea]_S, shape (m,).
 
         Parameters
         ----------
-        rnea :
-            Gravity and motion torques of all joints, shape (n,).
+        torque :
+            Gravity and motion torques of these joints, [rnea]_S, shape (f,).
         """
         r = self.rank
-        force: Vector = -self.U[:, :r].dot(self.Vt[:r].dot(rnea[self.joints]) / self.s[:r])
+        along = self.Vt[:r].dot(torque)
+        along[np.abs(along) <= _ROUNDING * norm(torque)] = 0.0
+        force: Vector = -self.U[:, :r].dot(along / self.s[:r])
         return force
 
-    def unbalanced(self, rnea: Vector) -> Vector:
-        """Return the torque at these joints that no tip force can balance, shape (f,).
+    def without_lever(self, torque: Vector, shortest: float) -> Vector:
+        """Return the part of the torque at these joints that no force changes, shape (f,).
 
         Parameters
         ----------
-        rnea :
-            Gravity and motion torques of all joints, shape (n,).
+        torque :
+            Gravity and motion torques of these joints, [rnea]_S, shape (f,).
+        shortest :
+            Singular values of the columns up to it are no lever.
         """
-        V = self.Vt[self.rank :]
-        torque: Vector = V.dot(rnea[self.joints]).dot(V)
-        return torque
+        V = self.Vt[int(np.count_nonzero(self.s > shortest)) :]
+        left: Vector = V.dot(torque).dot(V)
+        return left
 
 
 class ReducedJacobian(NamedTuple):
@@ -136,7 +172,7 @@ class ReducedJacobian(NamedTuple):
 
 
 def reduce(
-    J: Matrix, locked: Mask, rtol: float = RTOL, free: Mask | None = None
+    J: Matrix, locked: Mask, rtol: float = RTOL, free: FreeJoints | Mask | None = None
 ) -> ReducedJacobian:
     """Decompose J and K; arguments are not validated (see `check_core_input`).
 
@@ -149,13 +185,13 @@ def reduce(
     rtol :
         Rank tolerance, relative to σ_max(J).
     free :
-        True at free-swinging joints, shape (n,); ``None`` if there are none.
+        The free-swinging joints, or a mask of ideal ones, shape (n,); ``None`` if there are none.
     """
     return reduce_decomposed(Svd(J), locked, rtol, free)
 
 
 def reduce_decomposed(
-    healthy: Svd, locked: Mask, rtol: float, free: Mask | None = None
+    healthy: Svd, locked: Mask, rtol: float, free: FreeJoints | Mask | None = None
 ) -> ReducedJacobian:
     """Decompose K for a fault set, given the decomposition of J.
 
@@ -173,20 +209,23 @@ def reduce_decomposed(
         np.copyto(K, 0.0, where=locked)  # eq. (25), (26)
         damaged = Svd(read_only(K), left_only=True)
     if free is not None:
-        columns = _free_columns(healthy.A, free, threshold)
+        if not isinstance(free, FreeJoints):
+            free = FreeJoints(free, np.zeros(len(free)), rtol)
+        columns = _free_columns(healthy.A, free, healthy.s[0], rtol)
         U = columns.U[:, columns.rank :]
         K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K
-        np.copyto(K, 0.0, where=free)
+        np.copyto(K, 0.0, where=free.mask)
         damaged = Svd(read_only(K), left_only=True)
     return ReducedJacobian(
         healthy, damaged, locked, healthy.rank(threshold), damaged.rank(threshold), rtol, columns
     )
 
 
-def _free_columns(J: Matrix, mask: Mask, threshold: float) -> FreeColumns:
-    joints = np.flatnonzero(mask).tolist()
+def _free_columns(J: Matrix, free: FreeJoints, scale: float, rtol: float) -> FreeColumns:
+    joints = np.flatnonzero(free.mask).tolist()
     U, s, Vt = np.linalg.svd(J[:, joints])
-    return FreeColumns(joints, U, s, Vt, int(np.count_nonzero(s > threshold)))
+    shortest = rtol if free.is_ideal else free.lever
+    return FreeColumns(free, joints, U, s, Vt, int(np.count_nonzero(s > shortest * scale)))
 
 
 def check_core_input(J: ArrayLike, locked: ArrayLike) -> tuple[Matrix, Mask]:

@@ -108,7 +108,8 @@ def judge(
     """Return the verdict for one or all forces, with free-swinging joints and torque limits.
 
     A single tolerance t decides which directions are lost, which jumps are negligible,
-    ‖ΔF‖ ≤ t·‖F̂‖, and which torques count as balanced at free-swinging joints. The verdict is
+    ‖ΔF‖ ≤ t·‖F̂‖, and which torques count as balanced at ideal free-swinging joints; for others
+    their friction does. The verdict is
     ``BORDERLINE`` unless every t from ``reduced.rtol`` to ``wary`` gives the same answer.
 
     Parameters
@@ -144,24 +145,29 @@ def _outcomes_with_limits(
     from ftforce.core.bounded_remap import nearest_force
     from ftforce.core.feasible_forces import feasible_forces
 
-    mask = None
-    if reduced.free is not None:
-        mask = ~(reduced.commanding | reduced.locked)
-    outcomes: set[bool] = set()
+    def force_at(here: ReducedJacobian, t: float) -> tuple[FeasibleForces, Vector | None]:
+        balance = t if is_ideal else reduced.rtol  # friction does not depend on the tolerance
+        feasible = feasible_forces(here, bounded.rnea, largest, balance=balance)
+        return feasible, nearest_force(feasible, bounded.nearest.F).F_after
+
+    def is_kept(t: float) -> bool:
+        is_lost = F is None and here.rank_after < reduced.rank
+        return not is_lost and _relative_jump(feasible, F_after, bounded) <= t
+
+    free = None if reduced.free is None else reduced.free.given
+    is_ideal = free is not None and free.is_ideal
     here, feasible, F_after = reduced, bounded.feasible, bounded.F_after
+    outcomes: set[bool] = set()
     start: float | None = reduced.rtol
     while start is not None:  # from one change of rank to the next
         if start != reduced.rtol:
-            here = reduce_decomposed(reduced.healthy, reduced.locked, start, mask)
-            feasible = feasible_forces(here, bounded.rnea, largest)
-            F_after = None
-        if F_after is None:  # also if the arm is in equilibrium only at a larger tolerance
-            F_after = nearest_force(feasible._replace(unbalanced=0.0), bounded.nearest.F).F_after
-        jump = _relative_jump(feasible, F_after, bounded)
-        if F is None and here.rank_after < reduced.rank:
-            jump = math.inf  # a direction is lost
+            here = reduce_decomposed(reduced.healthy, reduced.locked, start, free)
+            feasible, F_after = force_at(here, start)
+        outcomes.add(is_kept(start))
         end = _next_change(here, wary)
-        outcomes |= {feasible.unbalanced <= t and jump <= t for t in (start, end or wary)}
+        if is_ideal and not feasible.is_balanced:  # it may be at a larger tolerance
+            feasible, F_after = force_at(here, end or wary)
+        outcomes.add(is_kept(end or wary))
         start = end
     return outcomes
 
@@ -173,7 +179,7 @@ def _next_change(reduced: ReducedJacobian, wary: float) -> float | None:
     """
     scale = reduced.sigma_max
     values = list(reduced.damaged.s)
-    if reduced.free is not None:
+    if reduced.free is not None and reduced.free.given.is_ideal:
         values += reduced.free.s.tolist()
     lowest, highest = reduced.rtol * scale, wary * scale
     above = [s for s in values if lowest < s <= highest]

@@ -13,6 +13,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
 from ftforce.report.fields import MISSING, Document, Field, Row, document, plain, under, whole
+from ftforce.report.friction import friction_borne, reliance_in_words
 from ftforce.report.measures import MEASURES, RANK_AFTER, SIGMA_MIN_AFTER
 from ftforce.report.text import (
     amounts,
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 def verdict_sentence(analysis: Analysis) -> str:
     """Return the verdict in one or more plain sentences."""
     about = _about(analysis)
+    if reliance := reliance_in_words(analysis):
+        about += f"; {reliance}"
     sentence = f"{analysis.verdict.value.capitalize()}: {faults_in_words(analysis)}, {about}."
     if analysis.force is not None and is_noticeable(analysis.force.unsupported):
         missing = amounts(analysis.task, analysis.force.unsupported)
@@ -80,6 +83,7 @@ def _about_falling(analysis: Analysis) -> str:
     bounded, robot = analysis.bounded, analysis.robot
     assert bounded is not None
     components = ", ".join(analysis.task.components)
+    bearings = bounded.feasible.bearings
     if not bounded.feasible.is_balanced:
         torques = [
             f"{robot.names[j]} with {torque_of(robot, j, x)}"
@@ -87,12 +91,35 @@ def _about_falling(analysis: Analysis) -> str:
         ]
         return (
             "the arm cannot be held in static equilibrium: weight and motion load "
-            f"{joined(torques)}, and no force at the tip ({components}) balances that"
+            f"{joined(torques)}, and {_nothing_balances(analysis)}"
+        )
+    if bearings is not None and not bounded.overloaded:
+        names = joined(robot.names[j] for j in bearings.joints)
+        return (
+            "the arm cannot be held in static equilibrium: no force at the tip "
+            f"({components}) keeps the torque at {names} within friction and limits"
         )
     return (
         f"the arm cannot support itself: {_overload_in_words(analysis)}, and no force "
         f"at the tip ({components}) relieves it enough"
     )
+
+
+def _nothing_balances(analysis: Analysis) -> str:
+    """Say that neither a force at the tip nor friction balances torques at free joints."""
+    robot, bounded, components = analysis.robot, analysis.bounded, analysis.task.components
+    assert bounded is not None
+    bearings = bounded.feasible.bearings
+    assert bearings is not None
+    force = f"force at the tip ({', '.join(components)})"
+    if bearings.is_ideal:
+        return f"no {force} balances that"
+    most = [
+        torque_of(robot, j, x)
+        for j, x in zip(bearings.joints, bearings.friction.tolist(), strict=True)
+        if j in unbalanced(analysis)
+    ]
+    return f"neither a {force} nor friction (at most {joined(most)}) balances that"
 
 
 def _overload_in_words(analysis: Analysis) -> str:
@@ -111,11 +138,13 @@ def _overload_in_words(analysis: Analysis) -> str:
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:
     """Return the torques at free-swinging joints that no tip force balances, by joint index."""
-    free = analysis.reduced.free
-    if free is None or analysis.bounded is None or analysis.bounded.feasible.is_balanced:
+    bearings = None if analysis.bounded is None else analysis.bounded.feasible.bearings
+    if bearings is None or bearings.is_balanced:
         return {}
-    torque = free.unbalanced(analysis.rnea.after)
-    return dict(zip(free.joints, torque.tolist(), strict=True))
+    most = 0.0 if bearings.is_ideal else bearings.friction
+    beyond = np.abs(bearings.unbalanced) > most
+    pairs = zip(bearings.joints, bearings.unbalanced.tolist(), strict=True)
+    return {j: x for (j, x), over in zip(pairs, beyond.tolist(), strict=True) if over}
 
 
 def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
@@ -335,6 +364,9 @@ _STANDING = (
         "needed; `null` otherwise", parts.FORCE, "m", _support),
     Field("unbalanced", "torque that no tip force balances; empty if the arm can be held",
         parts.TORQUE, "by free joint", unbalanced),
+    Field("friction", "torque that friction bears at free-swinging joints, where the answer relies "
+        "on it: `torque`, `limit` and `source` of the limit", parts.TORQUE, "by free joint",
+        friction_borne),
     Field("overloaded", "joints that weight and motion alone overload: `torque` and `limit`",
         parts.TORQUE, "by joint", lambda analysis: {
         j: {"torque": x, "limit": most} for j, (x, most) in overloads(analysis).items()

@@ -102,6 +102,8 @@ def end_in_words(analysis: Analysis, amount: CapabilityRange, *, after: bool = T
         return "the arm lacks it"
     if amount.end is LimitingFactor.FAULT:
         return f"fault of {joined(names)}" if names else "beyond the healthy arm"
+    if amount.end is LimitingFactor.FRICTION:
+        return f"friction of {joined(names)}"
     locked = set(analysis.faults.in_mode(FaultMode.LOCKED)) if after else set()
     words = (
         f"{'brake of ' if j in locked else ''}{name}"

@@ -172,8 +172,9 @@ AMOUNT = (
         "no value can be held", "`unit`", get="maximum"),
     Field("least", "smallest value, nonzero only with free-swinging joints or if weight alone "
         "exceeds a limit; `null` if no value can be held", "`unit`", get="minimum"),
-    Field("end", "what limits it: `limit`, `fault`, `weight`, `unlimited`, or `direction`: even "
-        "the healthy arm exerts no force in this direction"),
+    Field("end", "what limits it: `limit`, `fault`, `weight`, `friction` (of a free-swinging "
+        "joint), `unlimited`, or `direction`: even the healthy arm exerts no force in this "
+        "direction"),
     Field("stops", "joints that limit it", shape="names", get="limiting_joints"),
 )
 # fmt: on

@@ -211,6 +211,8 @@ SWEEP = (
     Field("mode", "`locked` or `free`", get="setting.mode"),
     Field("force", "requested force; `null` without", parts.FORCE, "m", "setting.force"),
     Field("direction", "of the capability; `null` without", "1", "m", "setting.direction"),
+    Field("friction", "of free-swinging joints, in words; `null` if joints do not swing",
+        get="setting.friction"),
     Field("limits", "torque limits of the capability; `null` if it is not evaluated",
         get=lambda sweep: parts.limited(sweep.setting), parts=(
         Field("source", "source of the limits", get="limits"),

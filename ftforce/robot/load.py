@@ -177,6 +177,7 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
                 upper=upper,
                 effort=_largest(corrected.get(joint.name, joint.effort)),
                 velocity=_largest(joint.velocity),
+                friction=_largest(joint.friction),
                 followers=tuple(f.name for f in chain.followers[joint.name]),
             )
         )
@@ -192,7 +193,7 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
 
 
 def _largest(limit: float | None) -> float | None:
-    """Return an effort or velocity limit, or ``None`` if it is unknown."""
+    """Return an effort, velocity or friction, or ``None`` if it is unknown."""
     return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
 
 

@@ -61,6 +61,8 @@ class Joint(JointUnits):
         Maximum motor torque in N·m (force in N if prismatic); ``None`` if unknown.
     velocity :
         Maximum speed in rad/s or m/s; ``None`` if unknown.
+    friction :
+        Static friction in N·m (N if prismatic); ``None`` if unknown.
     followers :
         Names of the mimic joints that follow it.
     """
@@ -72,6 +74,7 @@ class Joint(JointUnits):
     upper: float
     effort: float | None
     velocity: float | None
+    friction: float | None
     followers: tuple[str, ...] = ()
 
 
@@ -220,6 +223,12 @@ class Robot(Displayed):
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
         known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)
+        return read_only(np.array(list(known)))
+
+    @cached_property
+    def friction(self) -> Vector:
+        """Static friction of the joints (N·m, N), NaN where unknown, shape (n,)."""
+        known = (math.nan if joint.friction is None else joint.friction for joint in self.joints)
         return read_only(np.array(list(known)))
 
     @property

@@ -16,6 +16,7 @@ from ftforce.analysis.conditions import without_rounding
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only, safe_divide
 from ftforce.core.bounded_remap import remap_inside
+from ftforce.core.feasible_forces import friction_under
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.question import Question
     from ftforce.core.arrays import Mask, Matrix
     from ftforce.core.faults import FaultSet
+    from ftforce.core.reduced_jacobian import FreeJoints
     from ftforce.trajectory.fault_events import Phase
     from ftforce.trajectory.reference import Motion
 
@@ -49,7 +51,7 @@ class _FaultConstraints(NamedTuple):
     locked :
         True at locked joints, shape (n,).
     free :
-        True at free-swinging joints; ``None`` if there are none.
+        Free-swinging joints; ``None`` if there are none.
     limits :
         Torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
     known_limits :
@@ -57,7 +59,7 @@ class _FaultConstraints(NamedTuple):
     """
 
     locked: Mask
-    free: Mask | None
+    free: FreeJoints | None
     limits: Vector | None
     known_limits: Vector
 
@@ -68,7 +70,7 @@ class _FaultConstraints(NamedTuple):
         limits = None if case.limits is None else case.limits.largest_torques(faults)
         motors = case.robot.effort * faults.factors(n)
         known = np.where(faults.mask(n), np.nan, motors) if limits is None else limits
-        return cls(faults.mask(n), faults.free_mask(n), limits, known)
+        return cls(faults.mask(n), case.free_joints(faults), limits, known)
 
 
 class TipPath(NamedTuple):
@@ -283,6 +285,8 @@ def _without_remap(
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
     F_after = _exerted(case, q, reduced, rest)
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
+    if actual.free is not None:
+        unbalanced = _left_by_friction(unbalanced, actual.free, rnea)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *planned.F.dot(J))
     moved = safe_divide(math.hypot(*unbalanced), scale, 0.0)
@@ -290,6 +294,12 @@ def _without_remap(
         unbalanced = np.zeros_like(unbalanced)
     verdict = _verdict(case, reduced, planned.F, F_after, moved)
     return _Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
+
+
+def _left_by_friction(torque: Vector, free: FreeJoints, rnea: Vector) -> Vector:
+    """Return the torques without those that friction bears at free-swinging joints."""
+    borne = np.abs(torque) <= friction_under(free.friction, rnea)
+    return np.where(free.mask & borne, 0.0, torque)
 
 
 def _exerted(case: Question, q: Vector, reduced: ReducedJacobian, rest: Vector) -> Vector:

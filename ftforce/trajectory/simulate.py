@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.task import Axes
@@ -57,6 +58,7 @@ def simulate(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -92,7 +94,7 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
-    gravity, payload, limits, task, length, axes, rtol, wary :
+    gravity, payload, limits, friction, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
         Samples per second; by default 100 along a path, or the recording's own times.
@@ -145,6 +147,7 @@ def simulate(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         axes=axes,
@@ -336,7 +339,7 @@ def _velocity_jumps(
     if not locked.any():
         return (), ()
     J = read_only(task_jacobian(robot, state.q, _LINEAR))
-    reduced = reduce(J, locked, question.rtol, faults.free_mask(robot.n))
+    reduced = reduce(J, locked, question.rtol, question.free_joints(faults))
     remapped = tuple(change_of_velocity(reduced, _LINEAR, state.v).jump.tolist())
     try:
         M = mass_matrix(robot, state.q, question.conditions.payload) if robot.mass else None
@@ -373,5 +376,16 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         has_masses=robot.mass > 0.0,
         rtol=question.rtol,
         wary=question.wary,
-        notes=start.notes,
+        notes=(*start.notes, *_friction_note(scene)),
+    )
+
+
+def _friction_note(scene: _Scene) -> tuple[str, ...]:
+    """Say which friction is assumed, if a joint swings freely."""
+    question = scene.question
+    joints = sorted({j for event in scene.events for j in event.faults.free})
+    if not joints:
+        return ()
+    return (
+        f"friction of free-swinging joints: {question.friction.in_words(question.robot, joints)}",
     )

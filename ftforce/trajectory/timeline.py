@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.limits import Limits
@@ -232,6 +233,7 @@ def timeline(
     gravity: ArrayLike | None = None,
     payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
     limits: LimitsLike = None,
+    friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     axes: Axes = "tool",
@@ -265,7 +267,7 @@ def timeline(
     limits :
         As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
         capability.
-    gravity, payload, task, length, axes, rtol, wary :
+    gravity, payload, friction, task, length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
         Called with the number of steps completed and their total.
@@ -295,6 +297,7 @@ def timeline(
         gravity=gravity,
         payload=payload,
         limits=limits,
+        friction=friction,
         task=task,
         length=length,
         axes=axes,

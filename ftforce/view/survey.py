@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ftforce.analysis.friction import GIVEN, Friction
 from ftforce.batch.store.store import open_sweep
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.core.arrays import read_only
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
     from numpy.typing import NDArray
 
-    from ftforce.batch.result import Sweep
+    from ftforce.batch.result import Sweep, SweepSetting
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.meshes import Geometry
@@ -179,6 +181,14 @@ def read_points(sweep: Sweep, count: int = _MAX_POINTS) -> Points | None:
     return Points(q, tips[chosen], verdict.astype(np.int8), worst.astype(np.int64), len(done))
 
 
+def _friction(setting: SweepSetting) -> Friction | None:
+    """Return the friction of a sweep's free-swinging joints; ``None`` if none swings."""
+    if setting.friction is None:
+        return None
+    torque = [math.nan if x is None else x for x in setting.friction_torques]
+    return Friction(read_only(np.array(torque)), (GIVEN,) * setting.n)
+
+
 def _verdicts_of(points: Points, place: int | None) -> NDArray[np.int8]:
     """Return the verdict of each point for a fault set, shape (k,).
 
@@ -313,6 +323,7 @@ class Survey(Mode):
             rtol=setting.rtol,
             wary=setting.wary,
             is_limited=False,
+            friction=_friction(setting),
             own_gravity=self._gravity(),
         )
         if setting.force is None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ftforce.batch.kernels import slabs
 from ftforce.batch.kernels.jit import inner
 from ftforce.batch.kernels.layout import (
     BORDERLINE,
@@ -25,12 +26,15 @@ _SWEEPS = 40  # most sweeps of Jacobi rotations
 _ORTHOGONAL = 4e-16  # cosine of the angle between rows that need no rotation
 _NEGLIGIBLE = 1e-18  # relative to the longest row
 _ROUNDING = 1e-12  # relative to the gravity torques
+SHARE_OF_WEIGHT = 1e-3
+"""Friction of a joint whose friction is unknown, relative to the largest gravity torque."""
 
 
 class Scratch(NamedTuple):
     """Workspace for one posture and one fault set."""
 
-    rank: np.ndarray  # (1,): of J
+    rank: np.ndarray  # (2,): of J, and of the columns of the free-swinging joints with a lever
+    slabs: slabs.Slabs
     J: np.ndarray  # (m, n)
     U: np.ndarray  # (m, m): of J = U diag(s) Vᵀ
     s: np.ndarray  # (m,)
@@ -43,8 +47,11 @@ class Scratch(NamedTuple):
     F0: np.ndarray  # (m,): force that balances the free-swinging joints
     W: np.ndarray  # (m, n): columns of the free-swinging joints
     projected: np.ndarray  # (m,): output of `project`
-    residual: np.ndarray  # (n,): torques of the free-swinging joints that F0 does not balance
+    residual: np.ndarray  # (n,): torques of the free-swinging joints that no force balances
     limit: np.ndarray  # (n,): torque limits
+    friction: np.ndarray  # (n,): ε, torque that the friction of each joint bears
+    fixed: np.ndarray  # (m, m): left singular vectors of the free columns with a lever
+    jump: np.ndarray  # (m,): ΔF
 
 
 def workspace(m, n):
@@ -56,8 +63,12 @@ def workspace(m, n):
         Numbers of task rows and of joints.
     """
     posture = [(m, n), (m, m), m, m, m, n]
-    fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n]
-    return Scratch(aligned_zeros(1, np.int64), *aligned_arrays([*posture, *fault_set]))
+    fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n, n, (m, m), m]
+    return Scratch(
+        aligned_zeros(2, np.int64),
+        slabs.Slabs(*aligned_arrays(slabs.shapes(m, n))),
+        *aligned_arrays([*posture, *fault_set]),
+    )
 
 
 @inner
@@ -199,13 +210,50 @@ def reduce_columns(J, locked, K):
 
 
 @inner
-def project_out_free(scratch, free, threshold):
+def friction_under_weight(friction, rnea, out):
+    """Fill in the friction of each joint, with a share of the weight where it is unknown.
+
+    Parameters
+    ----------
+    friction :
+        N·m (N), NaN where unknown, shape (n,).
+    rnea :
+        Gravity torques, shape (n,).
+    out :
+        Filled in, shape (n,).
+    """
+    largest = 0.0
+    for k in range(rnea.size):
+        largest = max(largest, abs(rnea[k]))
+    for k in range(rnea.size):
+        out[k] = SHARE_OF_WEIGHT * largest if math.isnan(friction[k]) else friction[k]
+
+
+@inner
+def is_ideal(friction, free):
+    """Return whether no free-swinging joint has friction.
+
+    Parameters
+    ----------
+    friction :
+        N·m (N), NaN where unknown, shape (n,).
+    free :
+        True at the free-swinging joints, shape (n,).
+    """
+    found = True
+    for k in range(free.size):
+        found &= not (free[k] and friction[k] != 0.0)
+    return found
+
+
+@inner
+def project_out_free(scratch, free, shortest, least):
     """Project K onto the orthogonal complement of the columns of free-swinging joints.
 
-    Stores in F0 the smallest force that balances these joints. Returns the torque at them that no
-    force can balance, relative to the gravity torques of the arm, and the smallest singular value
-    of their columns above ``threshold`` (infinite if there is none), the next one that a larger
-    tolerance would treat as zero.
+    Stores in F0 the smallest force that balances these joints, in ``fixed`` the basis of the forces
+    that they determine, and in ``residual`` the torques at them that no force can balance. Returns
+    the smallest singular value of their columns above ``shortest`` (infinite if there is none), the
+    next one that a larger tolerance would treat as zero.
 
     Parameters
     ----------
@@ -213,8 +261,10 @@ def project_out_free(scratch, free, threshold):
         Workspace with J, K and the gravity torques.
     free :
         True at the free-swinging joints, shape (n,).
-    threshold :
-        Singular values of their columns up to it count as zero.
+    shortest :
+        Singular values of their columns up to it are no lever.
+    least :
+        Singular values up to it count as zero.
     """
     m, n = scratch.J.shape
     W, s, rest = scratch.W, scratch.t, scratch.projected
@@ -222,20 +272,31 @@ def project_out_free(scratch, free, threshold):
         for i in range(m):
             W[i, k] = scratch.J[i, k] if free[k] else 0.0
     decompose(W, scratch.V, s)
-    rank = rank_of(s, threshold)
+    rank = rank_of(s, shortest)
+    scratch.rank[1] = rank
+    for i in range(m):
+        for j in range(m):
+            scratch.fixed[i, j] = scratch.V[i, j]
     for k in range(n):
         project(scratch.V, rank, m, scratch.K[:, k], rest)
         for i in range(m):
             scratch.K[i, k] = 0.0 if free[k] else rest[i]
-    unbalanced = balance_free(scratch, free, rank)
-    return unbalanced, s[rank - 1] if rank > 0 else math.inf
+    balance_free(scratch, free, rank, rank_of(s, least))
+    return s[rank - 1] if rank > 0 else math.inf
 
 
 @inner
-def balance_free(scratch, free, rank):
+def _weight_of(scratch, k, total):
+    """Return the weight torque of a free-swinging joint, 0 if it is rounding."""
+    w = scratch.rnea[k]
+    return w if abs(w) > _ROUNDING * total else 0.0
+
+
+@inner
+def balance_free(scratch, free, rank, movable):
     """Set F0 to the smallest force that balances the free-swinging joints, -(J_Sᵀ)† [rnea]_S.
 
-    Returns the unbalanced torque, relative to the gravity torques. The rows of W are σ_i v_iᵀ.
+    The rows of W are σ_i v_iᵀ.
 
     Parameters
     ----------
@@ -244,27 +305,188 @@ def balance_free(scratch, free, rank):
     free :
         True at these joints, shape (n,).
     rank :
-        Rank of their columns.
+        Number of singular values that are a lever.
+    movable :
+        Number of those that are not zero; what they leave, no force balances.
     """
     m, n = scratch.J.shape
     residual, F0 = scratch.residual, scratch.F0
     for i in range(m):
         F0[i] = 0.0
+    total, size = norm(scratch.rnea), 0.0
     for k in range(n):
-        residual[k] = scratch.rnea[k] if free[k] else 0.0
-    total = norm(scratch.rnea)
-    if not norm(residual) > _ROUNDING * total:
-        return 0.0
-    for i in range(rank):
+        residual[k] = _weight_of(scratch, k, total) if free[k] else 0.0
+        size += residual[k] * residual[k]
+    if size == 0.0:
+        return
+    for i in range(max(rank, movable)):
+        along = 0.0  # v_iᵀ [rnea]_S
+        for k in range(n):
+            if free[k]:
+                along += scratch.W[i, k] * _weight_of(scratch, k, total) / scratch.t[i]
+        if i < rank and abs(along) > _ROUNDING * math.sqrt(size):
+            for k in range(m):
+                F0[k] -= along / scratch.t[i] * scratch.V[k, i]
+        if i < movable:
+            for k in range(n):
+                residual[k] -= along * (scratch.W[i, k] / scratch.t[i])
+
+
+@inner
+def is_balanced(scratch, free, ideal, tolerance):
+    """Return whether some tip force, or friction, balances each free-swinging joint.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace, after `project_out_free`.
+    free :
+        True at the free-swinging joints, shape (n,).
+    ideal :
+        Whether they have no friction.
+    tolerance :
+        Torques up to this share of all gravity torques count as zero.
+    """
+    rounding = tolerance * norm(scratch.rnea)
+    if ideal:
+        return norm(scratch.residual) <= rounding
+    total, least, found = norm(scratch.rnea), tolerance * scratch.s[0], True
+    for k in range(free.size):
+        has_lever = norm(scratch.J[:, k]) > least
+        weight = _weight_of(scratch, k, total)
+        found &= not free[k] or has_lever or abs(weight) <= max(scratch.friction[k], rounding)
+    return found
+
+
+@inner
+def lever_of(scratch, k, x):
+    """Return J_kᵀ x."""
+    lever = 0.0
+    for i in range(x.size):
+        lever += scratch.J[i, k] * x[i]
+    return lever
+
+
+@inner
+def is_borne(scratch, free, after, rtol, wary):
+    """Return whether friction bears the force F̂ as it is (`Bearings.bears`), at once in range(K).
+
+    Parameters
+    ----------
+    scratch :
+        Workspace, with K decomposed.
+    free :
+        True at the free-swinging joints, shape (n,).
+    after :
+        Rank of K.
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    """
+    F, total = scratch.F, norm(scratch.rnea)
+    size = norm(F)
+    for k in range(free.size):
+        if free[k]:
+            lever, weight = lever_of(scratch, k, F), _weight_of(scratch, k, total)
+            most = max(scratch.friction[k], rtol * total)
+            if abs(lever + weight) > most or abs(lever) > wary * scratch.s[0] * size:
+                return False
+            if abs(lever) <= rtol * scratch.s[0] * size and abs(weight) > most:
+                return False
+    return beyond_of(scratch, after, F) <= rtol * size
+
+
+@inner
+def beyond_of(scratch, after, x):
+    """Return the size of the part of x that neither motors nor free-swinging joints decide.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace, with K decomposed.
+    after :
+        Rank of K.
+    x :
+        Force, shape (m,).
+    """
+    beyond, m = scratch.projected, x.size
+    project(scratch.V, after, m, x, beyond)
+    for j in range(scratch.rank[1]):
         along = 0.0
-        for k in range(n):
-            along += scratch.W[i, k] * scratch.rnea[k]
-        along /= scratch.t[i] * scratch.t[i]
-        for k in range(m):
-            F0[k] -= along * scratch.V[k, i]
-        for k in range(n):
-            residual[k] -= along * scratch.W[i, k]
-    return norm(residual) / total
+        for i in range(m):
+            along += scratch.fixed[i, j] * beyond[i]
+        for i in range(m):
+            beyond[i] -= along * scratch.fixed[i, j]
+    return norm(beyond)
+
+
+@inner
+def hold(scratch, free, after, ideal, rtol, wary):
+    """Store in ``jump`` how far the closest force that can be held is from F̂, if there is one.
+
+    As `ftforce.core.bounded_remap.nearest_force` without limits, for joints that are balanced.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace, with K decomposed.
+    free :
+        True at the free-swinging joints, shape (n,).
+    after :
+        Rank of K.
+    ideal :
+        Whether they have no friction.
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
+    """
+    m, F, jump = scratch.F.size, scratch.F, scratch.jump
+    if not ideal and is_borne(scratch, free, after, rtol, wary):
+        for i in range(m):
+            jump[i] = 0.0
+        return True
+    lose(scratch, after)
+    count = 0
+    for k in range(free.size):
+        count += 1 if free[k] else 0
+    if ideal or count == scratch.rank[1]:
+        return True
+    total, within, work = norm(scratch.rnea), True, scratch.slabs
+    for k in range(free.size):
+        work.width[k] = -1.0
+        if free[k]:
+            most, weight = max(scratch.friction[k], rtol * total), _weight_of(scratch, k, total)
+            torque = weight + lever_of(scratch, k, F) - lever_of(scratch, k, jump)
+            within &= abs(torque) <= most
+            project(scratch.V, 0, after, scratch.J[:, k], scratch.projected)
+            for i in range(m):
+                work.rows[i, k] = scratch.projected[i]
+            work.width[k] = most
+            work.middle[k] = -weight - lever_of(scratch, k, scratch.F0)
+    if within:
+        return True
+    z = jump
+    for i in range(m):
+        z[i] = F[i] - jump[i] - scratch.F0[i]
+    found = slabs.nearest(work, z, rtol * scratch.s[0])
+    for i in range(m):
+        jump[i] = F[i] - scratch.F0[i] - z[i]
+    return found
+
+
+@inner
+def lose(scratch, after):
+    """Store in ``jump`` the jump ΔF = (I - K K†) F̂ - F₀ (eq. 33, 40).
+
+    Parameters
+    ----------
+    scratch :
+        Workspace, with K decomposed.
+    after :
+        Rank of K.
+    """
+    m, jump = scratch.F.size, scratch.jump
+    project(scratch.V, after, m, scratch.F, jump)
+    for i in range(m):
+        jump[i] = 0.0 if after == m else jump[i] - scratch.F0[i]
 
 
 @inner
@@ -334,42 +556,46 @@ def _share(scratch, i, size):
 
 
 @inner
-def judge_free(scratch, locked, free, rtol, wary, has_force):
+def judge_free(scratch, locked, free, friction, rtol, wary, has_force):
     """Return the verdict with free-swinging joints (`ftforce.core.verdict.judge` without limits).
 
-    Reevaluated at every change of rank, since K changes when the column of a free joint is treated
-    as zero. Overwrites K, its decomposition and F0.
+    Reevaluated at every change of rank, since K changes when the column of an ideal free joint is
+    treated as zero. Overwrites K, its decomposition, F0 and ΔF.
 
     Parameters
     ----------
     scratch :
-        Workspace with J decomposed.
+        Workspace with J decomposed, and with the friction of the joints.
     locked, free :
         True at the locked, and at the free-swinging joints, shape (n,).
+    friction :
+        As given, NaN where unknown, shape (n,).
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     has_force :
         Whether a force is requested.
     """
-    m, scale, rank = scratch.s.size, scratch.s[0], scratch.rank[0]
+    scale, rank = scratch.s[0], scratch.rank[0]
+    ideal = is_ideal(friction, free)
     accepted, rejected, start = False, False, rtol
     while True:
         reduce_columns(scratch.J, locked, scratch.K)
-        unbalanced, nearest = project_out_free(scratch, free, start * scale)
+        nearest = project_out_free(scratch, free, (start if ideal else wary) * scale, start * scale)
+        nearest = nearest if ideal else math.inf  # friction does not depend on the tolerance
         decompose(scratch.K, scratch.V, scratch.t)
         after = rank_of(scratch.t, start * scale)
-        project(scratch.V, 0, after, scratch.F, scratch.projected)
-        F0, kept = scratch.F0, scratch.projected
-        jump = _relative_jump(scratch.F, F0, kept, after == m, scale, scratch.rnea)
+        jump = math.inf
+        if hold(scratch, free, after, ideal, rtol, wary):
+            jump = _relative_jump(scratch, scale)
         if not has_force and after < rank:
             jump = math.inf  # a direction is lost
-        for i in range(m):
+        for i in range(scratch.s.size):
             if scratch.t[i] > start * scale:
                 nearest = min(nearest, scratch.t[i])
         ends = not nearest <= wary * scale
         end = wary if ends else _losing_tolerance(nearest, scale)
-        at_start = unbalanced <= start and jump <= start
-        at_end = unbalanced <= end and jump <= end
+        at_start = is_balanced(scratch, free, ideal, start if ideal else rtol) and jump <= start
+        at_end = is_balanced(scratch, free, ideal, end if ideal else rtol) and jump <= end
         accepted |= at_start or at_end
         rejected |= not (at_start and at_end)
         if ends:
@@ -378,23 +604,18 @@ def judge_free(scratch, locked, free, rtol, wary, has_force):
 
 
 @inner
-def _relative_jump(F, F0, projected, is_whole, scale, rnea):
+def _relative_jump(scratch, scale):
     """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight."""
-    jump, size = 0.0, 0.0
-    for i in range(F.size):
-        after = F[i] if is_whole else F0[i] + projected[i]
-        jump += (F[i] - after) * (F[i] - after)
-        size += F[i] * F[i]
+    jump, size, weight = norm(scratch.jump), norm(scratch.F), norm(scratch.rnea)
     if jump == 0.0:
         return 0.0
     if size > 0.0:
-        return math.sqrt(jump) / math.sqrt(size)
-    weight = norm(rnea)
-    return math.sqrt(jump) * scale / weight if weight > 0.0 else math.inf
+        return jump / size
+    return jump * scale / weight if weight > 0.0 else math.inf
 
 
 @inner
-def largest_multiple(scratch, rank, unbalanced, rtol):
+def largest_multiple(scratch, free, rank, ideal, rtol, wary):
     """Return the largest s for which s·d can be commanded, NaN if there is none.
 
     The ratio test of `ftforce.core.feasible_forces.reach`.
@@ -402,25 +623,27 @@ def largest_multiple(scratch, rank, unbalanced, rtol):
     Parameters
     ----------
     scratch :
-        Workspace with K decomposed, d, F0 and the torque limits.
+        Workspace with K decomposed, d, F0, the torque limits and the friction.
+    free :
+        True at the free-swinging joints, which are balanced, shape (n,).
     rank :
         Rank of K.
-    unbalanced :
-        Torque at free-swinging joints that no force balances, relative to all gravity torques.
-    rtol :
-        Relative tolerance.
+    ideal :
+        Whether the free-swinging joints have no friction.
+    rtol, wary :
+        Relative tolerances of the rank and of the borderline verdict.
     """
-    if unbalanced > rtol:
-        return math.nan
     d, limit, rnea = scratch.d, scratch.limit, scratch.rnea
-    s_min, s_max = multiples_in_hull(scratch, rank, rtol)
-    min_lever = rtol * scratch.s[0] * norm(d)
+    size = norm(d)
+    min_lever = rtol * scratch.s[0] * size
+    shortest = (rtol if ideal else wary) * scratch.s[0] * size
+    s_min, s_max = _multiples_borne(scratch, free, min_lever, shortest, rtol)
+    if rank < d.size and beyond_of(scratch, rank, d) > rtol * size:
+        s_max = min(s_max, 0.0)
     for k in range(limit.size):
-        if not limit[k] > 0.0:  # unknown, or a free joint, already accounted for in F0 and K
+        if free[k] or not limit[k] > 0.0:  # accounted for, or unknown
             continue
-        lever = 0.0
-        for i in range(d.size):
-            lever += scratch.J[i, k] * d[i]
+        lever = lever_of(scratch, k, d)
         lower, upper = -limit[k] - rnea[k], limit[k] - rnea[k]
         if abs(lever) <= min_lever:
             if lower > 0.0 or upper < 0.0:
@@ -433,33 +656,34 @@ def largest_multiple(scratch, rank, unbalanced, rtol):
 
 
 @inner
-def multiples_in_hull(scratch, rank, rtol):
-    """Return the interval of s for which s·d lies in the affine hull of the feasible forces.
-
-    Parameters
-    ----------
-    scratch :
-        Workspace with K decomposed, d and F0.
-    rank :
-        Rank of K.
-    rtol :
-        Relative tolerance.
-    """
-    m, F0, beyond = scratch.d.size, scratch.F0, scratch.projected
-    offset = norm(F0)
-    if rank == m and offset == 0.0:
-        return 0.0, math.inf
-    project(scratch.V, rank, m, scratch.d, beyond)
-    size = norm(beyond)
-    if size <= rtol * norm(scratch.d):
-        return 0.0, (math.inf if offset == 0.0 else -1.0)
-    if offset == 0.0:
-        return 0.0, 0.0
-    s, error = 0.0, 0.0
-    for i in range(m):
-        s += (F0[i] / size) * (beyond[i] / size)
-    for i in range(m):
-        error += (s * beyond[i] - F0[i]) ** 2
-    if s >= 0.0 and math.sqrt(error) <= rtol * offset:
-        return s, s
-    return 0.0, -1.0
+def _multiples_borne(scratch, free, min_lever, shortest, rtol):
+    """Return the interval of s in which the free-swinging joints bear s·d (`Bearings.interval`)."""
+    total, s_min, s_max = norm(scratch.rnea), 0.0, math.inf
+    along, square, at_rest = 0.0, 0.0, True
+    for k in range(free.size):
+        if free[k]:
+            lever, weight = lever_of(scratch, k, scratch.d), _weight_of(scratch, k, total)
+            most = max(scratch.friction[k], rtol * total)
+            at_rest &= abs(weight) <= most
+            if abs(lever) > shortest:  # an equation, [rnea]_k + s J_kᵀ d = 0
+                along += lever * weight
+                square += lever * lever
+            elif abs(lever) > min_lever:
+                first, last = (-most - weight) / lever, (most - weight) / lever
+                s_min = max(s_min, min(first, last))
+                s_max = min(s_max, max(first, last))
+            elif abs(weight) > most:
+                return 0.0, -1.0
+    if square == 0.0:
+        return s_min, s_max
+    s = -along / square
+    fits = s >= 0.0
+    for k in range(free.size):
+        if free[k]:
+            lever, weight = lever_of(scratch, k, scratch.d), _weight_of(scratch, k, total)
+            most = max(scratch.friction[k], rtol * total)
+            fits &= not (abs(lever) > shortest and abs(s * lever + weight) > most)
+    if not (fits or at_rest):
+        return 0.0, -1.0
+    s = s if fits else 0.0
+    return max(s_min, 0.0 if at_rest else s), min(s_max, s)

@@ -164,18 +164,19 @@ def _evaluate_others(
                 _reset_interval(lane.s_min, lane.s_max)
                 if size > 0:
                     lost.limit_capability(
-                        question.direction, question.rtol, size, False, arm.direction[:m],
-                        lost_work, lane.s_min, lane.s_max,
+                        question.direction, question.rtol, size, arm.direction[:m], lost_work,
+                        lane.s_min, lane.s_max,
                     )  # fmt: skip
                 _write_capability(
                     faults.locked[s], faults.free[s], lane.reach, lane.s_min, lane.s_max, first,
                     count, answers.capability[s],
                 )  # fmt: skip
             if size > 0:
+                if has_force:
+                    lost.project(arm.force[:m], size, lost_work)
                 _write_lost(
-                    question, s, size, False, first, count, arm.force, lane.largest, lost_work,
-                    answers,
-                )  # fmt: skip
+                    question, s, size, first, count, arm.force, lane.largest, lost_work, answers
+                )
             elif not is_secular:
                 _leave_undecided(first, count, answers.verdict[s])
 
@@ -193,21 +194,18 @@ def _evaluate_free(mechanism, faults, question, q, answers, arm, lane, svd, lost
             k = _only_index(faults.free[s])
             if k < 0 or faults.start[s + 1] > faults.start[s]:
                 continue
-            lost.lose_column(
-                k, question.wary, arm.J, arm.weight, lane.smallest, lane.largest, lost_work
-            )
+            lost.lose_column(k, question, arm.J, arm.weight, lane.smallest, lane.largest, lost_work)
             if question.direction.size:
-                lost.limit_capability(
-                    question.direction, question.rtol, 1, True, arm.direction[:m], lost_work,
-                    lane.s_min, lane.s_max,
-                )  # fmt: skip
+                lost.limit_by_column(
+                    k, question, arm.direction[:m], lane.largest, lost_work, lane.s_min, lane.s_max
+                )
                 _write_capability(
                     faults.locked[s], faults.free[s], lane.reach, lane.s_min, lane.s_max, first,
                     count, answers.capability[s],
                 )  # fmt: skip
-            _write_lost(
-                question, s, 1, True, first, count, arm.force, lane.largest, lost_work, answers
-            )
+            if question.force.size:
+                lost.project_on_column(arm.force[:m], k, question, lane.largest, lost_work)
+            _write_lost(question, s, 1, first, count, arm.force, lane.largest, lost_work, answers)
             lost.write_zero_columns(question, s, first, count, lane.largest, lost_work, answers)
 
 
@@ -287,13 +285,12 @@ def _reset_interval(s_min, s_max):
 
 
 @inner
-def _write_lost(question, s, size, has_free, first, count, force, largest, lost_work, answers):
+def _write_lost(question, s, size, first, count, force, largest, lost_work, answers):
     """Write the results of a set that loses ``size`` directions."""
     m = lost_work.lost_force.shape[0]
     for b in range(LANES):
         lost_work.relative[b] = math.inf
     if question.force.size:
-        lost.project(force[:m], size, has_free, lost_work)
         lost.write_jump(question.rows, question.weights, force[:m], lost_work)
         jump = lost_work.forces if question.rows[0] < 3 else lost_work.moments
         for b in range(count):

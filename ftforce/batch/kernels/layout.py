@@ -158,6 +158,9 @@ class Question(NamedTuple):
         Weighted direction of the capability, shape (m,), or (0,) without one.
     effort, brake :
         Largest torques of motors and brakes, N·m (N if prismatic), NaN where unknown, shape (n,).
+    friction :
+        Torques that the friction of free-swinging joints bears, NaN where it is a share of the
+        largest gravity torque, shape (n,).
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     needs_gravity :
@@ -173,6 +176,7 @@ class Question(NamedTuple):
     direction: Vector
     effort: Vector
     brake: Vector
+    friction: Vector
     rtol: float
     wary: float
     needs_gravity: bool

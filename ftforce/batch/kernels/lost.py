@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from ftforce.batch.kernels.exact import SHARE_OF_WEIGHT
 from ftforce.batch.kernels.jit import inner
 from ftforce.batch.kernels.layout import (
     BORDERLINE,
@@ -42,6 +43,9 @@ class Lost(NamedTuple):
     offset: np.ndarray  # (LANES,): force along the only lost direction that carries the weight
     # (LANES,): torque that no force balances, relative to all; -1 if a force does
     unbalanced: np.ndarray
+    length: np.ndarray  # (LANES,): ‖J_k‖ of the free-swinging joint
+    weight: np.ndarray  # (LANES,): its gravity torque
+    friction: np.ndarray  # (LANES,): ε, torque that its friction bears
     a: np.ndarray  # (LANES,): workspace, like the rest
     relative: np.ndarray  # (LANES,): ‖ΔF‖/‖F̂‖, written by `write_jump`
     forces: np.ndarray  # (LANES,): norms of the jump
@@ -56,7 +60,7 @@ def workspace(m, n):
     m, n :
         Numbers of task rows and of joints.
     """
-    return Lost(*aligned_arrays([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 7]))
+    return Lost(*aligned_arrays([(n, m, LANES), (m, m, LANES), (m, LANES), *[LANES] * 10]))
 
 
 @inner
@@ -174,18 +178,19 @@ def lose_pair(i, j, secular, lost):
 
 
 @inner
-def lose_column(k, wary, J, weight, smallest, largest, lost):
+def lose_column(k, question, J, weight, smallest, largest, lost):
     """With joint k free-swinging, J_kᵀ F' + [rnea]_k = 0 loses the direction of its column.
 
     F' = F - û (ûᵀF + [rnea]_k/‖J_k‖), so the component of F' along û is fixed. If the column is
-    zero, the tip lies on the joint's axis: no force balances the joint, and no direction is lost.
+    zero, the tip lies on the joint's axis: no force balances the joint, only its friction, and no
+    direction is lost.
 
     Parameters
     ----------
     k :
         Index of the free-swinging joint.
-    wary :
-        Relative tolerance of the borderline verdict.
+    question :
+        Friction and tolerances.
     J :
         Task Jacobian, shape (m, n, LANES).
     weight :
@@ -195,9 +200,9 @@ def lose_column(k, wary, J, weight, smallest, largest, lost):
     lost :
         Workspace.
     """
-    row, size, total = lost.basis[0], lost.moments, lost.a
+    row, size, total, most = lost.basis[0], lost.moments, lost.a, lost.friction
     retained, offset, unbalanced = lost.retained, lost.offset, lost.unbalanced
-    m, n = J.shape[0], J.shape[1]
+    m, n, given = J.shape[0], J.shape[1], question.friction[k]
     for i in range(m):
         for b in range(LANES):
             row[i, b] = J[i, k, b]
@@ -205,28 +210,33 @@ def lose_column(k, wary, J, weight, smallest, largest, lost):
     _add_to_basis(0, lost)
     for b in range(LANES):
         retained[b] = smallest[b]
-        total[b] = 0.0
+        total[b], most[b] = 0.0, 0.0
     for j in range(n):
         for b in range(LANES):
             total[b] += weight[j, b] * weight[j, b]
+            most[b] = max(most[b], abs(weight[j, b]))
     for b in range(LANES):
+        most[b] = SHARE_OF_WEIGHT * most[b] if math.isnan(given) else given
+        most[b] = max(most[b], question.rtol * math.sqrt(total[b]))
         share = weight[k, b] * weight[k, b]
         is_significant = share > (2.0 * _ROUNDING) ** 2 * total[b]
         is_negligible = not share > (0.5 * _ROUNDING) ** 2 * total[b]
-        offset[b] = weight[k, b] / math.sqrt(size[b]) if is_significant else 0.0
-        is_column = size[b] > (wary * GUARD_BAND) ** 2 * largest[b]  # whatever the tolerance
+        lost.length[b] = math.sqrt(size[b])
+        lost.weight[b] = weight[k, b] if is_significant else 0.0
+        offset[b] = lost.weight[b] / lost.length[b] if is_significant else 0.0
+        is_column = size[b] > (question.wary * GUARD_BAND) ** 2 * largest[b]  # whatever tolerance
         is_zero = size[b] <= _ZERO * _ZERO * largest[b]
         torque = math.sqrt(share / total[b]) if is_significant else 0.0
+        if given != 0.0:
+            torque = math.inf if abs(lost.weight[b]) > most[b] else 0.0
         unbalanced[b] = torque if is_zero else -1.0
         is_known = (is_column | is_zero) & (is_significant | is_negligible)
         retained[b] = retained[b] if is_known else math.nan
 
 
 @inner
-def project(force, size, has_free, lost):
+def project(force, size, lost):
     """Store in ``lost_force`` the projection of the force onto the lost directions.
-
-    It includes the force that carries the weight of a free-swinging joint.
 
     Parameters
     ----------
@@ -234,8 +244,6 @@ def project(force, size, has_free, lost):
         Requested force, weighted, shape (m, LANES).
     size :
         Number of lost directions.
-    has_free :
-        Whether a joint is free-swinging.
     lost :
         Workspace with the lost directions.
     """
@@ -245,12 +253,54 @@ def project(force, size, has_free, lost):
             lost_force[i, b] = 0.0
     for j in range(size):
         _dot(lost.basis[j], force, along)
-        if has_free:
-            for b in range(LANES):
-                along[b] += lost.offset[b]
         for i in range(lost_force.shape[0]):
             for b in range(LANES):
                 lost_force[i, b] += along[b] * lost.basis[j, i, b]
+
+
+@inner
+def project_on_column(force, k, question, largest, lost):
+    """Store in ``lost_force`` what a free-swinging joint takes from the force, with its own weight.
+
+    Nothing, if friction bears the force as it is (`ftforce.core.feasible_forces.Bearings.bears`).
+
+    Parameters
+    ----------
+    force :
+        Requested force, weighted, shape (m, LANES).
+    k :
+        Index of the joint.
+    question :
+        Friction and tolerances.
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `lose_column`.
+    """
+    along, whole, lost_force = lost.a, lost.relative, lost.lost_force
+    has_friction = question.friction[k] != 0.0
+    _dot(lost.basis[0], force, along)
+    _square_norm(force, whole)
+    for b in range(LANES):
+        size = math.sqrt(largest[b] * whole[b])
+        lever = along[b] * lost.length[b]
+        is_short = abs(lever) <= question.wary * size
+        is_borne = has_friction & is_short & (abs(lever + lost.weight[b]) <= lost.friction[b])
+        is_resting = abs(lost.weight[b]) <= lost.friction[b]
+        is_borne &= is_resting | (abs(lever) > question.rtol * size)
+        along[b] = 0.0 if is_borne else along[b] + lost.offset[b]
+        close = _is_close(abs(lever), question.wary * size)
+        close |= _is_close(abs(lever), question.rtol * size)
+        lost.retained[b] = math.nan if has_friction & close else lost.retained[b]
+    for i in range(lost_force.shape[0]):
+        for b in range(LANES):
+            lost_force[i, b] = along[b] * lost.basis[0, i, b]
+
+
+@inner
+def _is_close(x, threshold):
+    """Return whether x is too close to a threshold to tell on which side it is."""
+    return abs(x - threshold) <= (GUARD_BAND - 1.0) * threshold
 
 
 @inner
@@ -325,10 +375,10 @@ def write_jump(rows, weights, force, lost):
 
 
 @inner
-def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
+def limit_capability(direction, rtol, size, d, lost, s_min, s_max):
     """Compute the interval of s for which s·d can be commanded, without limits.
 
-    As `exact.multiples_in_hull`.
+    As `exact.largest_multiple`, for locked joints.
 
     Parameters
     ----------
@@ -338,8 +388,6 @@ def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
         Relative tolerance.
     size :
         Number of lost directions.
-    has_free :
-        Whether a joint is free-swinging.
     d :
         The direction in the axes of the rows, shape (m, LANES).
     lost :
@@ -359,19 +407,55 @@ def limit_capability(direction, rtol, size, has_free, d, lost, s_min, s_max):
         square += direction[i] ** 2
     threshold = rtol**2 * square
     for b in range(LANES):
-        offset = lost.offset[b] if has_free else 0.0
         is_orthogonal = whole[b] <= threshold
-        close = abs(whole[b] - threshold) <= (GUARD_BAND - 1.0) * threshold
-        retained[b] = math.nan if close else retained[b]
-        s = -offset / along[b]
-        if has_free and lost.unbalanced[b] >= 0.0:
-            falls = lost.unbalanced[b] > rtol
-            s_min[b], s_max[b] = 0.0, (-1.0 if falls else math.inf)
-        elif offset == 0.0:
-            s_min[b], s_max[b] = 0.0, (math.inf if is_orthogonal else 0.0)
-        else:
-            is_reached = (not is_orthogonal) & (s >= 0.0)
-            s_min[b], s_max[b] = (s, s) if is_reached else (0.0, -1.0)
+        retained[b] = math.nan if _is_close(whole[b], threshold) else retained[b]
+        s_min[b], s_max[b] = 0.0, (math.inf if is_orthogonal else 0.0)
+
+
+@inner
+def limit_by_column(k, question, d, largest, lost, s_min, s_max):
+    """Compute the interval of s in which a free-swinging joint bears s·d.
+
+    As `ftforce.core.feasible_forces.Bearings.interval`.
+
+    Parameters
+    ----------
+    k :
+        Index of the joint.
+    question :
+        Direction, friction and tolerances.
+    d :
+        The direction in the axes of the rows, shape (m, LANES).
+    largest :
+        Largest eigenvalue of J Jᵀ, shape (LANES,).
+    lost :
+        Workspace, after `lose_column`.
+    s_min, s_max :
+        Filled with the ends of the interval, shape (LANES,).
+    """
+    lever, square = lost.a, 0.0
+    longest = question.wary if question.friction[k] != 0.0 else question.rtol
+    for i in range(question.direction.size):
+        square += question.direction[i] ** 2
+    _dot(lost.basis[0], d, lever)
+    for b in range(LANES):
+        size = math.sqrt(largest[b] * square)
+        x, w, most = lever[b] * lost.length[b], lost.weight[b], lost.friction[b]
+        x = 0.0 if lost.unbalanced[b] >= 0.0 else x  # the column is zero
+        is_resting, is_zero = abs(w) <= most, abs(x) <= question.rtol * size
+        is_long = abs(x) > longest * size
+        first, last = (-most - w) / x, (most - w) / x
+        low, high = max(min(first, last), 0.0), max(first, last)
+        if is_zero:
+            low, high = 0.0, (math.inf if is_resting else -1.0)
+        if is_long:  # an equation, [rnea]_k + s J_kᵀ d = 0
+            s = -w / x
+            low, high = (0.0 if is_resting else s), s
+            if s < 0.0:
+                low, high = 0.0, (0.0 if is_resting else -1.0)
+        s_min[b], s_max[b] = low, high
+        close = _is_close(abs(x), longest * size) | _is_close(abs(x), question.rtol * size)
+        lost.retained[b] = math.nan if close else lost.retained[b]
 
 
 @inner

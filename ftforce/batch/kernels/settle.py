@@ -217,6 +217,7 @@ def _load(question, b, arm, sigma, scratch):
     scratch.rank[0] = _rank_of(sigma, b, question.rtol)
     for k in range(n):
         scratch.rnea[k] = arm.weight[k, b]
+    exact.friction_under_weight(question.friction, scratch.rnea, scratch.friction)
     for i in range(question.direction.size):
         scratch.d[i] = arm.direction[i, b]
     for i in range(question.force.size):
@@ -241,6 +242,7 @@ def _has_force_to_keep(scratch, has_force):
 @inner
 def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answers):
     """Evaluate a set of locked joints, whose K is decomposed in a slot."""
+    scratch.rank[1] = 0
     for i in range(scratch.t.size):
         scratch.t[i] = sigma[i, slot]
         scratch.F0[i] = 0.0
@@ -252,27 +254,32 @@ def _decide_locked(locked, free, question, s, at, slot, sigma, W, scratch, answe
         answers.verdict[s, at] = exact.judge_locked(
             scratch, has_force, question.rtol, question.wary
         )
-    _write_results(locked, free, question, s, at, after, 0.0, scratch, answers)
+    exact.lose(scratch, after)
+    _write_results(locked, free, question, s, at, after, True, True, True, scratch, answers)
 
 
 @inner
 def _evaluate_free(locked, free, question, s, at, scratch, answers):
     """Evaluate a set with free-swinging joints."""
-    has_force, threshold = question.force.size > 0, question.rtol * scratch.s[0]
+    has_force, scale = question.force.size > 0, scratch.s[0]
+    rtol, wary, friction = question.rtol, question.wary, question.friction
     answers.verdict[s, at] = NOT_TOLERATED
     if _has_force_to_keep(scratch, has_force):
         answers.verdict[s, at] = exact.judge_free(
-            scratch, locked, free, question.rtol, question.wary, has_force
+            scratch, locked, free, friction, rtol, wary, has_force
         )
+    ideal = exact.is_ideal(friction, free)
     exact.reduce_columns(scratch.J, locked, scratch.K)
-    unbalanced, _ = exact.project_out_free(scratch, free, threshold)
+    exact.project_out_free(scratch, free, (rtol if ideal else wary) * scale, rtol * scale)
     exact.decompose(scratch.K, scratch.V, scratch.t)
-    after = exact.rank_of(scratch.t, threshold)
-    _write_results(locked, free, question, s, at, after, unbalanced, scratch, answers)
+    after = exact.rank_of(scratch.t, rtol * scale)
+    balanced = exact.is_balanced(scratch, free, ideal, rtol)
+    stands = balanced and exact.hold(scratch, free, after, ideal, rtol, wary)
+    _write_results(locked, free, question, s, at, after, ideal, balanced, stands, scratch, answers)
 
 
 @inner
-def _write_results(locked, free, question, s, at, after, unbalanced, scratch, answers):
+def _write_results(locked, free, question, s, at, after, ideal, balanced, stands, scratch, answers):
     """Write all results except the verdict."""
     m, scale, rank = scratch.s.size, scratch.s[0], scratch.rank[0]
     answers.rank_lost[s, at] = rank - after
@@ -280,14 +287,16 @@ def _write_results(locked, free, question, s, at, after, unbalanced, scratch, an
     answers.margin[s, at] = _ratio(scratch.t[m - 1], scale)
     answers.rho[s, at] = _relative_manipulability(scratch, rank)
     if question.force.size:
-        _write_jump(question, s, at, after, unbalanced, scratch, answers)
+        _write_jump(question, s, at, stands, scratch, answers)
     if question.direction.size:
         for k in range(free.size):
             motor = 0.0 if free[k] else question.effort[k]
             scratch.limit[k] = question.brake[k] if locked[k] else motor
-        answers.capability[s, at] = exact.largest_multiple(
-            scratch, after, unbalanced, question.rtol
-        )
+        answers.capability[s, at] = math.nan
+        if balanced:
+            answers.capability[s, at] = exact.largest_multiple(
+                scratch, free, after, ideal, question.rtol, question.wary
+            )
 
 
 @inner
@@ -302,19 +311,17 @@ def _relative_manipulability(scratch, rank):
 
 
 @inner
-def _write_jump(question, s, at, after, unbalanced, scratch, answers):
+def _write_jump(question, s, at, stands, scratch, answers):
     """Write the norms of the jump ΔF = F̂ - F', separately for forces and moments."""
-    m = scratch.F.size
-    if unbalanced > question.rtol:  # the arm cannot be held in static equilibrium
+    if not stands:  # the arm cannot be held in static equilibrium
         answers.jump[s, at] = math.nan
         answers.relative_jump[s, at] = 1.0
         if answers.moment_jump.size:
             answers.moment_jump[s, at] = math.nan
         return
-    exact.project(scratch.V, after, m, scratch.F, scratch.projected)
     forces, moments, jump = 0.0, 0.0, 0.0
-    for i in range(m):
-        lost = scratch.projected[i] - scratch.F0[i] if after < m else 0.0
+    for i in range(scratch.F.size):
+        lost = scratch.jump[i]
         jump += lost * lost
         if question.rows[i] < 3:
             forces += lost * lost

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from numba import boolean, float64, int64, types
 
-from ftforce.batch.kernels import exact
+from ftforce.batch.kernels import exact, slabs
 from ftforce.batch.kernels.jit import compile_now, inner
 from ftforce.batch.kernels.layout import GUARD_BAND, NOT_TOLERATED, TOLERATED
 
@@ -26,7 +26,7 @@ DONE, MALFORMED = 0, 1
 """Return codes of `answer`; input of the wrong size or with non-finite numbers is malformed."""
 
 FRAME, BODY = 16, 18
-MATRICES, SQUARES, VECTORS, TORQUES, LINES = 3, 3, 6, 5, 9
+MATRICES, SQUARES, VECTORS, TORQUES, LINES = 4, 5, 12, 10, 9
 """Sizes of the workspace."""
 
 SET_LANES = 8
@@ -69,8 +69,9 @@ def answer(
         Placement, ratio, offset, mass and centre of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY).
     task :
-        Rows of the frame Jacobian, their weights, the two tolerances, and the entries of each row
-        up to which J is rounding, (4, max(m, 2)).
+        Rows of the frame Jacobian, their weights, the two tolerances, the entries of each row up
+        to which J is rounding, and the friction of each joint, NaN where unknown,
+        (5, max(m, n, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     failed :
@@ -84,7 +85,7 @@ def answer(
         Outputs in the task's axes, unweighted: F̂, every F', every ΔF, (1 + 2 S, m).
     number, code :
         Outputs: margin, σ_min, and the norms of the jump's forces and moments, (4, S); verdict and
-        lost ranks, with a row of workspace, (3, S).
+        lost ranks, with a row of workspace, (3, max(S, 2)).
     q :
         Joint positions, rad or m, (n,).
     given :
@@ -98,12 +99,18 @@ def answer(
     _drop_noise(task[3], matrix[0])
     if tree[tree.shape[0] - 1, 2]:
         _weight_torque(tree, body, frame, torque[0])
-    scratch = exact.Scratch(
-        code[2], matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
-        square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2],
+    work = slabs.Slabs(
+        matrix[3], torque[4], torque[5], square[4], vector[7], vector[8], vector[9], vector[10],
+        vector[11],
     )  # fmt: skip
-    posture = _Posture(scratch, square[2], task, torque[3], force[0])
-    has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[4])
+    scratch = exact.Scratch(
+        code[2], work, matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
+        square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2], torque[3],
+        square[3], vector[6],
+    )  # fmt: skip
+    exact.friction_under_weight(task[4, :n], torque[0], torque[3])
+    posture = _Posture(scratch, square[2], task, torque[6], force[0])
+    has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[TORQUES - 1])
     clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
     is_clear = scratch.s[m - 1] > clear * scratch.s[0]
     for at in range(sets):
@@ -477,57 +484,60 @@ def smallest(A, line, x):
 @inner
 def _settle_set(posture, locked, free, at, number, code, U, after, jump):
     """Evaluate a set by the singular values of K, like the module `settle`."""
-    scratch, has_free = posture.scratch, _any_true(free)
-    rtol, wary, s, t = posture.task[2, 0], posture.task[2, 1], scratch.s, scratch.t
-    verdict = TOLERATED
+    scratch, has_free, task = posture.scratch, _any_true(free), posture.task
+    rtol, wary, s, t = task[2, 0], task[2, 1], scratch.s, scratch.t
+    friction = task[4, : U.size]
+    ideal = exact.is_ideal(friction, free)
+    verdict, stands = TOLERATED, True
     if has_free:
-        verdict = exact.judge_free(scratch, locked, free, rtol, wary, True)
+        verdict = exact.judge_free(scratch, locked, free, friction, rtol, wary, True)
     exact.reduce_columns(scratch.J, locked, scratch.K)  # eq. (25), (26)
-    unbalanced = 0.0
+    scratch.rank[1] = 0
     if has_free:
-        unbalanced, _ = exact.project_out_free(scratch, free, rtol * s[0])
+        exact.project_out_free(scratch, free, (rtol if ideal else wary) * s[0], rtol * s[0])
     exact.decompose(scratch.K, scratch.V, t)
-    if not has_free:
-        verdict = exact.judge_locked(scratch, True, rtol, wary)
     rank = exact.rank_of(t, rtol * s[0])
+    if has_free:
+        stands = exact.is_balanced(scratch, free, ideal, rtol)
+        stands = stands and exact.hold(scratch, free, rank, ideal, rtol, wary)
+    else:
+        verdict = exact.judge_locked(scratch, True, rtol, wary)
+        for i in range(t.size):
+            scratch.F0[i] = 0.0
+        exact.lose(scratch, rank)
     m = t.size
     code[0, at] = verdict
     code[1, at] = scratch.rank[0] - rank
     number[0, at] = t[m - 1] / s[0] if s[0] > 0.0 else 0.0
     number[1, at] = t[m - 1]
-    if unbalanced > rtol:  # the arm cannot be held in static equilibrium
+    if not stands:  # the arm cannot be held in static equilibrium
         for k in range(U.size):
             U[k] = math.nan
         for i in range(m):
             after[i] = math.nan
             jump[i] = math.nan
-    elif rank == m:
+    elif exact.norm(scratch.jump) == 0.0:
         _write_unchanged(posture, locked, U, after, jump)
     else:
-        _write_jump(posture, locked, has_free, rank, U, after, jump)
+        _write_jump(posture, locked, has_free, U, after, jump)
     number[2, at], number[3, at] = _norms(posture.task, jump)
 
 
 @inner
-def _write_jump(posture, locked, has_free, rank, U, after, jump):
-    """Write the jump ΔF = (I - K K†) F̂ (eq. 33, 40), minus F0 with free-swinging joints.
+def _write_jump(posture, locked, has_free, U, after, jump):
+    """Write the jump ΔF, and U.
 
     Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
     """
     scratch = posture.scratch
-    J, lost = scratch.J, scratch.projected
-    m = lost.size
-    exact.project(scratch.V, rank, m, scratch.F, lost)
-    if has_free:
-        for i in range(m):
-            lost[i] -= scratch.F0[i]
+    J, lost = scratch.J, scratch.jump
     _into_task_axes(posture, lost, jump)
-    for i in range(m):
+    for i in range(lost.size):
         after[i] = posture.before[i] - jump[i]
     for k in range(U.size):
         U[k] = posture.carried[k]
         if has_free:
-            for i in range(m):
+            for i in range(lost.size):
                 U[k] -= J[i, k] * lost[i]
         if locked[k]:
             U[k] = 0.0

@@ -79,6 +79,7 @@ class UrdfJoint(NamedTuple):
     upper: float | None
     effort: float | None
     velocity: float | None
+    friction: float | None
     mimic: Mimic | None
 
 

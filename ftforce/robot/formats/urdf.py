@@ -235,10 +235,10 @@ class _Reader:
         axis = self.part(flaw, _X, self.axis, element, kind, where)
         lower, upper = self.part(flaw, (None, None), self.bounds, limit, kind, where)
         effort, velocity = self.part(flaw, (None, None), self.largest, limit, where)
+        friction = self.part(flaw, None, self.friction, element, where)
         mimic = self.part(flaw, None, self.mimic, element, kind, where)
-        return UrdfJoint(
-            name, kind, parent, child, xyz, rpy, axis, lower, upper, effort, velocity, mimic
-        )
+        limits = (lower, upper, effort, velocity)
+        return UrdfJoint(name, kind, parent, child, xyz, rpy, axis, *limits, friction, mimic)
 
     def kind(self, element: Element, where: str) -> str:
         kind = element.get("type", "")
@@ -311,6 +311,9 @@ class _Reader:
             self.number(limit, "effort", f"{where}: limit effort", None),
             self.number(limit, "velocity", f"{where}: limit velocity", None),
         )
+
+    def friction(self, element: Element, where: str) -> float | None:
+        return self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
 
     def mimic(self, element: Element, kind: str, where: str) -> Mimic | None:
         found = element.find("mimic")

@@ -38,12 +38,13 @@ from ftforce.show.tables.parts import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from rich.console import RenderableType
 
     from ftforce.analysis.analyze import Analysis
     from ftforce.analysis.conditions import Conditions
+    from ftforce.analysis.question import Question
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.changes import ForceChange
     from ftforce.core.faults import FaultSet
@@ -79,10 +80,22 @@ def situation(analysis: Analysis) -> list[tuple[str, str]]:
         *task_facts(analysis.task),
         ("Posture", analysis.posture.source),
         _faults(robot, analysis.faults),
+        *friction_facts(analysis.question, analysis.faults.free),
         *conditions_facts(analysis.conditions),
         ("Limits", _limits(analysis)),
         ("Sign", "force by the robot on its environment; motor torque = rnea + JᵀF"),
     ]
+
+
+def friction_facts(
+    question: Question, joints: Sequence[int] | None = None
+) -> list[tuple[str, str]]:
+    """Return the friction of joints that swing freely; ``None`` for all of them in turn."""
+    if joints is not None and not joints:
+        return []
+    friction = question.friction.in_words(question.robot, joints)
+    own = "" if question.given_friction else "; --friction sets it"
+    return [("Friction", f"{friction}{own}")]
 
 
 def tip_facts(robot: Robot) -> list[tuple[str, str]]:

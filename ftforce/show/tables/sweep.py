@@ -72,6 +72,7 @@ def sweep_facts(sweep: Sweep) -> list[tuple[str, str]]:
         ("Force", force_in_words(setting)),
         ("Capability", direction_in_words(setting)),
         *(weight if weighs else []),
+        *([("Friction", setting.friction)] if setting.friction else []),
         ("Tolerance", f"rank {setting.rtol:g}, borderline below {setting.wary:g}"),
         *stored,
     ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from ftforce.core.faults import FaultMode
 from ftforce.report import text
 from ftforce.report.measures import MARGIN
 from ftforce.report.text import ratio, share, size
@@ -15,6 +16,7 @@ from ftforce.show.tables.analysis import (
     arm_fact,
     conditions_facts,
     force_fact,
+    friction_facts,
     task_facts,
     tip_facts,
 )
@@ -74,6 +76,7 @@ def _situation(timeline: Timeline) -> list[tuple[str, str]]:
         force_fact(timeline.task, timeline.force),
         ("Capability", f"the largest force that can be commanded {where}"),
         *conditions_facts(timeline.conditions),
+        *(friction_facts(timeline.question) if timeline.mode is FaultMode.FREE else []),
         ("Limits", counted),
         ("Instants", f"{len(timeline.t):,} from 0 to {timeline.t[-1]:g} s"),
     ]

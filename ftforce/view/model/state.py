@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.friction import Friction
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
@@ -120,6 +121,8 @@ class State:
         Payload at the tip; ``None`` for none.
     inverse, rtol, wary :
         As in `ftforce.analyze`.
+    friction :
+        Friction of free-swinging joints; ``None`` if it was not given.
     origin :
         How the user specified the arm.
     shown :
@@ -144,6 +147,7 @@ class State:
     inverse: Inverse
     rtol: float
     wary: float
+    friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
 
@@ -327,6 +331,7 @@ class State:
             inverse=self.inverse,
             rtol=self.rtol,
             wary=self.wary,
+            given_friction=self.friction,
             posture=choose_posture(robot, self.q) if is_given else self.posture,
             faults=self.faults,
         )
@@ -377,6 +382,7 @@ def initial_state(
         inverse=question.inverse,
         rtol=question.rtol,
         wary=question.wary,
+        friction=question.given_friction,
         origin=Origin(robot.path) if origin is None else origin,
     )
     return state.with_faults(faults)
@@ -406,6 +412,7 @@ def command_line(robot: Robot, state: State) -> str:
         "gravity": _numbers(state.gravity),
         "payload": _payload(state.payload),
         "limits": _limits(state),
+        "friction": "" if state.friction is None else state.friction.option,
         "inverse": _unless(INVERSES[0], state.inverse),
         "task": _unless("force", str(task)),
         "length": _unless(DEFAULT_LENGTH, task.length),

@@ -1,0 +1,35 @@
+"""Friction of free-swinging joints that an answer relies on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ftforce.report.text import joined, ratio
+
+if TYPE_CHECKING:
+    from ftforce.analysis.analyze import Analysis
+
+_NOTHING = 1e-6  # of what friction can bear: rounding errors of the URDF, not worth a word
+
+
+def friction_borne(analysis: Analysis) -> dict[int, dict[str, Any]]:
+    """Return what friction bears at free-swinging joints: torque, limit and source, by joint."""
+    bounded = analysis.bounded
+    if bounded is None or bounded.F_after is None or bounded.feasible.bearings is None:
+        return {}
+    bearings, sources = bounded.feasible.bearings, analysis.question.friction.sources
+    torques = bearings.torque(bounded.F_after).tolist()
+    return {
+        j: {"torque": x, "limit": most, "source": sources[j]}
+        for j, x, most in zip(bearings.joints, torques, bearings.friction.tolist(), strict=True)
+        if not bearings.is_ideal and abs(x) > _NOTHING * most
+    }
+
+
+def reliance_in_words(analysis: Analysis) -> str:
+    """Return which friction an answer relies on; empty if on none."""
+    joints, parts = analysis.robot.joints, []
+    for j, one in friction_borne(analysis).items():
+        torque = f"{ratio(abs(one['torque']))} {joints[j].torque_unit}"
+        parts.append(f"{torque} of friction in {joints[j].name}")
+    return f"{joined(parts)} hold{'s' if len(parts) == 1 else ''} it" if parts else ""
