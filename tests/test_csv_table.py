@@ -1,11 +1,13 @@
 """Tables in CSV files: every way to write the same one, and the place of every mistake."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
 
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.io import csv_table as module
 from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 
 PLAIN = "t,j1,j2\n0.1,1,-2.5\n0.2,3,4e1\n"
@@ -21,6 +23,12 @@ SAME = {
 }
 
 
+@pytest.fixture(autouse=True, params=["NumPy", "Arrow"])
+def reader(request, monkeypatch):
+    """Arrow reads long tables only."""
+    monkeypatch.setattr(module, "_LONG", 0 if request.param == "Arrow" else math.inf)
+
+
 @pytest.mark.parametrize("one_line", [True, False])
 @pytest.mark.parametrize("content", SAME.values(), ids=SAME)
 def test_forms_of_the_same_table(content, one_line):
@@ -29,6 +37,21 @@ def test_forms_of_the_same_table(content, one_line):
     np.testing.assert_array_equal(table.numbers([0, 1, 2]), [[0.1, 1, -2.5], [0.2, 3, 40]])
     np.testing.assert_array_equal(table.numbers([2, 0]), [[-2.5, 0.1], [40, 0.2]])
     assert [[cell.strip() for cell in cells] for _, cells in table.rows()][1][1] == "3"
+
+
+@pytest.mark.parametrize("form", [repr, "{:.6f}".format, "{:+.17e}".format, "{:.3g}".format])
+def test_every_digit_counts(monkeypatch, form):
+    monkeypatch.setattr(module, "_PIECE", 1000)
+    numbers = np.random.default_rng(0).normal(size=(200, 3)) * 10.0 ** np.arange(-3, 6, 3)
+    cells = [[form(x) for x in row] for row in numbers.tolist()]
+    text = "\n".join(map(",".join, [["a", "b", "c"], *cells]))
+    wanted = [[float(cell) for cell in row] for row in cells]
+    np.testing.assert_array_equal(Table.of(text).numbers([0, 1, 2]), wanted)
+
+
+def test_without_arrow_numpy_reads(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert Table.of("a,b\n1,x\n2,y\n").numbers([0]).tolist() == [[1.0], [2.0]]
 
 
 def test_rows_know_their_lines():

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 
 import ftforce
 from ftforce.errors import InputError
-from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
+from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, rnea_torques, weight_torque
 from ftforce.robot.kinematics import tip_pose
 from helpers import (
     KNOWN,
@@ -127,6 +127,19 @@ def test_gravity_and_payload_against_another_model(name, surroundings):
     M = mass_matrix(arm, q, surroundings.get("payload"))
     assert_close(M, G.T @ np.column_stack(columns), tol=1e-11)
     assert_close(M, M.T, tol=EXACT)
+
+
+@pytest.mark.parametrize("options", [{}, {"gravity": MOON}, {"payload": POINT},
+                                     {"gravity": MOON, "payload": POINT}])  # fmt: skip
+@pytest.mark.parametrize("name", KNOWN)
+def test_many_motions_at_once(name, options):
+    arm = ftforce.load_robot(name)
+    gravity = arm.gravity
+    q, v, a = np.random.default_rng(2).normal(size=(3, 5, arm.n))
+    found = rnea_torques(arm, q, v, a, **options)
+    wanted = np.array([total(arm, *motion, **options) for motion in zip(q, v, a, strict=True)])
+    assert_close(found, wanted, scale=np.abs(wanted).max(), tol=EXACT)
+    np.testing.assert_array_equal(arm.model.gravity.linear, gravity)
 
 
 def test_threads_with_different_gravities_do_not_disturb_each_other(panda):

@@ -1,5 +1,6 @@
 """Numbers that no real arm has are doubted where they count, and only there."""
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -52,6 +53,13 @@ def warned(tmp_path, *args, **options):
 
 def test_an_ordinary_arm_is_not_doubted(tmp_path):
     assert warned(tmp_path) == ((), (), ())
+
+
+def test_what_is_doubted_goes_with_the_arm(tmp_path):
+    arm = load(tmp_path, six([87] * 6))
+    again = pickle.loads(pickle.dumps(arm))  # before anybody has asked for it
+    assert len(again.implausible.efforts) == 1
+    assert again.notes == arm.notes == (*arm.notes[:-1], *again.implausible.efforts)
 
 
 # ---- efforts ---------------------------------------------------------------------------------

@@ -262,8 +262,8 @@ def test_a_copied_robot_is_the_same_arm(four, duplicate):
     J = frame_jacobian(four, q)
     again = duplicate(four)
     assert again != four  # robots are compared by identity
-    assert (again.names, again.tip, again.held, again.tips) == (
-        four.names, four.tip, four.held, four.tips,
+    assert (again.names, again.tip, again.held, again.tips, again.notes) == (
+        four.names, four.tip, four.held, four.tips, four.notes,
     )  # fmt: skip
     np.testing.assert_array_equal(frame_jacobian(again, q), J)
     with pytest.raises(TypeError):

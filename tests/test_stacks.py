@@ -8,12 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ftforce.core.arrays import read_only
+from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import LockModel, feasible_forces, reach, weakest_direction
 from ftforce.core.measures import margin
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.remap import force_jump
+from ftforce.core.stacked_limits import within_limits
 from ftforce.core.stacks import cells_of, reach_of
-from ftforce.core.verdict import CODES, verdict
+from ftforce.core.verdict import CODES, Verdict, judge, verdict
+from ftforce.robot.dynamics import rnea_torques
+from ftforce.robot.kinematics import frame_jacobians
 from ftforce.trajectory import Recording
 from ftforce.trajectory import timeline as module
 from ftforce.trajectory.timeline import timeline
@@ -57,12 +61,76 @@ def test_cells_are_those_of_one_posture(seed, m, n, forced, directed):
             np.testing.assert_allclose(values[i, j], wanted, rtol=1e-8, atol=1e-9)
 
 
+@given(seeds, st.integers(1, 6), st.integers(1, 8), st.sampled_from(["force", "zero", "all"]))
+@settings(deadline=None, max_examples=campaign(300, 60))
+def test_cells_within_limits_are_those_of_one_posture(seed, m, n, asked):
+    rng = np.random.default_rng(seed)
+    J = [
+        with_singular_values(rng, m, n, np.sort(rng.choice(RATIOS[:4], 6))[::-1]) for _ in range(9)
+    ]
+    J, locked = np.array(J), rng.random((6, n)) < 0.2
+    J[:, :, 0] *= rng.choice([1.0, 1e-8], 9)[:, None]  # sometimes without a lever
+    u = np.linalg.qr(rng.normal(size=(m, m)))[0][0]  # a direction that only joint 1 moves in
+    J[::2] -= u[:, None] * (u @ J[::2])[:, None]
+    J[::2, :, 0] += u
+    locked[0] = np.arange(n) == 0
+    F = None if asked == "all" else rng.normal(size=m) * (50.0 if asked == "force" else 0.0)
+    rnea = rng.normal(size=(9, 6, n)) * 10.0
+    largest = np.where(rng.random((6, n)) < 0.3, np.nan, rng.uniform(1.0, 60.0, (6, n)))
+    d = rng.normal(size=m)
+    rnea[:, :3] *= 4.0  # often more than the limits, so that nothing can be held
+    cells = cells_of(J, locked, F, d, rtol=RTOL, wary=BORDERLINE_RTOL)
+    found = within_limits(
+        cells, J, rnea, largest, locked=locked, F=F, rtol=RTOL, wary=BORDERLINE_RTOL
+    )
+    assert not (found.certain & ~cells.certain).any()
+    for i, j in np.argwhere(found.certain):
+        reduced = reduce(read_only(J[i].copy()), locked[j], RTOL)
+        bounded = remap_inside(reduced, np.zeros(m) if F is None else F, rnea[i, j], largest[j])
+        wanted = judge(reduced, F, BORDERLINE_RTOL, bounded, largest[j])
+        assert found.verdict[i, j] == CODES[wanted]
+        if bounded.jump is None:
+            assert np.isnan(found.jump[i, j]).all()
+        else:
+            size = max(np.linalg.norm(bounded.nearest.F), np.linalg.norm(bounded.F_after), 1.0)
+            assert_close(found.jump[i, j], bounded.jump, scale=size, tol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.2, 0.5, 1.0])
+def test_few_cells_with_limits_need_a_solver(panda, factor):
+    rng = np.random.default_rng(0)
+    q = panda.postures["default"] + rng.uniform(-0.3, 0.3, (50, 7))
+    J = frame_jacobians(panda, q)[:, :3]
+    still = np.zeros((50, 7))
+    rnea = rnea_torques(panda, q, still, still)[:, None]
+    tolerances = {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    locked, F = np.eye(7, dtype=bool), np.array([60.0, -40.0, 90.0])
+    cells = cells_of(J, locked, F, None, **tolerances)
+    largest = np.where(locked, np.nan, factor * panda.effort)
+    found = within_limits(cells, J, rnea, largest, locked=locked, F=F, **tolerances)
+    assert (found.verdict == CODES[Verdict.NOT_TOLERATED]).any()
+    assert found.certain.sum() > 0.99 * cells.certain.sum()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_limits_that_exclude_each_other_need_no_solver(sign):
+    # 10 F' + 5 ≤ 1 and -10 F' + 5 ≤ 1; a third limit, in the way of the force, does not matter.
+    J = np.broadcast_to([[10.0, -10.0, 1.0]], (4, 1, 3))
+    rnea, locked = sign * np.array([[[5.0, 5.0, 0.0]]]), np.zeros((1, 3), dtype=bool)
+    tolerances = {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    for F in (np.array([20.0]), np.array([-20.0]), np.zeros(1)):
+        cells = cells_of(J, locked, F, np.ones(1), **tolerances)
+        largest = np.array([[1.0, 1.0, 7.0]])
+        found = within_limits(cells, J, rnea, largest, locked=locked, F=F, **tolerances)
+        assert found.certain.all()
+        assert np.isnan(found.jump).all()
+        assert (found.verdict == CODES[Verdict.NOT_TOLERATED]).all()
+
+
 def test_certain_are_most_cells_of_a_usual_motion(panda):
     rng = np.random.default_rng(0)
     q = panda.postures["default"] + rng.uniform(-0.3, 0.3, (50, 7))
-    from ftforce.robot.kinematics import frame_jacobian
-
-    J = np.array([frame_jacobian(panda, x)[:3] for x in q])
+    J = frame_jacobians(panda, q)[:, :3]
     cells = cells_of(J, np.eye(7, dtype=bool), None, None, rtol=RTOL, wary=BORDERLINE_RTOL)
     assert cells.certain.mean() > 0.95
 
@@ -85,6 +153,14 @@ OPTIONS = {
     "static": {"static": True, "axes": "world", "force": (1, 0, 0)},
     "no limits": {"limits": "none", "force": (1, 0, 0)},
     "zero": {"force": (0, 0, 0)},
+    "limits": {"limits": "urdf", "force": (60.0, -40.0, 90.0), "faults": 2},
+    "limits without a force": {"limits": "urdf", "payload": (9.0, (0.0, 0.1, 0.0))},
+    "limits, wrench": {
+        "limits": "urdf",
+        "task": "wrench",
+        "force": (60, 30, 90, 4, 2, 1),
+        "faults": 2,
+    },
 }
 
 
@@ -99,7 +175,7 @@ def test_a_timeline_is_the_same_either_way(monkeypatch, panda, options):
     wanted = timeline(panda, recording, rate=5, **options)
     np.testing.assert_array_equal(found.verdict, wanted.verdict)
     assert_close(found.margin, wanted.margin, tol=1e-10)
-    for name in ("jump", "capability"):
+    for name in ("jump", "capability", "held"):
         one, other = getattr(found, name), getattr(wanted, name)
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-7)
     assert found.warnings == wanted.warnings

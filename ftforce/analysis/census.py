@@ -357,8 +357,11 @@ def _rank_joints(
     robot: Robot, reports: list[SetReport], by_capability: bool
 ) -> tuple[JointReport, ...]:
     joints = []
-    for i in range(robot.n):
-        own = [report for report in reports if i in report.faults.joints]
+    with_joint: list[list[SetReport]] = [[] for _ in range(robot.n)]
+    for report in reports:
+        for i in report.faults.joints:
+            with_joint[i].append(report)
+    for i, own in enumerate(with_joint):
         verdicts = [report.verdict for report in own]
         joints.append(
             JointReport(

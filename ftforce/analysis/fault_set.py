@@ -248,9 +248,10 @@ def _relative_jump(reduced: ReducedJacobian, F: Vector | None, jump: Vector | No
 
 
 def _kept(F: Vector | None, after: Vector | None) -> float | None:
-    if F is None or after is None or not F.any():
+    if F is None or after is None:
         return None
-    return float(F.dot(after) / F.dot(F))
+    size = float(F.dot(F))
+    return float(F.dot(after)) / size if size > 0.0 else None
 
 
 def set_capability(

@@ -159,7 +159,7 @@ class FaultSet:
     @property
     def joints(self) -> tuple[int, ...]:
         """Indices of the failed joints, from 0."""
-        return tuple(fault.joint for fault in self.faults)
+        return tuple([fault.joint for fault in self.faults])
 
     def in_mode(self, mode: FaultMode) -> tuple[int, ...]:
         """Return the indices of the joints that fail in the given mode, from 0.

@@ -54,12 +54,21 @@ class Spline:
         Samples, shape (N, n).
     spacing :
         Spacing of the knots for each column, shape (n,); 0 interpolates by a cubic spline.
+
+    Attributes
+    ----------
+    residual :
+        Root mean square of the residuals, shape (n,).
     """
 
     def __init__(self, t: Vector, x: Matrix, spacing: Vector) -> None:
-        self._n = x.shape[1]
-        groups = [np.flatnonzero(spacing == step) for step in np.unique(spacing)]
-        self._parts = [(group, _fit(t, x[:, group], spacing[group[0]])) for group in groups]
+        self._n, self._parts = x.shape[1], []
+        self.residual = np.zeros(self._n)
+        for step in np.unique(spacing).tolist():
+            group = np.flatnonzero(spacing == step)
+            spline, rest = _fit(t, x[:, group], step)
+            self._parts.append((group, spline))
+            self.residual[group] = np.sqrt(rest / len(t))
 
     def __call__(self, t: Vector | float, derivative: int = 0) -> Any:
         """Return values or derivatives at times of any shape, shape (…, n)."""
@@ -86,15 +95,16 @@ def noise_of(t: Vector, x: Matrix) -> Noise:
     step = (t[-1] - t[0]) / (len(t) - 1)
     best, level = np.full(x.shape[1], np.inf), np.zeros(x.shape[1])
     spacing, width, finest = np.zeros(x.shape[1]), _FINEST * step, 0.0
+    rounding = count * (4e-16 * np.maximum(x.max(axis=0), -x.min(axis=0))) ** 2
     while True:
         fits = [(_knots(piece, width), piece, samples) for piece, samples in pieces]
         used = sum(len(knots) - _DEGREE - 1 for knots, _, _ in fits)
         if _COUNTED * used < count:
             finest = finest or width
-            rest = sum(((_fitted(*fit)(fit[1]) - fit[2]) ** 2).sum(axis=0) for fit in fits)
+            rest = sum(_fitted(*fit)[1] for fit in fits)
             score = rest / (1.0 - _COUNTED * used / count) ** 2
             # Scores within rounding error are equal; then the smoother spline is as good.
-            better = score <= best * (1.0 + 1e-9) + count * (4e-16 * np.abs(x).max(axis=0)) ** 2
+            better = score <= best * (1.0 + 1e-9) + rounding
             spacing[better], best = width, np.minimum(score, best)
             level[better] = np.sqrt(rest / (count - used))[better]
             if (score > 100.0 * best).all():
@@ -122,7 +132,7 @@ def gain_of(t: Vector, spacing: Vector, derivative: int) -> Vector:
     """
     t = t[: _PIECE * _PIECES]
     e = np.random.default_rng(_SEED).standard_normal((len(t), 1))
-    gains = {s: float(np.std(_fit(t, e, s)(t, derivative))) for s in np.unique(spacing).tolist()}
+    gains = {s: float(np.std(_fit(t, e, s)[0](t, derivative))) for s in np.unique(spacing).tolist()}
     return np.array([gains[s] for s in spacing.tolist()])
 
 
@@ -149,25 +159,28 @@ def _knots(t: Vector, spacing: float) -> Vector:
     return np.concatenate([[t[0]] * _DEGREE, inner, [t[-1]] * _DEGREE])
 
 
-def _fit(t: Vector, x: Matrix, spacing: float) -> Any:
+def _fit(t: Vector, x: Matrix, spacing: float) -> tuple[Any, Vector]:
+    """Return the spline of one spacing, and the sum of squares of the residuals, shape (n,)."""
     from scipy.interpolate import make_interp_spline
 
     if spacing == 0.0:
-        return make_interp_spline(t, x, 3)
+        return make_interp_spline(t, x, 3), np.zeros(x.shape[1])
     return _fitted(_knots(t, spacing), t, x)
 
 
-def _fitted(knots: Vector, t: Vector, x: Matrix) -> Any:
-    """Return the least-squares spline, by banded normal equations.
+def _fitted(knots: Vector, t: Vector, x: Matrix) -> tuple[Any, Vector]:
+    """Return the least-squares spline, by banded normal equations, and its sums of squares.
 
     SciPy's `make_lsq_spline` takes minutes for 10⁵ knots.
     """
     from scipy.interpolate import BSpline
     from scipy.linalg import solveh_banded
 
-    B = BSpline.design_matrix(t, knots, _DEGREE)
+    # All times lie between the knots; without `extrapolate` SciPy checks them one by one.
+    B = BSpline.design_matrix(t, knots, _DEGREE, extrapolate=True)
     G = B.T @ B
     bands = np.zeros((_DEGREE + 1, G.shape[0]))
     for i in range(_DEGREE + 1):
         bands[_DEGREE - i, i:] = G.diagonal(i)
-    return BSpline(knots, solveh_banded(bands, B.T @ x), _DEGREE)
+    c = solveh_banded(bands, B.T @ x)
+    return BSpline(knots, c, _DEGREE), ((B @ c - x) ** 2).sum(axis=0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _CLEAR = 1.0 + 1e-6  # by which a singular value exceeds all tolerances
 _LOST = 0.5  # of the rank tolerance: below it a direction is lost
-_LEAST_MARGIN = 1e-3  # K Kᵀ does not determine a smaller σ_min/σ_max accurately enough
+LEAST_MARGIN = 1e-3  # K Kᵀ does not determine a smaller σ_min/σ_max accurately enough
 _LEAST_RTOL = 1e-9  # nor do they, and LAPACK, decide a finer rank tolerance
 
 
@@ -79,7 +79,7 @@ def cells_of(
     K = J[:, None] * ~locked[:, None]  # eq. (25), (26); (N, S, m, n)
     whole = np.linalg.eigvalsh(J @ J.swapaxes(1, 2))
     scale = np.sqrt(np.maximum(whole[:, -1], 0.0))
-    clear = max(wary, _LEAST_MARGIN) * _CLEAR
+    clear = max(wary, LEAST_MARGIN) * _CLEAR
     sound = (whole[:, 0] > (clear * scale) ** 2) & (rtol >= _LEAST_RTOL)
     least = np.linalg.eigvalsh(K @ K.swapaxes(2, 3))[..., 0]
     sizes = np.where(sound, scale, np.inf)[:, None]
@@ -94,7 +94,7 @@ def cells_of(
         np.zeros(shape),
         scale,
     )
-    rows = np.nonzero(sound[:, None] & (margin < _LEAST_MARGIN))
+    rows = np.nonzero(sound[:, None] & (margin < LEAST_MARGIN))
     if len(rows[0]):
         _fill_lost(found, rows, K[rows], F=F, direction=direction, rtol=rtol, clear=clear)
     return found
@@ -181,10 +181,10 @@ def reach_of(
         size = np.linalg.norm(direction)
     loaded = np.abs(lever) > rtol * cells.scale[:, None, None] * size
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratios = np.sort(np.stack([lower / lever, upper / lever]), axis=0)
+        one, other = lower / lever, upper / lever
     counts = known & loaded
-    minimum = np.where(counts, ratios[0], -np.inf).max(axis=2, initial=0.0)
-    maximum = np.where(counts, ratios[1], np.inf).min(axis=2, initial=np.inf)
+    minimum = np.where(counts, np.minimum(one, other), -np.inf).max(axis=2, initial=0.0)
+    maximum = np.where(counts, np.maximum(one, other), np.inf).min(axis=2, initial=np.inf)
     commanded = np.where(cells.lost > rtol, np.minimum(maximum, 0.0), maximum)  # F' in range(K)
     overloaded = (known & ~loaded & ((lower > 0.0) | (upper < 0.0))).any(axis=2)
     return (

@@ -6,6 +6,7 @@ import math
 import os
 import re
 from pathlib import Path
+from stat import S_ISDIR, S_ISFIFO, S_ISREG
 from typing import TYPE_CHECKING
 
 from ftforce.errors import OutputError
@@ -68,9 +69,10 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
     try:
         if not str(path) or not file.exists():
             raise error(path, f"no such file; expected {kind}")
-        if file.is_dir():
+        mode = file.stat().st_mode
+        if S_ISDIR(mode):
             raise error(path, f"is a folder; expected {kind}")
-        if not (file.is_file() or file.is_fifo()):  # reading a device might never end
+        if not (S_ISREG(mode) or S_ISFIFO(mode)):  # reading a device might never end
             raise error(path, f"is not a regular file; expected {kind}")
         # Opening a pipe blocks until it has a writer, possibly forever; non-blocking, it reads as
         # empty.
@@ -166,13 +168,10 @@ def read_numbers(
     if len(numbers) != count:
         wanted = "1 number" if count == 1 else f"{count} numbers"
         raise ValueError(f"{shortened(text)}: expected {wanted}, got {len(numbers)}")
-    if any(map(math.isnan, numbers)):
+    is_finite = all(map(math.isfinite, numbers))
+    if not is_finite and (largest is not None or any(map(math.isnan, numbers))):
         raise ValueError(f"{shortened(text)} is not finite")
-    if largest is None:
-        return numbers
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{shortened(text)} is not finite")
-    if max(map(abs, numbers)) > largest:
+    if largest is not None and max(map(abs, numbers)) > largest:
         raise ValueError(f"{shortened(text)} is too large; the maximum magnitude is {largest:g}")
     return numbers
 

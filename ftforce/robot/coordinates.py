@@ -65,6 +65,16 @@ class Coordinates(NamedTuple):
         configuration[self.circle_q + 1] = np.sin(circle)
         return configuration
 
+    def to_models(self, q: Matrix) -> Matrix:
+        """Return the model configurations of N postures, shape (N, nq).
+
+        Parameters
+        ----------
+        q :
+            Joint positions along the chain, rad or m, shape (N, n).
+        """
+        return q if self.is_identity else np.array([self.to_model(one) for one in q])
+
     def fold(self, J: Matrix) -> Matrix:
         """Map a Jacobian of the model to the chain, J G, shape (..., n).
 

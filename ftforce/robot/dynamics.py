@@ -190,35 +190,45 @@ def rnea_torque(
 
 def rnea_torques(
     robot: Robot,
-    q: Vector,
+    q: Matrix,
     v: Matrix,
     a: Matrix,
     *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
 ) -> Matrix:
-    """Return the torques of `rnea_torque` in one posture for k motions, N·m (N), shape (k, n).
+    """Return the torques of `rnea_torque` for N motions, N·m (N), shape (N, n).
 
     Parameters
     ----------
-    robot, q, gravity, payload :
+    robot, gravity, payload :
         As in `rnea_torque`.
-    v, a :
-        Joint velocities and accelerations, shape (k, n).
+    q, v, a :
+        Joint positions, velocities and accelerations, shape (N, n).
     """
-    found = np.empty(v.shape)
+    fold, model, data = robot.coordinates, robot.model, robot.data
     if gravity is not None or payload is not None:
-        for i in range(len(v)):
-            found[i] = rnea_torque(robot, q, v[i], a[i], gravity=gravity, payload=payload)
-        return found
-    model, data, fold = robot.model, robot.data, robot.coordinates
-    configuration = robot.to_model(q)
+        model = _loaded_model(robot, gravity, payload)
+        data = model.createData()
+    q = fold.to_models(q)
     if not fold.is_identity:
         v, a = v @ fold.G.T, a @ fold.G.T
-    for i in range(len(v)):
-        torque = pin.rnea(model, data, configuration, v[i], a[i])
-        found[i] = torque if fold.is_identity else torque.dot(fold.G)
-    return found
+    torques = np.empty(v.shape)
+    for torque, *motion in zip(torques, q, v, a, strict=True):
+        torque[:] = pin.rnea(model, data, *motion)
+    return torques if fold.is_identity else torques @ fold.G
+
+
+def _loaded_model(robot: Robot, gravity: Vector | None, payload: Payload | None) -> pin.Model:
+    """Return a copy of the model with another gravity and a payload."""
+    model = robot.model.copy()
+    if gravity is not None:
+        model.gravity.linear = gravity
+    if payload is not None:
+        tip = model.frames[robot.tip_frame]
+        point = pin.Inertia(payload.mass, payload.offset, np.zeros((3, 3)))
+        model.appendBodyToJoint(tip.parentJoint, point, tip.placement)
+    return model
 
 
 def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
@@ -100,7 +102,6 @@ def load_robot(
     restore_names(model, tree)
     joints = _joints(chain, known)
     mass = sum(inertia.mass for inertia in model.inertias.tolist()[1:])
-    implausible = implausible_numbers(chain, joints, mass)
     robot = Robot(
         name=known.name if known else tree.name,
         path=tree.path,
@@ -117,10 +118,10 @@ def load_robot(
         preferred=preferred,
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
-        tips=MappingProxyType(tip_candidates(tree)),
         mass=mass,
-        notes=(*_chain_notes(chain, srdf, known), *notes, *implausible.all()),
-        implausible=implausible,
+        _remarks=(*_chain_notes(chain, srdf, known), *notes),
+        _find_tips=partial(tip_candidates, tree),
+        _find_implausible=partial(implausible_numbers, chain, joints, mass),
     )
     if posture is not None:
         return robot
@@ -206,8 +207,9 @@ def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:
     notes = [f"effort limits that count as unknown: {listed(odd)}"] if odd else []
     open_ended = []
     for joint in chain.leaders:
-        for own, used in zip((joint.lower, joint.upper), _bounds(joint), strict=True):
-            if own is not None and np.isinf(used):
+        lower, upper = _bounds(joint)
+        for own, used in ((joint.lower, lower), (joint.upper, upper)):
+            if own is not None and math.isinf(used):
                 open_ended.append(f"{joint.name} {own:g}")
     if open_ended:
         notes.append(f"position limits that count as none: {listed(open_ended)}")
@@ -314,6 +316,8 @@ def _flaws_outside(chain: Chain) -> list[str]:
     URDFError
         A link or joint of the chain is malformed, or one between the root and the base.
     """
+    if not chain.tree.flaws:
+        return []
     path = chain.tree.path_to(chain.tip)
     joints = {*chain.moving, *chain.names, *(joint.name for joint in path)}
     links = {joint.child for joint in path}

@@ -40,7 +40,7 @@ def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
         else:
             q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
     moving = {codes[name] for name in chain.moving}
-    fixed = [i for i in range(1, full.njoints) if full.names[i] not in moving]
+    fixed = [i for i, code in enumerate(full.names.tolist()) if i and code not in moving]
     return pin.buildReducedModel(full, fixed, q)
 
 
@@ -98,8 +98,9 @@ def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:
             if joint.name in chain.moving:
                 row = model.joints[model.getJointId(codes[joint.name])].idx_v
                 G[row, column], offset[row] = joint.multiplier, joint.offset
-    plain = [joint for joint in model.joints.tolist()[1:] if joint.nq == 1]
-    circle = [joint for joint in model.joints.tolist()[1:] if joint.nq == 2]
+    joints = model.joints.tolist()[1:]
+    plain = [joint for joint in joints if joint.nq == 1]
+    circle = [joint for joint in joints if joint.nq == 2]
     same = model.nq == model.nv == len(chain.leaders) and np.array_equal(G, np.eye(model.nv))
     return Coordinates(
         G=read_only(G),

@@ -16,6 +16,7 @@ from ftforce.robot.robot import Implausible
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from ftforce.core.arrays import Matrix
     from ftforce.robot.chain import Chain
     from ftforce.robot.formats.tree import UrdfJoint, UrdfLink
     from ftforce.robot.robot import Joint
@@ -29,6 +30,7 @@ _SHORTEST = 0.2  # m; what reaches less far, such as a torso or a head, may be h
 _DOMINANT = 100.0  # mass of a link over that of all others together
 _ROUNDING = 0.01  # relative; URDFs state inertias with few digits
 _TRACE = 1e-9  # kg·m², 1 mg at 3 cm
+_FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # of the six moments in a 3×3 matrix
 
 
 def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> Implausible:
@@ -54,12 +56,11 @@ def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> I
 
 def _moving_links(chain: Chain) -> Iterator[UrdfLink]:
     tree = chain.tree
-    names = dict.fromkeys(
-        link
-        for joint in map(tree.joints.__getitem__, chain.moving)
-        for link in (joint.child, *(below.child for below in tree.below(joint.child)))
-    )
-    yield from (tree.links[name] for name in tree.links if name in names)
+    names: set[str] = set()
+    for joint in tree.below(tree.root):  # parents first
+        if joint.name in chain.moving or joint.parent in names:
+            names.add(joint.child)
+    yield from (link for name, link in tree.links.items() if name in names)
 
 
 def _levers(path: Sequence[UrdfJoint]) -> dict[str, float]:
@@ -133,15 +134,18 @@ def _masses(bodies: Sequence[UrdfLink], reach: float, mass: float) -> Iterator[s
 
 
 def _inertias(bodies: Sequence[UrdfLink]) -> Iterator[str]:
-    if names := [body.name for body in bodies if body.mass and _is_impossible(body)]:
+    bodies = [body for body in bodies if body.mass]
+    impossible = _are_impossible(np.array([body.inertia for body in bodies]).reshape(-1, 6))
+    if names := [body.name for body, is_one in zip(bodies, impossible, strict=True) if is_one]:
         yield (
             f"the inertias of {listed(names)} are impossible: a principal moment of a body is not "
             "negative and at most the sum of the other two"
         )
 
 
-def _is_impossible(body: UrdfLink) -> bool:
-    xx, xy, xz, yy, yz, zz = body.inertia
-    least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
-    slack = _ROUNDING * abs(most) + _TRACE
-    return bool(least < -slack or most > least + middle + slack)
+def _are_impossible(moments: Matrix) -> list[bool]:
+    """Return which inertias, ixx, ixy, ixz, iyy, iyz, izz in each of N rows, no body has."""
+    least, middle, most = np.linalg.eigvalsh(moments[:, _FULL]).T  # of matrices (N, 3, 3)
+    slack = _ROUNDING * np.abs(most) + _TRACE
+    found: list[bool] = ((least < -slack) | (most > least + middle + slack)).tolist()
+    return found

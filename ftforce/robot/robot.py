@@ -16,7 +16,7 @@ from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     import pinocchio as pin
     from numpy.typing import ArrayLike
@@ -137,14 +137,8 @@ class Robot(Displayed):
     fixed :
         Names of the joints that no single motor drives: fixed joints, and floating and planar
         joints, which are held fixed.
-    tips :
-        Candidate tip links, with the number of moving joints above each.
     mass :
         Mass of all links of the chain and of everything fixed to them, kg; 0 if the URDF has none.
-    notes :
-        Remarks for the user: corrected limits, unusable postures, …
-    implausible :
-        Warnings about numbers of the URDF that no real arm has.
     """
 
     name: str
@@ -162,16 +156,31 @@ class Robot(Displayed):
     preferred: tuple[str, ...]
     held: Mapping[str, float]
     fixed: frozenset[str]
-    tips: Mapping[str, int]
     mass: float
-    notes: tuple[str, ...]
-    implausible: Implausible = field(default_factory=Implausible)
+    _remarks: tuple[str, ...]
+    _find_tips: Callable[[], Mapping[str, int]]
+    _find_implausible: Callable[[], Implausible]
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
 
     @property
     def n(self) -> int:
         """Number of joints along the chain."""
         return len(self.joints)
+
+    @cached_property
+    def tips(self) -> Mapping[str, int]:
+        """Candidate tip links, with the number of moving joints above each, best first."""
+        return MappingProxyType(dict(self._find_tips()))
+
+    @cached_property
+    def implausible(self) -> Implausible:
+        """Warnings about numbers of the URDF that no real arm has."""
+        return self._find_implausible()
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks for the user, on corrected limits, unusable postures and implausible numbers."""
+        return (*self._remarks, *self.implausible.all())
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -357,8 +366,13 @@ class Robot(Displayed):
         return f"<Robot {self.name!r}: {self.n} joints, {self.base!r} → {self.tip!r}>"
 
     def __getstate__(self) -> dict[str, Any]:
-        """Drop the per-thread data and convert mapping proxies, which cannot be pickled."""
-        state = {k: v for k, v in self.__dict__.items() if k != "_per_thread"}
+        """Drop the per-thread data and convert mapping proxies, which cannot be pickled.
+
+        What is found on demand is found before, so that the tree is left behind.
+        """
+        state = {**self.__dict__, "tips": self.tips, "implausible": self.implausible}
+        left = {"_per_thread", "_find_tips", "_find_implausible"}
+        state = {k: v for k, v in state.items() if k not in left}
         return {k: dict(v) if isinstance(v, MappingProxyType) else v for k, v in state.items()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.core.faults import FaultMode
+from ftforce.core.stacked_limits import within_limits
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.robot.dynamics import rnea_torques
-from ftforce.robot.kinematics import frame_jacobian
+from ftforce.robot.kinematics import frame_jacobians
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,7 +48,7 @@ class Certain(NamedTuple):
 def certain_cells(
     question: Question, motion: Motion, sets: Sequence[FaultSet], capability_limits: Limits | None
 ) -> Certain | None:
-    """Return the cells that no tolerance decides; ``None`` with limits or free-swinging joints.
+    """Return the cells that no tolerance decides; ``None`` with free-swinging joints.
 
     Parameters
     ----------
@@ -61,25 +62,29 @@ def certain_cells(
         Torque limits of the capability; ``None`` for none.
     """
     locks = all(fault.mode is FaultMode.LOCKED for faults in sets for fault in faults.faults)
-    if question.limits is not None or not locks:
+    if not locks:
         return None
     robot, task, F, d = question.robot, question.task, question.F, question.direction
     locked = np.array([faults.mask(robot.n) for faults in sets])
-    whole = np.array([frame_jacobian(robot, q, task.axes) for q in motion.q])
-    whole = question.scale.weigh_jacobian(whole)
+    whole = question.scale.weigh_jacobian(frame_jacobians(robot, motion.q, task.axes))
     J = task.weigh_jacobian(whole[:, task.rows])
     along = None if d is None else task.weigh_force(d)
     cells = cells_of(J, locked, F, along, rtol=question.rtol, wary=question.wary)
     floor = _FLOOR * np.linalg.norm(whole, axis=(1, 2))
+    rnea = np.zeros((len(J), 1, robot.n))
+    if capability_limits is not None or question.limits is not None:
+        rnea = _torques(question, motion, locked)
+    if question.limits is not None:
+        largest = np.array([question.largest_torques(faults) for faults in sets])
+        tolerances = {"rtol": question.rtol, "wary": question.wary}
+        cells = within_limits(cells, J, rnea, largest, locked=locked, F=F, **tolerances)
     jump = np.full(cells.certain.shape, np.nan)
     if F is not None:
         rows = list(task.force_rows or task.moment_rows)
         jump = np.linalg.norm(task.unweigh_force(cells.jump)[..., rows], axis=2)
-    unknown = np.full(locked.shape, np.nan)
-    largest, rnea = unknown, np.zeros((len(J), 1, robot.n))
+    largest = np.full(locked.shape, np.nan)
     if capability_limits is not None:
         largest = np.array([question.largest_torques(faults, capability_limits) for faults in sets])
-        rnea = _torques(question, motion, locked)
     unit = task.weighted_unit if d is None else 1.0
     commanded, held = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
     return Certain(
@@ -97,9 +102,7 @@ def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.flo
     robot, conditions = question.robot, question.conditions
     own = None if conditions.is_model_gravity else conditions.gravity
     keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
-    found = np.empty((len(motion.q), len(keep), robot.n))
-    for i, (q, v, a) in enumerate(zip(*motion, strict=True)):  # 0 where locked
-        found[i] = rnea_torques(
-            robot, q, v * keep, a * keep, gravity=own, payload=conditions.payload
-        )
-    return question.scale.weigh_torque(found)
+    q = np.repeat(motion.q, len(keep), axis=0)
+    v, a = ((x[:, None] * keep).reshape(q.shape) for x in motion[1:])  # 0 where locked
+    found = rnea_torques(robot, q, v, a, gravity=own, payload=conditions.payload)
+    return question.scale.weigh_torque(found.reshape(len(motion.q), len(keep), robot.n))

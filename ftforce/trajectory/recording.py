@@ -358,8 +358,8 @@ def _unwrapped(
     if looks_like_degrees(robot, q):
         return q, ()  # a warning says so
     found, words = q.copy(), []
-    for i, joint in enumerate(robot.joints):
-        jumps = np.abs(np.diff(q[:, i]))
+    for i in np.flatnonzero(np.ptp(q, axis=0) > np.pi).tolist():
+        joint, jumps = robot.joints[i], np.abs(np.diff(q[:, i]))
         jumps[jumps <= (joint.velocity or 0.0) * _FASTER * np.diff(t)] = 0.0
         rows = np.flatnonzero(jumps > np.pi).tolist() if joint.type == "revolute" else []
         if not rows:

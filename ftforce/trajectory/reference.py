@@ -148,11 +148,13 @@ class RecordedReference:
     def __init__(self, robot: Robot, recording: Recording, smooth: float | None = None) -> None:
         t, q, v = recording.t - recording.t[0], recording.q, recording.v
         endless = np.array([joint.type == "continuous" for joint in robot.joints])
-        q = np.where(endless, np.unwrap(q, axis=0), q)
+        if endless.any():
+            q = np.where(endless, np.unwrap(q, axis=0), q)
         self._robot, self.duration, self._t = robot, recording.duration, t
         place = noise_of(t, q)
         spacing = place.spacing if smooth is None else np.full(robot.n, smooth)
-        self._q = self._v = Spline(t, q, spacing)
+        self._q: Any
+        self._q = self._v = spline = Spline(t, q, spacing)
         self._order = 1  # derivative of _v that is the velocity
         noise, rates = place, spacing
         if v is not None:
@@ -162,8 +164,7 @@ class RecordedReference:
             if not spacing.any() and not rates.any():
                 self._q = _through(t, q, v)
         gain = gain_of(t, rates, self._order + 1)
-        residual = np.sqrt(np.mean((self._q(t) - q) ** 2, axis=0))
-        self.smoothing = Smoothing(spacing, residual, place.level, gain * noise.level)
+        self.smoothing = Smoothing(spacing, spline.residual, place.level, gain * noise.level)
 
     @cached_property
     def top_speed(self) -> float:

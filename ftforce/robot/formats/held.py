@@ -9,6 +9,7 @@ unknown.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,7 +42,7 @@ def interpret_limits(tree: UrdfTree) -> UrdfTree:
         elif joint.mimic is not None and joint.mimic.leader in held:
             position = joint.mimic.multiplier * held[joint.mimic.leader] + joint.mimic.offset
             joints[joint.name] = _fixed(joint, position)
-    notes = list(tree.notes)
+    notes = []
     if absent := _absent(tree):
         notes.append(f"position limits are missing, which counts as unknown: {listed(absent)}")
     if unfilled:
@@ -49,7 +50,10 @@ def interpret_limits(tree: UrdfTree) -> UrdfTree:
     if held:
         words = (f"{name} at {position:g}" for name, position in held.items())
         notes.append(f"held fixed, as the lower limit equals the upper one: {listed(words)}")
-    return build_tree(tree.path, tree.name, tree.links, joints, flaws=tree.flaws, notes=notes)
+    tree = replace(tree, notes=(*tree.notes, *notes)) if notes else tree
+    if joints == tree.joints:
+        return tree
+    return build_tree(tree.path, tree.name, tree.links, joints, flaws=tree.flaws, notes=tree.notes)
 
 
 def _absent(tree: UrdfTree) -> list[str]:

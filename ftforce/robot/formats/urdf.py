@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
 
 from ftforce.errors import URDFError, listed, printable
@@ -28,11 +27,11 @@ from ftforce.robot.formats.tree import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable
     from os import PathLike
     from xml.etree.ElementTree import Element
 
-    from ftforce.robot.formats.tree import Numbers, PartKind, UrdfTree
+    from ftforce.robot.formats.tree import Numbers, UrdfTree
 
 MAX_LINKS = 5_000  # far more than any robot has; Pinocchio takes a second for them
 _SHORTEST_AXIS = 1e-6  # shorter axes are zero up to rounding error
@@ -44,7 +43,10 @@ _ZERO3: Numbers = (0.0, 0.0, 0.0)
 _X: Numbers = (1.0, 0.0, 0.0)  # default axis of the URDF format
 _DEFINITIONS = frozenset({"property", "arg", "macro"})  # xacro elements that add no parts
 _Body: TypeAlias = "tuple[float | None, Numbers, Numbers, Numbers]"
+_NO_BODY: _Body = (None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
 _Named = TypeVar("_Named", UrdfLink, UrdfJoint)
+_Part = TypeVar("_Part")
+_Given = ParamSpec("_Given")
 
 
 def read_urdf(path: str | PathLike[str]) -> UrdfTree:
@@ -132,11 +134,12 @@ def _xacro_parts(root: Element) -> tuple[set[str], set[str], bool]:
     """
     names: set[str] = set()
     has_expressions = False
-    waiting = [root]
+    any_xacro = any(map(_xacro_name, {element.tag for element in root.iter()}))
+    waiting = [root] if any_xacro else []  # most files have none
     while waiting:
         parent = waiting.pop()
         for element in parent:
-            if name := _xacro_name(element):
+            if name := _xacro_name(element.tag):
                 names.add(name)  # what is defined within is unused if nothing calls it
             elif parent is not root or element.tag in {"link", "joint"}:
                 has_expressions |= any("${" in x or "$(" in x for x in element.attrib.values())
@@ -144,9 +147,8 @@ def _xacro_parts(root: Element) -> tuple[set[str], set[str], bool]:
     return names - _DEFINITIONS, names & _DEFINITIONS, has_expressions
 
 
-def _xacro_name(element: Element) -> str:
+def _xacro_name(tag: str) -> str:
     """Return the name of a xacro element without its prefix; empty for other elements."""
-    tag = element.tag if isinstance(element.tag, str) else ""  # that of a comment is a function
     space, _, name = tag[1:].rpartition("}") if tag.startswith("{") else tag.rpartition(":")
     return name if "xacro" in space else ""
 
@@ -185,24 +187,28 @@ class _Reader:
             raise self.error(f"two {kind}s are named {twice!r}; names must be unique")
         return by_name
 
-    @contextmanager
-    def noting_flaws(
-        self, kind: PartKind, name: str, *, hides_motion: bool = False
-    ) -> Iterator[None]:
-        """Turn an error within the block into a flaw of a link or joint."""
+    def part(
+        self,
+        flaw: Flaw,
+        stand_in: _Part,
+        read: Callable[_Given, _Part],
+        *given: _Given.args,
+        **named: _Given.kwargs,
+    ) -> _Part:
+        """Return what ``read`` returns; where that is malformed, note the flaw, with a stand-in."""
         try:
-            yield
+            return read(*given, **named)
         except URDFError as error:
-            self.flaws.append(Flaw(kind, name, error.reason, hides_motion))
+            self.flaws.append(flaw._replace(reason=error.reason))
+            return stand_in
 
     def link(self, element: Element) -> UrdfLink:
         name = self.name(element, "link")
         inertial = element.find("inertial")
-        body: _Body = (None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
-        if inertial is not None:
-            with self.noting_flaws("link", name):
-                body = self.body(inertial, f"link {name!r}")
-        return UrdfLink(name, *body)
+        if inertial is None:
+            return UrdfLink(name, *_NO_BODY)
+        flaw = Flaw("link", name, "")
+        return UrdfLink(name, *self.part(flaw, _NO_BODY, self.body, inertial, f"link {name!r}"))
 
     def body(self, inertial: Element, where: str) -> _Body:
         mass = self.number(inertial.find("mass"), "value", f"{where}: mass")
@@ -223,24 +229,14 @@ class _Reader:
         name = self.name(element, "joint")
         where = f"joint {name!r}"
         parent, child = (self.reference(element, role, where) for role in ("parent", "child"))
-        kind, axis, mimic = "fixed", _X, None
-        xyz = rpy = _ZERO3
-        lower = upper = effort = velocity = friction = None
-        with self.noting_flaws("joint", name, hides_motion=True):
-            kind = self.kind(element, where)
-        with self.noting_flaws("joint", name):
-            xyz, rpy = self.origin(element, where)
-        with self.noting_flaws("joint", name):
-            axis = self.axis(element, kind, where)
-        limit = element.find("limit")
-        with self.noting_flaws("joint", name):
-            lower, upper = self.bounds(limit, kind, where)
-        with self.noting_flaws("joint", name):
-            effort, velocity = (self.largest(limit, key, where) for key in ("effort", "velocity"))
-        with self.noting_flaws("joint", name):
-            friction = self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
-        with self.noting_flaws("joint", name):
-            mimic = self.mimic(element, kind, where)
+        limit, flaw = element.find("limit"), Flaw("joint", name, "")
+        kind = self.part(flaw._replace(hides_motion=True), "fixed", self.kind, element, where)
+        xyz, rpy = self.part(flaw, (_ZERO3, _ZERO3), self.origin, element, where)
+        axis = self.part(flaw, _X, self.axis, element, kind, where)
+        lower, upper = self.part(flaw, (None, None), self.bounds, limit, kind, where)
+        effort, velocity = self.part(flaw, (None, None), self.largest, limit, where)
+        friction = self.part(flaw, None, self.friction, element, where)
+        mimic = self.part(flaw, None, self.mimic, element, kind, where)
         limits = (lower, upper, effort, velocity)
         return UrdfJoint(name, kind, parent, child, xyz, rpy, axis, *limits, friction, mimic)
 
@@ -310,8 +306,14 @@ class _Reader:
             raise self.error(f"{where}: lower limit {lower:g} exceeds upper limit {upper:g}{hint}")
         return lower, upper
 
-    def largest(self, limit: Element | None, key: str, where: str) -> float | None:
-        return self.number(limit, key, f"{where}: limit {key}", None)
+    def largest(self, limit: Element | None, where: str) -> tuple[float | None, float | None]:
+        return (
+            self.number(limit, "effort", f"{where}: limit effort", None),
+            self.number(limit, "velocity", f"{where}: limit velocity", None),
+        )
+
+    def friction(self, element: Element, where: str) -> float | None:
+        return self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
 
     def mimic(self, element: Element, kind: str, where: str) -> Mimic | None:
         found = element.find("mimic")
