@@ -262,7 +262,7 @@ def project(force, size, lost):
 def project_on_column(force, k, question, largest, lost):
     """Store in ``lost_force`` what a free-swinging joint takes from the force, with its own weight.
 
-    Nothing, if friction bears the force as it is (`ftforce.core.feasible_forces.Bearings.leave`, and `reach`).
+    Nothing, if friction bears the force as it is (`exact.is_borne`).
 
     Parameters
     ----------
