@@ -343,7 +343,9 @@ def test_nothing_is_written_if_one_file_cannot_be(tmp_path, blocked):
     assert [path.name for path in tmp_path.iterdir()] == [blocked]
 
 
-@pytest.mark.parametrize("existing", [{}, {"arm.urdf": "old"}, {"arm.urdf": "a", "arm.srdf": "b"}])
+@pytest.mark.parametrize(
+    "existing", [{}, {"arm.urdf": "old"}, {"arm.urdf": "a", "arm.srdf": to_srdf(DH5)}]
+)
 @pytest.mark.parametrize(
     ("problem", "raised"),
     [

@@ -1,12 +1,13 @@
 """``ftforce dh``: conversion of a DH table to URDF and SRDF."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ftforce.cli.printing import say
-from ftforce.errors import printable
+from ftforce.errors import OutputError, printable
 
 
 def dh(
@@ -25,13 +26,19 @@ def dh(
 ) -> None:
     """Turn a DH table into a URDF, and an SRDF with its postures beside it.
 
-    Existing files are replaced; if one of the two cannot be written, both stay as they were.
+    The file named by --output is replaced if it exists, and so is an SRDF that this command wrote;
+    no other file is. If one of the two cannot be written, both stay as they were.
     """
     from ftforce.robot.formats.dh import TIP, DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
 
+    made = output or Path(table.stem + ".urdf")
+    if output is None:
+        for path in (made, made.with_suffix(".srdf")):
+            if os.path.lexists(path):
+                raise OutputError(path, f"exists; to replace it, give --output {made}")
     arm = DHTable.from_toml(table)
-    urdf, srdf = write_robot(arm, output or Path(table.stem + ".urdf"))
+    urdf, srdf = write_robot(arm, made)
     postures = ", ".join(arm.postures) or "none"
     joints = "1 joint" if len(arm.rows) == 1 else f"{len(arm.rows)} joints"
     files = f"{printable(urdf)} and {printable(srdf)}"

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ftforce.cli.files import check_files
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
 from ftforce.errors import FtforceError, UnknownNameError
@@ -425,6 +426,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(debug: bool = False, **given: Any) -> None:
         try:
+            check_files(given)
             if "form" in given:
                 check_outputs(command.__name__, **given)
             command(**_grouped(command, dict(given)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -88,6 +89,31 @@ def find_robot(name: str) -> KnownRobot:
         return known_robots()[name]
     except KeyError:
         raise UnknownNameError("robot or file", name, known_robots()) from None
+
+
+def is_name(source: str | os.PathLike[str]) -> bool:
+    """Return whether a source of a robot is a name; a path has a separator or an extension.
+
+    What is no known name, but exists as a file, is a path, too.
+    """
+    if not isinstance(source, str) or os.sep in source or Path(source).suffix:
+        return False
+    return source in known_robots() or not os.path.lexists(source)
+
+
+def files_of(source: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Return the files that are read for a robot: its URDF or DH table, and the SRDF beside it.
+
+    Parameters
+    ----------
+    source :
+        Path or known name; without files if it is an unknown name.
+    """
+    if is_name(source):
+        known = known_robots().get(str(source))
+        found = (known.urdf, known.srdf) if known else ()
+        return tuple(path for path in found if path is not None)
+    return Path(source), Path(source).with_suffix(".srdf")
 
 
 def _known(name: str, entry: dict[str, Any]) -> KnownRobot:

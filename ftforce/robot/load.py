@@ -131,13 +131,9 @@ def load_robot(
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
     """Return the known robot with this name, or ``None`` if the source is a path."""
-    if not isinstance(source, str) or os.sep in source or Path(source).suffix:
-        return None
-    from ftforce.robot.known_robots import find_robot, known_robots  # not needed for a path
+    from ftforce.robot.known_robots import find_robot, is_name
 
-    if source not in known_robots() and os.path.lexists(source):
-        return None
-    return find_robot(source)
+    return find_robot(str(source)) if is_name(source) else None
 
 
 def _description(source: str | os.PathLike[str], known: KnownRobot | None) -> tuple[UrdfTree, Srdf]:
