@@ -184,7 +184,7 @@ def listed(names: Iterable[str], most: int = 24) -> str:
     if not names:
         return "(none)"
     more = f", … and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return ", ".join(map(printable, names[:most])) + more
 
 
 def _in_words(shape: tuple[int, ...]) -> str:

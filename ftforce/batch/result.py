@@ -17,6 +17,7 @@ from ftforce.core.display import Displayed
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.ranks import Rank, ranks_of_intervals
+from ftforce.io.text import check_name, printable_texts
 from ftforce.robot.dynamics import CarriedPayload
 
 if TYPE_CHECKING:
@@ -133,10 +134,19 @@ class SweepSetting(CarriedPayload):
         Parameters
         ----------
         found :
-            The dictionary; lists become tuples again.
+            The dictionary; lists become tuples again, and unprintable characters are escaped.
+
+        Raises
+        ------
+        ValueError
+            A name is not a text, or contains unprintable characters.
         """
+        for kind in ("robot", "base", "tip", "joints"):
+            names = found[kind] if kind == "joints" else [found[kind]]
+            for name in names:
+                check_name(name, kind.removesuffix("s"))
         known: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in found.items()
+            k: tuple(v) if isinstance(v, list) else v for k, v in printable_texts(found).items()
         }
         known["other_tips"] = {k: tuple(v) for k, v in known.get("other_tips", {}).items()}
         return cls(**known)

@@ -21,7 +21,7 @@ import typer
 from ftforce.cli.files import check_files
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, UnknownNameError
+from ftforce.errors import FtforceError, UnknownNameError, printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -440,7 +440,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         except Exception as error:  # never show a traceback, even for internal errors
             if debug:
                 raise
-            typer.echo(f"error: {_reason(error)}", err=True)
+            typer.echo(f"error: {printable(_reason(error))}", err=True)
             raise typer.Exit(2 if _is_no_choice(command, given, error) else 1) from None
 
     parameters = [

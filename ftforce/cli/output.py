@@ -147,7 +147,7 @@ def _emit(
 
         content = to_content(result, form)
         for warning in warnings:
-            typer.echo(f"warning: {warning}", err=True)
+            typer.echo(f"warning: {printable(warning)}", err=True)
     if output is None:
         with printing():
             sys.stdout.write(content if isinstance(content, str) else content.decode())

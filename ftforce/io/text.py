@@ -7,9 +7,9 @@ import os
 import re
 from pathlib import Path
 from stat import S_ISDIR, S_ISFIFO, S_ISREG
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ftforce.errors import OutputError
+from ftforce.errors import OutputError, printable
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -174,6 +174,37 @@ def read_numbers(
     if largest is not None and max(map(abs, numbers)) > largest:
         raise ValueError(f"{shortened(text)} is too large; the maximum magnitude is {largest:g}")
     return numbers
+
+
+def check_name(name: object, kind: str) -> None:
+    """Check a name that a file gives to a part of an arm, before it is shown anywhere.
+
+    Parameters
+    ----------
+    name :
+        The name.
+    kind :
+        What is named, for messages, e.g. ``"joint"``.
+
+    Raises
+    ------
+    ValueError
+        The name is not a text, or has characters that are not printable, such as line breaks and
+        control sequences of terminals.
+    """
+    if not isinstance(name, str):
+        raise ValueError(f"the {kind} name {shortened(str(name))} is not a text")
+    if not name.isprintable():
+        raise ValueError(f"the {kind} name {shortened(name)} contains unprintable characters")
+
+
+def printable_texts(content: Any) -> Any:
+    """Return JSON content with unprintable characters of all its texts escaped, keys included."""
+    if isinstance(content, str):
+        return content if content.isprintable() else printable(content)
+    if isinstance(content, dict):
+        return {printable(key): printable_texts(value) for key, value in content.items()}
+    return [printable_texts(one) for one in content] if isinstance(content, list) else content
 
 
 def shortened(text: str, most: int = 60) -> str:

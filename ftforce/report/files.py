@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -173,10 +174,51 @@ def to_text(result: object, form: str) -> str:
     """
     if form == "csv":
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(_unsigned(to_rows(result)))
+        rows = ([as_cell(cell) for cell in row] for row in _unsigned(to_rows(result)))
+        csv.writer(text, lineterminator="\n").writerows(rows)
         return text.getvalue()
     document = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)
-    return json.dumps(_unsigned(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    content = json.dumps(_unsigned(document), indent=2, ensure_ascii=False, allow_nan=False)
+    return "\n".join(map(_escaped, content.split("\n"))) + "\n"
+
+
+def as_cell(value: Any) -> Any:
+    """Return a value as a cell of a CSV table: a text that no spreadsheet takes for a formula.
+
+    A text that begins like a formula gets an apostrophe in front, by which spreadsheets know texts;
+    numbers and directions such as +fx stay. Unprintable characters are escaped.
+
+    Parameters
+    ----------
+    value :
+        A number, a text, or another value of a row.
+    """
+    if not isinstance(value, str):
+        return value
+    text = printable(value)
+    if value.lstrip()[:1] in _FORMULA and not (_is_number(text) or _DIRECTION.fullmatch(text)):
+        return f"'{text}"
+    return text
+
+
+# Also the full-width forms, which some spreadsheets take for the others.
+_FORMULA = frozenset("=+-@＝＋－＠")
+_DIRECTION = re.compile("[+-][fm][xyz]")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _escaped(line: str) -> str:
+    """Return a line of a JSON document with unprintable characters escaped, as JSON has it."""
+    if line.isprintable():
+        return line
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in line)
 
 
 def _unsigned(value: Any) -> Any:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.errors import SRDFError
-from ftforce.io.text import read_numbers
+from ftforce.io.text import check_name, read_numbers
 from ftforce.io.xml_text import read_xml
 
 if TYPE_CHECKING:
@@ -61,6 +61,13 @@ def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
     ends = [e.get("parent_link", "") for e in root.iter("end_effector")]
     chains = [(e.get("base_link", ""), e.get("tip_link", "")) for e in root.iter("chain")]
     states: dict[str, dict[str, float]] = {}
+    named = [("link", link) for link in (*ends, *(link for pair in chains for link in pair))]
+    named += [("state", state.get("name", "")) for state in root.iter("group_state")]
+    try:
+        for kind, name in named:
+            check_name(name, kind)
+    except ValueError as problem:
+        raise SRDFError(path, str(problem)) from None
     for state in root.iter("group_state"):
         states.setdefault(state.get("name", ""), {}).update(_values(state, path))
     return Srdf(
@@ -72,9 +79,6 @@ def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
 
 
 def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:
-    if not state.get("name", "").isprintable():
-        reason = f"the state name {state.get('name')!r} contains unprintable characters"
-        raise SRDFError(path, reason)
     values = {}
     for joint in state.iter("joint"):
         name, value = joint.get("name", ""), joint.get("value", "")

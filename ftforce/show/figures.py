@@ -23,8 +23,10 @@ from ftforce.show.plots.canvas import (
     ROW,
     WIDTH,
     Options,
+    draw_literally,
     fit_ticks,
     needs_matplotlib,
+    texts_of,
 )
 from ftforce.show.plots.comparison import lay_out
 from ftforce.show.plots.workspace_page import draw_map, draw_sweep
@@ -79,6 +81,7 @@ def figure(result: Drawable) -> Figure:
         drawn = Figure(layout="constrained")
         draw(drawn, result)
         fit_ticks(drawn)
+        draw_literally(texts_of(drawn))
     return drawn
 
 

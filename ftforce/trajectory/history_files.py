@@ -21,7 +21,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
-from ftforce.io.text import read_bytes
+from ftforce.io.text import check_name, printable_texts, read_bytes
 from ftforce.trajectory.history import (
     QUANTITIES,
     RUNS,
@@ -190,6 +190,11 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
     if about["version"] != _VERSION:
         raise InputError(f"has format version {about['version']}; this ftforce reads {_VERSION}")
     content = about["setting"]
+    for kind in ("robot", "base", "tip"):
+        check_name(content[kind], kind)
+    for joint in content["joints"]:
+        check_name(joint["name"], "joint")
+    content = printable_texts(content)
     content["effort"] = [math.nan if x is None else x for x in content["effort"]]
     content["delay"] = math.inf if content["delay"] is None else content["delay"]
     task = content["task"]

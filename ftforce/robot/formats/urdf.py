@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
 
 from ftforce.errors import URDFError, listed, printable
-from ftforce.io.text import LARGEST_NUMBER, read_numbers
+from ftforce.io.text import LARGEST_NUMBER, check_name, read_numbers
 from ftforce.io.xml_text import XmlFile, read_xml
 from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.held import interpret_limits
@@ -252,8 +252,10 @@ class _Reader:
         name = element.get("name", "")
         if not name.strip():
             raise self.error(f"a <{kind}> has no name")
-        if not name.isprintable():  # e.g. a line break or a terminal control sequence
-            raise self.error(f"the {kind} name {name!r} contains unprintable characters")
+        try:
+            check_name(name, kind)
+        except ValueError as problem:
+            raise self.error(str(problem)) from None
         return name
 
     def reference(self, element: Element, role: str, where: str) -> str:

@@ -11,11 +11,13 @@ from ftforce.errors import FtforceError, InputError
 from ftforce.report.text import NEGLIGIBLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.text import Text
 
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.trajectory.history import History
@@ -145,12 +147,37 @@ def canvas(ax: Axes | None, height: float, *, solid: bool = False) -> Iterator[A
             name = getattr(ax, "name", None)
             got = f"axes of projection {name!r}" if isinstance(ax, Axes) else repr(ax)
             raise InputError(f"ax must be matplotlib axes with {wanted}, got {got}")
+        before = {text: text.get_text() for text in texts_of(ax)}
         yield ax
+        draw_literally(text for text in texts_of(ax) if text.get_text() != before.get(text))
         return
     with rc_context(PRINT):
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         yield figure.add_subplot(projection="3d" if solid else None)
         fit_ticks(figure)
+        draw_literally(texts_of(figure))
+
+
+def draw_literally(texts: Iterable[Text]) -> None:
+    """Draw texts as they are: a dollar sign in a name begins no formula."""
+    for text in texts:
+        text.set_parse_math(False)
+
+
+def texts_of(artist: Artist) -> list[Text]:
+    """Return the texts of a figure or axes, but not the numbers at axes, which may be formulas."""
+    from matplotlib.axis import Axis
+    from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter, ScalarFormatter
+
+    numbers = {
+        text
+        for axis in artist.findobj(Axis)
+        if isinstance(axis.get_major_formatter(), (LogFormatter, ScalarFormatter))
+        for tick in (*axis.majorTicks, *axis.minorTicks)
+        for text in (tick.label1, tick.label2, axis.get_offset_text())
+    }
+    return [text for text in artist.findobj(Text) if text not in numbers]
 
 
 def grid(ax: Axes, axis: Literal["both", "x"] = "both") -> None:
