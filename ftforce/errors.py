@@ -151,6 +151,9 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
 
 
+_LONGEST_GUESS = 200  # characters
+
+
 def closest(name: object, available: Iterable[str]) -> str | None:
     """Return the available name most similar to ``name``, or ``None``.
 
@@ -165,7 +168,9 @@ def closest(name: object, available: Iterable[str]) -> str | None:
         return None
     from difflib import get_close_matches
 
-    by_folded = {other.casefold(): other for other in available}
+    if len(name) > _LONGEST_GUESS:  # the comparison takes the square of the length
+        return None
+    by_folded = {x.casefold(): x for x in available if len(x) <= _LONGEST_GUESS}
     matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
     return by_folded[matches[0]] if matches else None
 

@@ -14,7 +14,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.limits import Limits
 from ftforce.errors import DimensionError, InputError, LimitsError, printable
 from ftforce.io.csv_table import Table
-from ftforce.io.text import read_numbers, read_text
+from ftforce.io.text import LARGEST_TOML, read_numbers, read_text, read_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -133,7 +133,7 @@ def _read(
     ending = Path(path).suffix.lower()
     if ending not in {".toml", ".csv"}:
         raise LimitsError(path, f"expected {words}{kind} ending in .toml or .csv")
-    text = read_text(path, LimitsError, kind)
+    text = read_text(path, LimitsError, kind, LARGEST_TOML if ending == ".toml" else None)
     try:
         return fill(_toml_entries(text) if ending == ".toml" else _csv_entries(text, columns))
     except InputError as problem:
@@ -207,12 +207,7 @@ def _limit(value: object, what: str) -> float:
 
 def _toml_entries(text: str) -> list[_Entry]:
     """Return the entries of ``[[joint]]`` tables, or of one table named after each joint."""
-    import tomllib  # imported lazily: needed only for TOML files
-
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise InputError(f"is not valid TOML: {problem}") from None
+    content = read_toml(text)
     entries: list[_Entry] = []
     for key, value in content.items():
         if isinstance(value, dict):

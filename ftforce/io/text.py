@@ -9,7 +9,7 @@ from pathlib import Path
 from stat import S_ISDIR, S_ISFIFO, S_ISREG
 from typing import TYPE_CHECKING, Any
 
-from ftforce.errors import OutputError, printable
+from ftforce.errors import InputError, OutputError, printable
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -22,6 +22,8 @@ _ENCODINGS = re.compile(
     r"iso-?8859-([1-9]|1[0-1]|1[3-6])|latin-?1|(windows-|cp)125[0-8]|gb18030|big5|shift-jis"
     r"|euc-(jp|kr)|koi8-[ru]|utf-16"
 )
+LARGEST_TOML = 1_000_000  # bytes; Python's parser takes a second for them
+_MAX_PARTS = 100  # of a dotted key
 LARGEST_NUMBER = 1e9  # of a length, angle, mass …; results computed from them stay finite
 
 
@@ -205,6 +207,26 @@ def printable_texts(content: Any) -> Any:
     if isinstance(content, dict):
         return {printable(key): printable_texts(value) for key, value in content.items()}
     return [printable_texts(one) for one in content] if isinstance(content, list) else content
+
+
+def read_toml(text: str) -> dict[str, Any]:
+    """Parse a TOML document.
+
+    Raises
+    ------
+    InputError
+        It is not valid TOML, or a key has more parts than any file needs: the time that Python's
+        parser takes grows with the square of their number.
+    """
+    import tomllib  # imported lazily: needed only for TOML files
+
+    runs = re.split(r"[,=\[\]{}\n\r#]", text)
+    if any(sum(map(bool, run.split("."))) > _MAX_PARTS for run in runs if "." in run):
+        raise InputError(f"is not valid: a key has more than {_MAX_PARTS} parts")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"is not valid TOML: {problem}") from None
 
 
 def shortened(text: str, most: int = 60) -> str:

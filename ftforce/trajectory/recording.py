@@ -327,7 +327,7 @@ def _columns(
     numbers = {number for number, _ in found.values()}
     rest = [shortened(cell) for i, cell in enumerate(header) if i not in numbers]
     if rest:
-        notes.append(f"columns that are no times or joints are ignored: {', '.join(rest)}")
+        notes.append(f"columns that are no times or joints are ignored: {listed(rest)}")
     ordered = {name: found[name] for name in units if name in found}
     return ordered, ("; ".join(notes),) if notes else ()
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 import sys
-import tomllib
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields
@@ -24,7 +23,7 @@ import numpy as np
 
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.errors import DHTableError, InputError, UnknownNameError, listed
-from ftforce.io.text import read_text
+from ftforce.io.text import LARGEST_TOML, read_text, read_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -37,6 +36,7 @@ JointType: TypeAlias = Literal["revolute", "prismatic"]
 Solid: TypeAlias = Literal["thin rod", "solid cylinder"]
 
 BASE, TIP, TIP_JOINT = "base", "tool", "tool_joint"
+_MAX_ROWS = 148  # with base and tool, the depth of a URDF that can be loaded
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,8 @@ class DHTable:
         _check_choice(self.convention, "convention", Convention)
         if not self.rows:
             raise InputError("rows is empty; a table needs one row per joint")
+        if len(self.rows) > _MAX_ROWS:
+            raise InputError(f"has {len(self.rows)} rows; at most {_MAX_ROWS} are supported")
         with_mass = [row.mass is not None for row in self.rows]
         if self.mass is None and any(with_mass):
             raise InputError(
@@ -315,7 +317,7 @@ def read_dh_table(path: str | PathLike[str]) -> DHTable:
     DHTableError
         The file cannot be read or the table is malformed; the message names the row and key.
     """
-    text = read_text(path, DHTableError, "a DH table")
+    text = read_text(path, DHTableError, "a DH table", LARGEST_TOML)
     try:
         return DHTable(**_arguments_of_table(text), source=Path(path))
     except InputError as error:
@@ -328,10 +330,7 @@ def is_dh_table(path: object) -> bool:
 
 
 def _arguments_of_table(text: str) -> dict[str, Any]:
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not valid TOML: {error}") from None
+    content = read_toml(text)
     _check_missing(content)
     entries = _checked_keys(content, _TABLE, _OPTIONAL)
     with _within("units"):

@@ -28,6 +28,7 @@ MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 # Pinocchio recurses along the tree, 2.2 kB of stack per link: a thread with 8 MB of stack overflows
 # at a depth of 3700 links, one with 512 kB at 200.
 MAX_DEPTH = 150
+_MAX_HINTS = 3  # flaws that suggest another name, for which all names are compared
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -256,9 +257,10 @@ def _without_mimic_chains(
         joint, chain = first, dict[str, UrdfJoint]()
         while joint.name not in done:
             if joint.name in chain:
+                reason = f"the joints {listed(chain)} mimic each other in a cycle"
                 for follower in chain.values():
-                    drop(follower, f"the joints {listed(chain)} mimic each other in a cycle")
-            elif problem := _missing_leader(joint, joints):
+                    drop(follower, reason)
+            elif problem := _missing_leader(joint, joints, hints=len(flaws) < _MAX_HINTS):
                 drop(joint, problem)
             else:
                 chain[joint.name] = joint
@@ -283,12 +285,17 @@ def _leader(joint: UrdfJoint) -> str:
     return joint.mimic.leader if joint.mimic else ""
 
 
-def _missing_leader(joint: UrdfJoint, joints: Mapping[str, UrdfJoint]) -> str:
-    """Return why a follower cannot follow its leader; empty if it can."""
+def _missing_leader(
+    joint: UrdfJoint, joints: Mapping[str, UrdfJoint], *, hints: bool = True
+) -> str:
+    """Return why a follower cannot follow its leader; empty if it can.
+
+    With ``hints``, another name is suggested.
+    """
     name = _leader(joint)
     leader = joints.get(name)
     if leader is None:
-        reason = f"does not exist{did_you_mean(name, joints)}"
+        reason = f"does not exist{did_you_mean(name, joints) if hints else ''}"
     elif leader.type not in MOVING:
         reason = f"is {leader.type}"
     else:

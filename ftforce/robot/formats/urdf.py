@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
@@ -86,13 +87,14 @@ def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()
         It does not describe a tree of links and joints.
     """
     reader = _Reader(str(path))
-    elements = root.findall("link")
+    elements, moved = root.findall("link"), root.findall("joint")
     if not elements:
         raise reader.error("contains no <link>")
-    if len(elements) > MAX_LINKS:
-        raise reader.error(f"contains {len(elements)} links; at most {MAX_LINKS} are supported")
+    for kind, count in (("links", len(elements)), ("joints", len(moved))):
+        if count > MAX_LINKS:
+            raise reader.error(f"contains {count} {kind}; at most {MAX_LINKS} are supported")
     links = reader.unique([reader.link(e) for e in elements], "link")
-    joints = reader.unique([reader.joint(e) for e in root.findall("joint")], "joint")
+    joints = reader.unique([reader.joint(e) for e in moved], "joint")
     name = root.get("name", "").strip() or Path(path).stem
     label = "".join(letter if letter.isprintable() else "?" for letter in name)
     tree = build_tree(str(path), label, links, joints, flaws=reader.flaws, notes=notes)
@@ -182,8 +184,8 @@ class _Reader:
     def unique(self, things: list[_Named], kind: str) -> dict[str, _Named]:
         by_name = {thing.name: thing for thing in things}
         if len(by_name) < len(things):
-            names = [thing.name for thing in things]
-            twice = next(name for name in by_name if names.count(name) > 1)
+            counts = Counter(thing.name for thing in things)
+            twice = next(name for name in by_name if counts[name] > 1)
             raise self.error(f"two {kind}s are named {twice!r}; names must be unique")
         return by_name
 

@@ -90,6 +90,9 @@ def _obj(text: str, path: Path) -> Trimesh:
         for line in text.splitlines():
             kind, *words = line.split() or [""]
             if kind == "v":
+                if len(words) < 3:
+                    found = f"vertex {len(points) + 1} has {len(words)} coordinates"
+                    raise ValueError(f"{found}; x, y and z are needed")
                 points.append([float(word) for word in words[:3]])
             elif kind == "f":
                 corners = [_obj_index(word, len(points)) for word in words]

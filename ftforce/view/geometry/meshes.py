@@ -36,6 +36,7 @@ MAX_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known robots 
 _ROD = 0.03  # radius of a link without a mesh, as a share of the arm's reach
 _UNSCALED = (1.0, 1.0, 1.0)
 _GROWTH = 1.4  # least factor between grid cells
+_MAX_SCALES = 8  # of a mesh, for each of which it is decimated by itself
 _FIRST_CELL = 1.0 / 4000.0  # initial grid cell, as a share of the largest mesh
 
 
@@ -110,10 +111,10 @@ def load_geometry(robot: Robot) -> Geometry:
     from_files = {piece.joint for piece in pieces if piece.is_from_file}
     meshes = [(piece.joint, _placed(piece)) for piece in _decimated(pieces)]
     meshes += [(joint, mesh) for joint in sorted(without_mesh) for mesh in _rods(robot, joint)]
-    parts = (
-        _part(joint, [mesh for owner, mesh in meshes if owner == joint], joint in from_files)
-        for joint in range(robot.model.njoints)
-    )
+    by_joint: dict[int, list[Trimesh]] = {joint: [] for joint in range(robot.model.njoints)}
+    for joint, mesh in meshes:
+        by_joint[joint].append(mesh)
+    parts = (_part(joint, own, joint in from_files) for joint, own in by_joint.items())
     return Geometry(tuple(part for part in parts if len(part.faces)), tuple(notes))
 
 
@@ -151,6 +152,7 @@ class _MeshFiles:
 
     def __init__(self) -> None:
         self._meshes: dict[Path, Trimesh | None] = {}
+        self._reaches: dict[Path, Vector] = {}  # largest coordinates
         self._problems: dict[str, str] = {}
         self._bytes = 0
 
@@ -163,10 +165,15 @@ class _MeshFiles:
         if path not in self._meshes:
             self._meshes[path] = self._read(path)
         mesh = self._meshes[path]
-        if mesh is not None and not _is_plausible(mesh, visual):
+        if mesh is not None and not self._is_plausible(path, mesh, visual):
             self._problems[str(path)] = f"mesh {printable(path)}: too large for an arm"
             return None
         return mesh
+
+    def _is_plausible(self, path: Path, mesh: Trimesh, visual: Visual) -> bool:
+        if path not in self._reaches:
+            self._reaches[path] = np.abs(mesh.vertices).max(axis=0)
+        return bool((self._reaches[path] * np.abs(visual.size)).max() <= MAX_LENGTH)
 
     def _read(self, path: Path) -> Trimesh | None:
         try:
@@ -183,11 +190,6 @@ class _MeshFiles:
     def notes(self) -> list[str]:
         """Return the problems found, in words."""
         return list(self._problems.values())
-
-
-def _is_plausible(mesh: Trimesh, visual: Visual) -> bool:
-    reach = np.abs(mesh.vertices).max(axis=0) * np.abs(visual.size)
-    return bool(reach.max() <= MAX_LENGTH)
 
 
 def _simple(visual: Visual) -> Trimesh:
@@ -209,7 +211,7 @@ def _decimated(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
     """Return the shapes, decimated to the maximum number of triangles."""
     if sum(len(piece.mesh.faces) for piece in pieces) <= MAX_SHOWN:
         return pieces
-    largest = max(_size(piece) for piece in pieces)
+    largest = _largest(pieces)
     cell = _FIRST_CELL * largest
     while True:
         coarse = _clustered(pieces, cell)
@@ -220,20 +222,38 @@ def _decimated(pieces: Sequence[_Piece]) -> Sequence[_Piece]:
         cell *= max(_GROWTH, (count / MAX_SHOWN) ** 0.5)
 
 
-def _size(piece: _Piece) -> float:
-    spans = np.ptp(piece.mesh.vertices, axis=0) * np.abs(piece.scale)
-    return float(spans.max(initial=0.0))
+def _largest(pieces: Sequence[_Piece]) -> float:
+    """Return the length of the largest shape, m."""
+    meshes = {id(piece.mesh): piece.mesh for piece in pieces}
+    sizes = {key: np.ptp(mesh.vertices, axis=0) for key, mesh in meshes.items()}
+    return max(
+        float((sizes[id(piece.mesh)] * np.abs(piece.scale)).max(initial=0.0)) for piece in pieces
+    )
 
 
 def _clustered(pieces: Sequence[_Piece], cell: float) -> list[_Piece]:
-    """Cluster the shapes' vertices on a grid, cell in m; shared meshes are processed once."""
-    done: dict[tuple[int, tuple[float, ...]], Trimesh] = {}
+    """Cluster the shapes' vertices on a grid, cell in m; shared meshes are processed once.
+
+    A mesh with many scales is processed at the largest one only, at which its cells are finest.
+    """
+    scales: dict[int, set[tuple[float, ...]]] = {}
     for piece in pieces:
-        key = (id(piece.mesh), piece.scale)
+        scales.setdefault(id(piece.mesh), set()).add(piece.scale)
+    many = {
+        key: tuple(np.abs(list(own)).max(axis=0).tolist())
+        for key, own in scales.items()
+        if len(own) > _MAX_SCALES
+    }
+    done: dict[tuple[int, tuple[float, ...]], Trimesh] = {}
+    coarse = []
+    for piece in pieces:
+        scale = many.get(id(piece.mesh), piece.scale)
+        key = (id(piece.mesh), scale)
         if key not in done:
             with np.errstate(divide="ignore"):  # zero scale: the axis collapses into one cell
-                done[key] = shapes.decimated(piece.mesh, cell / np.abs(piece.scale))
-    return [replace(piece, mesh=done[id(piece.mesh), piece.scale]) for piece in pieces]
+                done[key] = shapes.decimated(piece.mesh, cell / np.abs(scale))
+        coarse.append(replace(piece, mesh=done[key]))
+    return coarse
 
 
 # ---- links without a mesh --------------------------------------------------------------------
