@@ -32,6 +32,7 @@ def opened():
 
 def get(opened, path="/", **headers):
     """Return status, headers and body of a request."""
+    headers = {"Cookie": opened._guard.cookie, **headers}
     connection = http.client.HTTPConnection("127.0.0.1", opened.port, timeout=10)
     try:
         connection.request("GET", path, headers=headers)
@@ -54,8 +55,9 @@ def send(opened, data):
         return answer
 
 
-def connect(opened, origin="own", protocol=PROTOCOL, **options):
+def connect(opened, origin="own", protocol=PROTOCOL, cookie=None, **options):
     """Return a websocket's connection, to be awaited."""
+    cookie = opened._guard.cookie if cookie is None else cookie
     if origin == "own":
         origin = f"http://127.0.0.1:{opened.port}"
     return websockets.connect(
@@ -64,6 +66,7 @@ def connect(opened, origin="own", protocol=PROTOCOL, **options):
         subprotocols=[protocol] if protocol else None,
         max_size=None,
         proxy=None,
+        additional_headers={"Cookie": cookie} if cookie else None,
         **options,
     )
 
@@ -182,7 +185,7 @@ def test_the_page_is_served_with_its_title_and_what_browsers_enforce(opened):
         assert found["X-Content-Type-Options"] == "nosniff"
         assert found["Cache-Control"] == "no-store"
         assert found["Cross-Origin-Resource-Policy"] == "same-origin"
-    assert opened.address == f"http://127.0.0.1:{opened.port}/"
+    assert opened.address == f"http://127.0.0.1:{opened.port}/?token={opened._guard.token}"
     assert opened.warning == ""
 
 
@@ -219,6 +222,56 @@ def test_only_the_own_page_can_connect(opened):
         ]
 
     assert asyncio.run(ask()) == [101] + 7 * [403]
+
+
+def test_only_those_who_know_the_token_get_the_page(opened):
+    token, name = opened._guard.token, f"ftforce-{opened.port}"
+    for path, cookie in (
+        ("/", ""),
+        ("/?token=", ""),
+        ("/?token=" + token[:-1], ""),
+        ("/?other=" + token, ""),
+        ("/" + token, ""),
+        ("/", name),
+        ("/", f"{name}="),
+        ("/", f"{name}={token}x"),
+        ("/", f"ftforce-1={token}"),
+        ("/alive", ""),
+    ):
+        status, found, body = get(opened, path, Cookie=cookie)
+        assert status == 403, path
+        assert b"open the address that ftforce printed" in body
+        assert "Set-Cookie" not in found
+        assert token.encode() not in body
+    status, found, _ = get(opened, f"/?token={token}", Cookie="")
+    assert status == 200
+    assert found["Set-Cookie"] == f"{name}={token}; Path=/; HttpOnly; SameSite=Strict"
+    assert get(opened, "/", Cookie=f"a=b; {name}={token}")[0] == 200
+    assert get(opened, "/alive")[0] == 200
+    assert len(token) >= 32
+
+
+def test_nothing_connects_without_the_cookie(opened):
+    wrong = opened._guard.cookie[:-1]
+    assert asyncio.run(status_of(opened, cookie="")) == 403
+    assert asyncio.run(status_of(opened, cookie=wrong)) == 403
+    assert asyncio.run(status_of(opened)) == 101
+
+
+def test_a_ticket_is_good_for_one_request(opened):
+    address = opened.address_for_browser()
+    assert opened._guard.token not in address
+    path = address.partition(str(opened.port))[2]
+    status, found, _ = get(opened, path, Cookie="")
+    assert status == 200
+    assert found["Set-Cookie"].startswith(opened._guard.cookie)
+    assert get(opened, path, Cookie="")[0] == 403
+
+
+def test_no_two_servers_share_a_token(opened):
+    other = open_server(port=0)
+    other.close()
+    assert other._guard.token != opened._guard.token
 
 
 def wait_for(condition, seconds=10.0):
@@ -317,7 +370,8 @@ def test_a_connection_that_hangs_does_not_keep_the_server():
         socket.create_connection(("127.0.0.1", opened.port)) as reading,
     ):
         silent.sendall(b"GET / HTTP/1.1\r\n")
-        reading.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{opened.port}\r\n\r\n".encode())
+        own = f"Host: 127.0.0.1:{opened.port}\r\nCookie: {opened._guard.cookie}\r\n"
+        reading.sendall(f"GET / HTTP/1.1\r\n{own}\r\n".encode())
         reading.recv(1)
         started = time.monotonic()
         opened.close()
@@ -365,7 +419,7 @@ def test_all_addresses_are_listened_on_when_asked_for():
     opened = open_server("0.0.0.0", 0)
     try:
         assert "anyone who can reach 0.0.0.0" in opened.warning
-        assert opened.address == f"http://127.0.0.1:{opened.port}/"
+        assert opened.address.startswith(f"http://127.0.0.1:{opened.port}/?token=")
         assert get(opened)[0] == 200
         assert get(opened, Host="evil.example")[0] == 403
         assert get(opened, Host=f"192.168.7.7:{opened.port}")[0] == 200
@@ -384,6 +438,7 @@ def assert_closed(port):
         (guard, "refusal", lambda *_: ""),
         (guard, "_connection_refusal", lambda *_: ""),
         (Names, "accepts", lambda *_: True),
+        (guard.Guard, "stranger", lambda *_: ""),
         (guard.Guard, "wrap", lambda _self, answer: answer),  # viser starts otherwise
     ],
 )

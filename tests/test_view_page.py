@@ -19,6 +19,7 @@ from ftforce import cli
 from ftforce.core.faults import FaultSet
 from ftforce.errors import InputError
 from ftforce.report.analysis import verdict_sentence
+from ftforce.view import session as module
 from ftforce.view.geometry.meshes import Geometry, Part
 from ftforce.view.model.answer import answer
 from ftforce.view.model.state import Origin, command_line
@@ -69,6 +70,64 @@ def test_a_session_opens_with_its_question_answered(session, dh5):
     found = ftforce.analyze(dh5, force=[80, 50, 10])
     assert verdict_sentence(found) == verdict_sentence(session.answer.analysis)
     assert "Tolerated" in session.panel._banner.content
+
+
+def test_a_verdict_is_marked_while_a_newer_question_is_open(session, monkeypatch):
+    content = lambda: session.panel._banner.content  # noqa: E731
+    assert 'data-testid="open"' not in content()
+    asked, answered, compute = threading.Event(), threading.Semaphore(0), module.answer
+
+    def slowly(*given):
+        asked.set()
+        assert answered.acquire(timeout=20)
+        return compute(*given)
+
+    monkeypatch.setattr(module, "answer", slowly)
+    session.change(lambda state: state.failing(1, "locked"))
+    assert 'data-testid="open"' in content()
+    assert "Tolerated" in content()  # the earlier verdict, marked
+    assert 'data-testid="open"' not in str(session.panel.static_parts())
+    assert asked.wait(20)
+    session.change(lambda state: state.failing(3, "locked"))  # while the first one is computed
+    answered.release()
+    with session._updated:
+        assert session._updated.wait_for(lambda: session._newest - session._answered == 1, 20)
+        assert 'data-testid="open"' in content()
+    answered.release()
+    session.settle()
+    assert 'data-testid="open"' not in content()
+
+
+def test_one_picture_is_saved_at_a_time(session):
+    begun, done = threading.Event(), threading.Event()
+
+    class Tab:
+        def __init__(self):
+            self.said, self.files = [], []
+
+        def add_notification(self, *words, **_options):
+            self.said.append(words)
+
+        def send_file_download(self, name, data, **_options):
+            self.files.append((name, data))
+
+    def draw():
+        begun.set()
+        assert done.wait(20)
+        return b"png"
+
+    slow, others = Tab(), [Tab() for _ in range(40)]
+    thread = threading.Thread(target=session._send, args=(slow, "png", draw))
+    thread.start()
+    assert begun.wait(20)
+    for tab in others:
+        session._send(tab, "png", draw)  # returns at once
+        assert "another image or page is being saved" in tab.said[0][1]
+    done.set()
+    thread.join(20)
+    assert slow.files == [("ftforce_dh5.png", b"png")]
+    session._send(others[0], "png", lambda: b"next")
+    assert others[0].files == [("ftforce_dh5.png", b"next")]
 
 
 @pytest.mark.thorough
@@ -398,7 +457,7 @@ class Seen:
     def __init__(self, browser, session):
         self.context = browser.new_context(viewport={"width": 1280, "height": 800})
         self.context.grant_permissions(
-            ["clipboard-read", "clipboard-write"], origin=session.address.rstrip("/")
+            ["clipboard-read", "clipboard-write"], origin=session.address.partition("/?")[0]
         )
         self.session, self.tabs = session, []
         self.page = self.open()

@@ -42,7 +42,7 @@ def source_with(text):
 def connect(opened):
     return websockets.connect(
         opened.address.replace("http", "ws"),
-        origin=opened.address.rstrip("/"),
+        origin=opened.address.partition("/?")[0],
         subprotocols=[viser_private.protocol()],
         max_size=None,
         proxy=None,

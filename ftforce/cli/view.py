@@ -133,13 +133,13 @@ def view(
             return
         if session.problem:  # same error as `analyze`
             raise InputError(session.problem)
-        session.run(lambda: _announce(arm.name, session.address, no_browser))
+        session.run(lambda: _announce(session, no_browser))
 
 
-def _announce(name: str, address: str, no_browser: bool) -> None:
-    say(f"{name}: {address} (press Ctrl-C to stop)")
+def _announce(session: "Session", no_browser: bool) -> None:
+    say(f"{session.robot.name}: {session.address} (press Ctrl-C to stop)")
     if not no_browser:
-        _open(address)
+        _open(session.address_for_browser())
 
 
 def _refuse_question(context: typer.Context, *, is_history: bool) -> None:

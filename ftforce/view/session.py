@@ -72,7 +72,7 @@ class Session:
     Attributes
     ----------
     address :
-        URL of the page.
+        URL of the page, with its token.
     warning :
         Warning about the address; empty if only this machine can reach it.
     state :
@@ -105,6 +105,7 @@ class Session:
         self._updated = threading.Condition(self._lock)
         self._newest, self._answered = 1, 0
         self._closing = threading.Event()
+        self._saving = threading.Lock()
         self.seconds = 0.0
         self._opened = open_server(host, port, title=f"ftforce {robot.name}")
         self.server: viser.ViserServer = self._opened.server
@@ -162,7 +163,13 @@ class Session:
 
     def _request(self) -> None:
         self._newest += 1
+        self._mark_open()
         self._updated.notify_all()
+
+    def _mark_open(self) -> None:
+        """Mark the verdict on the page; not while a mode plays, which asks at every frame."""
+        if not self.mode.takes_over:
+            self.panel.mark_open()
 
     def settle(self, seconds: float = 60.0) -> None:
         """Wait until the current question is answered and sent to the tabs.
@@ -234,6 +241,8 @@ class Session:
             self._answer_now(state, earlier, like)
             with self._updated:
                 self._answered = asked
+                if self._newest > asked:  # the banner is that of an earlier question
+                    self._mark_open()
                 self._updated.notify_all()
 
     def _answer_now(self, state: State, earlier: Answer | None, like: Picture | None) -> None:
@@ -359,7 +368,11 @@ class Session:
         """
         from ftforce.view.server.screenshot import screenshot
 
-        return screenshot(self.server, self.address)
+        return screenshot(self.server, self.address_for_browser())
+
+    def address_for_browser(self) -> str:
+        """Return a URL of the page that is good for one request; see `OpenServer`."""
+        return self._opened.address_for_browser()
 
     def save_page(self, client: Any) -> None:
         """Send the page to a tab as a self-contained file."""
@@ -372,8 +385,16 @@ class Session:
         self._send(client, "png", lambda: render_png(client))
 
     def _send(self, client: Any, extension: str, content: Callable[[], bytes]) -> None:
-        """Send a file to a tab, or notify it of the error: this runs in a viser thread."""
+        """Send a file to a tab, or notify it of the error: this runs in a viser thread.
+
+        Only one is made at a time: tabs that do not draw would otherwise occupy all threads.
+        """
         name = f"{_file_name(self.robot)}.{extension}"
+        if not self._saving.acquire(blocking=False):
+            with suppress(Exception):
+                problem = "another image or page is being saved; try again when it is done"
+                client.add_notification("Saving failed", problem, color="red")
+            return
         try:
             data = content()
             client.send_file_download(name, data, save_immediately=True)
@@ -381,6 +402,8 @@ class Session:
             problem = str(error) if isinstance(error, FtforceError) else repr(error)
             with suppress(Exception):
                 client.add_notification("Saving failed", problem, color="red")
+        finally:
+            self._saving.release()
 
 
 def _file_name(robot: Robot) -> str:

@@ -79,6 +79,18 @@ def problem_banner(problem: str) -> Markup:
     return block(style(), _banner((90, 90, 90), problem))
 
 
+def open_banner(banner: Markup) -> Markup:
+    """Return a banner with the mark that a newer question is open.
+
+    Parameters
+    ----------
+    banner :
+        The banner of an earlier question.
+    """
+    mark = element("div", "computing; this answers an earlier question", class_="open")
+    return element("div", mark, banner, class_="ftf ftf-open", data_testid="open")
+
+
 def _banner(colour: Colour, text: str) -> Markup:
     background, name = f"background:{css(colour)}", "verdict"
     return element("div", text, class_=name, style=background, data_testid=name, role="status")

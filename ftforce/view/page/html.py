@@ -48,6 +48,13 @@ _STYLE = """
 .ftf .plot b{position:absolute;top:0;bottom:0;width:2px;margin-left:-1px;background:#000}
 .ftf .ends{display:flex;justify-content:space-between;color:#666}
 .ftf .names i{display:inline-block;width:14px;height:3px;margin-right:5px;vertical-align:middle}
+.ftf-open{position:relative}
+.ftf-open .open{position:absolute;top:0;right:12px;padding:1px 6px;background:#fff;color:#aa2814}
+.ftf-open .open{font-weight:600;border:1px solid;visibility:hidden}
+.ftf-open .open{animation:ftf-open 0s .2s forwards}
+.ftf-open .verdict{animation:ftf-earlier 0s .2s forwards}
+@keyframes ftf-open{to{visibility:visible}}
+@keyframes ftf-earlier{to{background:#888;opacity:.5}}
 .ftf summary{cursor:pointer;font-weight:600;margin-top:8px}
 """
 

@@ -26,6 +26,7 @@ from ftforce.view.page.answer import (
     census_part,
     command_part,
     legend,
+    open_banner,
     problem_banner,
     set_label,
 )
@@ -113,6 +114,7 @@ class Panel:
 
     def _build_answer(self) -> None:
         panel = self._gui.add_panel()
+        self._top = Markup()
         with panel.add_tab("Answer"):
             self._banner = self._gui.add_html("")
             self._answer = self._gui.add_html("")
@@ -416,12 +418,20 @@ class Panel:
 
     def show_problem(self, problem: str) -> None:
         """Show why there is no answer, keeping the last answer below."""
-        _write(self._banner, problem_banner(problem))
+        self._show_banner(problem_banner(problem))
+
+    def _show_banner(self, banner: Markup) -> None:
+        self._top = banner
+        _write(self._banner, banner)
+
+    def mark_open(self) -> None:
+        """Mark the verdict as that of an earlier question, until the newest one is answered."""
+        _write(self._banner, open_banner(self._top))
 
     def static_parts(self) -> Markup:
-        """Return the answer's HTML as currently shown."""
-        parts = (self._banner, self._answer, self._legend)
-        return Markup().join(Markup(part.content) for part in parts)  # written by `_write`
+        """Return the answer's HTML as currently shown, without the mark of an open question."""
+        parts = (self._answer, self._legend)
+        return Markup().join([self._top, *(Markup(part.content) for part in parts)])
 
     def show_parts(self, top: Markup, parts: Markup, below: Markup) -> None:
         """Show HTML in place of the verdict, the tables and the legend.
@@ -431,7 +441,7 @@ class Panel:
         top, parts, below :
             As in `ftforce.view.modes.View`.
         """
-        _write(self._banner, top)
+        self._show_banner(top)
         _write(self._answer, parts)
         _write(self._legend, below)
 

@@ -1,9 +1,14 @@
 """Access control of the page's server: only the page that it served itself may connect.
 
 viser answers every request. Any web page could thus connect to the server on the user's machine
-and eavesdrop, as the same-origin policy does not cover WebSockets. viser has no hook for
-an access check, so the function that starts its server is replaced during startup
-(`viser_private`); `server` verifies that the check is effective before anything is shown.
+and eavesdrop, as the same-origin policy does not cover WebSockets; and so could any other user of
+the machine, whose program can send any header. The page is therefore served only to those who know
+a token, as notebooks do: it is part of the printed address, and the browser keeps it as a cookie,
+without which nothing connects. The browser itself is started with a ticket that is good for one
+request, as other users can see the arguments of a process.
+
+viser has no hook for an access check, so the function that starts its server is replaced during
+startup (`viser_private`); `server` verifies that the check is effective before anything is shown.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ import asyncio
 import ipaddress
 import logging
 import re
+import secrets
 import socket
 import threading
 from contextlib import contextmanager, suppress
@@ -20,6 +26,8 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 from weakref import WeakKeyDictionary
+
+from markupsafe import Markup
 
 from ftforce.view.server import viser_private
 
@@ -37,6 +45,35 @@ _POLICY = (
     "worker-src blob:; connect-src {connect} data: blob:; img-src data: blob:; "
     "style-src 'unsafe-inline'; font-src data:; form-action 'none'; base-uri 'none'"
 )
+
+ALIVE = "/alive"
+"""Path that the page asks for to learn that the server has stopped."""
+
+_WATCH = f"""
+(() => {{
+  let failures = 0, box = null;
+  setInterval(async () => {{
+    let alive = false;
+    try {{
+      const signal = AbortSignal.timeout(4000);
+      alive = (await fetch("{ALIVE}", {{cache: "no-store", signal}})).ok;
+    }} catch (problem) {{ /* nobody answers */ }}
+    failures = alive ? 0 : failures + 1;
+    if (failures > 1 && box === null) {{
+      box = document.createElement("div");
+      box.setAttribute("role", "alert");
+      box.dataset.testid = "stopped";
+      box.textContent = "ftforce has stopped: this page is no longer updated.";
+      box.style.cssText = "position:fixed;top:0;left:0;right:0;z-index:10000;padding:8px;" +
+        "background:#aa2814;color:#fff;font:600 14px system-ui,sans-serif;text-align:center";
+      document.body.appendChild(box);
+    }} else if (alive && box !== null) {{
+      box.remove();
+      box = null;
+    }}
+  }}, 2000);
+}})();
+"""
 
 _lock = threading.Lock()  # `serving` replaces a process-wide function
 
@@ -140,6 +177,9 @@ class Guard:
     def __init__(self, names: Names, title: str, listening: socket.socket) -> None:
         self.names, self.title = names, title
         self._listening = listening
+        self.token = secrets.token_urlsafe(24)
+        self._tickets: set[str] = set()
+        self.cookie = f"ftforce-{listening.getsockname()[1]}={self.token}"
         self.protocol = viser_private.protocol()
         self.is_used = False
         self._transports: WeakKeyDictionary[Any, Callable[[], object]] = WeakKeyDictionary()
@@ -179,19 +219,51 @@ class Guard:
         def checked(connection: Any, request: Any) -> Any:
             try:
                 reason = refusal(request.path, request.headers, self.names, self.protocol)
+                reason = reason or self.stranger(request.path, request.headers)
             except ValueError:  # never sent by a browser
                 reason = "the request is malformed"
             if reason:
                 return self._harden(connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n"))
+            if request.path == ALIVE:
+                return self._harden(connection.respond(HTTPStatus.OK, "\n"))
             # An uncompressed response, in which the title can be replaced.
             _set_header(request, "Accept-Encoding", "identity")
             response = answer(connection, request)
             if response is not None:
                 self._set_title(response)
                 self._harden(response, f"'self' ws://{request.headers['Host']}")
+                cookie = f"{self.cookie}; Path=/; HttpOnly; SameSite=Strict"
+                _set_header(response, "Set-Cookie", cookie)
             return response
 
         return checked
+
+    def stranger(self, path: str, headers: Headers) -> str:
+        """Return why a request is refused that comes without the token; empty if it has it.
+
+        Parameters
+        ----------
+        path :
+            Request path with query.
+        headers :
+            Request headers.
+        """
+        cookies = (one.strip() for line in headers.get_all("Cookie") for one in line.split(";"))
+        if any(_are_equal(one, self.cookie) for one in cookies):
+            return ""
+        for given in parse_qs(urlsplit(path).query).get("token", []):
+            if _are_equal(given, self.token):
+                return ""
+            if given in self._tickets:
+                self._tickets.discard(given)
+                return ""
+        return "open the address that ftforce printed: it contains the token of this page"
+
+    def ticket(self) -> str:
+        """Return a token that is good for one request, by which a browser gets the page."""
+        ticket = secrets.token_urlsafe(24)
+        self._tickets.add(ticket)
+        return ticket
 
     def _tracked(self) -> Any:
         """Return a connection class that records connections for `abort_idle`."""
@@ -221,7 +293,8 @@ class Guard:
 
     def _set_title(self, response: Any) -> None:
         if response.headers.get("Content-Type", "").startswith("text/html"):
-            page = viser_private.titled(response.body.decode(), self.title)
+            watch = Markup("<script>{}</script>").format(Markup(_WATCH))
+            page = viser_private.titled(response.body.decode(), self.title, watch)
             response.body = page.encode()
             _set_header(response, "Content-Length", str(len(response.body)))
 
@@ -252,6 +325,10 @@ def guarding(names: Names, title: str, listening: socket.socket) -> Iterator[Gua
     guard = Guard(names, title, listening)
     with _lock, viser_private.serving(guard.serve):
         yield guard
+
+
+def _are_equal(given: str, secret: str) -> bool:
+    return secrets.compare_digest(given.encode(), secret.encode())
 
 
 def _set_header(message: Any, name: str, value: str) -> None:

@@ -33,7 +33,7 @@ class OpenServer:
     server :
         The viser server.
     address :
-        URL of the page for a browser on this machine, with a trailing slash.
+        URL of the page for a browser on this machine, with its token.
     port :
         Listening port.
     warning :
@@ -45,6 +45,14 @@ class OpenServer:
     port: int
     warning: str
     _guard: Guard
+
+    def address_for_browser(self) -> str:
+        """Return a URL of the page that is good for one request.
+
+        A browser started with it gets the page; other users, who can see the arguments of its
+        process, then do not.
+        """
+        return self.address.replace(self._guard.token, self._guard.ticket())
 
     def close(self) -> None:
         """Close the server and all connections, suppressing viser's output."""
@@ -61,8 +69,8 @@ def open_server(
     Parameters
     ----------
     host :
-        Address to listen on. Except for loopback addresses, anyone who can reach it can use the
-        page.
+        Address to listen on. Except for loopback addresses, nothing that is sent is protected from
+        others on the network.
     port :
         Port to listen on; ``None`` for the first free one from 8080, 0 for any.
     title :
@@ -87,7 +95,8 @@ def open_server(
             server = viser.ViserServer(host=address, port=found, verbose=False)
         cleanup.pop_all()  # now owned by the server
     place = f"[{here}]:{found}" if ":" in here else f"{here}:{found}"
-    opened = OpenServer(server, f"http://{place}/", found, exposure(host), guard)
+    address = f"http://{place}/?token={guard.token}"
+    opened = OpenServer(server, address, found, exposure(host), guard)
     try:
         _check(guard, (here, found), place)
         close_tunnel(server)
@@ -103,8 +112,8 @@ def exposure(host: str) -> str:
     if is_loopback(host):
         return ""
     return (
-        f"anyone who can reach {printable(host)} can see and control this page, without a "
-        "password or encryption"
+        f"anyone who can reach {printable(host)} and knows the token in the address can see and "
+        "control this page; nothing is encrypted, so those on the network may read the token"
     )
 
 
@@ -188,10 +197,13 @@ def _check(guard: Guard, address: tuple[str, int], own: str) -> None:
         f"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
         f"Sec-WebSocket-Protocol: {guard.protocol}\r\n"
     )
+    known = f"Cookie: {guard.cookie}\r\n"
     outsiders = (
-        "Host: ftforce.invalid\r\n",
-        f"Host: {own}\r\n{connect}",
-        f"Host: {own}\r\nOrigin: http://ftforce.invalid\r\n{connect}",
+        f"Host: ftforce.invalid\r\n{known}",
+        f"Host: {own}\r\n{known}{connect}",
+        f"Host: {own}\r\nOrigin: http://ftforce.invalid\r\n{known}{connect}",
+        f"Host: {own}\r\n",
+        f"Host: {own}\r\nOrigin: http://{own}\r\n{connect}",
     )
     if not guard.is_used or not all(_is_refused(address, headers) for headers in outsiders):
         raise changed("cannot be protected from other web pages")
