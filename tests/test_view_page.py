@@ -14,7 +14,7 @@ from markupsafe import Markup
 from typer.testing import CliRunner
 
 import ftforce
-from browser import Watched, chromium, recorded
+from browser import Watched, chromium, recorded, watched
 from ftforce import cli
 from ftforce.core.faults import FaultSet
 from ftforce.errors import InputError
@@ -677,3 +677,34 @@ def test_names_with_markup_appear_as_text(browser, tmp_path):
         assert tab.page.evaluate("window.pwned") is None
         assert tab.page.title().startswith("ftforce")
         tab.close()
+
+
+@pytest.mark.browser
+def test_a_page_says_that_its_server_has_stopped(browser, dh5, start):
+    with Session(dh5, start) as session, watched(browser, session.address) as tab:
+        tab.page.get_by_test_id("verdict").wait_for()
+        assert tab.page.get_by_test_id("stopped").count() == 0
+        session.close()
+        tab.page.get_by_test_id("stopped").filter(has_text="no longer updated").wait_for()
+
+
+@pytest.mark.browser
+def test_an_open_question_is_seen_and_a_reload_needs_no_token(seen, monkeypatch):
+    answered, compute = threading.Event(), module.answer
+
+    def slowly(*given):
+        assert answered.wait(30)
+        return compute(*given)
+
+    monkeypatch.setattr(module, "answer", slowly)
+    seen.session.change(lambda state: state.failing(1, "locked"))
+    mark = seen.page.get_by_text("this answers an earlier question")
+    mark.wait_for()  # visible
+    answered.set()
+    seen.session.settle()
+    mark.wait_for(state="detached")
+    seen.wait("locked")
+    tab = Watched(seen.context.new_page())
+    tab.page.goto(seen.session.address.partition("?")[0])  # the cookie suffices
+    tab.page.get_by_test_id("verdict").wait_for()
+    tab.page.close()
