@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ftforce.core.smoothing import Spline, gain_of, noise_of
+from ftforce.core.smoothing import Spline, noise_of, uncertainty_of
 from ftforce.robot.kinematics import tip_pose, tip_pose_and_jacobian
 from ftforce.trajectory.path import Path, leg_at
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.smoothing import Noise
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.recording import Recording
 
@@ -53,7 +54,8 @@ class Smoothing(NamedTuple):
     noise :
         Standard deviation of the noise found in the positions, rad or m; 0 where none was found.
     acceleration_noise :
-        What noise leaves in the accelerations: their standard deviation, rad/s² or m/s².
+        Uncertainty that noise leaves in the accelerations: their standard deviation, rad/s² or
+        m/s², in the middle and at the worse end, shape (2, n).
     """
 
     spacing: Vector
@@ -150,20 +152,17 @@ class RecordedReference:
         endless = np.array([joint.type == "continuous" for joint in robot.joints])
         q = np.where(endless, np.unwrap(q, axis=0), q)
         self._robot, self.duration, self._t = robot, recording.duration, t
-        place = noise_of(t, q)
-        spacing = place.spacing if smooth is None else np.full(robot.n, smooth)
-        self._q = self._v = Spline(t, q, spacing)
+        place = noise = _noise(t, q, smooth)
+        self._q = self._v = Spline(t, q, place.spacing, place.ratio)
         self._order = 1  # derivative of _v that is the velocity
-        noise, rates = place, spacing
         if v is not None:
-            self._order, noise = 0, noise_of(t, v)
-            rates = noise.spacing if smooth is None else spacing
-            self._v = Spline(t, v, rates)
-            if not spacing.any() and not rates.any():
+            self._order, noise = 0, _noise(t, v, smooth)
+            self._v = Spline(t, v, noise.spacing, noise.ratio)
+            if not place.spacing.any() and not noise.spacing.any():
                 self._q = _through(t, q, v)
-        gain = gain_of(t, rates, self._order + 1)
         residual = np.sqrt(np.mean((self._q(t) - q) ** 2, axis=0))
-        self.smoothing = Smoothing(spacing, residual, place.level, gain * noise.level)
+        unsure = uncertainty_of(t, noise, self._order + 1)
+        self.smoothing = Smoothing(place.spacing, residual, place.level, unsure)
 
     @cached_property
     def top_speed(self) -> float:
@@ -186,6 +185,16 @@ class RecordedReference:
             Times, s, shape (N,).
         """
         return Motion(self._q(t), self._v(t, self._order), self._v(t, self._order + 1))
+
+
+def _noise(t: Vector, x: Matrix, smooth: float | None) -> Noise:
+    """Return the noise of samples, for a spline with the knots that were asked for."""
+    noise = noise_of(t, x)
+    if smooth is None:
+        return noise
+    if smooth == 0.0:
+        return noise._replace(spacing=np.zeros(x.shape[1]))
+    return noise_of(t, x, smooth)._replace(level=noise.level)
 
 
 def _through(t: Vector, q: Matrix, v: Matrix) -> Any:
@@ -214,7 +223,7 @@ def smoothing_in_words(robot: Robot, smoothing: Smoothing, spacing: float | None
     used = smoothing.spacing[smoothing.spacing > 0.0]
     low, high = f"{used.min():.2g}", f"{used.max():.2g}"
     apart = f"{low} s apart" if low == high else f"{low} to {high} s apart"
-    why = "by generalised cross-validation" if spacing is None else "as asked for"
+    why = "by maximum likelihood" if spacing is None else "as asked for"
     some = "" if smoothing.spacing.all() else " (joints without noise are interpolated)"
     return (
         f"recording smoothed by splines with knots {apart}, {why}{some}: noise of {noise}, "
