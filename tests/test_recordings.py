@@ -313,7 +313,7 @@ BAD_FILES = {
         csv_of("t,j1,\x1b[31m", T, Q),
         f"missing columns: j2; {LACKS}; the columns are: 't', 'j1', '\\x1b[31m'",
     ),
-    "comment": ("# mine\n" + PLAIN, f"{HEADER} '# mine'; cells are separated by commas"),
+    "comment below": (PLAIN + "# mine\n", "line 7: expected 3 cells, got 1"),
 }
 
 

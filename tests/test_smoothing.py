@@ -125,6 +125,21 @@ def test_recorded_velocities_are_differentiated_once(panda):
         )
 
 
+def test_velocities_that_are_worse_than_the_positions_do_not_count(panda):
+    """A recorder of fine positions and coarse velocities; in joint 4 they have a glitch, too."""
+    t = times(6.0, 100)
+    q, v, a = exact_motion(panda, t)
+    rates = np.round(v, 2)
+    rates[300, 3] += 0.5
+    motion = start_of(panda, Recording.of(panda, t, np.round(q, 6), rates)).reference.motion(t)
+    assert_close(motion.v, v, tol=1e-3)
+    assert_close(motion.a, a, tol=0.01)
+    mixed = np.where(np.arange(7) == 2, np.round(q, 2), np.round(q, 6))
+    rates[:, 2] = v[:, 2]
+    motion = start_of(panda, Recording.of(panda, t, mixed, rates)).reference.motion(t)
+    assert_close(motion.a, a, tol=0.01)
+
+
 def test_an_exact_motion_is_not_degraded(panda):
     t = times(10.0, 50)
     q, v, a = exact_motion(panda, t)

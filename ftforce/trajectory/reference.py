@@ -152,16 +152,19 @@ class RecordedReference:
         endless = np.array([joint.type == "continuous" for joint in robot.joints])
         q = np.where(endless, np.unwrap(q, axis=0), q)
         self._robot, self.duration, self._t = robot, recording.duration, t
-        place = noise = _noise(t, q, smooth)
+        place = _noise(t, q, smooth)
         self._q = self._v = Spline(t, q, place.spacing, place.ratio)
-        self._order = 1  # derivative of _v that is the velocity
+        self._rated = np.zeros(robot.n, dtype=np.bool_)  # whether recorded velocities count
+        unsure = uncertainty_of(t, place, 2)
         if v is not None:
-            self._order, noise = 0, _noise(t, v, smooth)
-            self._v = Spline(t, v, noise.spacing, noise.ratio)
-            if not place.spacing.any() and not noise.spacing.any():
+            rates = _noise(t, v, smooth)
+            self._v = Spline(t, v, rates.spacing, rates.ratio)
+            other = uncertainty_of(t, rates, 1)
+            self._rated = other[0] <= unsure[0]
+            unsure = np.where(self._rated, other, unsure)
+            if not place.spacing.any() and not rates.spacing.any():
                 self._q = _through(t, q, v)
         residual = np.sqrt(np.mean((self._q(t) - q) ** 2, axis=0))
-        unsure = uncertainty_of(t, noise, self._order + 1)
         self.smoothing = Smoothing(place.spacing, residual, place.level, unsure)
 
     @cached_property
@@ -172,7 +175,7 @@ class RecordedReference:
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
-        q, v = self._q(t), self._v(t, self._order)
+        q, v = self._q(t), self._derivative(t, 1)
         _, x, J = tip_pose_and_jacobian(self._robot, q)
         return Target(x, J[:3].dot(v), v)
 
@@ -184,7 +187,14 @@ class RecordedReference:
         t :
             Times, s, shape (N,).
         """
-        return Motion(self._q(t), self._v(t, self._order), self._v(t, self._order + 1))
+        return Motion(self._q(t), self._derivative(t, 1), self._derivative(t, 2))
+
+    def _derivative(self, t: Vector | float, order: int) -> Any:
+        """Return velocities or accelerations, from what leaves accelerations the least noise."""
+        found = self._q(t, order)
+        if self._rated.any():
+            found = np.where(self._rated, self._v(t, order - 1), found)
+        return found
 
 
 def _noise(t: Vector, x: Matrix, smooth: float | None) -> Noise:
