@@ -115,7 +115,7 @@ def load_robot(
         preferred=preferred,
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
-        tips=MappingProxyType(tip_candidates(tree)),
+        tips=MappingProxyType(_tips(tree, chain)),
         mass=mass,
         notes=(*_chain_notes(chain, srdf, known), *notes, *implausible.all()),
         implausible=implausible,
@@ -124,6 +124,14 @@ def load_robot(
         return robot
     places = {name: _held(chain, states.get(name, {})) for name in (*preferred, fallback)}
     return _held_by_default(robot, chain, places, fallback)
+
+
+def _tips(tree: UrdfTree, chain: Chain) -> dict[str, int]:
+    """Return the candidates for the tip; the one that was chosen, unless by the user, is first."""
+    tips = tip_candidates(tree)
+    if chain.end.source == GIVEN or chain.tip not in tips:
+        return tips
+    return {chain.tip: tips[chain.tip], **tips}
 
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
