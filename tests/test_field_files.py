@@ -9,9 +9,12 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_kinematics import LEAD_SCREW
 
 import ftforce
+from ftforce.core.limits import Limits
 from ftforce.robot.kinematics import tip_pose
+from ftforce.trajectory import Path
 from test_cli import run
 from urdfs import load, write
 
@@ -249,3 +252,35 @@ def test_a_wrapped_recording_is_the_unwrapped_one(tmp_path):
         shown = " ".join(run("timeline", "ur5", str(path), "--rate", "5").stdout.split())
         assert ("wrist_3_joint (at line 70)" in shown) == (name == "wrapped")
         assert "Tolerated" in shown
+
+
+# ---- what is held, and what is reached -------------------------------------------------------
+
+
+def test_what_the_arm_lacks_can_be_held_but_not_commanded():
+    """Five joints and a wrench: no motor torque makes +fx alone, but the arm resists it."""
+    robot = ftforce.load_robot("so101")
+    found = ftforce.capability(robot, task="wrench", axes="world", limits=Limits.of([3.0] * 5))
+    q, data, G = (
+        robot.to_model(found.analysis.posture.q),
+        robot.model.createData(),
+        robot.coordinates.G,
+    )
+    weight = pin.computeGeneralizedGravity(robot.model, data, q) @ G
+    J = pin.computeFrameJacobian(robot.model, data, q, robot.tip_frame, pin.LOCAL_WORLD_ALIGNED) @ G
+    assert np.linalg.matrix_rank(J, 1e-6) == 5
+    (fx,) = (d for d in found.directions if d.name == "+fx")
+    room = np.where(J[0] > 0.0, 3.0 - weight, 3.0 + weight)
+    assert fx.before["commanded"].maximum == 0.0
+    assert fx.before["held"].maximum == pytest.approx((room / np.abs(J[0])).min())
+
+
+def test_a_lead_screw_reaches_as_far_as_it_turns(tmp_path):
+    """A slide that follows a screw, 0.01 m per rad: the bound was 0.1 m, with the tip at 0.91 m."""
+    robot = load(tmp_path, LEAD_SCREW, tip="tip")
+    there = Path.through([(0.4, 0, 0), (0.91, 0, 0)], speed=0.009)
+    history = ftforce.simulate(robot, there, [30.0], task="fx", force=[1.0], rate=1)
+    np.testing.assert_allclose(history.healthy.position[-1], [0.91, 0.0, 0.0], atol=1e-6)
+    swept = ftforce.to_dict(ftforce.sweep(robot, n=64, task="fx"))["workspace"]
+    assert swept["outside"] == 0
+    assert swept["visited_cells"] * swept["edge"] == pytest.approx(0.9, abs=2.0 * swept["edge"])
