@@ -394,3 +394,55 @@ def test_velocities_that_do_not_fit_are_doubtful():
     assert found.startswith("the recorded velocities of joint4 do not match its positions")
     off = np.abs(np.rad2deg(q[:, 3]) - q[:, 3]).max()
     assert float(found.split("is off by ")[1].split(";")[0]) == pytest.approx(off, rel=2e-2)
+
+
+# ---- numbered columns ------------------------------------------------------------------------
+
+RTDE = "timestamp,target_q_0,target_q_1,actual_q_1,actual_q_0,actual_qd_0,joint_mode_0,joint_mode_1"
+
+
+@pytest.fixture(scope="module")
+def arm_of_two(tmp_path_factory):
+    """Return an arm that turns at ``j1`` and at ``j2``."""
+    urdf = serial_urdf(("revolute", {}), ("revolute", {}))
+    return load(tmp_path_factory.mktemp("two"), urdf, tip="tool")
+
+
+NUMBERED = {
+    "RTDE": (RTDE, 4, 3),
+    "q1 q2": ("t,q1,q2,qd1,qd2,a,b,c", 1, 2),
+    "units": ("t,J1 [deg],J2 [deg],x,y,z,a,b", 1, 2),
+    "position0": ("t,name0,name1,position0,position1,velocity0,velocity1,x", 3, 4),
+}
+
+
+@pytest.mark.parametrize(("header", "first", "second"), NUMBERED.values(), ids=NUMBERED)
+def test_numbered_columns_are_the_joints_in_their_order(
+    arm_of_two, tmp_path, header, first, second
+):
+    rows = np.random.default_rng(0).uniform(0.0, 0.5, (5, 8))
+    rows[:, 0] = np.arange(5) / 10.0
+    path = tmp_path / "motion.csv"
+    path.write_text("\n".join([header, *(",".join(map(repr, row.tolist())) for row in rows)]))
+    recording = Recording.read(arm_of_two, path)
+    scale = np.pi / 180.0 if "[deg]" in header else 1.0
+    assert_close(recording.q, scale * rows[:, [first, second]])
+    cells = header.split(",")
+    (note,) = recording.notes
+    names = [cells[i].partition(" [")[0] for i in (first, second)]
+    assert f"columns '{cells[first]}' to '{cells[second]}' are taken for the joints 1 to 2" in note
+    assert not any(f"{name}'" in note.partition("ignored")[2] for name in names)
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["t,q1,q2,q3", "t,q1,q3,x", "t,target_q_0,target_q_1,x", "t,q1,q2,p,J1,J2",
+     "t,1,2,x", "t,j1,q1,q2", "t,qd1,qd2,x"],
+)  # fmt: skip
+def test_numbers_that_do_not_say_which_joint_are_not_taken(arm_of_two, tmp_path, header):
+    """Too many, a gap, wishes, two groups, other quantities, or a name of a joint beside them."""
+    text = f"{header}\n" + "0.1,0.2\n" * 4
+    path = tmp_path / "motion.csv"
+    path.write_text(text)
+    with pytest.raises(TrajectoryError, match="missing columns"):
+        Recording.read(arm_of_two, path)
