@@ -254,7 +254,10 @@ BAD_FILES = {
         csv_of("t,j1,j2,v_j1", T, Q, T),
         "contains velocities of some joints only; give those of all joints or of none",
     ),
-    "milliseconds": (csv_of("t [ms],j1,j2", T, Q), "column 't [ms]': unknown unit; use s"),
+    "minutes": (
+        csv_of("t [min],j1,j2", T, Q),
+        "column 't [min]': unknown unit; use s or ms or us or µs or ns",
+    ),
     "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': unknown unit; use rad or deg"),
     "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': unknown unit; use m"),
     "velocity as angle": (
@@ -446,3 +449,19 @@ def test_numbers_that_do_not_say_which_joint_are_not_taken(arm_of_two, tmp_path,
     path.write_text(text)
     with pytest.raises(TrajectoryError, match="missing columns"):
         Recording.read(arm_of_two, path)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+def test_units_of_time(slider, file, unit, scale):
+    found = Recording.read(slider, file(csv_of(f"time [{unit}],j1,j2", T / scale, Q)))
+    assert_close(found.t, T)
+    assert_close(found.q, Q)
+
+
+def test_times_that_count_are_asked_about(slider, file):
+    """A recorder's milliseconds 0, 1, 2, … were seconds, and all torques those of the weight."""
+    count = np.arange(5.0)
+    (note,) = Recording.read(slider, file(csv_of("t,j1,j2", count, 0.1 * Q))).notes
+    assert "write t [ms]" in note
+    for plain in (csv_of("t [ms],j1,j2", count, Q), PLAIN, csv_of("t,j1,j2", 2.0 * count, 0.1 * Q)):
+        assert not Recording.read(slider, file(plain)).notes

@@ -7,9 +7,10 @@ a sample of a smooth stationary process: Gaussian, with a squared-exponential co
 process in place of differences). Beyond the ends the process goes on, so there are no artificial
 end conditions: neither do accelerations vanish there, nor is anything allowed that the motion
 inside would make unlikely. The spacing of the knots, the size of the process and that of the noise
-are, for each column, those that make the samples most likely. Where the noise is no more than
-rounding, or the knots are as fine as they may be, no noise can be told from the motion, and the
-samples are interpolated.
+are, for each column, those that make the samples most likely. Knots are no closer than an arm can
+follow: quicker changes are those of clocks and of packets that came late. Where the noise is no
+more than rounding, or knots two samples apart are the most likely ones, no noise can be told from
+the motion, and the samples are interpolated.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ _DEGREE = 5
 _ORDER = 8  # coefficients that determine the next, apart from its innovation
 _REACH = 3.0  # knots: standard deviation of the covariance of coefficients
 _FINEST = 2.0  # samples between knots
+_QUICKEST = 0.04  # s between knots: the joints of an arm follow no more than about 8 Hz
 _STEP = 2.0**0.5  # of one candidate spacing to the next
 _RATIOS = 10.0 ** np.arange(3.0, -19.0, -1.0)  # noise variance over that of the process
 _HOPELESS = 60.0  # more in -2 log likelihood than the best
@@ -235,7 +237,7 @@ def _gain(t: Vector, spacing: float, ratio: float, derivative: int) -> tuple[flo
 
 def _widths(t: Vector) -> Iterator[float]:
     """Yield the candidates for the spacing of knots."""
-    width = _FINEST * (t[-1] - t[0]) / (len(t) - 1)
+    width = max(_FINEST * (t[-1] - t[0]) / (len(t) - 1), _QUICKEST)
     while width < _STEP * (t[-1] - t[0]):
         yield float(width)
         width *= _STEP

@@ -39,6 +39,7 @@ _POSITIONS = frozenset({"q", "j", "joint", "pos", "position", "positions", "angl
 _WISHES = frozenset(
     {"target", "desired", "commanded", "command", "cmd", "goal", "ref", "reference"}
 )
+_TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
 _SLACK = 1e-6  # rad: limits are often rounded
 _NOISE = 1e-3  # rad or m: added to it, for encoder noise of joints at rest
@@ -287,6 +288,8 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
+        if (np.diff(t) == 1.0).all():
+            notes = (*notes, "the times count seconds one by one; for others, write t [ms] or [us]")
         q = read_only(values[:, 1 : 1 + robot.n].copy())
         q, unwrapped = _unwrapped(robot, t, q, sheet.place)
     except InputError as problem:
@@ -319,7 +322,7 @@ def _columns(
         for name, units in positions.items()
     }
     time = _time_column(header, {**positions, **velocities})
-    units = {time: {"": 1.0, "s": 1.0}, **positions, **velocities}
+    units = {time: _TIME_UNITS, **positions, **velocities}
     found = find_columns(header, units)
     if missing := [name for name in (time, *robot.names) if name not in found]:
         raise InputError(
