@@ -8,9 +8,9 @@ process in place of differences). Beyond the ends the process goes on, so there 
 end conditions: neither do accelerations vanish there, nor is anything allowed that the motion
 inside would make unlikely. The spacing of the knots, the size of the process and that of the noise
 are, for each column, those that make the samples most likely. Knots are no closer than an arm can
-follow: quicker changes are those of clocks and of packets that came late. Where the noise is no
-more than rounding, or knots two samples apart are the most likely ones, no noise can be told from
-the motion, and the samples are interpolated.
+follow: quicker changes are those of clocks and of packets that came late. Where the noise is next
+to none, or knots two samples apart are the most likely ones, so that no noise can be told from the
+motion, the samples are interpolated.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ _STEP = 2.0**0.5  # of one candidate spacing to the next
 _RATIOS = 10.0 ** np.arange(3.0, -19.0, -1.0)  # noise variance over that of the process
 _HOPELESS = 60.0  # more in -2 log likelihood than the best
 _EXACT = 1e-9  # of the motion: smaller noise is not told from rounding
+_SLIGHT = 1e-3  # of the accelerations: noise that interpolation leaves in them and that is let be
 _PIECE, _PIECES = 2048, 4  # samples on which a long recording is judged
 _SEED = 1
 
@@ -181,7 +182,10 @@ def noise_of(t: Vector, x: Matrix, spacing: float | None = None) -> Noise:
             break
     exact = level <= _EXACT * np.abs(y).max(axis=0) + 1e-15 * np.abs(x).max(axis=0)
     if spacing is None:
-        exact |= found[0] <= _FINEST * (t[-1] - t[0]) / (len(t) - 1)
+        samples = found[0] * (len(t) - 1) / (t[-1] - t[0])  # from one knot to the next
+        # Interpolation makes noise of about 3 level/step²; accelerations are about size/reach².
+        exact |= 3.0 * np.sqrt(found[1]) * (_REACH * samples) ** 2 <= _SLIGHT
+        exact |= samples <= _FINEST * (1.0 + 1e-9)
         found[:, exact] = 0.0
     return Noise(found[0], found[1], np.where(exact, 0.0, level))
 
