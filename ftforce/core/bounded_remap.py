@@ -153,7 +153,7 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
     bearings = feasible.bearings
     if not feasible.is_balanced:
         return Nearest(F, None, multipliers)
-    if bearings is not None and bearings.leave(F) and _is_held(feasible, F):
+    if bearings is not None and bearings.bears(F) and _is_held(feasible, F):
         return Nearest(F, F, multipliers)
     wanted = F.dot(feasible.Z)
     unrestricted = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero

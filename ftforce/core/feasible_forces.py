@@ -127,16 +127,19 @@ class Bearings(NamedTuple):
         """Whether friction bears the weight, so that these joints need no tip force."""
         return bool((np.abs(self.weight) <= self.friction).all())
 
-    def leave(self, F: Vector) -> bool:
-        """Return whether a force is left to friction: it has no lever at any of these joints.
+    def bears(self, F: Vector) -> bool:
+        """Return whether friction bears a force as it is: it has no lever, and they are at rest.
 
         Parameters
         ----------
         F :
             Weighted force, shape (m,).
         """
-        lever = np.abs(self.rows.dot(F))
-        return not self.is_ideal and bool((lever <= self.shortest * norm(F)).all())
+        if self.is_ideal:
+            return False
+        lever = self.rows.dot(F)
+        borne = np.abs(lever + self.weight) <= self.friction
+        return bool((borne & (np.abs(lever) <= self.shortest * norm(F))).all())
 
     def torque(self, F: Vector) -> Vector:
         """Return the torque that is left for friction, [rnea]_S + J_Sᵀ F', shape (f,).
