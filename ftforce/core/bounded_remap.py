@@ -378,7 +378,7 @@ def bounded_remap(
     if free_mask is not None and free_mask.any():
         largest[free_mask] = 0.0
         borne = _checked_friction(friction, n)
-        swinging = FreeJoints(free_mask, borne, max(rtol, BORDERLINE_RTOL))
+        swinging = FreeJoints.of(free_mask, borne, max(rtol, BORDERLINE_RTOL))
     reduced = reduce(J, mask, rtol, swinging)
     return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
 

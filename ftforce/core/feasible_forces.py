@@ -359,26 +359,18 @@ def _bearings(reduced: ReducedJacobian, rnea: Vector, balance: float) -> Bearing
     """Return the free-swinging joints under their gravity and motion torques."""
     free = reduced.free
     assert free is not None
-    joints, whole = free.joints, norm(rnea)
+    joints, given, whole, scale = free.joints, free.given, norm(rnea), reduced.sigma_max
     weight = rnea[joints]
     weight[np.abs(weight) <= _ROUNDING * whole] = 0.0
-    friction = friction_under(free.given.friction, rnea)[joints]
-    rows, least = reduced.J.T[joints], reduced.rtol * reduced.sigma_max
-    if free.given.is_ideal:
+    rounding, least = balance * whole, reduced.rtol * scale
+    friction = np.maximum(friction_under(given.friction, rnea)[joints], rounding)
+    rows = reduced.J.T[joints]
+    if given.is_ideal:
         unbalanced = free.without_lever(weight, least)
     else:
         unbalanced = np.where(np.vecdot(rows, rows) <= least * least, weight, 0.0)
-    shortest = (reduced.rtol if free.given.is_ideal else free.given.lever) * reduced.sigma_max
-    return Bearings(
-        joints,
-        rows,
-        weight,
-        unbalanced,
-        np.maximum(friction, balance * whole),
-        balance * whole,
-        shortest,
-        free.given.is_ideal,
-    )
+    shortest = least if given.is_ideal else given.lever * scale
+    return Bearings(joints, rows, weight, unbalanced, friction, rounding, shortest, given.is_ideal)
 
 
 def friction_under(friction: Vector, rnea: Vector) -> Vector:
@@ -392,7 +384,7 @@ def friction_under(friction: Vector, rnea: Vector) -> Vector:
         Gravity and motion torques, shape (n,).
     """
     unknown = np.isnan(friction)
-    if unknown.any():
+    if True in unknown.tolist():
         return np.where(unknown, _SHARE_OF_WEIGHT * np.abs(rnea).max(), friction)
     return friction
 
