@@ -29,7 +29,7 @@ from ftforce.errors import UnknownNameError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.reduced_jacobian import ReducedJacobian
 
 
@@ -164,30 +164,33 @@ class Bearings(NamedTuple):
         shortest :
             Levers of at most this size do not count.
         """
-        lever, weight, friction = self.rows.dot(d), self.weight, self.friction
+        lever, ray = self.rows.dot(d), Reach(0.0, math.inf)
         long = np.abs(lever) > self.shortest * norm(d)
-        minimum, maximum = 0.0, math.inf
-        if long.any():  # an equation, [rnea]_k + s J_kᵀ d = 0
-            x, w = lever[long], weight[long]
-            x, w = x / (size := float(np.abs(x).max())), w / size
-            s = -float(x.dot(w) / x.dot(x)) + 0.0
-            if s < 0.0 or (np.abs(s * x + w) * size > friction[long]).any():
-                if not self.is_at_rest:
-                    return NOTHING
-                s = 0.0
-            minimum, maximum = 0.0 if self.is_at_rest else s, s
-        joints: tuple[int, ...] = ()
+        if long.any():
+            ray = self._balanced(lever, long)
         for k in np.flatnonzero(~long).tolist():
-            x, w, most = float(lever[k]), float(weight[k]), float(friction[k])
-            if abs(x) <= shortest:
-                if abs(w) > most:
-                    return NOTHING
-                continue
-            ends = sorted(((-most - w) / x, (most - w) / x))
-            minimum = max(minimum, ends[0])
-            if ends[1] < maximum:
-                maximum, joints = ends[1], (self.joints[k],)
-        return Reach(minimum, maximum, joints)
+            ray = ray.within(self._borne(k, float(lever[k]), shortest))
+        return ray
+
+    def _balanced(self, lever: Vector, long: Mask) -> Reach:
+        """Return the range in which the force balances joints with a lever: one point, or none.
+
+        It solves [rnea]_k + s J_kᵀ d = 0; up to there friction may bear the weight.
+        """
+        size = float(np.abs(lever[long]).max())
+        x, w = lever[long] / size, self.weight[long] / size
+        s = -float(x.dot(w) / x.dot(x)) + 0.0
+        if s < 0.0 or (np.abs(s * x + w) * size > self.friction[long]).any():
+            return Reach(0.0, 0.0) if self.is_at_rest else NOTHING
+        return Reach(0.0 if self.is_at_rest else s, s)
+
+    def _borne(self, k: int, x: float, shortest: float) -> Reach:
+        """Return the range in which friction bears what a force with the lever x leaves."""
+        w, most = float(self.weight[k]), float(self.friction[k])
+        if abs(x) <= shortest:
+            return Reach(0.0, math.inf) if abs(w) <= most else NOTHING
+        first, last = sorted(((-most - w) / x, (most - w) / x))
+        return Reach(first, last, (self.joints[k],))
 
 
 class FeasibleForces(NamedTuple):
