@@ -76,8 +76,8 @@ def view(
     host: Annotated[
         str,
         typer.Option(
-            help="Address to listen on; with any but loopback, other machines that have the printed "
-            "address can change the page."
+            help="Address to listen on; with any but loopback, other machines that know the token "
+            "can change the page."
         ),
     ] = "127.0.0.1",
     port: Annotated[
