@@ -26,8 +26,8 @@ def dh(
 ) -> None:
     """Turn a DH table into a URDF, and an SRDF with its postures beside it.
 
-    The file named by --output is replaced if it exists, and so is an SRDF that this command wrote;
-    no other file is. If one of the two cannot be written, both stay as they were.
+    Replaces the file that --output names, and an SRDF that it wrote earlier, but
+    no other. If one of the two cannot be written, both stay as they were.
     """
     from ftforce.robot.formats.dh import TIP, DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
