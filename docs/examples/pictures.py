@@ -57,10 +57,6 @@ SESSIONS = {
     "tutorial-posture": [
         "analyze rail_arm.urdf --q 0.4,0,0,1,0 --deg --locked wrist --force 60,0,0 --axes world"
     ],
-    "tutorial-files": [
-        "analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json",
-        "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world -o sets.csv",
-    ],
     "tutorial-limits": [
         "analyze rail_arm.urdf --locked rail --force 0,0,60 --axes world --payload 3 --limits urdf"
     ],

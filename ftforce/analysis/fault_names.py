@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError
-from ftforce.io.text import read_numbers
+from ftforce.io.text import read_numbers, split_items
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
@@ -63,9 +63,7 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
             raise InputError(f"weak joints are given as {{joint: factor}}, got {weak!r}")
         return [(joint, factor) for joint, factor in pairs]
     found: list[tuple[int | str, object]] = []
-    for word in weak.split(","):
-        if not word.strip():
-            continue
+    for word in split_items(weak):
         joint, colon, factor = word.rpartition(":")
         if not colon:
             raise InputError(

@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from ftforce import __version__
 from ftforce.cli.options import guarded
 from ftforce.cli.printing import prepare_streams, reason_of, silence
+from ftforce.cli.words import Command
 
 COMMANDS = (
     "analyze",
@@ -76,10 +77,11 @@ def build(*names: str) -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         callback=top,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
     for name in names:
         command = getattr(import_module(f"ftforce.cli.{name}"), name)
-        program.command(name)(guarded(command))
+        program.command(name, cls=Command)(guarded(command))
     return program
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.options import PlotOutputs
+from ftforce.cli.options import PlotOutputs, items
 
 
 def map(  # noqa: A001 # the command's name
@@ -73,15 +73,14 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
 
     Raises
     ------
-    BadParameter
-        The list is empty.
     UnknownNameError
         A joint is unknown.
     """
     from ftforce.errors import UnknownNameError
 
     found = set()
-    for word in _words(text):
+    given = items(text, "--joints")
+    for word in (word for item in given for word in ([item] if item in names else item.split())):
         if word in names:
             found.add(names.index(word) + 1)
         elif word.isdecimal() and 1 <= int(word) <= len(names):
@@ -89,8 +88,4 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
         else:
             numbered = [f"{i} {name}" for i, name in enumerate(names, start=1)]
             raise UnknownNameError("joint", word, numbered)
-    if not found:
-        raise typer.BadParameter(
-            "--joints needs numbers or names separated by commas, e.g. 2,4; got none"
-        )
     return sorted(found)

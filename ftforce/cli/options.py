@@ -20,7 +20,7 @@ import typer
 
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, UnknownNameError
+from ftforce.errors import FtforceError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -156,8 +156,17 @@ class FaultOptions(Group):
     ] = None
 
     def arguments(self) -> dict[str, Any]:
-        """Return the options as arguments; each may be given several times."""
-        return {name: ",".join(words or ()) for name, words in vars(self).items()}
+        """Return the options as arguments; each may be given several times.
+
+        Raises
+        ------
+        BadParameter
+            An item between commas is empty.
+        """
+        for name, words in vars(self).items():
+            for word in words or ():
+                items(word, f"--{name}")
+        return {name: ",".join(words) if words else () for name, words in vars(self).items()}
 
     def of(self, robot: "Robot") -> "FaultSet":
         """Return the fault set of a robot."""
@@ -374,11 +383,12 @@ class Outputs(Group):
 
     form: _Form = None
     output: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--output",
             "-o",
-            help="File to write, completely or not at all (.json .csv .txt .svg .html).",
+            metavar="FILE",
+            help="File to write (.json .csv .txt .svg .html); repeat it for more.",
         ),
     ] = None
 
@@ -393,10 +403,10 @@ class PlotOutputs(Outputs):
     """Where the result and its plot go."""
 
     plot: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="Plot the result to this file (.png .pdf .svg); needs the extra plot.",
+            help="File for a plot (.png .pdf .svg); repeat it for more. Needs the extra plot.",
         ),
     ] = None
 
@@ -406,12 +416,13 @@ class HistoryOutputs(PlotOutputs):
     """Where a history and its plot go."""
 
     output: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--output",
             "-o",
-            help="File to write, completely or not at all: all instants (.csv .npz .parquet), a "
-            "summary (.json), or the tables (.txt .svg .html).",
+            metavar="FILE",
+            help="File to write: all instants (.csv .npz .parquet), a summary (.json), or the "
+            "tables (.txt .svg .html); repeat it for more.",
         ),
     ] = None
 
@@ -517,13 +528,31 @@ def numbers(text: str | None, option: str) -> list[float] | None:
     from ftforce.io.text import read_numbers
 
     wanted = f"{option} needs numbers separated by commas, e.g. 1,2.5,-3"
-    words = text.replace(",", " ").split()
-    if not words:
+    if not text.strip(", "):
         raise typer.BadParameter(f"{wanted}; got none")
+    parts = [part.split() for part in text.split(",")]
+    if not all(parts):
+        raise typer.BadParameter(f"{wanted}; nothing stands beside a comma in {text!r}")
     try:
-        return [read_numbers(word, 1, math.inf)[0] for word in words]
+        return [read_numbers(word, 1, math.inf)[0] for part in parts for word in part]
     except ValueError as problem:
         raise typer.BadParameter(f"{wanted}; {problem}") from None
+
+
+def items(text: str, option: str) -> list[str]:
+    """Split a list of joints at its commas.
+
+    Raises
+    ------
+    BadParameter
+        An item is empty.
+    """
+    from ftforce.io.text import split_items
+
+    try:
+        return split_items(text)
+    except InputError as problem:
+        raise typer.BadParameter(f"{option}: {problem}") from None
 
 
 def merged(*groups: Group) -> dict[str, Any]:

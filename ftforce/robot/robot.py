@@ -14,6 +14,7 @@ import numpy as np
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.io.text import split_items
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -330,13 +331,13 @@ class Robot(Displayed):
         Raises
         ------
         InputError
-            A joint does not exist or is named twice, or the mask has the wrong length.
+            A joint does not exist or is named twice, an item of a string is empty, or the mask
+            has the wrong length.
         """
-        if isinstance(joints, (str, tuple)) and not joints:
+        if isinstance(joints, tuple) and not joints:
             return ()
         if isinstance(joints, str):
-            words = [joints] if joints in self.names else joints.split(",")
-            given: list[int | str] = [word for word in words if word.strip()]
+            given: list[int | str] = [joints] if joints in self.names else [*split_items(joints)]
         elif np.iterable(joints):
             given = list(joints)
         else:
