@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from contextlib import contextmanager, suppress
@@ -21,6 +22,8 @@ import ftforce
 from ftforce import cli
 from ftforce.cli import options as common
 from ftforce.cli import printing
+from ftforce.cli.command import PANELS
+from ftforce.cli.examples import ELSEWHERE, EXAMPLES
 from urdfs import full_device
 
 DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
@@ -51,6 +54,78 @@ def test_every_command_explains_its_options(command):
     for option in options:
         assert re.search(rf"{option}\s", shown), option
     assert all(one.help for one in described if one.name != "help")
+
+
+def commands():
+    return typer.main.get_command(cli.app).commands
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_in_80_columns_breaks_no_word(command):
+    shown = run(command, "--help").stdout
+    assert max(map(len, shown.splitlines())) <= 80
+    words = set(re.sub("[│╭╮╰╯─]", " ", shown).split())
+    for parameter in commands()[command].params:
+        if parameter.param_type_name == "option":
+            assert set(parameter.help.split()) <= words, parameter.name
+            assert parameter.is_flag or parameter.metavar in words, parameter.name
+            assert "by default" not in parameter.help, "defaults are said in one way"
+    assert "[default" not in shown
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_options_stand_below_headings(command):
+    shown = run(command, "--help").stdout
+    found = re.findall("^╭─ (.*?) ─+╮$", shown, re.MULTILINE)
+    known = ["Arguments", *PANELS]
+    assert found == sorted(found, key=known.index)
+    assert "Options" not in found
+    for panel, names in PANELS.items():
+        described = [one for one in commands()[command].params if one.name in names.split()]
+        options = [one for one in described if one.param_type_name == "option"]
+        body = re.findall(f"^╭─ {panel} ─+╮$(.*?)^╰", shown, re.MULTILINE | re.DOTALL)
+        for option in options:
+            assert re.search(rf"^│ {option.opts[0]} ", body[0], re.MULTILINE), option.name
+
+
+def test_defaults_are_said():
+    shown = " ".join(re.sub("[│\n]", " ", run("sweep", "-h").stdout).split())
+    for words in (
+        "How the joints fail. Default: locked.",
+        "the same postures. Default: 0.",
+        "Threads on this machine. Default: all processors.",
+        "Tip link. Default: the robot's own.",
+        "0,0,0 in free fall. Default: the model's.",
+    ):
+        assert words in shown
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_has_two_examples_that_can_be_typed(command):
+    """`nox -s examples` runs them."""
+    examples = EXAMPLES[command]
+    assert len(examples) == 2
+    shown = run(command, "--help").stdout
+    for example in examples:
+        assert f"   ftforce {example}\n" in shown
+        name, *words = shlex.split(example)
+        assert name == command
+        commands()[name].make_context(name, words)  # every option exists and has its value
+
+
+def test_what_another_option_or_command_answers_is_named():
+    for (command, option), where in ELSEWHERE.items():
+        result = run(command, "dh5", option, "3", status=2)
+        assert result.stderr == f"error: ftforce {command} has no {option}: {where}\n"
+        for name in re.findall("`ftforce ([a-z]+)", where):
+            assert option in {"--direction", "--plot"} or option in flat_options(name), where
+        for other in re.findall("--[a-z-]+", where.partition("; for one set")[0]):
+            assert other in {one for name in cli.COMMANDS for one in flat_options(name)}
+    assert "No such option: --bla" in run("analyze", "dh5", "--bla", status=2).stderr
+
+
+def flat_options(command):
+    return [option for one in commands()[command].params for option in one.opts]
 
 
 def test_no_arguments_show_the_help():

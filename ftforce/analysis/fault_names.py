@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError
 from ftforce.io.text import read_numbers, split_items
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
@@ -36,6 +37,7 @@ def named_faults(
     InputError
         A joint does not exist or fails in two modes, or a factor lies outside 0 to 1.
     """
+    require_robot(robot)
     faults = [Fault(i) for i in robot.indices(locked)]
     if isinstance(free, tuple) and isinstance(weak, tuple) and not free and not weak:
         return FaultSet(tuple(faults))

@@ -13,9 +13,10 @@ import typer
 from typer.core import TyperGroup
 
 from ftforce import __version__
+from ftforce.cli.command import Command
+from ftforce.cli.examples import ELSEWHERE
 from ftforce.cli.options import guarded
 from ftforce.cli.printing import prepare_streams, reason_of, silence
-from ftforce.cli.words import Command
 
 COMMANDS = (
     "analyze",
@@ -65,6 +66,9 @@ def _wrong(error: Any) -> str:
         return error.message
     words = " ".join(error.format_message().split()).removesuffix(".")
     place = "ftforce" if error.ctx is None else error.ctx.command_path
+    asked = (place.rpartition(" ")[2], getattr(error, "option_name", ""))
+    if asked in ELSEWHERE:
+        return f"{place} has no {asked[1]}: {ELSEWHERE[asked]}"
     return f"{words} (see `{place} --help`)"
 
 

@@ -39,10 +39,13 @@ def map(  # noqa: A001 # the command's name
     quantity: Annotated[
         str,
         typer.Option(
-            metavar="rho,margin,jump,capability", help="Which histograms and quantiles to show."
+            metavar="rho,margin,…",
+            help="Quantiles to show, of rho, margin, jump, capability.",
         ),
     ] = "rho,margin",
-    top: Annotated[int, typer.Option(min=1, help="Number of worst cells to show.")] = 8,
+    top: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Number of worst cells to show.")
+    ] = 8,
 ) -> None:
     """Show where in the workspace a sweep's postures tolerate a fault.
 

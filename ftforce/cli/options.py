@@ -38,11 +38,13 @@ RobotArgument = Annotated[
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
 TopOption = Annotated[
-    int, typer.Option("--top", min=1, help="Number of fault sets shown in the table.")
+    int, typer.Option("--top", min=1, metavar="N", help="Number of fault sets shown in the table.")
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option("--threads", help="Threads on this machine.", show_default="all processors"),
+    typer.Option(
+        "--threads", metavar="N", help="Threads on this machine.", show_default="all processors"
+    ),
 ]
 MethodOption = Annotated[
     str,
@@ -51,7 +53,10 @@ MethodOption = Annotated[
     ),
 ]
 SeedOption = Annotated[
-    int, typer.Option("--seed", help="Seed of the draw; the same seed gives the same postures.")
+    int,
+    typer.Option(
+        "--seed", metavar="N", help="Seed of the draw; the same seed gives the same postures."
+    ),
 ]
 
 # Options of the question that hold numbers separated by commas.
@@ -82,9 +87,14 @@ class ChainOptions(Group):
 
     base: Annotated[
         str | None,
-        typer.Option(help="Base link; by default the robot's own, otherwise the root."),
+        typer.Option(
+            metavar="LINK", help="Base link.", show_default="the robot's own, else the root"
+        ),
     ] = None
-    tip: Annotated[str | None, typer.Option(help="Tip link; by default the robot's own.")] = None
+    tip: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Tip link.", show_default="the robot's own"),
+    ] = None
 
     def load(self, robot: str, posture: str | None = None) -> "Robot":
         """Load a robot with this chain.
@@ -110,7 +120,8 @@ class PostureOptions(Group):
         typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
     ] = None
     posture: Annotated[
-        str | None, typer.Option(help="Named posture; also mid-range, zero, bent, sample.")
+        str | None,
+        typer.Option(metavar="NAME", help="Named posture; also mid-range, zero, bent, sample."),
     ] = None
     deg: Annotated[
         bool,
@@ -179,7 +190,7 @@ class FaultOptions(Group):
 class SetOptions(Group):
     """All fault sets up to a size."""
 
-    faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1
+    faults: Annotated[int, typer.Option(metavar="N", help="Size of the largest fault sets.")] = 1
     mode: Annotated[str, typer.Option(metavar="locked|free", help="How the joints fail.")] = (
         "locked"
     )
@@ -262,7 +273,8 @@ class WeightOptions(Group):
         str | None,
         typer.Option(
             metavar="GX,GY,GZ",
-            help="Gravity in root axes, m/s²; by default the model's. 0,0,0 in free fall.",
+            help="Gravity in root axes, m/s²; 0,0,0 in free fall.",
+            show_default="the model's",
         ),
     ] = None
     payload: Annotated[
@@ -321,14 +333,16 @@ class TaskOptions(Group):
     task: Annotated[
         str,
         typer.Option(
-            metavar="force|moment|wrench|fx,…",
+            metavar="force|moment|…",
             help="force, moment, wrench, or components such as fx,fz,my.",
         ),
     ] = "force"
     length: Annotated[
         float | None,
         typer.Option(
-            help="Characteristic length that weighs moments against forces, m.", show_default="1"
+            metavar="M",
+            help="Characteristic length, m, that weighs moments against forces.",
+            show_default="1",
         ),
     ] = None
     joint_length: Annotated[
@@ -353,7 +367,10 @@ class RankTolerance(Group):
     """Tolerance of ranks."""
 
     rtol: Annotated[
-        float, typer.Option(help="Singular values up to rtol * sigma_max(J) are treated as 0.")
+        float,
+        typer.Option(
+            metavar="RTOL", help="Singular values up to RTOL × σ_max(J) are treated as 0."
+        ),
     ] = 1e-6
 
 
@@ -363,7 +380,10 @@ class Tolerances(RankTolerance):
 
     wary: Annotated[
         float,
-        typer.Option(help="Borderline if some tolerance up to this value changes the verdict."),
+        typer.Option(
+            metavar="RTOL",
+            help="Borderline if some tolerance up to this one changes the verdict.",
+        ),
     ] = 1e-2
 
 
@@ -371,8 +391,9 @@ _Form = Annotated[
     Format | None,
     typer.Option(
         "--format",
+        metavar="table|json|csv",
         help="Output format.",
-        show_default="that of --output's extension, otherwise table",
+        show_default="by the extension of --output, else table",
     ),
 ]
 

@@ -99,6 +99,7 @@ def sweep(
     chunk: Annotated[
         int | None,
         typer.Option(
+            metavar="N",
             help="Postures processed and stored at a time.",
             show_default="65,536; fewer for many fault sets",
         ),

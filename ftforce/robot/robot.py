@@ -6,6 +6,7 @@ import math
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -387,3 +388,29 @@ def _as_number(word: str) -> int | None:
     digits = word[1:] if word.startswith(("-", "+")) else word
     is_number = digits.isascii() and digits.isdigit() and len(digits) < 10
     return int(word) if is_number else None
+
+
+def require_robot(robot: object) -> None:
+    """Check that an argument is a robot, for all functions that take one.
+
+    Parameters
+    ----------
+    robot :
+        The argument.
+
+    Raises
+    ------
+    InputError
+        It is something else; the message says how a robot is loaded, and what takes a Jacobian.
+    """
+    if isinstance(robot, Robot):
+        return
+    if isinstance(robot, (str, PathLike)):
+        advice = f"load it, e.g. ftforce.load_robot({str(robot)!r})"
+        raise InputError(f"a robot is needed, not the name {str(robot)!r}: {advice}")
+    shape = getattr(robot, "shape", None)
+    given = f"an array of shape {shape}" if shape is not None else f"{type(robot).__name__}"
+    raise InputError(
+        f"a robot is needed, as of ftforce.load_robot('panda'), got {given}; for a Jacobian from "
+        "any library, use ftforce.remap(J, tau, locked)"
+    )
