@@ -234,7 +234,7 @@ def test_rays_by_hand(seed):
     rng = np.random.default_rng(seed)
     J, free, friction, rnea, d = draw_short_levers(rng)
     friction = np.maximum(friction, 1e-6 * np.linalg.norm(rnea))
-    joints = FreeJoints(free, friction, BORDERLINE_RTOL)
+    joints = FreeJoints.of(free, friction, BORDERLINE_RTOL)
     reduced = reduce(J, np.zeros(len(free), bool), 1e-6, joints)
     ray = reach(feasible_forces(reduced, rnea, None, LockModel.HELD), d)
     scale, size = np.linalg.norm(J, 2), np.linalg.norm(d)

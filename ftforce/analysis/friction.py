@@ -6,6 +6,7 @@ import math
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +27,8 @@ _SHARE_OF_EFFORT = 1e-3
 GIVEN, FROM_URDF = "given", "the URDF"
 FROM_EFFORT = "0.1 % of the effort limit"
 FROM_WEIGHT = "0.1 % of the largest weight torque"
+
+_of_robots: WeakKeyDictionary[Robot, Friction] = WeakKeyDictionary()  # without limits
 
 FrictionLike: TypeAlias = "ArrayLike | str | os.PathLike[str] | None"
 
@@ -106,10 +109,19 @@ def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None)
     LimitsError
         The file cannot be read or does not fit the robot.
     """
+    if friction is None and limits is None:
+        if robot not in _of_robots:
+            _of_robots[robot] = _friction(robot, *_given(robot, None), robot.effort)
+        return _of_robots[robot]
     given, source = _given(robot, friction)
     effort = robot.effort
     if limits is not None:
         effort = np.where(np.isnan(limits.effort), effort, limits.effort)
+    return _friction(robot, given, source, effort)
+
+
+def _friction(robot: Robot, given: Vector, source: str, effort: Vector) -> Friction:
+    """Return the friction of each joint from the first of its sources that says anything."""
     torque, sources = [], []
     for one, own, most in zip(given, robot.friction, effort, strict=True):
         known = [(one, source), (own, FROM_URDF), (_SHARE_OF_EFFORT * most, FROM_EFFORT)]

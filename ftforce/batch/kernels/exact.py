@@ -369,7 +369,7 @@ def lever_of(scratch, k, x):
 
 @inner
 def is_borne(scratch, free, after, rtol, wary):
-    """Return whether friction bears the force F̂ as it is (`Bearings.leave`, and `reach`).
+    """Return whether friction bears the force F̂ as it is (`Bearings.bears`).
 
     Parameters
     ----------
