@@ -135,4 +135,10 @@ def _to_html(result: Any) -> str:
     return to_html(result)
 
 
-show_with(_render, _to_html)
+def _in_one_line(result: Any) -> str:
+    from ftforce.report.one_line import in_one_line
+
+    return in_one_line(result)
+
+
+show_with(_render, _to_html, _in_one_line)

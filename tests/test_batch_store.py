@@ -5,11 +5,13 @@ import fcntl
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
 import warnings
 from dataclasses import replace
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -363,9 +365,15 @@ def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(
     path = tmp_path / "s"
     with monkeypatch.context() as patch:
         patch.setattr(folder, "sync", _fails_after(calls, folder.sync))
-        with pytest.raises(OutputError, match=r"No space left on device.*same command") as raised:
+        with pytest.raises(OutputError, match="No space left on device") as raised:
             sweep(arm, **ASKED, output=path, threads=1)
     assert "\n" not in str(raised.value)
+    said = re.search("([0-9,]+) of 13,000 postures are kept, and the same comm", str(raised.value))
+    if said is None:
+        with pytest.raises(SweepError):
+            store.open_sweep(path)
+    else:
+        assert store.open_sweep(path).summary.postures == int(said[1].replace(",", ""))
     sweep(arm, **ASKED, output=path)
     assert_same_files(stored.path, path)
 
@@ -378,6 +386,29 @@ def test_chunks_that_are_finished_when_the_disk_is_full_stay(arm, tmp_path, monk
         with pytest.raises(OSError, match="No space"):
             sweep(arm, **ASKED, output=path, threads=1)
     assert store.open_sweep(path).summary.postures == 2 * 4096
+
+
+@pytest.mark.parametrize("saved", [True, False])
+def test_what_is_said_to_be_kept_is_kept(arm, tmp_path, monkeypatch, saved):
+    """A full disk often has no room for the progress file either: then nothing is kept."""
+    path = tmp_path / "s"
+    with monkeypatch.context() as patch:
+        full = OutputError(path, "cannot be written (No space left on device)")
+        writes = chain([None, None], repeat(full))
+
+        def write(*_):
+            if (problem := next(writes)) is not None:
+                raise problem
+
+        patch.setattr(store, "write_samples", write)
+        if not saved:
+            patch.setattr(store, "save_progress", lambda _: write())
+        with pytest.raises(OutputError) as raised:
+            sweep(arm, **ASKED, output=path, threads=1)
+    kept = "no posture was kept"
+    if saved:
+        kept = "8,192 of 13,000 postures are kept, and the same command resumes the sweep"
+    assert str(raised.value) == f"{path}: cannot be written (No space left on device); {kept}"
 
 
 def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from contextlib import contextmanager, suppress
@@ -21,6 +22,8 @@ import ftforce
 from ftforce import cli
 from ftforce.cli import options as common
 from ftforce.cli import printing
+from ftforce.cli.command import PANELS
+from ftforce.cli.examples import ELSEWHERE, EXAMPLES
 from urdfs import full_device
 
 DH5 = str(Path(__file__).parents[1] / "robots" / "dh5.urdf")
@@ -51,6 +54,78 @@ def test_every_command_explains_its_options(command):
     for option in options:
         assert re.search(rf"{option}\s", shown), option
     assert all(one.help for one in described if one.name != "help")
+
+
+def commands():
+    return typer.main.get_command(cli.app).commands
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_in_80_columns_breaks_no_word(command):
+    shown = run(command, "--help").stdout
+    assert max(map(len, shown.splitlines())) <= 80
+    words = set(re.sub("[│╭╮╰╯─]", " ", shown).split())
+    for parameter in commands()[command].params:
+        if parameter.param_type_name == "option":
+            assert set(parameter.help.split()) <= words, parameter.name
+            assert parameter.is_flag or parameter.metavar in words, parameter.name
+            assert "by default" not in parameter.help, "defaults are said in one way"
+    assert "[default" not in shown
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_options_stand_below_headings(command):
+    shown = run(command, "--help").stdout
+    found = re.findall("^╭─ (.*?) ─+╮$", shown, re.MULTILINE)
+    known = ["Arguments", *PANELS]
+    assert found == sorted(found, key=known.index)
+    assert "Options" not in found
+    for panel, names in PANELS.items():
+        described = [one for one in commands()[command].params if one.name in names.split()]
+        options = [one for one in described if one.param_type_name == "option"]
+        body = re.findall(f"^╭─ {panel} ─+╮$(.*?)^╰", shown, re.MULTILINE | re.DOTALL)
+        for option in options:
+            assert re.search(rf"^│ {option.opts[0]} ", body[0], re.MULTILINE), option.name
+
+
+def test_defaults_are_said():
+    shown = " ".join(re.sub("[│\n]", " ", run("sweep", "-h").stdout).split())
+    for words in (
+        "How the joints fail. Default: locked.",
+        "the same postures. Default: 0.",
+        "Threads on this machine. Default: all processors.",
+        "Tip link. Default: the robot's own.",
+        "0,0,0 in free fall. Default: the model's.",
+    ):
+        assert words in shown
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_has_two_examples_that_can_be_typed(command):
+    """`nox -s examples` runs them."""
+    examples = EXAMPLES[command]
+    assert len(examples) == 2
+    shown = run(command, "--help").stdout
+    for example in examples:
+        assert f"   ftforce {example}\n" in shown
+        name, *words = shlex.split(example)
+        assert name == command
+        commands()[name].make_context(name, words)  # every option exists and has its value
+
+
+def test_what_another_option_or_command_answers_is_named():
+    for (command, option), where in ELSEWHERE.items():
+        result = run(command, "dh5", option, "3", status=2)
+        assert result.stderr == f"error: ftforce {command} has no {option}: {where}\n"
+        for name in re.findall("`ftforce ([a-z]+)", where):
+            assert option in {"--direction", "--plot"} or option in flat_options(name), where
+        for other in re.findall("--[a-z-]+", where.partition("; for one set")[0]):
+            assert other in {one for name in cli.COMMANDS for one in flat_options(name)}
+    assert "No such option: --bla" in run("analyze", "dh5", "--bla", status=2).stderr
+
+
+def flat_options(command):
+    return [option for one in commands()[command].params for option in one.opts]
 
 
 def test_no_arguments_show_the_help():
@@ -214,7 +289,8 @@ def test_dh_makes_the_committed_robot(tmp_path):
 def test_output_follows_the_ending(tmp_path, command, ending):
     file = tmp_path / f"result.{ending}"
     result = run(command, DH5, "--locked", "3", "-o", str(file))
-    assert result.stdout == f"wrote {file}\n"
+    shown = run(command, DH5, "--locked", "3").stdout  # the answer is not lost to whoever asks
+    assert result.stdout == f"{shown}wrote {file}\n"
     start = {"json": "{", "csv": "quantity,", "txt": "Robot", "svg": "<svg", "html": "<!doctype"}[
         ending
     ]
@@ -228,7 +304,7 @@ def test_file_names_are_shown_on_one_line(tmp_path):
     assert result.stdout.startswith(f"wrote {tmp_path}/a\\nb.urdf and {tmp_path}/a\\nb.srdf: ")
     assert result.stdout.count("\n") == 1
     result = run("analyze", f"{made}.urdf", "-o", f"{made}.json")
-    assert result.stdout == f"wrote {tmp_path}/a\\nb.json\n"
+    assert result.stdout.endswith(f"\nwrote {tmp_path}/a\\nb.json\n")
     result = run("analyze", f"{made}.json", status=1)
     assert result.stderr.startswith(f"error: {tmp_path}/a\\nb.json: is not well-formed XML")
     assert result.stderr.count("\n") == 1
@@ -289,7 +365,7 @@ def test_interruption_is_no_traceback():
     assert stop.value.exit_code == 130
 
 
-@pytest.mark.parametrize("text", ["1,x,3", "1,,x", "one"])
+@pytest.mark.parametrize("text", ["1,x,3", "1,x", "one"])
 def test_vectors_are_numbers(text):
     with pytest.raises(
         typer.BadParameter, match=r"--q needs numbers separated by commas, .*is not"
@@ -302,6 +378,93 @@ def test_commas_and_blanks_separate_numbers():
     assert common.numbers(None, "--force") is None
     with pytest.raises(typer.BadParameter, match=r"--force needs .*; got none"):
         common.numbers(" ,, ", "--force")
+
+
+@pytest.mark.parametrize("text", ["1,,2,3", "1,2,3,", ",1,2,3", "1, ,2,3"])
+def test_no_number_beside_a_comma_is_no_number_less(text):
+    """As of `80,$FY,50,10` with FY not set: three numbers are left, and they fit."""
+    with pytest.raises(typer.BadParameter, match=r"nothing stands beside a comma in"):
+        common.numbers(text, "--force")
+
+
+EMPTY = {
+    "--locked": "JOINTS",
+    "--free": "JOINTS",
+    "--weak": "JOINT:FACTOR",
+    "--force": "FX,FY,FZ",
+    "--limits": "urdf|FILE|none",
+    "--output": "FILE",
+    "--joint-length": "M",
+}
+
+
+@pytest.mark.parametrize("option", EMPTY)
+@pytest.mark.parametrize("value", ["", " "])
+def test_an_empty_value_never_means_that_nothing_failed(option, value):
+    """As of `--locked "$JOINTS"` with JOINTS not set."""
+    leave = f"give {EMPTY[option]}, or leave it out"
+    line = f"error: {option} is empty (is a shell variable not set?); {leave}\n"
+    for words in ([option, value], [f"{option}={value}"], ["--locked", "2", option, value]):
+        result = run("analyze", DH5, *words, status=2)
+        assert (result.stdout, result.stderr) == ("", line)
+
+
+def test_every_command_rejects_empty_values():
+    group = typer.main.get_command(cli.app)
+    for name, command in group.commands.items():
+        for parameter in command.params:
+            if parameter.param_type_name == "option" and not parameter.is_flag:
+                result = run(name, parameter.opts[0], "", status=2)
+                assert result.stderr.startswith(f"error: {parameter.opts[0]} is empty ("), name
+    assert run("analyze", "", status=2).stderr.startswith("error: ROBOT is empty")
+    assert "Usage: ftforce analyze" in run("analyze", "--locked", "", "--help").stdout
+
+
+@pytest.mark.parametrize("option", ["--locked", "--free", "--weak"])
+@pytest.mark.parametrize("value", ["1:0.5,", ",1:0.5", "1:0.5,,2:0.5", "1:0.5, ,2:0.5", ","])
+def test_an_empty_item_never_means_one_joint_less(option, value):
+    value = value if option == "--weak" else value.replace(":0.5", "")
+    result = run("analyze", DH5, option, value, status=2)
+    assert result.stderr == (
+        f"error: {option}: joints are given as numbers or names, e.g. 2,4; got an empty item in "
+        f"{value!r}\n"
+    )
+
+
+def test_an_option_of_one_value_is_given_once():
+    result = run("analyze", DH5, "--force", "1,2,3", "--force", "1,2,4", status=2)
+    assert result.stderr == "error: --force is given 2 times; give it once\n"
+    assert document("analyze", DH5, "--deg", "--deg") == document("analyze", DH5)
+
+
+@pytest.mark.parametrize("command", [[], ["analyze"], ["sweep"]])
+def test_h_is_help(command):
+    assert run(*command, "-h").stdout == run(*command, "--help").stdout
+
+
+def test_several_outputs_are_all_written(tmp_path):
+    names = [str(tmp_path / name) for name in ("a.json", "b.csv", "c.txt", "d.svg", "e.pdf")]
+    outputs = ["-o", names[0], "-o", names[1], "-o", names[2], "--plot", names[3]]
+    case = ["capability", DH5, "--locked", "3"]
+    result = run(*case, *outputs, "--plot", names[4])
+    wrote = "".join(f"wrote {name}\n" for name in names[:3])
+    shown = run(*case).stdout
+    assert result.stdout == shown + wrote
+    assert result.stderr == "".join(f"wrote {name}\n" for name in names[3:])
+    one, two, three = (Path(name).read_text("utf-8") for name in names[:3])
+    assert one == run(*case, "--format", "json").stdout
+    assert two == run(*case, "--format", "csv").stdout
+    assert three == "".join(f"{line.rstrip()}\n" for line in shown.splitlines())
+    assert Path(names[3]).read_text("utf-8").startswith("<?xml")
+    assert Path(names[4]).read_bytes().startswith(b"%PDF")
+
+
+def test_what_can_be_kept_is_kept_if_one_output_fails(tmp_path):
+    full, file = full_device(tmp_path), tmp_path / "a.json"
+    result = run("analyze", DH5, "-o", str(full), "-o", str(file), status=1)
+    assert result.stderr == f"error: {full}: cannot be written (No space left on device)\n"
+    assert result.stdout == f"{run('analyze', DH5).stdout}wrote {file}\n"
+    assert json.loads(file.read_text("utf-8"))["robot"]["tip"] == "tool"
 
 
 def test_degrees():
@@ -338,6 +501,42 @@ def test_a_terminal_without_unicode_still_shows_the_answer():
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(command, capture_output=True, check=True, timeout=60, env=environment)
     assert b"Not tolerated" in done.stdout
+
+
+def test_data_are_utf8_whatever_the_terminal(tmp_path):
+    """A name is the same in standard output as in a file, or another program reads other names."""
+    names = {"joint1": "Gelenk-ä", "joint2": "関節"}
+    text = Path(DH5).read_text("utf-8")
+    for old, new in names.items():
+        text = text.replace(f'"{old}"', f'"{new}"')
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(text, "utf-8")
+    command = [sys.executable, "-m", "ftforce", "inspect", str(arm), "--tip", "tool", "--format"]
+    environment = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    for form in ("json", "csv"):
+        done = subprocess.run(
+            [*command, form], capture_output=True, check=True, timeout=60, env=environment
+        )
+        assert all(name in done.stdout.decode("utf-8") for name in names.values())
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "-3", "many", "９"])
+def test_a_width_of_nothing_is_no_width(monkeypatch, capsys, columns):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert main(monkeypatch, "analyze", DH5) == 0
+    wanted = capsys.readouterr().out
+    for name in ("COLUMNS", "TERMINAL_WIDTH"):
+        monkeypatch.setenv(name, columns)
+        assert main(monkeypatch, "analyze", DH5) == 0
+        assert capsys.readouterr().out == wanted
+        assert main(monkeypatch, "analyze", "--help") == 0
+        assert "--locked" in capsys.readouterr().out
+
+
+def test_standard_output_as_a_file_holds_the_data_only():
+    command = f"{sys.executable} -m ftforce analyze {DH5} --format json -o /dev/stdout"
+    done = subprocess.run(["sh", "-c", f"{command} | cat"], capture_output=True, check=True)
+    assert json.loads(done.stdout)["robot"]["tip"] == "tool"
 
 
 # ---- the program, in this process ------------------------------------------------------------

@@ -103,7 +103,7 @@ def test_files_hold_the_cells(stored, tmp_path):
     [
         ("--joints 2,3", 1, "no fault set {2, 3}"),
         ("--joints 6", 1, "unknown joint '6'; available: 1 joint1"),
-        ("--joints ,", 2, "--joints needs numbers or names separated by commas"),
+        ("--joints ,", 2, "--joints: joints are given as numbers or names, e.g. 2,4; got an empty"),
         ("--plane zx", 2, "unknown plane 'zx'"),
         ("--at 9", 1, "no posture has its tip at y = 9 m"),
         ("--quantity rho,speed", 2, "unknown quantity 'speed'"),

@@ -105,6 +105,8 @@ def test_a_grid(tmp_path):
         (("--samples", "10", "--keep", "all", "-o", "x.csv"), 2, "needs an --output that ends"),
         (("--samples", "10", "--keep", "some", "-o", "x.zarr"), 2, "unknown value of keep 'some'"),
         (("--samples", "10", "--workers", "0"), 1, "workers must be a positive integer"),
+        (("--samples", "10", "--workers", "100000"), 1, "workers must not exceed "),
+        (("--samples", "10", "--threads", "100000"), 1, "threads must not exceed "),
         (("--samples", "10", "--chunk", "10"), 1, "chunk must be an integer from 4096"),
         (("--samples", "10", "-o", "x.nc"), 2, "the name must end in"),
         (("--samples", "10", "-o", "nowhere/x.zarr"), 1, "cannot be written"),

@@ -13,6 +13,7 @@ from ftforce.core.limits import Limits
 from ftforce.core.reduced_jacobian import reduce
 from ftforce.core.task import Task
 from ftforce.errors import InputError
+from ftforce.report.files import to_text
 from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_torque
 from ftforce.robot.kinematics import task_jacobian
 from helpers import assert_close, load_text, serial_urdf, without_masses
@@ -84,12 +85,31 @@ FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
         ((2.0, (1, 2)), "the payload's position needs 3 numbers, got 2 numbers: x, y, z in m"),
         (-1, "the payload's mass must be 0 kg or more, got -1"),
         (True, "the payload needs a mass in kg, got True"),
+        (
+            1.7e308,
+            r"the payload must not exceed 1e\+09 kg or lie farther than 1e\+09 m .*",
+        ),
+        (
+            (1.0, (0, 2e9, 0)),
+            r"the payload must not exceed 1e\+09 kg or lie farther than 1e\+09 m .*",
+        ),
+        ("1@0,,0,0.1", FORM + "nothing stands beside a comma in '0,,0,0.1'"),
     ],
     ids=repr,
 )
 def test_what_is_no_payload(given, message):
     with pytest.raises(InputError, match=f"^{message}$"):
         read_payload(given)
+
+
+def test_the_largest_conditions_have_finite_results(panda):
+    """Whatever is admitted can be written: JSON has neither infinity nor NaN."""
+    huge = {"payload": (1e9, (1e9, 0, 0)), "gravity": [0, 0, -1e9], "acceleration": [1e9] * 7}
+    for options in (huge, {"velocity": [1e9] * 7}):
+        analysis = ftforce.analyze(panda, locked=[2], limits="urdf", **options)
+        assert np.isfinite(analysis.rnea.before).all()
+        assert analysis.verdict == "not tolerated"
+        assert json.loads(to_text(analysis, "json"), parse_constant=pytest.fail)
 
 
 @pytest.mark.parametrize(
@@ -99,6 +119,10 @@ def test_what_is_no_payload(given, message):
         ({"velocity": [1, 2]}, "velocity needs 7 numbers, got 2 numbers: one per joint, 1 panda_j"),
         ({"acceleration": [0] * 6 + [math.inf]}, "acceleration contains inf at position 7"),
         ({"payload": -1}, "the payload's mass"),
+        ({"payload": 1.7e308}, "the payload must not exceed"),  # its weight would be infinite
+        ({"velocity": [1e10] * 7}, r"velocity must not exceed 1e\+09 rad/s or m/s, got"),
+        ({"acceleration": [1e10] * 7}, r"acceleration must not exceed 1e\+09 rad/s² or m/s², got"),
+        ({"gravity": [0, 0, -1e10]}, r"gravity must not exceed 1e\+09 m/s², got"),
     ],
     ids=str,
 )

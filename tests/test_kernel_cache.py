@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import importlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -92,6 +95,56 @@ def test_a_kernel_compiled_on_import_follows_the_other_files_too(package):
 def test_a_cache_that_names_a_type_which_is_gone_is_stale_not_an_error(package):
     assert package(2.0, kind="Number") == (3.0, 0)
     assert package(2.0, kind="Value") == (3.0, 0)
+
+
+@pytest.fixture
+def doubled(tmp_path, monkeypatch):
+    """Return a function that compiles another anew, or loads it: its value, and the cache hits."""
+    (tmp_path / "doubles.py").write_text("def doubled(x):\n    return 2.0 * x\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    function = importlib.import_module("doubles").doubled
+
+    def run():
+        compiled = jit.kernel(function)
+        return compiled(1.0), sum(compiled.stats.cache_hits.values())
+
+    yield run
+    del sys.modules["doubles"]
+
+
+@pytest.mark.parametrize("harm", ["cut", "empty", "bit", "lost"])
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_damaged_files_of_a_cache_are_compiled_anew(doubled, tmp_path, ending, harm):
+    """Machine code with another bit would crash, or compute something else."""
+    assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))
+    (file,) = (tmp_path / "__pycache__").glob(f"*.{ending}")
+    whole = file.read_bytes()
+    for middle in (len(whole) // 2, len(whole) - 40):
+        flipped = whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :]
+        damaged = {"cut": whole[:middle], "empty": b"", "bit": flipped}
+        file.write_bytes(damaged[harm]) if harm in damaged else file.unlink()
+        assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))  # and kept again
+
+
+def test_a_disk_on_which_no_kernel_can_be_kept(doubled, monkeypatch):
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile._save_data", raising(full))
+    assert (doubled(), doubled()) == ((2.0, 0), (2.0, 0))
+
+
+def test_a_read_only_environment_and_home_is_one_warning(doubled, monkeypatch):
+    monkeypatch.setattr("numba.core.caching.CompileResultCacheImpl._locator_classes", [])
+    monkeypatch.setattr(jit, "_said", set())
+    with pytest.warns(RuntimeWarning, match="no folder for compiled kernels can be writ") as said:
+        assert (doubled(), doubled()) == ((2.0, 0), (2.0, 0))
+    assert len(said) == 1
+
+
+def raising(problem):
+    def fail(*_):
+        raise problem
+
+    return fail
 
 
 def test_the_cache_of_this_numba_can_be_keyed():

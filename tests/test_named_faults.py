@@ -40,8 +40,17 @@ def colons():
 
 def test_no_faults(arm):
     assert named_faults(arm) == FaultSet()
-    assert named_faults(arm, "", "", "") == FaultSet()
     assert named_faults(arm, [], [], {}) == FaultSet()
+
+
+@pytest.mark.parametrize("text", ["", " ", ",", "2,", ",2", "2,,3"])
+def test_an_empty_text_is_not_no_fault(arm, text):
+    """`locked=os.environ.get("JOINTS", "")` must not say that nothing failed."""
+    for mode in ("locked", "free"):
+        with pytest.raises(InputError, match=r"joints are given as numbers or names, .* empty"):
+            named_faults(arm, **{mode: text})
+    with pytest.raises(InputError, match=r"joints are given as numbers or names, .* empty"):
+        named_faults(arm, weak=text.replace("2", "2:0.5").replace("3", "3:0.5"))
 
 
 @pytest.mark.parametrize("joints", ["2,j4", [2, "j4"], ("j4", 2), {2, 4}, [False, True] * 2])
@@ -54,7 +63,7 @@ def test_locked_and_free_joints(arm, joints):
     "weak",
     [
         "2:0.5,j4:0",
-        " 2 : 0.5 , j4:0.0 ,",
+        " 2 : 0.5 , j4:0.0 ",
         {2: 0.5, "j4": 0},
         "2:5e-1,j4:0",
         {"2": np.float64(0.5), 4: np.int64(0)},

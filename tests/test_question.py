@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections import Counter, defaultdict
+from functools import partial
 
 import numpy as np
 import pytest
@@ -138,3 +139,30 @@ def test_options_of_several_commands_are_declared_once():
     assert len(declared["task"]) == 8
     for name, found in declared.items():
         assert all(one is found[0] for one in found), name
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        ftforce.analyze,
+        ftforce.capability,
+        ftforce.census,
+        ftforce.Remapper,
+        partial(ftforce.simulate, trajectory="path.csv", force=[1, 2, 3]),
+        partial(ftforce.sweep, n=10),
+        partial(ftforce.timeline, trajectory="path.csv"),
+    ],
+    ids=["analyze", "capability", "census", "Remapper", "simulate", "sweep", "timeline"],
+)
+def test_what_is_no_robot_is_told_where_it_belongs(ask):
+    """A Jacobian goes to the array core, a name to `load_robot`."""
+    core = r"^a robot is needed, as of ftforce\.load_robot\('panda'\), got {}; "
+    core += r"for a Jacobian from any library, use ftforce\.remap\(J, tau, locked\)$"
+    for wrong, message in (
+        (np.zeros((3, 7)), core.format(r"an array of shape \(3, 7\)")),
+        (None, core.format("NoneType")),
+        ([[1.0, 2.0]], core.format("list")),
+        ("panda", r"^a robot is needed, not the name 'panda': .* ftforce\.load_robot\('panda'\)$"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ask(wrong)

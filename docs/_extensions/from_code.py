@@ -36,6 +36,7 @@ from sphinx.util.docutils import SphinxDirective
 import ftforce
 from ftforce.analysis.paper import ERRATA
 from ftforce.cli import app as program
+from ftforce.cli.examples import EXAMPLES
 from ftforce.report import (
     analysis,
     capability,
@@ -105,7 +106,11 @@ class CommandOptions(SphinxDirective):
             names = _names(parameter.name, kind, info)
             if not wanted or any(f"`{one}`" in names or f"`{one} " in names for one in wanted):
                 rows.append((names, _default(parameter, info), help_text))
-        return self.parse_text_to_nodes(_table(("option", "default", "meaning"), rows))
+        text = _table(("option", "default", "meaning"), rows)
+        if not wanted:
+            examples = "".join(f"$ ftforce {words}\n" for words in EXAMPLES[command])
+            text += f"\n\n```console\n{examples}```\n"
+        return self.parse_text_to_nodes(text)
 
 
 def _names(name: str, kind: Any, info: Any) -> str:

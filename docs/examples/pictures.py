@@ -26,6 +26,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from ftforce.cli import app
+from ftforce.cli.examples import EXAMPLES
 from ftforce.robot.known_robots import known_robots
 
 HERE = Path(__file__).resolve().parent
@@ -56,10 +57,6 @@ SESSIONS = {
     "tutorial-two": ["analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world"],
     "tutorial-posture": [
         "analyze rail_arm.urdf --q 0.4,0,0,1,0 --deg --locked wrist --force 60,0,0 --axes world"
-    ],
-    "tutorial-files": [
-        "analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json",
-        "census rail_arm.urdf --faults 2 --force 0,0,60 --axes world -o sets.csv",
     ],
     "tutorial-limits": [
         "analyze rail_arm.urdf --locked rail --force 0,0,60 --axes world --payload 3 --limits urdf"
@@ -245,6 +242,14 @@ def failed_examples() -> list[str]:
     return found
 
 
+def run_help_examples() -> None:
+    """Run the examples of the help of every command; those of one may need the files of others."""
+    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+        lay_out_files()
+        for command in (command for pair in EXAMPLES.values() for command in pair):
+            run(command)
+
+
 def main() -> None:
     """Write the files, or check them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -258,6 +263,7 @@ def main() -> None:
         PICTURES.mkdir(exist_ok=True)
         make(PICTURES)
         return
+    run_help_examples()
     found = [*differences(check), *failed_examples()]
     print("\n".join(found) or "every picture and every example is current")
     sys.exit(1 if found else 0)

@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Analysis(Answered):
     """Effect of one fault set on an arm in one posture.
 

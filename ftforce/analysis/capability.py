@@ -94,7 +94,7 @@ class DirectionReport:
     after: dict[LockModel, CapabilityRange]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Capability(Displayed):
     """Force and payload that an arm can hold in one posture, before and after a fault.
 

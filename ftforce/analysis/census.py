@@ -70,7 +70,7 @@ class JointReport:
     least_capability: float | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Census(AnsweredForAll):
     """All fault sets of one posture, worst first.
 

@@ -77,15 +77,16 @@ class Conditions(NamedTuple):
         Raises
         ------
         InputError
-            An argument is invalid.
+            An argument is invalid, or so large that torques computed from it would not be finite.
         """
         v = None if velocity is None else robot.vector(velocity, "velocity")
         a = None if acceleration is None else robot.vector(acceleration, "acceleration")
+        _check_size(v, "velocity", "rad/s or m/s")
+        _check_size(a, "acceleration", "rad/s² or m/s²")
         own = gravity is None
         if gravity is not None:
             gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in root axes")
-            if np.abs(gravity).max() > LARGEST_NUMBER:
-                raise InputError(f"gravity must not exceed {LARGEST_NUMBER:g} m/s², got {gravity}")
+            _check_size(gravity, "gravity", "m/s²")
         else:
             gravity = robot.gravity
         return cls(gravity, own, read_payload(payload), v, a)
@@ -95,6 +96,11 @@ class Conditions(NamedTuple):
         """Whether the arm moves before the fault."""
         v, a = self.velocity, self.acceleration
         return (v is not None and bool(v.any())) or (a is not None and bool(a.any()))
+
+
+def _check_size(vector: Vector | None, name: str, unit: str) -> None:
+    if vector is not None and np.abs(vector).max(initial=0.0) > LARGEST_NUMBER:
+        raise InputError(f"{name} must not exceed {LARGEST_NUMBER:g} {unit}, got {vector}")
 
 
 def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
@@ -122,7 +128,7 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
         return Payload.of(payload)
     mass, at, place = payload.partition("@")
     try:
-        offset = read_numbers(place.replace(",", " "), 3) if at else (0.0, 0.0, 0.0)
+        offset = read_numbers(_without_commas(place), 3) if at else (0.0, 0.0, 0.0)
         return Payload.of(read_numbers(mass, 1)[0], offset)
     except ValueError as problem:
         if isinstance(problem, InputError):
@@ -130,6 +136,13 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
         raise InputError(
             f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1; {problem}"
         ) from None
+
+
+def _without_commas(place: str) -> str:
+    parts = place.split(",")
+    if not all(map(str.strip, parts)):
+        raise ValueError(f"nothing stands beside a comma in {place!r}")
+    return " ".join(parts)
 
 
 def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -> RneaChange:

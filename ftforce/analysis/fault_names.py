@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from ftforce.core.faults import Fault, FaultMode, FaultSet
 from ftforce.errors import InputError
-from ftforce.io.text import read_numbers
+from ftforce.io.text import read_numbers, split_items
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
@@ -36,6 +37,7 @@ def named_faults(
     InputError
         A joint does not exist or fails in two modes, or a factor lies outside 0 to 1.
     """
+    require_robot(robot)
     faults = [Fault(i) for i in robot.indices(locked)]
     if isinstance(free, tuple) and isinstance(weak, tuple) and not free and not weak:
         return FaultSet(tuple(faults))
@@ -63,9 +65,7 @@ def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:
             raise InputError(f"weak joints are given as {{joint: factor}}, got {weak!r}")
         return [(joint, factor) for joint, factor in pairs]
     found: list[tuple[int | str, object]] = []
-    for word in weak.split(","):
-        if not word.strip():
-            continue
+    for word in split_items(weak):
         joint, colon, factor = word.rpartition(":")
         if not colon:
             raise InputError(

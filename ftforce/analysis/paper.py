@@ -139,7 +139,7 @@ class Check:
         return abs(value - float(self.printed)) <= half_a_digit * (1.0 + 1e-9)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Replication(Displayed):
     """Comparison of all numbers of the paper's case study.
 

@@ -30,6 +30,7 @@ from ftforce.core.task import Axes, Task
 from ftforce.errors import InputError, UnknownNameError, listed
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -170,6 +171,7 @@ class Question:
         LimitsError
             The file of limits or friction cannot be read or does not fit the robot.
         """
+        require_robot(robot)
         check_tolerances(rtol, wary)
         wanted = Task.parse(task, axes, length)
         if inverse not in INVERSES:
@@ -405,6 +407,7 @@ class AllFaultSets:
             The size does not lie between 1 and n, there are too many sets, or the mode is unknown
             or ``weak``, which needs a factor per joint.
         """
+        require_robot(robot)
         is_integer = isinstance(faults, (int, np.integer)) and not isinstance(faults, bool)
         if not is_integer or not 1 <= faults <= robot.n:
             raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")

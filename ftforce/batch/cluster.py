@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ftforce.__version__ import __version__
 from ftforce.batch.postures.postures import Listed
+from ftforce.batch.runner import bounded_count
 from ftforce.batch.store.folder import lock_of
 from ftforce.errors import FtforceError, InputError, listed
 
@@ -58,7 +59,7 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
     Raises
     ------
     InputError
-        Both are given, or the number of workers is not a positive integer.
+        Both are given, or the number of workers is not positive or beyond this machine.
     FtforceError
         Dask is not installed.
     """
@@ -66,9 +67,8 @@ def on_cluster(workers: int | None, scheduler: str | None, output: object) -> Ru
         raise InputError(
             "specify either a number of workers or the address of a scheduler, not both"
         )
-    is_valid = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
-    if workers is not None and not is_valid:
-        raise InputError(f"workers must be a positive integer, got {workers!r}")
+    if workers is not None:
+        bounded_count(workers, "workers")
     try:
         import distributed  # noqa: F401
     except ImportError:

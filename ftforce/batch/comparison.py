@@ -50,7 +50,7 @@ CELLS = 20  # across the workspace, the same number for every arm whatever its s
 _ALIKE = 1.3  # the ratio of cell size to reach may differ by this factor
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Displayed):
     """Ranking of several arms.
 

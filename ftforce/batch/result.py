@@ -178,7 +178,7 @@ class SweepSetting(CarriedPayload):
         return "N" if any(pushes) else "N·m"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Displayed):
     """Result of a fault analysis over many postures and all fault sets.
 

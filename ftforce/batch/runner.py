@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ftforce.batch.store.store import OpenStore
     from ftforce.batch.summary.summary import Summary
 
+MOST_PER_PROCESSOR = 16  # threads or processes; more only wait for each other
 SAVE_INTERVAL = 5.0  # s between writes of the progress file
 _BATCH_SECONDS = 1.0  # s that a thread adds to its own summary before it is merged
 
@@ -141,6 +142,7 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
     count = int((~done).sum())
     sizer = BatchSizer((index for index in range(job.chunks) if not done[index]), count)
     saved, is_consistent = time.monotonic(), True
+    kept = int(opened.summary.postures)  # of an earlier run
     try:
         with closing(runner(job, opened, sizer)) as parts:
             for result in parts if count else ():
@@ -153,12 +155,23 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
                     progress(int(opened.summary.postures), total)
                 if time.monotonic() - saved > SAVE_INTERVAL:
                     store.save_progress(opened)
-                    saved = time.monotonic()
-    finally:
+                    saved, kept = time.monotonic(), int(opened.summary.postures)
+    except BaseException as problem:
         # After Ctrl-C during a merge the summary is inconsistent: keep what was saved last.
         if is_consistent and not done.all():
             with suppress(OutputError):  # do not mask the original error
                 store.save_progress(opened)
+                kept = int(opened.summary.postures)
+        if isinstance(problem, OutputError):
+            raise OutputError(problem.path, f"{problem.reason}; {_left(kept, total)}") from None
+        raise
+
+
+def _left(kept: int, total: int) -> str:
+    """Return what a disk holds after it could not be written."""
+    if kept == 0:
+        return "no posture was kept"
+    return f"{kept:,} of {total:,} postures are kept, and the same command resumes the sweep"
 
 
 def threads_of(threads: int | None) -> int:
@@ -167,17 +180,40 @@ def threads_of(threads: int | None) -> int:
     Raises
     ------
     InputError
-        It is not a positive integer.
+        It is not an integer from 1 to what `bounded_count` admits.
     """
-    if threads is None:
-        return (
-            len(os.sched_getaffinity(0))
-            if hasattr(os, "sched_getaffinity")
-            else os.cpu_count() or 1
+    return processors() if threads is None else bounded_count(threads, "threads")
+
+
+def processors() -> int:
+    """Return the number of processors available to this process."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def bounded_count(count: object, name: str) -> int:
+    """Return a number of threads or processes that this machine can run.
+
+    Parameters
+    ----------
+    count, name :
+        The number, and its name for messages.
+
+    Raises
+    ------
+    InputError
+        It is not a positive integer, or there are more than 16 for each processor.
+    """
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise InputError(f"{name} must be a positive integer, got {count!r}")
+    most = MOST_PER_PROCESSOR * processors()
+    if count > most:
+        raise InputError(
+            f"{name} must not exceed {most} here, {MOST_PER_PROCESSOR} for each of "
+            f"{processors()} processors; got {count:,}"
         )
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-        raise InputError(f"threads must be a positive integer, got {threads!r}")
-    return threads
+    return count
 
 
 def in_threads(threads: int) -> Runner:

@@ -38,7 +38,7 @@ _DEFAULT_QUANTITIES = ("rho", "margin")
 _ROUNDING = 1e-9  # of an edge: a slice on the border of two cells belongs to the upper one
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WorkspaceMap(Displayed):
     """Map of a sweep over the workspace, made by `workspace_map`.
 

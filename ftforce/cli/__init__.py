@@ -13,6 +13,8 @@ import typer
 from typer.core import TyperGroup
 
 from ftforce import __version__
+from ftforce.cli.command import Command
+from ftforce.cli.examples import ELSEWHERE
 from ftforce.cli.options import guarded
 from ftforce.cli.printing import prepare_streams, reason_of, silence
 
@@ -64,6 +66,9 @@ def _wrong(error: Any) -> str:
         return error.message
     words = " ".join(error.format_message().split()).removesuffix(".")
     place = "ftforce" if error.ctx is None else error.ctx.command_path
+    asked = (place.rpartition(" ")[2], getattr(error, "option_name", ""))
+    if asked in ELSEWHERE:
+        return f"{place} has no {asked[1]}: {ELSEWHERE[asked]}"
     return f"{words} (see `{place} --help`)"
 
 
@@ -76,10 +81,11 @@ def build(*names: str) -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         callback=top,
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
     for name in names:
         command = getattr(import_module(f"ftforce.cli.{name}"), name)
-        program.command(name)(guarded(command))
+        program.command(name, cls=Command)(guarded(command))
     return program
 
 

@@ -19,6 +19,7 @@ def dh(
         typer.Option(
             "--output",
             "-o",
+            metavar="FILE",
             help="URDF to write; the SRDF goes beside it.",
             show_default="the table's file name with .urdf, in the current folder",
         ),

@@ -57,7 +57,12 @@ def check_files(given: dict[str, Any]) -> None:
     BadParameter
         Two outputs are one file.
     """
-    outputs = [(OUTPUTS[name], path) for name, path in given.items() if path and name in OUTPUTS]
+    outputs = [
+        (OUTPUTS[name], path)
+        for name, paths in given.items()
+        if paths and name in OUTPUTS
+        for path in (paths if isinstance(paths, list) else [paths])
+    ]
     if not outputs:
         return
     inputs = list(_inputs(given))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.options import PlotOutputs
+from ftforce.cli.options import PlotOutputs, items
 
 
 def map(  # noqa: A001 # the command's name
@@ -39,10 +39,13 @@ def map(  # noqa: A001 # the command's name
     quantity: Annotated[
         str,
         typer.Option(
-            metavar="rho,margin,jump,capability", help="Which histograms and quantiles to show."
+            metavar="rho,margin,…",
+            help="Quantiles to show, of rho, margin, jump, capability.",
         ),
     ] = "rho,margin",
-    top: Annotated[int, typer.Option(min=1, help="Number of worst cells to show.")] = 8,
+    top: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Number of worst cells to show.")
+    ] = 8,
 ) -> None:
     """Show where in the workspace a sweep's postures tolerate a fault.
 
@@ -73,15 +76,14 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
 
     Raises
     ------
-    BadParameter
-        The list is empty.
     UnknownNameError
         A joint is unknown.
     """
     from ftforce.errors import UnknownNameError
 
     found = set()
-    for word in _words(text):
+    given = items(text, "--joints")
+    for word in (word for item in given for word in ([item] if item in names else item.split())):
         if word in names:
             found.add(names.index(word) + 1)
         elif word.isdecimal() and 1 <= int(word) <= len(names):
@@ -89,8 +91,4 @@ def _numbers(text: str, names: tuple[str, ...]) -> list[int]:
         else:
             numbered = [f"{i} {name}" for i, name in enumerate(names, start=1)]
             raise UnknownNameError("joint", word, numbered)
-    if not found:
-        raise typer.BadParameter(
-            "--joints needs numbers or names separated by commas, e.g. 2,4; got none"
-        )
     return sorted(found)

@@ -21,7 +21,7 @@ import typer
 from ftforce.cli.files import check_files
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, UnknownNameError, printable
+from ftforce.errors import FtforceError, InputError, UnknownNameError, printable
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -39,11 +39,13 @@ RobotArgument = Annotated[
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
 TopOption = Annotated[
-    int, typer.Option("--top", min=1, help="Number of fault sets shown in the table.")
+    int, typer.Option("--top", min=1, metavar="N", help="Number of fault sets shown in the table.")
 ]
 ThreadsOption = Annotated[
     int | None,
-    typer.Option("--threads", help="Threads on this machine.", show_default="all processors"),
+    typer.Option(
+        "--threads", metavar="N", help="Threads on this machine.", show_default="all processors"
+    ),
 ]
 MethodOption = Annotated[
     str,
@@ -52,7 +54,10 @@ MethodOption = Annotated[
     ),
 ]
 SeedOption = Annotated[
-    int, typer.Option("--seed", help="Seed of the draw; the same seed gives the same postures.")
+    int,
+    typer.Option(
+        "--seed", metavar="N", help="Seed of the draw; the same seed gives the same postures."
+    ),
 ]
 
 # Options of the question that hold numbers separated by commas.
@@ -83,9 +88,14 @@ class ChainOptions(Group):
 
     base: Annotated[
         str | None,
-        typer.Option(help="Base link; by default the robot's own, otherwise the root."),
+        typer.Option(
+            metavar="LINK", help="Base link.", show_default="the robot's own, else the root"
+        ),
     ] = None
-    tip: Annotated[str | None, typer.Option(help="Tip link; by default the robot's own.")] = None
+    tip: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Tip link.", show_default="the robot's own"),
+    ] = None
 
     def load(self, robot: str, posture: str | None = None) -> "Robot":
         """Load a robot with this chain.
@@ -111,7 +121,8 @@ class PostureOptions(Group):
         typer.Option("--q", metavar="Q1,Q2,…", help="Joint positions along the chain, rad or m."),
     ] = None
     posture: Annotated[
-        str | None, typer.Option(help="Named posture; also mid-range, zero, bent, sample.")
+        str | None,
+        typer.Option(metavar="NAME", help="Named posture; also mid-range, zero, bent, sample."),
     ] = None
     deg: Annotated[
         bool,
@@ -157,8 +168,17 @@ class FaultOptions(Group):
     ] = None
 
     def arguments(self) -> dict[str, Any]:
-        """Return the options as arguments; each may be given several times."""
-        return {name: ",".join(words or ()) for name, words in vars(self).items()}
+        """Return the options as arguments; each may be given several times.
+
+        Raises
+        ------
+        BadParameter
+            An item between commas is empty.
+        """
+        for name, words in vars(self).items():
+            for word in words or ():
+                items(word, f"--{name}")
+        return {name: ",".join(words) if words else () for name, words in vars(self).items()}
 
     def of(self, robot: "Robot") -> "FaultSet":
         """Return the fault set of a robot."""
@@ -171,7 +191,7 @@ class FaultOptions(Group):
 class SetOptions(Group):
     """All fault sets up to a size."""
 
-    faults: Annotated[int, typer.Option(help="Size of the largest fault sets.")] = 1
+    faults: Annotated[int, typer.Option(metavar="N", help="Size of the largest fault sets.")] = 1
     mode: Annotated[str, typer.Option(metavar="locked|free", help="How the joints fail.")] = (
         "locked"
     )
@@ -254,7 +274,8 @@ class WeightOptions(Group):
         str | None,
         typer.Option(
             metavar="GX,GY,GZ",
-            help="Gravity in root axes, m/s²; by default the model's. 0,0,0 in free fall.",
+            help="Gravity in root axes, m/s²; 0,0,0 in free fall.",
+            show_default="the model's",
         ),
     ] = None
     payload: Annotated[
@@ -313,14 +334,16 @@ class TaskOptions(Group):
     task: Annotated[
         str,
         typer.Option(
-            metavar="force|moment|wrench|fx,…",
+            metavar="force|moment|…",
             help="force, moment, wrench, or components such as fx,fz,my.",
         ),
     ] = "force"
     length: Annotated[
         float | None,
         typer.Option(
-            help="Characteristic length that weighs moments against forces, m.", show_default="1"
+            metavar="M",
+            help="Characteristic length, m, that weighs moments against forces.",
+            show_default="1",
         ),
     ] = None
     joint_length: Annotated[
@@ -345,7 +368,10 @@ class RankTolerance(Group):
     """Tolerance of ranks."""
 
     rtol: Annotated[
-        float, typer.Option(help="Singular values up to rtol * sigma_max(J) are treated as 0.")
+        float,
+        typer.Option(
+            metavar="RTOL", help="Singular values up to RTOL × σ_max(J) are treated as 0."
+        ),
     ] = 1e-6
 
 
@@ -355,7 +381,10 @@ class Tolerances(RankTolerance):
 
     wary: Annotated[
         float,
-        typer.Option(help="Borderline if some tolerance up to this value changes the verdict."),
+        typer.Option(
+            metavar="RTOL",
+            help="Borderline if some tolerance up to this one changes the verdict.",
+        ),
     ] = 1e-2
 
 
@@ -363,8 +392,9 @@ _Form = Annotated[
     Format | None,
     typer.Option(
         "--format",
+        metavar="table|json|csv",
         help="Output format.",
-        show_default="that of --output's extension, otherwise table",
+        show_default="by the extension of --output, else table",
     ),
 ]
 
@@ -375,11 +405,12 @@ class Outputs(Group):
 
     form: _Form = None
     output: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--output",
             "-o",
-            help="File to write, completely or not at all (.json .csv .txt .svg .html).",
+            metavar="FILE",
+            help="File to write (.json .csv .txt .svg .html); repeat it for more.",
         ),
     ] = None
 
@@ -394,10 +425,10 @@ class PlotOutputs(Outputs):
     """Where the result and its plot go."""
 
     plot: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="Plot the result to this file (.png .pdf .svg); needs the extra plot.",
+            help="File for a plot (.png .pdf .svg); repeat it for more. Needs the extra plot.",
         ),
     ] = None
 
@@ -407,12 +438,13 @@ class HistoryOutputs(PlotOutputs):
     """Where a history and its plot go."""
 
     output: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--output",
             "-o",
-            help="File to write, completely or not at all: all instants (.csv .npz .parquet), a "
-            "summary (.json), or the tables (.txt .svg .html).",
+            metavar="FILE",
+            help="File to write: all instants (.csv .npz .parquet), a summary (.json), or the "
+            "tables (.txt .svg .html); repeat it for more.",
         ),
     ] = None
 
@@ -519,13 +551,31 @@ def numbers(text: str | None, option: str) -> list[float] | None:
     from ftforce.io.text import read_numbers
 
     wanted = f"{option} needs numbers separated by commas, e.g. 1,2.5,-3"
-    words = text.replace(",", " ").split()
-    if not words:
+    if not text.strip(", "):
         raise typer.BadParameter(f"{wanted}; got none")
+    parts = [part.split() for part in text.split(",")]
+    if not all(parts):
+        raise typer.BadParameter(f"{wanted}; nothing stands beside a comma in {text!r}")
     try:
-        return [read_numbers(word, 1, math.inf)[0] for word in words]
+        return [read_numbers(word, 1, math.inf)[0] for part in parts for word in part]
     except ValueError as problem:
         raise typer.BadParameter(f"{wanted}; {problem}") from None
+
+
+def items(text: str, option: str) -> list[str]:
+    """Split a list of joints at its commas.
+
+    Raises
+    ------
+    BadParameter
+        An item is empty.
+    """
+    from ftforce.io.text import split_items
+
+    try:
+        return split_items(text)
+    except InputError as problem:
+        raise typer.BadParameter(f"{option}: {problem}") from None
 
 
 def merged(*groups: Group) -> dict[str, Any]:

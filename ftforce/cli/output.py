@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 from enum import StrEnum
@@ -14,6 +13,7 @@ from ftforce.cli.printing import printing, say
 from ftforce.errors import OutputError, printable
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from rich.console import RenderableType
@@ -38,8 +38,8 @@ def check_outputs(
     command: str,
     *,
     form: Format | None,
-    output: Path | None,
-    plot: Path | None = None,
+    output: list[Path] | None,
+    plot: list[Path] | None = None,
     **_others: Any,
 ) -> None:
     """Reject files that could not be written, before any computation starts.
@@ -49,38 +49,40 @@ def check_outputs(
     BadParameter
         A file extension is unknown, or contradicts the requested format.
     OutputError
-        The folder does not exist.
+        A file cannot be written.
     """
-    if output is not None:
-        endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
-        ending = _ending(output)
-        if ending in _HISTORY_ENDINGS and command != "simulate":
+    for path in output or ():
+        _check_ending(command, path, form)
+    for path in plot or ():
+        if _ending(path) not in _PLOT_ENDINGS:
             raise typer.BadParameter(
-                f".{ending} is for histories of `ftforce simulate`; use .json or .csv"
-            )
-        if ending == "zarr" and command != "sweep":
-            raise typer.BadParameter(".zarr is for `ftforce sweep`; use .json or .csv")
-        if ending and ending not in endings and form is None:
-            raise typer.BadParameter(
-                f"{printable(output)}: the name must end in {_listed(endings)}"
-            )
-        if form not in {None, ending} and ending in _DATA:
-            raise typer.BadParameter(
-                f"{printable(output)}: the extension does not match --format {form}"
-            )
-    if plot is not None:
-        if _ending(plot) not in _PLOT_ENDINGS:
-            raise typer.BadParameter(
-                f"{printable(plot)}: the name must end in {_listed(_PLOT_ENDINGS)}"
+                f"{printable(path)}: the name must end in {_listed(_PLOT_ENDINGS)}"
             )
         from ftforce.show.plots.canvas import needs_matplotlib
 
         needs_matplotlib()
-    for path in (output, plot):
-        if path is not None and not path.parent.is_dir():
-            above = next(folder for folder in path.parents if folder.exists())
-            reason = os.strerror(errno.ENOENT if above.is_dir() else errno.ENOTDIR)
-            raise OutputError(path, f"cannot be written ({reason})")
+    from ftforce.io.text import check_writable
+
+    for path in (*(output or ()), *(plot or ())):
+        if _ending(path) != "zarr":
+            check_writable(path)
+        elif not path.parent.is_dir():
+            raise OutputError(path, "cannot be written (No such file or directory)")
+
+
+def _check_ending(command: str, path: Path, form: Format | None) -> None:
+    endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
+    ending = _ending(path)
+    if ending in _HISTORY_ENDINGS and command != "simulate":
+        raise typer.BadParameter(
+            f".{ending} is for histories of `ftforce simulate`; use .json or .csv"
+        )
+    if ending == "zarr" and command != "sweep":
+        raise typer.BadParameter(".zarr is for `ftforce sweep`; use .json or .csv")
+    if ending and ending not in endings and form is None:
+        raise typer.BadParameter(f"{printable(path)}: the name must end in {_listed(endings)}")
+    if form not in {None, ending} and ending in _DATA:
+        raise typer.BadParameter(f"{printable(path)}: the extension does not match --format {form}")
 
 
 def _listed(endings: tuple[str, ...]) -> str:
@@ -92,12 +94,15 @@ def emit(
     result: object,
     *,
     form: Format | None,
-    output: Path | None,
+    output: list[Path] | None,
     title: str,
-    plot: Path | None = None,
+    plot: list[Path] | None = None,
     warnings: tuple[str, ...] = (),
 ) -> None:
-    """Print a result or write it to a file; also plot it if requested.
+    """Print a result, and write it and its plot to the files requested.
+
+    The tables are printed even if a file cannot be written, and files written even if standard
+    output cannot.
 
     Parameters
     ----------
@@ -106,59 +111,99 @@ def emit(
     result :
         The result, for data formats and plots.
     form :
-        Requested format; ``None`` derives it from the file extension.
+        Format of the files; of what is printed if there are none. ``None`` derives it from the
+        file extension.
     output :
-        Output file; ``None`` for standard output.
+        Output files; then the tables go to standard output.
     title :
         Title of an image of the tables.
     plot :
-        Plot file; ``None`` for no plot.
+        Plot files.
     warnings :
         Printed on stderr if the format cannot contain them.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
     """
-    picture = None if plot is None else _plot(result, plot)  # fail before any output is written
-    _emit(shown, result, form or _form_of(output), output, title, warnings)
-    if plot is not None and picture is not None:
-        from ftforce.io.text import write_whole
-
-        # On stderr, as standard output may carry data.
-        typer.echo(f"wrote {printable(write_whole(plot, picture))}", err=True)
-
-
-def _emit(
-    shown: RenderableType,
-    result: object,
-    form: str,
-    output: Path | None,
-    title: str,
-    warnings: tuple[str, ...],
-) -> None:
-    if form == Format.TABLE and output is None:
-        from rich.console import Console
-
-        with printing():
-            Console().print(shown)
-        return
-    content: str | bytes
-    if form == Format.TABLE and output is not None:
-        content = _picture(shown, output, title)
+    plots = [(path, _plot(result, path)) for path in plot or ()]  # fail before anything is written
+    files = [(path, _content(shown, result, form, path, title)) for path in output or ()]
+    written, failed = _write(files)
+    plotted, not_plotted = _write(plots)
+    if files or form in {None, Format.TABLE}:
+        if not any(map(_is_stdout, written)):
+            _print_tables(shown)
+            for path in written:
+                say(f"wrote {printable(path)}")
     else:
-        from ftforce.report.files import to_content
-
-        content = to_content(result, form)
+        _print_data(_data(result, str(form)))
         for warning in warnings:
             typer.echo(f"warning: {printable(warning)}", err=True)
-    if output is None:
-        with printing():
-            sys.stdout.write(content if isinstance(content, str) else content.decode())
-    else:
-        from ftforce.io.text import write_whole
-
-        say(f"wrote {printable(write_whole(output, content))}")
+    for path in plotted:  # on stderr, as standard output may carry data
+        typer.echo(f"wrote {printable(path)}", err=True)
+    for error in (*failed, *not_plotted):
+        raise error
 
 
-def _form_of(output: Path | None) -> str:
-    ending = "" if output is None else _ending(output)
+def _write(files: Sequence[tuple[Path, str | bytes]]) -> tuple[list[Path], list[OutputError]]:
+    """Write files, each completely or not at all; return those written, and what went wrong."""
+    from ftforce.io.text import write_whole
+
+    written: list[Path] = []
+    failed: list[OutputError] = []
+    for path, content in files:
+        try:
+            written.append(write_whole(path, content))
+        except OutputError as error:
+            failed.append(error)
+    return written, failed
+
+
+def _is_stdout(path: Path) -> bool:
+    """Return whether a file is standard output itself, such as ``/dev/stdout``."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(sys.stdout.fileno()))
+    except (OSError, ValueError):  # standard output is no file
+        return False
+
+
+def _print_tables(shown: RenderableType) -> None:
+    from rich.console import Console
+
+    with printing():
+        Console().print(shown)
+
+
+def _print_data(content: bytes) -> None:
+    """Print data with the bytes that a file would hold, whatever the encoding of the terminal."""
+    with printing():
+        stream = getattr(sys.stdout, "buffer", None)
+        if stream is None:  # replaced by a stream of text
+            sys.stdout.write(content.decode())
+            return
+        sys.stdout.flush()
+        stream.write(content)
+        stream.flush()
+
+
+def _content(
+    shown: RenderableType, result: object, form: Format | None, output: Path, title: str
+) -> str | bytes:
+    kind = form or _form_of(output)
+    return _picture(shown, output, title) if kind == Format.TABLE else _data(result, kind)
+
+
+def _data(result: object, form: str) -> bytes:
+    from ftforce.report.files import to_content
+
+    content = to_content(result, form)
+    # File names that are no UTF-8 are kept as \udcff, which JSON reads back.
+    return content if isinstance(content, bytes) else content.encode(errors="backslashreplace")
+
+
+def _form_of(output: Path) -> str:
+    ending = _ending(output)
     return ending if ending in _DATA else Format.TABLE
 
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+NARROWEST = 20  # columns; fewer show no number of a table
+
+
 class _Closed(io.TextIOBase):
     """Replacement for a closed stream: Python uses ``None``, which silently discards prints."""
 
@@ -25,7 +28,15 @@ class _Closed(io.TextIOBase):
 
 
 def prepare_streams() -> None:
-    """Replace characters the terminal cannot show, and make a closed standard output an error."""
+    """Make any terminal usable.
+
+    Characters that it cannot show are replaced, a closed standard output is an error, and a width
+    in which nothing could be shown, such as ``COLUMNS=0`` of a serial console, is ignored.
+    """
+    for name in ("COLUMNS", "TERMINAL_WIDTH"):  # of rich; of typer, which takes it for a number
+        width = os.environ.get(name, "")
+        if width and not (width.isdecimal() and int(width) >= NARROWEST):
+            del os.environ[name]
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")

@@ -36,13 +36,13 @@ class SweepOutputs(PlotOutputs):
     """Where the sweep, its tables and its plot go."""
 
     output: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--output",
             "-o",
             metavar="DIR.zarr|FILE",
-            help="Store the sweep in DIR.zarr; the same command resumes it if interrupted. Or "
-            "write the tables to a file (.json .csv .txt .svg .html).",
+            help="Store the sweep in DIR.zarr; the same command resumes it if interrupted. Or a "
+            "file to write (.json .csv .txt .svg .html); repeat it for more.",
         ),
     ] = None
 
@@ -99,6 +99,7 @@ def sweep(
     chunk: Annotated[
         int | None,
         typer.Option(
+            metavar="N",
             help="Postures processed and stored at a time.",
             show_default="65,536; fewer for many fault sets",
         ),
@@ -123,9 +124,8 @@ def sweep(
 
     arm = chain.load(robot)
     source = _source(arm, samples, postures, grid, deg=deg)
-    output = outputs.output
-    stored = output is not None and output.suffix.lower() == ".zarr"
-    if keep not in {None, "summary"} and not stored:
+    store, files = _split(outputs.output or [])
+    if keep not in {None, "summary"} and store is None:
         raise typer.BadParameter(f"--keep {keep} needs an --output that ends in .zarr")
     kept: Any = keep  # checked by the function, with a message that lists what is valid
     try:
@@ -138,7 +138,7 @@ def sweep(
                 seed=seed,
                 keep=kept,
                 cell=cell,
-                output=output if stored else None,
+                output=store,
                 chunk=chunk,
                 threads=threads,
                 workers=workers,
@@ -148,13 +148,26 @@ def sweep(
             )
     except KeyboardInterrupt:
         kept = "nothing was kept (--output DIR.zarr stores finished chunks)"
-        if stored:
+        if store is not None:
             kept = "finished chunks are kept; the same command resumes the sweep"
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
-    if stored:
-        outputs = replace(outputs, output=None)
+    outputs = replace(outputs, output=files)
     outputs.emit(sweep_view(result, most=top), result, f"ftforce sweep {arm.name}")
+
+
+def _split(output: list[Path]) -> tuple[Path | None, list[Path]]:
+    """Return the store and the other files.
+
+    Raises
+    ------
+    BadParameter
+        There are two stores.
+    """
+    stores = [path for path in output if path.suffix.lower() == ".zarr"]
+    if len(stores) > 1:
+        raise typer.BadParameter("--output: a sweep is stored in one .zarr only")
+    return next(iter(stores), None), [path for path in output if path not in stores]
 
 
 def _source(

@@ -34,7 +34,8 @@ class TrajectoryOptions(Group):
         typer.Option(
             "--from",
             metavar="X,Y,Z",
-            help="Start of the tip, m, in root axes; by default its initial position.",
+            help="Start of the tip, m, in root axes.",
+            show_default="its initial position",
         ),
     ] = None
     to: Annotated[
@@ -55,14 +56,15 @@ class TrajectoryOptions(Group):
     rate: Annotated[
         float | None,
         typer.Option(
-            metavar="HZ", help="Samples per second; by default 100, or those of the recording."
+            metavar="HZ", help="Samples per second.", show_default="the recording's, else 100"
         ),
     ] = None
     max_gap: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            help="Longest gap allowed in a recording; by default ten times its median step.",
+            help="Longest gap allowed in a recording, s.",
+            show_default="ten times its median step",
         ),
     ] = None
 

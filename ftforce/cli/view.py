@@ -76,13 +76,20 @@ def view(
     host: Annotated[
         str,
         typer.Option(
+            metavar="ADDRESS",
             help="Address to listen on; with any but loopback, other machines that know the token "
-            "can change the page."
+            "can change the page.",
         ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
-        typer.Option(min=1, max=65535, help="Port to listen on; by default the first free one."),
+        typer.Option(
+            min=1,
+            max=65535,
+            metavar="PORT",
+            help="Port to listen on.",
+            show_default="the first that is free",
+        ),
     ] = None,
     export: Annotated[
         Path | None,

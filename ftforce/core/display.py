@@ -14,12 +14,17 @@ if TYPE_CHECKING:
 class _Hook(NamedTuple):
     render: Callable[[Any], Any]
     to_html: Callable[[Any], str]
+    in_one_line: Callable[[Any], str]
 
 
 _hooks: list[_Hook] = []
 
 
-def show_with(render: Callable[[Any], Any], to_html: Callable[[Any], str]) -> None:
+def show_with(
+    render: Callable[[Any], Any],
+    to_html: Callable[[Any], str],
+    in_one_line: Callable[[Any], str],
+) -> None:
     """Install the functions that display results.
 
     Parameters
@@ -28,14 +33,23 @@ def show_with(render: Callable[[Any], Any], to_html: Callable[[Any], str]) -> No
         Converts a result to a rich renderable.
     to_html :
         Converts a result to HTML for notebooks.
+    in_one_line :
+        Converts a result to a line of text.
     """
-    _hooks[:] = [_Hook(render, to_html)]
+    _hooks[:] = [_Hook(render, to_html, in_one_line)]
 
 
 class Displayed:
-    """Mixin that adds ``__rich__`` for terminals and ``_repr_html_`` for notebooks."""
+    """Mixin: ``__rich__`` for terminals, ``_repr_html_`` for notebooks, and a short ``repr``.
+
+    Dataclasses need ``repr=False``, or their own ``repr`` lists all of their arrays.
+    """
 
     __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Return what the result is of, and the verdict, in one line."""
+        return _hooks[0].in_one_line(self)
 
     def __rich__(self) -> Any:
         """Return the rich renderable."""

@@ -55,7 +55,7 @@ class Jump(NamedTuple):
         return math.sqrt(float(self.jump.dot(self.jump)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Remap(Displayed):
     """Remapped motor torques after joints lock, and the unavoidable force jump.
 

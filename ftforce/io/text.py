@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
@@ -178,6 +179,26 @@ def read_numbers(
     return numbers
 
 
+def split_items(text: str) -> list[str]:
+    """Split a list of joints at its commas.
+
+    Parameters
+    ----------
+    text :
+        The list, e.g. ``"2,elbow"``.
+
+    Raises
+    ------
+    InputError
+        An item is empty, as when a shell variable is not set: that must not mean no joint.
+    """
+    items = text.split(",")
+    if not all(map(str.strip, items)):
+        given = f"an empty item in {shortened(text)}" if text.strip() else "an empty text"
+        raise InputError(f"joints are given as numbers or names, e.g. 2,4; got {given}")
+    return items
+
+
 def check_name(name: object, kind: str) -> None:
     """Check a name that a file gives to a part of an arm, before it is shown anywhere.
 
@@ -260,14 +281,9 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
         The file cannot be written; no partial file is left behind and an existing file is
         unchanged.
     """
-    if not str(path) or "\0" in str(path):
-        raise OutputError(path, "cannot be written: not a valid file name")
+    check_writable(path)
     try:
         file = Path(path)
-        if file.is_dir():
-            raise OutputError(path, "cannot be written: it is a folder")
-        if file.exists() and not os.access(file, os.W_OK):  # replacing would bypass that
-            raise OutputError(path, "cannot be written: it is read-only")
         data = content.encode() if isinstance(content, str) else content
         if file.exists() and not file.is_file():  # a device or pipe cannot be replaced
             _write_through(file, data)
@@ -277,6 +293,38 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise OutputError(path, f"cannot be written ({reason})") from None
     return Path(path)
+
+
+def check_writable(path: str | PathLike[str]) -> None:
+    """Check what can be told before a file is written.
+
+    Parameters
+    ----------
+    path :
+        The file.
+
+    Raises
+    ------
+    OutputError
+        It is a folder or read-only, or its name or its folder is not valid.
+    """
+    if not str(path) or "\0" in str(path):
+        raise OutputError(path, "cannot be written: not a valid file name")
+    try:
+        file = Path(path)
+        if file.is_dir():
+            raise OutputError(path, "cannot be written: it is a folder")
+        if file.exists() and not os.access(file, os.W_OK):  # replacing would bypass that
+            raise OutputError(path, "cannot be written: it is read-only")
+        folder = Path(os.path.realpath(file)).parent
+        if not folder.is_dir():
+            above = next(one for one in (folder, *folder.parents) if one.exists())
+            raise OSError(errno.ENOENT if above.is_dir() else errno.ENOTDIR, "")
+        if (not file.exists() or file.is_file()) and not os.access(folder, os.W_OK):
+            raise OSError(errno.EACCES, "")
+    except OSError as problem:
+        reason = os.strerror(problem.errno or 0)
+        raise OutputError(path, f"cannot be written ({reason})") from None
 
 
 def _write_through(file: Path, data: bytes) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from ftforce.analysis.paper import ERRATA, Replication
+from ftforce.analysis.paper import ERRATA, Outcome, Replication
 from ftforce.report.fields import Document, Field, Row, columns, constants, document, rows_of, whole
 from ftforce.report.parts import ARM
 
@@ -90,3 +90,12 @@ def robot_rows(robot: Robot) -> list[Row]:
 def replication_rows(result: Replication) -> list[Row]:
     """Return a replication as table rows, one per printed number."""
     return rows_of(columns(CHECK_COLUMNS, check) for check in result.checks)
+
+
+def replication_sentence(result: Replication) -> str:
+    """Return how many of the paper's numbers are reproduced."""
+    counts = {outcome: result.count(outcome) for outcome in Outcome}
+    return (
+        f"{len(result.checks)} printed numbers: {counts[Outcome.PASS]} pass, "
+        f"{counts[Outcome.ERRATUM]} explained by errata, {counts[Outcome.FAIL]} fail."
+    )

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.errors import InputError
+from ftforce.io.text import LARGEST_NUMBER
 from ftforce.robot.kinematics import tip_pose_and_jacobian
 
 if TYPE_CHECKING:
@@ -56,13 +57,20 @@ class Payload:
         Raises
         ------
         InputError
-            The mass is negative or not finite, or the offset is not three numbers.
+            The mass is negative, or the offset is not three numbers, or a number is not finite or
+            too large.
         """
         if isinstance(mass, bool) or not isinstance(mass, (int, float, np.number)):
             raise InputError(f"the payload needs a mass in kg, got {mass!r}")
         if not (math.isfinite(mass) and mass >= 0.0):
             raise InputError(f"the payload's mass must be 0 kg or more, got {mass:g}")
-        return cls(float(mass), as_vector(offset, 3, "the payload's position", "x, y, z in m"))
+        place = as_vector(offset, 3, "the payload's position", "x, y, z in m")
+        if mass > LARGEST_NUMBER or np.abs(place).max() > LARGEST_NUMBER:
+            raise InputError(
+                f"the payload must not exceed {LARGEST_NUMBER:g} kg or lie farther than "
+                f"{LARGEST_NUMBER:g} m from the tip, got {mass:g} kg at {place} m"
+            )
+        return cls(float(mass), place)
 
     def __str__(self) -> str:
         """Return the mass, and the position if it is not the tip."""

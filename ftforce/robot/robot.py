@@ -6,6 +6,7 @@ import math
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 from ftforce.core.arrays import Vector, as_vector, read_only
 from ftforce.core.display import Displayed
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.io.text import split_items
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -330,13 +332,13 @@ class Robot(Displayed):
         Raises
         ------
         InputError
-            A joint does not exist or is named twice, or the mask has the wrong length.
+            A joint does not exist or is named twice, an item of a string is empty, or the mask
+            has the wrong length.
         """
-        if isinstance(joints, (str, tuple)) and not joints:
+        if isinstance(joints, tuple) and not joints:
             return ()
         if isinstance(joints, str):
-            words = [joints] if joints in self.names else joints.split(",")
-            given: list[int | str] = [word for word in words if word.strip()]
+            given: list[int | str] = [joints] if joints in self.names else [*split_items(joints)]
         elif np.iterable(joints):
             given = list(joints)
         else:
@@ -386,3 +388,29 @@ def _as_number(word: str) -> int | None:
     digits = word[1:] if word.startswith(("-", "+")) else word
     is_number = digits.isascii() and digits.isdigit() and len(digits) < 10
     return int(word) if is_number else None
+
+
+def require_robot(robot: object) -> None:
+    """Check that an argument is a robot, for all functions that take one.
+
+    Parameters
+    ----------
+    robot :
+        The argument.
+
+    Raises
+    ------
+    InputError
+        It is something else; the message says how a robot is loaded, and what takes a Jacobian.
+    """
+    if isinstance(robot, Robot):
+        return
+    if isinstance(robot, (str, PathLike)):
+        advice = f"load it, e.g. ftforce.load_robot({str(robot)!r})"
+        raise InputError(f"a robot is needed, not the name {str(robot)!r}: {advice}")
+    shape = getattr(robot, "shape", None)
+    given = f"an array of shape {shape}" if shape is not None else f"{type(robot).__name__}"
+    raise InputError(
+        f"a robot is needed, as of ftforce.load_robot('panda'), got {given}; for a Jacobian from "
+        "any library, use ftforce.remap(J, tau, locked)"
+    )

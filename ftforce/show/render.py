@@ -57,7 +57,7 @@ WIDTH = 80
 def to_text(shown: RenderableType, width: int = WIDTH) -> str:
     """Render as plain text without colours."""
     stream = io.StringIO()
-    Console(file=stream, width=width, color_system=None).print(shown)
+    Console(file=stream, width=width, color_system=None, force_jupyter=False).print(shown)
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
 
 
@@ -84,7 +84,12 @@ def to_page(shown: RenderableType, title: str) -> str:
 
 def _recorded(shown: RenderableType, width: int) -> Console:
     console = Console(
-        file=io.StringIO(), record=True, width=width, force_terminal=True, color_system="truecolor"
+        file=io.StringIO(),
+        record=True,
+        width=width,
+        force_terminal=True,
+        force_jupyter=False,  # in a notebook, rich would display it, too
+        color_system="truecolor",
     )
     console.print(shown)
     return console

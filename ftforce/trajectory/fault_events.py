@@ -146,6 +146,8 @@ def _read(robot: Robot, text: object) -> FaultEvent:
             f"unknown fault mode {mode.strip()!r} in {text!r}; available: locked, free, weak, "
             f"e.g. {_EXAMPLES}"
         )
+    if not rest.strip():
+        raise InputError(f"the fault at {seconds:g} s has no joints; give one, e.g. {_EXAMPLES}")
     return FaultEvent(seconds, named_faults(robot, **{word: rest}))
 
 

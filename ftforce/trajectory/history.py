@@ -150,7 +150,7 @@ class Setting(CarriedPayload):
         return JointScale.of((joint.unit for joint in self.joints), self.joint_length)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Run:
     """One simulated run, N instants; NaN where the arm cannot be held.
 
@@ -215,6 +215,11 @@ class Run:
     margin: Vector
     verdict: NDArray[np.int8]
 
+    def __repr__(self) -> str:
+        """Return the number of instants and the worst verdict in one line."""
+        verdict = VERDICTS[int(self.verdict.max(initial=0))]
+        return f"<Run of {len(self.q):,} instants, {self.q.shape[1]} joints: {verdict}>"
+
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Verdict at each instant."""
@@ -270,7 +275,7 @@ def width(quantity: str, n: int, m: int) -> int | None:
     return 4 if quantity == "orientation" else 3 if quantity in in_space else n
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class History(Displayed):
     """Runs of an arm along a trajectory while joints fail: healthy, without and with the remap.
 

@@ -104,7 +104,7 @@ class OverTime(NamedTuple):
     verdict: NDArray[np.int8]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Timeline(AnsweredForAll):
     """Results of all S fault sets at all N instants of a trajectory.
 

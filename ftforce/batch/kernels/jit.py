@@ -8,7 +8,9 @@ all files of this package, and of nothing else in ftforce.
 from __future__ import annotations
 
 import hashlib
+import pickle
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +30,13 @@ UNKNOWN_CACHE = (
 )
 
 
+NO_CACHE = (
+    "no folder for compiled kernels can be written, so every run compiles them again, for up to "
+    "half a minute; name one in NUMBA_CACHE_DIR"
+)
+_DIGEST = 32  # bytes of SHA-256
+
+
 def kernel(function: Callable[..., Any], **options: bool) -> Any:
     """Compile a function of numbers and arrays; division by zero gives infinity or NaN.
 
@@ -40,7 +49,11 @@ def kernel(function: Callable[..., Any], **options: bool) -> Any:
     """
     compile_: Any = njit  # its type annotations lack some options
     common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
-    compiled = compile_(function, cache=True, **common)
+    try:
+        compiled = compile_(function, cache=True, **common)
+    except RuntimeError:  # numba found no folder that can be written
+        _warn_once(NO_CACHE)
+        return compile_(function, cache=False, **common)
     if not isinstance(compiled, Dispatcher) or _is_keyed(compiled):  # plain Python if JIT is off
         return compiled
     warnings.warn(UNKNOWN_CACHE, RuntimeWarning, stacklevel=2)
@@ -71,6 +84,16 @@ def inner(function: Callable[..., Any]) -> Any:
     return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
 
 
+def _warn_once(text: str) -> None:
+    """Warn once for all kernels."""
+    if text not in _said:
+        _said.add(text)
+        warnings.warn(text, RuntimeWarning, stacklevel=3)
+
+
+_said: set[str] = set()
+
+
 def _is_keyed(compiled: Any) -> bool:
     """Key the disk cache by the state of all kernels, and return whether that worked.
 
@@ -79,11 +102,52 @@ def _is_keyed(compiled: Any) -> bool:
     cache: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if not (hasattr(cache, "_source_stamp") and hasattr(cache, "_version")):
         return False
+    cache.__class__ = _verified(type(cache))
     cache._source_stamp = _STATE
     # The version is compared before the index is unpickled: an older index may contain types that
     # no longer exist, and loading it would raise.
     cache._version = f"{numba.__version__} {_STATE}"
     return True
+
+
+def _verified(base: Any) -> Any:
+    """Return numba's class of cache files with a digest: damaged machine code is never run."""
+
+    class Verified(base):  # type: ignore[misc]
+        def save(self, key: Any, data: Any) -> None:
+            with suppress(OSError):  # a full disk: the kernel is compiled, it is only not kept
+                super().save(key, data)
+
+        def _dump(self, obj: Any) -> bytes:
+            content: bytes = super()._dump(obj)  # a pickle, which knows where it ends
+            return content + hashlib.sha256(content).digest()
+
+        def _load_index(self) -> Any:
+            try:
+                with Path(self._index_path).open("rb") as file:
+                    pickle.load(file)
+                    _check(file.read())
+                return super()._load_index()
+            except Exception:  # whatever a damaged pickle raises: the index is written anew
+                return {}
+
+        def _load_data(self, name: str) -> Any:
+            _check(Path(self._data_path(name)).read_bytes())
+            return super()._load_data(name)
+
+    return Verified
+
+
+def _check(content: bytes) -> None:
+    """Check the digest at the end.
+
+    Raises
+    ------
+    OSError
+        The content is damaged; numba compiles anew.
+    """
+    if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
+        raise OSError("damaged")
 
 
 def _state() -> str:

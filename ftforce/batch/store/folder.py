@@ -23,7 +23,6 @@ LOCK = ".ftforce.lock"
 """Lock file: marks a folder as an incomplete sweep of ftforce, and names the writing process."""
 _PARTIAL = ".partial"
 """Suffix of files being written, also used by Zarr."""
-_PERMISSION = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
 
@@ -45,10 +44,7 @@ def disk_errors(path: Path | None) -> Iterator[None]:
         yield
     except OSError as problem:
         reason = problem.strerror or str(problem)
-        advice = "; finished chunks are kept, and the same command resumes the sweep"
-        if problem.errno in _PERMISSION:
-            advice = ""
-        raise OutputError(path or "memory", f"cannot be written ({reason}){advice}") from None
+        raise OutputError(path or "memory", f"cannot be written ({reason})") from None
 
 
 def lock(path: Path) -> FileLock:

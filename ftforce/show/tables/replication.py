@@ -8,6 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from ftforce.analysis.paper import ERRATA, Check, Outcome, Replication
+from ftforce.report.robot import replication_sentence
 from ftforce.report.text import number
 from ftforce.show.tables.parts import TitledTable, spaced, table
 
@@ -70,9 +71,5 @@ def _errata() -> TitledTable:
 
 
 def _summary(result: Replication) -> Text:
-    counts = {outcome: result.count(outcome) for outcome in Outcome}
-    text = (
-        f"{len(result.checks)} printed numbers: {counts[Outcome.PASS]} pass, "
-        f"{counts[Outcome.ERRATUM]} explained by errata, {counts[Outcome.FAIL]} fail."
-    )
-    return Text(text, style="bold green" if result.is_successful else "bold red")
+    style = "bold green" if result.is_successful else "bold red"
+    return Text(replication_sentence(result), style=style)
