@@ -151,9 +151,9 @@ def _suppress_unsupported() -> Iterator[None]:
 
 
 def remove_partial(path: Path) -> None:
-    """Remove files that a killed process left partially written, and links: none is ours."""
+    """Remove files that a killed process left partially written, and what is no file: none is ours."""
     for entry in path.iterdir():
-        if entry.is_symlink():
+        if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
             entry.unlink()
     for left in path.rglob(f"*{_PARTIAL}"):
         left.unlink(missing_ok=True)

@@ -250,12 +250,17 @@ def _resumed(request: SweepRequest, path: Path) -> Progress:
         progress = _stored_progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
         return _with_lost(progress, damaged(path, progress.files))
     flaws = set(damaged(path, manifest.files))
-    if any(key.partition("/")[0] not in samples for key in flaws):
-        return _none_done(job)  # the summary may be lost, which only all chunks together give
-    summary = _stored_summary(path, manifest)
+    if any(key == _CONSOLIDATED or key.startswith(variables.SUMMARY_PREFIX) for key in flaws):
+        return _none_done(job)  # all chunks together give the summary
+    files = {key: one for key, one in manifest.files.items() if _is_chunk_of(key, samples)}
     done = np.ones(job.chunks, np.bool_)
-    files = {key: one for key, one in manifest.files.items() if key.partition("/")[0] in samples}
-    return _with_lost(Progress(summary, done, ~done, files), flaws)
+    progress = Progress(_stored_summary(path, manifest), done, ~done, files)
+    return _with_lost(progress, flaws & files.keys())  # `finish` writes the others
+
+
+def _is_chunk_of(key: str, names: set[str]) -> bool:
+    name, _, last = key.rpartition("/")
+    return name in names and not last.startswith(".")
 
 
 def _with_lost(progress: Progress, flaws: Iterable[str]) -> Progress:
