@@ -20,7 +20,7 @@ import typer
 
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, UnknownNameError
+from ftforce.errors import FtforceError, UnknownNameError, out_of_memory
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -501,6 +501,8 @@ def _is_no_choice(command: Callable[..., None], given: dict[str, Any], error: Ex
 def _reason(error: Exception) -> str:
     if isinstance(error, FtforceError):
         return str(error)
+    if isinstance(error, MemoryError):
+        return out_of_memory(error)
     return f"internal error in ftforce, please report it ({error!r}); --debug shows the traceback"
 
 

@@ -151,7 +151,7 @@ def _suppress_unsupported() -> Iterator[None]:
 
 
 def remove_partial(path: Path) -> None:
-    """Remove files that a killed process left partially written, and what is no file: none is ours."""
+    """Remove files that a killed process left partially written, links, pipes and devices."""
     for entry in path.iterdir():
         if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
             entry.unlink()
