@@ -47,9 +47,12 @@ nitpick_ignore_regex = [
     (r"py:.*", r"RenderableType|StrEnum|Protocol|NamedTuple|NDArray|ndarray"),
     (r"py:.*", r"'.*'"),
     (r"py:.*", r"Vector|Matrix|Mask|Axes|Convention|JointType|Solid|Document|Row|Indices"),
-    (r"py:.*", r"Joints|WeakJoints|LimitsLike|Inverse|RankBy|CapabilityRange\.direction"),
+    (
+        r"py:.*",
+        r"Joints|WeakJoints|LimitsLike|FrictionLike|Inverse|RankBy|CapabilityRange\.direction",
+    ),
     (r"py:.*", r"Shown|Drawable|Keep|Counts|Arm|Result|Whole|Codes|Values|xr\..*|xarray\..*"),
-    (r"py:.*", r"Trajectory|Smooth|Events|Law|Tick|Kind|Quantity|Torque|Figure"),
+    (r"py:.*", r"Trajectory|Smooth|Events|Law|Tick|Kind|Quantity|Torque|Figure|Problem"),
     (r"py:.*", r"(scipy|matplotlib)\..*"),
 ]
 

@@ -135,3 +135,22 @@ def test_columns_are_found_by_name():
         find_columns(("j1", "j1 [deg]"), units)
     with pytest.raises(InputError, match=r"column 'j1 \[m\]': unknown unit; use rad or deg"):
         find_columns(("j1 [m]",), units)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# recorder v1\n# robot: é\na,b\n1,2\n",
+        "# recorder v1\r\n# a,b\r\n1,2\r\n",
+        "#a,b\n1,2\n",
+    ],
+)
+def test_comments_above_the_header(text):
+    """As recorders and `numpy.savetxt` write them; lines are still counted from the first."""
+    table = Table.of(text)
+    assert table.header == ("a", "b")
+    np.testing.assert_array_equal(table.numbers([0, 1]), [[1.0, 2.0]])
+    lines = text.count("\n")
+    with pytest.raises(InputError, match=f"line {lines + 1}, 'b'"):
+        Table.of(text + "3,x\n").numbers([0, 1])
+    assert Table.of("# only a comment\n") is None

@@ -154,6 +154,12 @@ def test_one_metre_for_both_means_two_arms(psm):
     assert (one, other) == ("borderline", "tolerated")
 
 
+def test_the_default_posture_does_not_depend_on_the_unit(psm):
+    one, other = (ftforce.analyze(robot, locked=[1]).posture for robot in psm[:2])
+    assert one.source == other.source
+    assert_close(other.q, one.q * psm.per_metre)
+
+
 QUESTIONS = {
     "locked": {"locked": [3]},
     "two locked": {"locked": [1, 3], "force": [3, 4, 5]},

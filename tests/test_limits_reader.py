@@ -210,10 +210,6 @@ BAD_CSV = {
         "joint;effort;brake\n3;10,5;12\n",
         f"{HEADER} joint;effort;brake; cells are separated by commas",
     ),
-    "comment first": (
-        "# mine\njoint,effort\n3,1\n",
-        f"{HEADER} # mine; cells are separated by commas",
-    ),
     "more columns": ("joint,effort,brake,speed\n3,1,2,3\n", f"{HEADER} joint,effort,brake,speed"),
     "column twice": ("joint,effort,effort\n3,1,2\n", f"{HEADER} joint,effort,effort"),
     "short line": ("joint,effort,brake\n3,10\n", "line 2: expected 3 cells, got 2"),

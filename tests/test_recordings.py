@@ -254,7 +254,10 @@ BAD_FILES = {
         csv_of("t,j1,j2,v_j1", T, Q, T),
         "contains velocities of some joints only; give those of all joints or of none",
     ),
-    "milliseconds": (csv_of("t [ms],j1,j2", T, Q), "column 't [ms]': unknown unit; use s"),
+    "minutes": (
+        csv_of("t [min],j1,j2", T, Q),
+        "column 't [min]': unknown unit; use s or ms or us or µs or ns",
+    ),
     "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': unknown unit; use rad or deg"),
     "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': unknown unit; use m"),
     "velocity as angle": (
@@ -313,7 +316,7 @@ BAD_FILES = {
         csv_of("t,j1,\x1b[31m", T, Q),
         f"missing columns: j2; {LACKS}; the columns are: 't', 'j1', '\\x1b[31m'",
     ),
-    "comment": ("# mine\n" + PLAIN, f"{HEADER} '# mine'; cells are separated by commas"),
+    "comment below": (PLAIN + "# mine\n", "line 7: expected 3 cells, got 1"),
 }
 
 
@@ -394,3 +397,71 @@ def test_velocities_that_do_not_fit_are_doubtful():
     assert found.startswith("the recorded velocities of joint4 do not match its positions")
     off = np.abs(np.rad2deg(q[:, 3]) - q[:, 3]).max()
     assert float(found.split("is off by ")[1].split(";")[0]) == pytest.approx(off, rel=2e-2)
+
+
+# ---- numbered columns ------------------------------------------------------------------------
+
+RTDE = "timestamp,target_q_0,target_q_1,actual_q_1,actual_q_0,actual_qd_0,joint_mode_0,joint_mode_1"
+
+
+@pytest.fixture(scope="module")
+def arm_of_two(tmp_path_factory):
+    """Return an arm that turns at ``j1`` and at ``j2``."""
+    urdf = serial_urdf(("revolute", {}), ("revolute", {}))
+    return load(tmp_path_factory.mktemp("two"), urdf, tip="tool")
+
+
+NUMBERED = {
+    "RTDE": (RTDE, 4, 3),
+    "q1 q2": ("t,q1,q2,qd1,qd2,a,b,c", 1, 2),
+    "units": ("t,J1 [deg],J2 [deg],x,y,z,a,b", 1, 2),
+    "position0": ("t,name0,name1,position0,position1,velocity0,velocity1,x", 3, 4),
+}
+
+
+@pytest.mark.parametrize(("header", "first", "second"), NUMBERED.values(), ids=NUMBERED)
+def test_numbered_columns_are_the_joints_in_their_order(
+    arm_of_two, tmp_path, header, first, second
+):
+    rows = np.random.default_rng(0).uniform(0.0, 0.5, (5, 8))
+    rows[:, 0] = np.arange(5) / 10.0
+    path = tmp_path / "motion.csv"
+    path.write_text("\n".join([header, *(",".join(map(repr, row.tolist())) for row in rows)]))
+    recording = Recording.read(arm_of_two, path)
+    scale = np.pi / 180.0 if "[deg]" in header else 1.0
+    assert_close(recording.q, scale * rows[:, [first, second]])
+    cells = header.split(",")
+    (note,) = recording.notes
+    names = [cells[i].partition(" [")[0] for i in (first, second)]
+    assert f"columns '{cells[first]}' to '{cells[second]}' are taken for the joints 1 to 2" in note
+    assert not any(f"{name}'" in note.partition("ignored")[2] for name in names)
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["t,q1,q2,q3", "t,q1,q3,x", "t,target_q_0,target_q_1,x", "t,q1,q2,p,J1,J2",
+     "t,1,2,x", "t,j1,q1,q2", "t,qd1,qd2,x"],
+)  # fmt: skip
+def test_numbers_that_do_not_say_which_joint_are_not_taken(arm_of_two, tmp_path, header):
+    """Too many, a gap, wishes, two groups, other quantities, or a name of a joint beside them."""
+    text = f"{header}\n" + "0.1,0.2\n" * 4
+    path = tmp_path / "motion.csv"
+    path.write_text(text)
+    with pytest.raises(TrajectoryError, match="missing columns"):
+        Recording.read(arm_of_two, path)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+def test_units_of_time(slider, file, unit, scale):
+    found = Recording.read(slider, file(csv_of(f"time [{unit}],j1,j2", T / scale, Q)))
+    assert_close(found.t, T)
+    assert_close(found.q, Q)
+
+
+def test_times_that_count_are_asked_about(slider, file):
+    """A recorder's milliseconds 0, 1, 2, … were seconds, and all torques those of the weight."""
+    count = np.arange(5.0)
+    (note,) = Recording.read(slider, file(csv_of("t,j1,j2", count, 0.1 * Q))).notes
+    assert "write t [ms]" in note
+    for plain in (csv_of("t [ms],j1,j2", count, Q), PLAIN, csv_of("t,j1,j2", 2.0 * count, 0.1 * Q)):
+        assert not Recording.read(slider, file(plain)).notes

@@ -61,6 +61,10 @@ CALLS = {
     "simulate, recorded": lambda r: ftforce.simulate(r, recorded(r), force=PUSH, faults="2@0.4"),
     "timeline": lambda r: ftforce.timeline(r, payload=LOAD, **along(r)),
     "timeline, free": lambda r: ftforce.timeline(r, recorded(r), force=PUSH, mode="free"),
+    "remapper": lambda r: np.copy(
+        ftforce.Remapper(r, [[2], [4, 6]])(r.postures["default"], force=np.array(PUSH)).force_after
+    ),
+    "sweep": lambda r: ftforce.sweep(r, n=64, force=PUSH),
     "posture": lambda r: posture_at(r, np.array([0.4, 0.3, 0.4]), r.postures["default"]),
     "frames": lambda r: joint_frames(r, r.postures["default"]),
 }

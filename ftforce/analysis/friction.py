@@ -6,6 +6,7 @@ import math
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +27,9 @@ _SHARE_OF_EFFORT = 1e-3
 GIVEN, FROM_URDF = "given", "the URDF"
 FROM_EFFORT = "0.1 % of the effort limit"
 FROM_WEIGHT = "0.1 % of the largest weight torque"
+UNKNOWN = "unknown: neither friction nor effort limit nor masses in the URDF"
+
+_of_robots: WeakKeyDictionary[Robot, Friction] = WeakKeyDictionary()  # without limits
 
 FrictionLike: TypeAlias = "ArrayLike | str | os.PathLike[str] | None"
 
@@ -73,7 +77,7 @@ class Friction:
     @property
     def option(self) -> str:
         """What ``--friction`` has to say to give this friction; empty if it says nothing."""
-        known = {GIVEN, FROM_URDF, FROM_EFFORT, FROM_WEIGHT}
+        known = {GIVEN, FROM_URDF, FROM_EFFORT, FROM_WEIGHT, UNKNOWN}
         if files := [source for source in self.sources if source not in known]:
             return files[0]
         values = {x for x, source in zip(self.torque, self.sources, strict=True) if source == GIVEN}
@@ -106,14 +110,24 @@ def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None)
     LimitsError
         The file cannot be read or does not fit the robot.
     """
+    if friction is None and limits is None:
+        if robot not in _of_robots:
+            _of_robots[robot] = _friction(robot, *_given(robot, None), robot.effort)
+        return _of_robots[robot]
     given, source = _given(robot, friction)
     effort = robot.effort
     if limits is not None:
         effort = np.where(np.isnan(limits.effort), effort, limits.effort)
+    return _friction(robot, given, source, effort)
+
+
+def _friction(robot: Robot, given: Vector, source: str, effort: Vector) -> Friction:
+    """Return the friction of each joint from the first of its sources that says anything."""
     torque, sources = [], []
     for one, own, most in zip(given, robot.friction, effort, strict=True):
         known = [(one, source), (own, FROM_URDF), (_SHARE_OF_EFFORT * most, FROM_EFFORT)]
-        value, origin = next((x for x in known if not math.isnan(x[0])), (math.nan, FROM_WEIGHT))
+        last = (math.nan, FROM_WEIGHT) if robot.mass > 0.0 else (0.0, UNKNOWN)
+        value, origin = next((x for x in known if not math.isnan(x[0])), last)
         torque.append(value)
         sources.append(origin)
     return Friction(read_only(np.array(torque)), tuple(sources))

@@ -16,6 +16,7 @@ import numpy as np
 from ftforce.analysis.analyze import Analysis, analyze
 from ftforce.core.display import Displayed
 from ftforce.robot.load import load_robot
+from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -175,9 +176,10 @@ def replicate(robot: Robot | None = None) -> Replication:
         The arm of Table 1 with its posture ``paper``; by default the known robot ``dh5``.
     """
     arm = load_robot("dh5") if robot is None else robot
+    place = choose_posture(arm, name="paper")
 
     def with_locked(locked: Sequence[int]) -> Analysis:
-        return analyze(arm, posture="paper", locked=locked, force=_FORCE, velocity=_VELOCITY)
+        return analyze(arm, place, locked=locked, force=_FORCE, velocity=_VELOCITY)
 
     healthy = with_locked(())
     checks = [*_jacobian("J, eq. (34)", _PRINTED_J, healthy.J)]

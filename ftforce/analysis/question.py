@@ -308,11 +308,9 @@ class Question:
             The fault set.
         """
         mask = faults.free_mask(self.robot.n)
-        return (
-            None
-            if mask is None
-            else FreeJoints(mask, self.scale.weigh_torque(self.friction.torque), self.wary)
-        )
+        if mask is None:
+            return None
+        return FreeJoints.of(mask, self.scale.weigh_torque(self.friction.torque), self.wary)
 
     def at(
         self,

@@ -153,7 +153,7 @@ def nearest_force(feasible: FeasibleForces, F: Vector) -> Nearest:
     bearings = feasible.bearings
     if not feasible.is_balanced:
         return Nearest(F, None, multipliers)
-    if bearings is not None and bearings.leave(F) and _is_held(feasible, F):
+    if bearings is not None and bearings.bears(F) and _is_held(feasible, F):
         return Nearest(F, F, multipliers)
     wanted = F.dot(feasible.Z)
     unrestricted = len(wanted) == len(F)  # Z spans all forces, and F₀ is zero
@@ -378,7 +378,7 @@ def bounded_remap(
     if free_mask is not None and free_mask.any():
         largest[free_mask] = 0.0
         borne = _checked_friction(friction, n)
-        swinging = FreeJoints(free_mask, borne, max(rtol, BORDERLINE_RTOL))
+        swinging = FreeJoints.of(free_mask, borne, max(rtol, BORDERLINE_RTOL))
     reduced = reduce(J, mask, rtol, swinging)
     return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
 
@@ -427,9 +427,9 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
         Desired force, weighted, shape (m,).
     """
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
-    if ray.is_empty or ray.minimum > 1.0:
-        return None
-    return min(ray.maximum, 1.0)
+    if ray.minimum <= min(ray.maximum, 1.0):
+        return min(ray.maximum, 1.0)
+    return None if _at_rest(feasible).is_empty else 0.0
 
 
 def _at_rest(feasible: FeasibleForces) -> Reach:

@@ -29,11 +29,12 @@ from ftforce.errors import UnknownNameError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.reduced_jacobian import ReducedJacobian
 
 
 _ROUNDING = 1e-12  # smaller torques, relative to the arm's, count as zero
+_SLIGHT = 1e-3  # of the friction of a joint: its weight asks for no force at the tip
 _SHARE_OF_WEIGHT = 1e-3  # of the largest weight torque: friction of a joint of unknown friction
 
 
@@ -127,16 +128,19 @@ class Bearings(NamedTuple):
         """Whether friction bears the weight, so that these joints need no tip force."""
         return bool((np.abs(self.weight) <= self.friction).all())
 
-    def leave(self, F: Vector) -> bool:
-        """Return whether a force is left to friction: it has no lever at any of these joints.
+    def bears(self, F: Vector) -> bool:
+        """Return whether friction bears a force as it is: it has no lever, and they are at rest.
 
         Parameters
         ----------
         F :
             Weighted force, shape (m,).
         """
-        lever = np.abs(self.rows.dot(F))
-        return not self.is_ideal and bool((lever <= self.shortest * norm(F)).all())
+        if self.is_ideal:
+            return False
+        lever = self.rows.dot(F)
+        borne = np.abs(lever + self.weight) <= self.friction
+        return bool((borne & (np.abs(lever) <= self.shortest * norm(F))).all())
 
     def torque(self, F: Vector) -> Vector:
         """Return the torque that is left for friction, [rnea]_S + J_Sᵀ F', shape (f,).
@@ -161,30 +165,34 @@ class Bearings(NamedTuple):
         shortest :
             Levers of at most this size do not count.
         """
-        lever, weight, friction = self.rows.dot(d), self.weight, self.friction
+        lever, ray = self.rows.dot(d), Reach(0.0, math.inf)
         long = np.abs(lever) > self.shortest * norm(d)
-        minimum, maximum = 0.0, math.inf
-        if long.any():  # an equation, [rnea]_k + s J_kᵀ d = 0
-            x, w = lever[long], weight[long]
-            x, w = x / (size := float(np.abs(x).max())), w / size
-            s = -float(x.dot(w) / x.dot(x)) + 0.0
-            if s < 0.0 or (np.abs(s * x + w) * size > friction[long]).any():
-                if not self.is_at_rest:
-                    return NOTHING
-                s = 0.0
-            minimum, maximum = 0.0 if self.is_at_rest else s, s
-        joints: tuple[int, ...] = ()
+        if long.any():
+            ray = self._balanced(lever, long)
         for k in np.flatnonzero(~long).tolist():
-            x, w, most = float(lever[k]), float(weight[k]), float(friction[k])
-            if abs(x) <= shortest:
-                if abs(w) > most:
-                    return NOTHING
-                continue
-            ends = sorted(((-most - w) / x, (most - w) / x))
-            minimum = max(minimum, ends[0])
-            if ends[1] < maximum:
-                maximum, joints = ends[1], (self.joints[k],)
-        return Reach(minimum, maximum, joints)
+            ray = ray.within(self._borne(k, float(lever[k]), shortest))
+        return ray
+
+    def _balanced(self, lever: Vector, long: Mask) -> Reach:
+        """Return the range in which the force balances joints with a lever: one point, or none.
+
+        It solves [rnea]_k + s J_kᵀ d = 0. Without a force, friction alone may bear the weight.
+        """
+        size = float(np.abs(lever[long]).max())
+        x, w, most = lever[long] / size, self.weight[long], self.friction[long]
+        w = np.where(np.abs(w) <= _SLIGHT * most, 0.0, w) / size
+        s = -float(x.dot(w) / x.dot(x)) + 0.0
+        if s < 0.0 or (np.abs(s * x + w) * size > most).any():
+            return Reach(0.0, 0.0) if self.is_at_rest else NOTHING
+        return Reach(s, s)
+
+    def _borne(self, k: int, x: float, shortest: float) -> Reach:
+        """Return the range in which friction bears what a force with the lever x leaves."""
+        w, most = float(self.weight[k]), float(self.friction[k])
+        if abs(x) <= shortest:
+            return Reach(0.0, math.inf) if abs(w) <= most else NOTHING
+        first, last = sorted(((-most - w) / x, (most - w) / x))
+        return Reach(first, last, (self.joints[k],))
 
 
 class FeasibleForces(NamedTuple):
@@ -356,26 +364,18 @@ def _bearings(reduced: ReducedJacobian, rnea: Vector, balance: float) -> Bearing
     """Return the free-swinging joints under their gravity and motion torques."""
     free = reduced.free
     assert free is not None
-    joints, whole = free.joints, norm(rnea)
+    joints, given, whole, scale = free.joints, free.given, norm(rnea), reduced.sigma_max
     weight = rnea[joints]
     weight[np.abs(weight) <= _ROUNDING * whole] = 0.0
-    friction = friction_under(free.given.friction, rnea)[joints]
-    rows, least = reduced.J.T[joints], reduced.rtol * reduced.sigma_max
-    if free.given.is_ideal:
+    rounding, least = balance * whole, reduced.rtol * scale
+    friction = np.maximum(friction_under(given.friction, rnea)[joints], rounding)
+    rows = reduced.J.T[joints]
+    if given.is_ideal:
         unbalanced = free.without_lever(weight, least)
     else:
         unbalanced = np.where(np.vecdot(rows, rows) <= least * least, weight, 0.0)
-    shortest = (reduced.rtol if free.given.is_ideal else free.given.lever) * reduced.sigma_max
-    return Bearings(
-        joints,
-        rows,
-        weight,
-        unbalanced,
-        np.maximum(friction, balance * whole),
-        balance * whole,
-        shortest,
-        free.given.is_ideal,
-    )
+    shortest = least if given.is_ideal else given.lever * scale
+    return Bearings(joints, rows, weight, unbalanced, friction, rounding, shortest, given.is_ideal)
 
 
 def friction_under(friction: Vector, rnea: Vector) -> Vector:
@@ -389,7 +389,7 @@ def friction_under(friction: Vector, rnea: Vector) -> Vector:
         Gravity and motion torques, shape (n,).
     """
     unknown = np.isnan(friction)
-    if unknown.any():
+    if True in unknown.tolist():
         return np.where(unknown, _SHARE_OF_WEIGHT * np.abs(rnea).max(), friction)
     return friction
 

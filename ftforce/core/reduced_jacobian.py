@@ -45,16 +45,25 @@ class FreeJoints(NamedTuple):
     lever :
         Where there is friction, singular values of the columns up to ``lever · σ_max(J)`` are too
         short a lever to balance anything (theory §4).
+    is_ideal :
+        Whether none of these joints has any friction.
     """
 
     mask: Mask
     friction: Vector
     lever: float
+    is_ideal: bool
 
-    @property
-    def is_ideal(self) -> bool:
-        """Whether none of these joints has any friction."""
-        return not self.friction[self.mask].any()  # NaN is some
+    @classmethod
+    def of(cls, mask: Mask, friction: Vector, lever: float) -> FreeJoints:
+        """Return the joints with their friction.
+
+        Parameters
+        ----------
+        mask, friction, lever :
+            As of the class.
+        """
+        return cls(mask, friction, lever, not friction[mask].any())  # NaN is some friction
 
 
 class FreeColumns(NamedTuple):
@@ -210,7 +219,7 @@ def reduce_decomposed(
         damaged = Svd(read_only(K), left_only=True)
     if free is not None:
         if not isinstance(free, FreeJoints):
-            free = FreeJoints(free, np.zeros(len(free)), rtol)
+            free = FreeJoints.of(free, np.zeros(len(free)), rtol)
         columns = _free_columns(healthy.A, free, healthy.s[0], rtol)
         U = columns.U[:, columns.rank :]
         K = U.dot(U.T.dot(damaged.A))  # (I - J_S J_S†) K

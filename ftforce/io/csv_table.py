@@ -104,6 +104,9 @@ class Table(NamedTuple):
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
         """Return the table whose header is the first nonblank row, or ``None`` if text is blank.
 
+        Comments above the header (lines that begin with ``#``) are skipped; where numbers follow
+        them at once, the last one is the header.
+
         Parameters
         ----------
         text :
@@ -116,6 +119,7 @@ class Table(NamedTuple):
         InputError
             The header is not valid CSV.
         """
+        text = _uncommented(text)
         for part in (text[: text.rfind("\n", 0, _PIECE) + 1], text):  # StringIO takes 4 × its size
             stream = io.StringIO(part, newline="")
             try:
@@ -227,6 +231,27 @@ class Table(NamedTuple):
             return read_numbers(cell, 1, largest)[0]
         except ValueError as problem:
             raise InputError(f"{where}: {problem}") from None
+
+
+def _uncommented(text: str) -> str:
+    """Return text with blanks in place of comments above the header, of the same length."""
+    last = start = 0
+    while text.startswith("#", start):
+        last, start = start, text.find("\n", start) + 1 or len(text)
+    if start == 0:
+        return text
+    end = text.find("\n", start)
+    first = text[start : end if end >= 0 else len(text)].split(",")
+    kept = last + 1 if all(map(_is_number, first)) else start  # as numpy.savetxt writes it
+    return "".join(c if c in "\r\n" else " " for c in text[:kept]) + text[kept:]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _rows(stream: Iterable[str], line: int, one_line: bool) -> Iterator[tuple[int, list[str]]]:

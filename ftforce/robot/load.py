@@ -120,13 +120,21 @@ def load_robot(
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         mass=mass,
         _remarks=(*_chain_notes(chain, srdf, known), *notes),
-        _find_tips=partial(tip_candidates, tree),
+        _find_tips=partial(_tips, tree, chain),
         _find_implausible=partial(implausible_numbers, chain, joints, mass),
     )
     if posture is not None:
         return robot
     places = {name: _held(chain, states.get(name, {})) for name in (*preferred, fallback)}
     return _held_by_default(robot, chain, places, fallback)
+
+
+def _tips(tree: UrdfTree, chain: Chain) -> dict[str, int]:
+    """Return the candidates for the tip; the one that was chosen, unless by the user, is first."""
+    tips = tip_candidates(tree)
+    if chain.end.source == GIVEN or chain.tip not in tips:
+        return tips
+    return {chain.tip: tips[chain.tip], **tips}
 
 
 def _known(source: str | os.PathLike[str]) -> KnownRobot | None:

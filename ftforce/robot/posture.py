@@ -256,7 +256,7 @@ def bent_posture(robot: Robot) -> Vector | None:
             for signs in product((1.0, -1.0), repeat=count):
                 q = middle.copy()
                 q[list(chosen)] += np.array(signs) * room[list(chosen)]
-                J = frame_jacobian(robot, q)
+                J = _jacobian(robot, q)
                 if not _lacks_rank(J, usual) and mounting.is_clear(q):
                     rank, ratio = _conditioning(J)
                     height = float(mounting.heights(q).sum())
@@ -276,7 +276,7 @@ def is_singular(robot: Robot, q: Vector) -> bool:
     q :
         Joint positions, rad or m, shape (n,).
     """
-    return _lacks_rank(frame_jacobian(robot, q), _usual_ranks(robot))
+    return _lacks_rank(_jacobian(robot, q), _usual_ranks(robot))
 
 
 def is_singular_for(robot: Robot, q: Vector, task: Task, s: Sequence[float] = ()) -> bool:
@@ -309,6 +309,15 @@ def _task_singular_values(robot: Robot, q: Vector, task: Task) -> list[float]:
     return s
 
 
+def _jacobian(robot: Robot, q: Vector) -> Matrix:
+    """Return the frame Jacobian, with slides that move the tip by 1 m/m, whatever their unit."""
+    J = frame_jacobian(robot, q)
+    for k, joint in enumerate(robot.joints):
+        if joint.type == "prismatic" and (size := float(np.linalg.norm(J[:3, k]))) > 0.0:
+            J[:, k] /= size
+    return J
+
+
 def _lacks_rank(J: Vector, usual: tuple[int, int]) -> bool:
     """Return whether the force or wrench rows have less than their usual rank."""
     ranks = (_rank_of(J[:3], BORDERLINE_RTOL), _rank_of(J, BORDERLINE_RTOL))
@@ -317,7 +326,7 @@ def _lacks_rank(J: Vector, usual: tuple[int, int]) -> bool:
 
 def _usual_ranks(robot: Robot) -> tuple[int, int]:
     """Return the generic ranks of the force and wrench rows of the Jacobian."""
-    jacobians = [frame_jacobian(robot, q) for q in samples(robot)]
+    jacobians = [_jacobian(robot, q) for q in samples(robot)]
     return max(_rank_of(J[:3], RTOL) for J in jacobians), max(_rank_of(J, RTOL) for J in jacobians)
 
 
@@ -355,7 +364,7 @@ def best_sample(robot: Robot) -> Vector:
     mounting = Mounting.of(robot)
 
     def quality(q: Vector) -> tuple[bool, tuple[int, float]]:
-        return mounting.is_clear(q), _conditioning(frame_jacobian(robot, q))
+        return mounting.is_clear(q), _conditioning(_jacobian(robot, q))
 
     return read_only(max(samples(robot), key=quality).copy())
 

@@ -288,10 +288,12 @@ def _without_remap(
         motor = np.clip(motor, -limits, limits)
     moving = ~actual.locked
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
+    if actual.free is not None:
+        rest = _without_friction(rest, actual.free, rnea)
     F_after = _exerted(case, q, reduced, rest)
     unbalanced = np.where(moving, rest - F_after.dot(J), 0.0)
     if actual.free is not None:
-        unbalanced = _left_by_friction(unbalanced, actual.free, rnea)
+        unbalanced = _without_friction(unbalanced, actual.free, rnea)
     U = np.where(reduced.commanding, motor - rnea, 0.0)
     scale = math.hypot(*rnea, *planned.F.dot(J))
     moved = safe_divide(math.hypot(*unbalanced), scale, 0.0)
@@ -301,7 +303,7 @@ def _without_remap(
     return _Balance(planned.F, F_after, U, motor, unbalanced, reduced, verdict)
 
 
-def _left_by_friction(torque: Vector, free: FreeJoints, rnea: Vector) -> Vector:
+def _without_friction(torque: Vector, free: FreeJoints, rnea: Vector) -> Vector:
     """Return the torques without those that friction bears at free-swinging joints."""
     borne = np.abs(torque) <= friction_under(free.friction, rnea)
     return np.where(free.mask & borne, 0.0, torque)

@@ -6,6 +6,7 @@ angles that a driver wrapped to ±π are unwrapped. Whatever was decided is said
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -34,6 +35,11 @@ _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding error
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
 _MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
 _TIMES = ("t", "time", "timestamp", "stamp", "times", "time_s", "seconds", "%time")  # in this order
+_POSITIONS = frozenset({"q", "j", "joint", "pos", "position", "positions", "angle", "theta"})
+_WISHES = frozenset(
+    {"target", "desired", "commanded", "command", "cmd", "goal", "ref", "reference"}
+)
+_TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
 _SLACK = 1e-6  # rad: limits are often rounded
 _NOISE = 1e-3  # rad or m: added to it, for encoder noise of joints at rest
@@ -115,7 +121,8 @@ class Recording:
 
         A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``; the
         defaults are s, rad and m. The times are called ``t``, ``time``, ``timestamp`` or ``stamp``.
-        Columns may have any order, and others are ignored.
+        Columns may have any order, and others are ignored. Where none has the name of a joint,
+        numbered positions (``q1`` …, ``actual_q_0`` …) are taken in the order of the joints.
 
         Parameters
         ----------
@@ -281,6 +288,8 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
         _check_times(t, max_gap, sheet.place)
+        if (np.diff(t) == 1.0).all():
+            notes = (*notes, "the times count seconds one by one; for others, write t [ms] or [us]")
         q = read_only(values[:, 1 : 1 + robot.n].copy())
         q, unwrapped = _unwrapped(robot, t, q, sheet.place)
     except InputError as problem:
@@ -306,30 +315,67 @@ def _columns(
     robot: Robot, header: tuple[str, ...]
 ) -> tuple[dict[str, tuple[int, float]], tuple[str, ...]]:
     """Return column number and scale of the time, each joint and each velocity, and a note."""
+    given, header = header, _named_by_number(robot, header)
     positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     velocities = {
         f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
         for name, units in positions.items()
     }
     time = _time_column(header, {**positions, **velocities})
-    units = {time: {"": 1.0, "s": 1.0}, **positions, **velocities}
+    units = {time: _TIME_UNITS, **positions, **velocities}
     found = find_columns(header, units)
     if missing := [name for name in (time, *robot.names) if name not in found]:
         raise InputError(
             f"missing columns: {', '.join(missing)}; a recording needs t and every joint: "
-            f"{robot.numbered()}; the columns are: {listed(map(shortened, header))}"
+            f"{robot.numbered()}; the columns are: {listed(map(shortened, given))}"
         )
     if 1 + robot.n < len(found) < len(units):
         raise InputError(
             "contains velocities of some joints only; give those of all joints or of none"
         )
     notes = [f"the times are column {shortened(time)}"] * (time != "t")
+    if given != header:
+        ends = (shortened(given[found[robot.names[i]][0]]) for i in (0, -1))
+        taken = f"columns {' to '.join(ends)} are taken for the joints 1 to {robot.n}"
+        notes.append(f"{taken}, as no column has the name of a joint")
     numbers = {number for number, _ in found.values()}
     rest = [shortened(cell) for i, cell in enumerate(header) if i not in numbers]
     if rest:
         notes.append(f"columns that are no times or joints are ignored: {', '.join(rest)}")
     ordered = {name: found[name] for name in units if name in found}
     return ordered, ("; ".join(notes),) if notes else ()
+
+
+def _named_by_number(robot: Robot, header: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the header with names of joints in place of numbers, if it has none of their names.
+
+    Measured positions that are numbered from 0 or 1, such as ``actual_q_0`` or ``q1``, are those of
+    the joints in their order, if there is one such group of columns and it has all numbers.
+    """
+    names = [split_unit(cell) for cell in header]
+    if any(
+        cell in robot.names or name in robot.names
+        for cell, (name, _) in zip(header, names, strict=True)
+    ):
+        return header
+    groups: dict[str, dict[int, int]] = {}
+    for i, (name, _) in enumerate(names):
+        stem = name.rstrip("0123456789")
+        number = name[len(stem) :]
+        words = re.findall("[a-z]+", stem.lower())
+        if number and words and words[-1] in _POSITIONS and _WISHES.isdisjoint(words):
+            groups.setdefault(stem, {})[int(number)] = i
+    fitting = [
+        [group[number] for number in sorted(group)]
+        for group in groups.values()
+        if sorted(group) in (list(range(robot.n)), list(range(1, robot.n + 1)))
+    ]
+    if len(fitting) != 1:
+        return header
+    found = list(header)
+    for joint, i in zip(robot.names, fitting[0], strict=True):
+        found[i] = f"{joint} [{names[i][1]}]" if names[i][1] else joint
+    return tuple(found)
 
 
 def _time_column(header: tuple[str, ...], joints: Mapping[str, object]) -> str:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ftforce.core.smoothing import Spline, gain_of, noise_of
+from ftforce.core.smoothing import Spline, noise_of, uncertainty_of
 from ftforce.robot.kinematics import tip_pose, tip_pose_and_jacobian
 from ftforce.trajectory.path import Path, leg_at
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.smoothing import Noise
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.recording import Recording
 
@@ -53,7 +54,8 @@ class Smoothing(NamedTuple):
     noise :
         Standard deviation of the noise found in the positions, rad or m; 0 where none was found.
     acceleration_noise :
-        What noise leaves in the accelerations: their standard deviation, rad/s² or m/s².
+        Uncertainty that noise leaves in the accelerations: their standard deviation, rad/s² or
+        m/s², in the middle and at the worse end, shape (2, n).
     """
 
     spacing: Vector
@@ -151,20 +153,20 @@ class RecordedReference:
         if endless.any():
             q = np.where(endless, np.unwrap(q, axis=0), q)
         self._robot, self.duration, self._t = robot, recording.duration, t
-        place = noise_of(t, q)
-        spacing = place.spacing if smooth is None else np.full(robot.n, smooth)
-        self._q: Any
-        self._q = self._v = spline = Spline(t, q, spacing)
-        self._order = 1  # derivative of _v that is the velocity
-        noise, rates = place, spacing
+        place = _noise(t, q, smooth)
+        self._q = self._v = Spline(t, q, place.spacing, place.ratio)
+        self._rated = np.zeros(robot.n, dtype=np.bool_)  # whether recorded velocities count
+        unsure = uncertainty_of(t, place, 2)
         if v is not None:
-            self._order, noise = 0, noise_of(t, v)
-            rates = noise.spacing if smooth is None else spacing
-            self._v = Spline(t, v, rates)
-            if not spacing.any() and not rates.any():
+            rates = _noise(t, v, smooth)
+            self._v = Spline(t, v, rates.spacing, rates.ratio)
+            other = uncertainty_of(t, rates, 1)
+            self._rated = other[0] <= unsure[0]
+            unsure = np.where(self._rated, other, unsure)
+            if not place.spacing.any() and not rates.spacing.any():
                 self._q = _through(t, q, v)
-        gain = gain_of(t, rates, self._order + 1)
-        self.smoothing = Smoothing(spacing, spline.residual, place.level, gain * noise.level)
+        residual = np.sqrt(np.mean((self._q(t) - q) ** 2, axis=0))
+        self.smoothing = Smoothing(place.spacing, residual, place.level, unsure)
 
     @cached_property
     def top_speed(self) -> float:
@@ -174,7 +176,7 @@ class RecordedReference:
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
-        q, v = self._q(t), self._v(t, self._order)
+        q, v = self._q(t), self._derivative(t, 1)
         _, x, J = tip_pose_and_jacobian(self._robot, q)
         return Target(x, J[:3].dot(v), v)
 
@@ -186,7 +188,24 @@ class RecordedReference:
         t :
             Times, s, shape (N,).
         """
-        return Motion(self._q(t), self._v(t, self._order), self._v(t, self._order + 1))
+        return Motion(self._q(t), self._derivative(t, 1), self._derivative(t, 2))
+
+    def _derivative(self, t: Vector | float, order: int) -> Any:
+        """Return velocities or accelerations, from what leaves accelerations the least noise."""
+        found = self._q(t, order)
+        if self._rated.any():
+            found = np.where(self._rated, self._v(t, order - 1), found)
+        return found
+
+
+def _noise(t: Vector, x: Matrix, smooth: float | None) -> Noise:
+    """Return the noise of samples, for a spline with the knots that were asked for."""
+    noise = noise_of(t, x)
+    if smooth is None:
+        return noise
+    if smooth == 0.0:
+        return noise._replace(spacing=np.zeros(x.shape[1]))
+    return noise_of(t, x, smooth)._replace(level=noise.level)
 
 
 def _through(t: Vector, q: Matrix, v: Matrix) -> Any:
@@ -215,7 +234,7 @@ def smoothing_in_words(robot: Robot, smoothing: Smoothing, spacing: float | None
     used = smoothing.spacing[smoothing.spacing > 0.0]
     low, high = f"{used.min():.2g}", f"{used.max():.2g}"
     apart = f"{low} s apart" if low == high else f"{low} to {high} s apart"
-    why = "by generalised cross-validation" if spacing is None else "as asked for"
+    why = "by maximum likelihood" if spacing is None else "as asked for"
     some = "" if smoothing.spacing.all() else " (joints without noise are interpolated)"
     return (
         f"recording smoothed by splines with knots {apart}, {why}{some}: noise of {noise}, "

@@ -28,7 +28,7 @@ ON_PATH = 1e-5  # m: larger tracking errors occur only near singularities and li
 ORIENTED = 1e-5  # rad: the same for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _INSTANTS = 50  # at which the effect of noise is estimated
-_NOISY = 0.01  # of the largest torque: standard deviation of noise that is reported
+_NOISY = np.array([0.01, 0.005])  # of the largest torque: noise that is reported, and at the ends
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
@@ -99,7 +99,8 @@ def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
 def noise_warnings(question: Question, start: Start, motion: Motion | Run) -> Iterator[str]:
     """Warn if noise in a recording makes up much of the torques, which its data do not support.
 
-    Noise of size s in the accelerations makes torques of size sqrt(Σ_k (M_ik s_k)²).
+    Noise of size s in the accelerations makes torques of size sqrt(Σ_k (M_ik s_k)²). At the ends of
+    a recording, where there are samples on one side only, it is larger.
 
     Parameters
     ----------
@@ -116,23 +117,33 @@ def noise_warnings(question: Question, start: Start, motion: Motion | Run) -> It
         return
     own = None if conditions.is_model_gravity else conditions.gravity
     rows = np.unique(np.linspace(0, len(motion.q) - 1, _INSTANTS).astype(int))
-    made, whole = np.zeros(robot.n), np.zeros(robot.n)
+    made, whole = np.zeros((2, robot.n)), np.zeros(robot.n)
     for i in rows.tolist():
         q, v, a = motion.q[i], motion.v[i], motion.a[i]
         M = known_mass_matrix(robot, q, conditions)
         if M is None:
             return
-        made = np.maximum(made, np.hypot.reduce(M * smoothing.acceleration_noise, axis=1))
+        for place in [0] if i not in {0, rows[-1]} else [0, 1]:
+            size = np.hypot.reduce(M * smoothing.acceleration_noise[place], axis=1)
+            made[place] = np.maximum(made[place], size)
         torque = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
         whole = np.maximum(whole, np.abs(torque))
-    i = int((made / whole.max(initial=1e-300)).argmax())
-    if made[i] > _NOISY * whole.max():
+    least = _NOISY * whole.max(initial=1e-300)
+    place = 0 if (made[0] > least[0]).any() else 1
+    i = int(made[place].argmax())
+    if made[place, i] > least[place]:
         joint = robot.joints[i]
+        where, advice = (
+            ("", "smooth it more (--smooth SECONDS) or count the weight only (--static)"),
+            (
+                " at its ends, where there are samples on one side only",
+                "record for longer, or count the weight only (--static)",
+            ),
+        )[place]
         yield (
-            f"noise in the recording makes about ±{made[i]:.2g} {joint.torque_unit} of the torque "
-            f"of joint {joint.number} {joint.name} (the largest torque of any joint is "
-            f"{whole.max():.3g}): its data do not support such accelerations; smooth it more "
-            "(--smooth SECONDS) or count the weight only (--static)"
+            f"noise in the recording makes about ±{made[place, i]:.2g} {joint.torque_unit} of the "
+            f"torque of joint {joint.number} {joint.name}{where} (the largest torque of any joint "
+            f"is {whole.max():.3g}): its data do not support such accelerations; {advice}"
         )
 
 
