@@ -590,13 +590,14 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
     _needs_zarr()
     try:
         setting, sets, bins, workspace = _described(manifest)
+        check_sizes(where, manifest.files)
         if manifest.is_complete:
-            summary, files = _stored_summary(where, manifest), manifest.files
+            summary = _stored_summary(where, manifest)
         else:
             chunks = -(-setting.count // setting.chunk)
             progress = _stored_progress(where, bins, workspace, len(sets), chunks)
-            summary, files = progress.summary, {**manifest.files, **progress.files}
-        check_sizes(where, files)
+            check_sizes(where, progress.files)
+            summary = progress.summary
         opening = partial(dataset_of, str(where))
         opening()  # detect damage now, not on first access
         return Sweep(setting, sets, summary, str(where), opening)
