@@ -140,6 +140,19 @@ class OutputError(FileError):
     """A result could not be written; no partial file is left behind."""
 
 
+def out_of_memory(problem: MemoryError) -> str:
+    """Return the message for an allocation that failed, which is no mistake of anybody's.
+
+    Parameters
+    ----------
+    problem :
+        What was raised.
+    """
+    detail = printable(problem)
+    reason = f" ({detail[0].lower()}{detail[1:]})" if detail else ""
+    return f"this machine has too little free memory for what is asked{reason}"
+
+
 def printable(text: object) -> str:
     r"""Return a text, usually a path, with unprintable characters escaped, e.g. as ``\n``.
 

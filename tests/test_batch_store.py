@@ -20,7 +20,7 @@ import xarray as xr
 
 import ftforce
 from ftforce.batch import runner
-from ftforce.batch.store import folder, store, variables
+from ftforce.batch.store import folder, manifest, store, variables
 from ftforce.batch.summary.summary import Summary
 from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryError
@@ -33,7 +33,7 @@ ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 NEVER = 10**9  # a step that no process reaches
 SLOW = (  # a chunk takes a moment after it is written, which is when the test acts
     "import ftforce.batch.store.store as s, time; w = s.write_samples; "
-    "s.write_samples = lambda *given: (w(*given), time.sleep(0.5))"
+    "s.write_samples = lambda *given: (w(*given), time.sleep(0.5))[0]"
 )
 
 
@@ -80,12 +80,25 @@ def test_plain_xarray_opens_it_without_a_word(stored, open_it):
         warnings.simplefilter("error")
         dataset = open_it(stored.path)
     assert dict(dataset.verdict.sizes) == {"posture": 13_000, "fault_set": 5}
-    assert dataset.verdict.dtype == np.int8
-    counts = [(dataset.verdict == code).sum("posture") for code in range(3)]
+    counts = [(dataset.verdict == code).sum("posture") for code in (1, 2, 3)]
     np.testing.assert_array_equal(np.stack(counts, axis=1), dataset.summary_verdicts)
     np.testing.assert_array_equal(stored.summary.verdicts, dataset.summary_verdicts)
     assert dataset.verdict.attrs["flag_meanings"].split()[0] == "tolerated"
-    assert list(dataset.verdict.attrs["flag_values"]) == [0, 1, 2]
+    assert list(dataset.verdict.attrs["flag_values"]) == [1, 2, 3]  # 0 is what lost data reads as
+
+
+def test_the_datasets_verdicts_are_indices_as_everywhere_else(arm, undisturbed):
+    for keep, name in (("all", "verdict"), ("worst", "worst_verdict")):
+        result = undisturbed[keep]
+        in_memory = sweep(arm, **ASKED, keep=keep)
+        for dataset in (result.dataset, in_memory.dataset):
+            assert dataset[name].dtype == np.int8
+            assert list(dataset[name].attrs["flag_values"]) == list(dataset.verdict_code.values)
+            assert set(np.unique(dataset[name])) <= {0, 1, 2}
+            chosen = dataset[name].isel(posture=[3, 0, -1])
+            np.testing.assert_array_equal(chosen, dataset[name].values[[3, 0, -1]])
+    counts = [(undisturbed["all"].dataset.verdict == code).sum("posture") for code in range(3)]
+    np.testing.assert_array_equal(np.stack(counts, 1), undisturbed["all"].summary.verdicts)
 
 
 def test_coordinates_say_what_is_where(stored, arm):
@@ -482,43 +495,50 @@ def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path, stored):
     assert_same_files(stored.path, path)
 
 
-def test_a_sweep_of_an_older_version_is_read_and_recognised(arm, tmp_path):
+def changed_manifest(path, change):
+    """Change the description of a sweep, and seal it again."""
+    found = manifest.read_manifest(path, SweepError)
+    about = json.loads(json.dumps(found.about))
+    change(about)
+    (path / ".manifest").write_bytes(found._replace(about=about).to_bytes())
+
+
+def test_a_sweep_without_what_later_versions_add_is_read_and_recognised(arm, tmp_path):
     path = tmp_path / "s"
     asked = {"n": 5000, "keep": "summary", "payload": (1.5, [0.0, 0.1, 0.0])}
     written = sweep(arm, **asked, output=path)
     assert store.open_sweep(path).setting == written.setting
-    about = json.loads((path / ".zattrs").read_text())
-    own = json.loads(about["ftforce"])
-    for name in ("tip_source", "other_tips", "payload_mass", "payload_offset"):
-        del own["setting"][name]
-        assert name not in own["identity"]
-    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps(own)}))
+
+    def forget(about):
+        for name in ("tip_source", "other_tips", "payload_mass", "payload_offset"):
+            del about["setting"][name]
+            assert name not in about["identity"]
+
+    changed_manifest(path, forget)
     setting = store.open_sweep(path).setting
     assert (setting.carried.mass, setting.carried.offset.tolist()) == (1.5, [0.0, 0.1, 0.0])
     assert (setting.tip_source, setting.other_tips) == ("", {})
     assert sweep(arm, **asked, output=path).done == 5000  # no error: it is the same sweep
 
 
+def test_a_sweep_of_format_1_is_refused(arm, tmp_path):
+    path = tmp_path / "s"
+    path.mkdir()
+    (path / ".zattrs").write_text(json.dumps({"ftforce": '{"format": 1}'}))
+    for use in (store.open_sweep, lambda path: sweep(arm, n=5000, output=path)):
+        with pytest.raises(FtforceError, match="has format 1, without the digests"):
+            use(path)
+
+
 def test_damage_is_told(arm, tmp_path):
     path = tmp_path / "s"
     sweep(arm, n=5000, keep="summary", output=path)
-    about = json.loads((path / ".zattrs").read_text())
-    own = json.loads(about["ftforce"])
-    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps({**own, "format": 99})}))
-    with pytest.raises(SweepError, match="format 99"):
-        store.open_sweep(path)
-    del own["bins"]
-    (path / ".zattrs").write_text(json.dumps({"ftforce": json.dumps(own)}))
+    changed_manifest(path, lambda about: about.pop("bins"))
     with pytest.raises(SweepError, match="damaged"):
         store.open_sweep(path)
-
-
-def test_damage_is_told_where_the_sweep_is_asked_for_again(arm, tmp_path):
-    asked = {"n": 5000, "keep": "summary", "output": tmp_path / "s"}
-    sweep(arm, **asked)
-    (tmp_path / "s" / "summary_rho" / "0.0").write_bytes(b"no chunk")
-    with pytest.raises(SweepError, match="is damaged"):
-        sweep(arm, **asked)
+    changed_manifest(path, lambda about: about.update(format=99))
+    with pytest.raises(SweepError, match="format 99"):
+        store.open_sweep(path)
 
 
 def test_without_the_extra_the_sweep_is_not_called_damaged(stored, monkeypatch):

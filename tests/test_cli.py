@@ -355,6 +355,17 @@ def test_a_mistake_of_ours_is_no_traceback(monkeypatch):
         CliRunner().invoke(cli.app, ["analyze", DH5, "--debug"], catch_exceptions=False)
 
 
+def test_a_lack_of_memory_is_the_machines(monkeypatch):
+    def fail(*_, **__):
+        raise MemoryError("Unable to allocate 9.3 TiB")
+
+    monkeypatch.setattr("ftforce.analysis.analyze.analyze", fail)
+    assert run("analyze", DH5, status=1).stderr == (
+        "error: this machine has too little free memory for what is asked "
+        "(unable to allocate 9.3 TiB)\n"
+    )
+
+
 def test_interruption_is_no_traceback():
     @common.guarded
     def command() -> None:

@@ -6,6 +6,8 @@ import csv
 import io
 import json
 import os
+import random
+import tracemalloc
 import zipfile
 from dataclasses import fields, replace
 
@@ -15,7 +17,7 @@ import pytest
 import ftforce
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
 from ftforce.robot.dynamics import Payload
-from ftforce.trajectory import Path
+from ftforce.trajectory import Path, history_files
 from ftforce.trajectory.history import QUANTITIES, History
 from ftforce.trajectory.history_files import (
     FORMATS,
@@ -24,6 +26,7 @@ from ftforce.trajectory.history_files import (
     columns_of,
     history_bytes,
 )
+from helpers import campaign
 from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
@@ -253,7 +256,7 @@ CHANGES = {
     "times missing": lambda a: a.update({"t": a["t"][1:]}),
     "a path in two dimensions": lambda a: a.update({"path": a["path"][:, :2]}),
     "another format": about(format="something else"),
-    "a newer version": about(version=2),
+    "a newer version": about(version=3),
     "other runs": about(runs=["healthy"]),
     "no setting": about(setting=None),
 }
@@ -345,3 +348,136 @@ def test_reading_leaves_the_csv_module_as_it_was(tmp_path, history):
     ftforce.save(history, tmp_path / "run.csv")
     ftforce.load_history(tmp_path / "run.csv")
     assert csv.field_size_limit() == usual
+
+
+# ---- damaged and hostile ---------------------------------------------------------------------
+
+
+def _cut(data, chance):
+    return data[: chance.randrange(len(data))]
+
+
+def _flipped(count):
+    def flip(data, chance):
+        altered = bytearray(data)
+        for bit in chance.sample(range(8 * len(data)), count):
+            altered[bit // 8] ^= 1 << bit % 8
+        return bytes(altered)
+
+    return flip
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("harm", [_cut, _flipped(1), _flipped(20)], ids=["cut", "1 bit", "20 bits"])
+def test_a_damaged_history_gives_the_right_numbers_or_one_line(tmp_path, history, form, harm):
+    data, path = history_bytes(history, form), tmp_path / f"run.{form}"
+    chance = random.Random(form)
+    for _ in range(campaign(200, 12)):
+        path.write_bytes(harm(data, chance))
+        try:
+            found = ftforce.load_history(path)
+        except TrajectoryError as problem:
+            said = str(problem)
+        else:
+            said = ""
+            assert same(found, history)
+        assert "\n" not in said
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_one_other_number_or_word_is_refused(tmp_path, history, form, monkeypatch):
+    """The checksums of the format are right, as after an editor that knows the format."""
+    q = history.healthy.q.copy()
+    q[3, 2] = np.nextafter(q[3, 2], 9.0)
+    setting = replace(history.setting, robot="dh6")
+    path = tmp_path / f"run.{form}"
+    right = json.loads(_about(history))["sha256"]
+    for other in (
+        replace(history, healthy=replace(history.healthy, q=q)),
+        replace(history, setting=setting),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(history_files, "_digest", lambda *_: right)
+            ftforce.save(other, path)
+        with pytest.raises(TrajectoryError, match="not those that were saved"):
+            ftforce.load_history(path)
+
+
+def test_pages_of_parquet_files_have_checksums(tmp_path, history):
+    from pyarrow import parquet
+
+    data = history_bytes(history, "parquet")
+    about = parquet.ParquetFile(io.BytesIO(data)).metadata.row_group(0).column(5)
+    at = about.data_page_offset + about.total_compressed_size // 2
+    harmed = data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+    (tmp_path / "run.parquet").write_bytes(harmed)
+    with pytest.raises(TrajectoryError, match="CRC checksum"):
+        ftforce.load_history(tmp_path / "run.parquet")
+
+
+def test_a_history_of_version_1_has_no_digest(tmp_path, history):
+    old = about(version=1)
+    path = tmp_path / "run.npz"
+    path.write_bytes(rewritten(history_bytes(history, "npz"), old))
+    assert same(ftforce.load_history(path), history)
+
+
+def test_a_bomb_is_refused_before_it_unfolds(tmp_path, history):
+    stream = io.BytesIO()
+    with np.load(io.BytesIO(history_bytes(history, "npz"))) as archive:
+        np.savez_compressed(stream, **{**archive, "t": np.zeros(20_000_000)})
+    (tmp_path / "run.npz").write_bytes(stream.getvalue())
+    from pyarrow import parquet, table
+
+    many = {"a": np.zeros(40_000_000)}
+    parquet.write_table(
+        table(many).replace_schema_metadata({b"ftforce": b"{}"}), tmp_path / "run.parquet"
+    )
+    for form, match in (("npz", "is compressed"), ("parquet", "declares 40,000,000 rows")):
+        with pytest.raises(TrajectoryError, match=match):
+            peak_of(lambda form=form: ftforce.load_history(tmp_path / f"run.{form}"), 20_000_000)
+
+
+def test_an_array_that_declares_more_than_there_is_is_refused(tmp_path, history):
+    def header(shape):
+        stream = io.BytesIO()
+        np.lib.format.write_array_header_1_0(
+            stream, {"descr": "<f8", "fortran_order": False, "shape": shape}
+        )
+        return stream.getvalue()
+
+    data = io.BytesIO(history_bytes(history, "npz"))
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(data) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, header((10**12,)) if name == "t.npy" else old.read(name))
+    with pytest.raises(TrajectoryError, match="damaged"):
+        peak_of(lambda: ftforce.load_history(path), 20_000_000)
+
+
+@pytest.mark.parametrize("form", ["npz", "csv"])
+def test_memory_is_in_proportion_to_the_file(tmp_path, history, form):
+    path = tmp_path / f"run.{form}"
+    ftforce.save(history, path)
+    peak_of(lambda: ftforce.load_history(path), 12 * path.stat().st_size + 3_000_000)
+
+
+def peak_of(function, most):
+    """Call a function, which may allocate ``most`` bytes."""
+    tracemalloc.start()
+    try:
+        function()
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < most
+
+
+def test_a_lack_of_memory_is_the_machines(tmp_path, history, monkeypatch):
+    def fails(*_):
+        raise MemoryError("Unable to allocate 9.3 TiB")
+
+    ftforce.save(history, tmp_path / "run.npz")
+    monkeypatch.setattr("ftforce.trajectory.history_files.read_npz", fails)
+    with pytest.raises(MemoryError):
+        ftforce.load_history(tmp_path / "run.npz")

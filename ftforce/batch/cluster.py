@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from ftforce.batch.job import Job, Samples
     from ftforce.batch.runner import BatchResult, BatchSizer, Runner
+    from ftforce.batch.store.manifest import Files
     from ftforce.batch.store.store import OpenStore
     from ftforce.core.arrays import Matrix
 
@@ -301,9 +302,8 @@ def run_batch(
     if version != __version__:  # a worker that joined after `_check_workers`
         raise FtforceError(f"all workers must run ftforce {version}; one has {__version__}")
 
-    def write(index: int, samples: Samples) -> None:
-        if path is not None:
-            write_chunk(Path(path), token, job, index, samples)
+    def write(index: int, samples: Samples) -> Files:
+        return {} if path is None else write_chunk(Path(path), token, job, index, samples)
 
     return run_chunks(job, chunks, write)
 

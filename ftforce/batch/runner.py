@@ -17,8 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
     from concurrent.futures import Future
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ftforce.analysis.question import Progress
     from ftforce.batch.job import Job, Samples
+    from ftforce.batch.store.manifest import Files
     from ftforce.batch.store.store import OpenStore
     from ftforce.batch.summary.summary import Summary
 
@@ -38,11 +42,14 @@ class BatchResult(NamedTuple):
         Summary over all of them.
     seconds :
         Time taken, s.
+    files :
+        The files of their samples.
     """
 
     chunks: list[int]
     summary: Summary
     seconds: float
+    files: Files
 
 
 class Runner(Protocol):
@@ -99,7 +106,7 @@ class BatchSizer:
         self._cost = seconds / chunks
 
 
-def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None]) -> BatchResult:
+def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], Files]) -> BatchResult:
     """Process some chunks in the calling thread, and write their samples.
 
     Parameters
@@ -109,14 +116,14 @@ def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], None
     chunks :
         Chunk numbers.
     write :
-        Called with each chunk number and its samples.
+        Called with each chunk number and its samples; returns the files that it wrote.
     """
-    start, summary = time.monotonic(), job.empty_summary()
+    start, summary, files = time.monotonic(), job.empty_summary(), {}
     for index in chunks:
         samples = job.add(index, summary)
         if samples:
-            write(index, samples)
-    return BatchResult(chunks, summary, time.monotonic() - start)
+            files.update(write(index, samples))
+    return BatchResult(chunks, summary, time.monotonic() - start, files)
 
 
 def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None = None) -> None:
@@ -139,23 +146,23 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
         A file cannot be read or written; finished chunks are kept.
     """
     done, total = opened.done, job.postures.count
-    count = int((~done).sum())
-    sizer = BatchSizer((index for index in range(job.chunks) if not done[index]), count)
     saved, is_consistent = time.monotonic(), True
     kept = int(opened.summary.postures)  # of an earlier run
     try:
-        with closing(runner(job, opened, sizer)) as parts:
-            for result in parts if count else ():
-                sizer.took(len(result.chunks), result.seconds)
-                is_consistent = False
-                opened.summary.merge(result.summary)
-                done[result.chunks] = True
-                is_consistent = True
-                if progress is not None:
-                    progress(int(opened.summary.postures), total)
-                if time.monotonic() - saved > SAVE_INTERVAL:
-                    store.save_progress(opened)
-                    saved, kept = time.monotonic(), int(opened.summary.postures)
+        for result in _batches(job, opened, runner, opened.progress.lost.copy()):
+            opened.progress.files.update(result.files)  # their summary is there already
+            opened.progress.lost[result.chunks] = False
+        for result in _batches(job, opened, runner, ~done):
+            is_consistent = False
+            opened.summary.merge(result.summary)
+            opened.progress.files.update(result.files)
+            done[result.chunks] = True
+            is_consistent = True
+            if progress is not None:
+                progress(int(opened.summary.postures), total)
+            if time.monotonic() - saved > SAVE_INTERVAL:
+                store.save_progress(opened)
+                saved, kept = time.monotonic(), int(opened.summary.postures)
     except BaseException as problem:
         # After Ctrl-C during a merge the summary is inconsistent: keep what was saved last.
         if is_consistent and not done.all():
@@ -172,6 +179,18 @@ def _left(kept: int, total: int) -> str:
     if kept == 0:
         return "no posture was kept"
     return f"{kept:,} of {total:,} postures are kept, and the same command resumes the sweep"
+
+
+def _batches(
+    job: Job, opened: OpenStore, runner: Runner, chosen: NDArray[np.bool_]
+) -> Iterator[BatchResult]:
+    """Yield the results of the chosen chunks, in batches."""
+    count = int(chosen.sum())
+    sizer = BatchSizer((index for index in range(job.chunks) if chosen[index]), count)
+    with closing(runner(job, opened, sizer)) as parts:
+        for result in parts if count else ():
+            sizer.took(len(result.chunks), result.seconds)
+            yield result
 
 
 def threads_of(threads: int | None) -> int:

@@ -21,7 +21,13 @@ import typer
 from ftforce.cli.files import check_files
 from ftforce.cli.output import Format, check_outputs, emit
 from ftforce.cli.printing import silence
-from ftforce.errors import FtforceError, InputError, UnknownNameError, printable
+from ftforce.errors import (
+    FtforceError,
+    InputError,
+    UnknownNameError,
+    out_of_memory,
+    printable,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -535,6 +541,8 @@ def _is_no_choice(command: Callable[..., None], given: dict[str, Any], error: Ex
 def _reason(error: Exception) -> str:
     if isinstance(error, FtforceError):
         return str(error)
+    if isinstance(error, MemoryError):
+        return out_of_memory(error)
     return f"internal error in ftforce, please report it ({error!r}); --debug shows the traceback"
 
 

@@ -6,6 +6,7 @@ import errno
 import math
 import os
 import re
+from io import BytesIO
 from pathlib import Path
 from stat import S_ISDIR, S_ISFIFO, S_ISREG
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from ftforce.errors import FileError
 
+_PIECE = 1 << 20  # bytes read at a time
 LARGEST_FILE = 100_000_000  # bytes; a URDF typically has about 100 kB
 # In wide use; others in Python's list are no encodings of texts, or can encode commands.
 _ENCODINGS = re.compile(
@@ -82,7 +84,10 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
         descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         os.set_blocking(descriptor, True)
         with os.fdopen(descriptor, "rb") as stream:
-            data = stream.read(largest + 1)
+            found = BytesIO()  # grows: read(n) would allocate n bytes
+            while found.tell() <= largest and (piece := stream.read(_PIECE)):
+                found.write(piece)
+            data = found.getvalue()
     except (OSError, ValueError) as problem:  # ValueError: a NUL character in the path
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(path, f"cannot be read ({reason})") from None

@@ -2,16 +2,19 @@
 
 A table (CSV, Parquet) has one row per run and instant, and one column per number, named with its
 unit. The inputs of the simulation are stored as JSON: in the last column of the first row of a CSV
-file, in the metadata of a Parquet file, in the array ``about`` of an NPZ file.
+file, in the metadata of a Parquet file, in the array ``about`` of an NPZ file. They contain a
+SHA-256 of themselves and of all numbers, by which altered data are noticed.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import math
 from dataclasses import asdict
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +24,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
+from ftforce.io.npz import read_npz
 from ftforce.io.text import check_name, printable_texts, read_bytes
 from ftforce.trajectory.history import (
     QUANTITIES,
@@ -35,7 +39,7 @@ from ftforce.trajectory.history import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from os import PathLike
 
     from ftforce.core.arrays import Matrix
@@ -44,7 +48,9 @@ FORMATS = ("csv", "npz", "parquet")
 _LONGEST_CELL = 10_000_000  # characters: one cell holds the whole setting as JSON
 _LARGEST_FILE = 20_000_000_000  # bytes
 _KIND = "a history written by ftforce (.csv, .npz or .parquet)"
-_VERSION = 1
+_VERSION, _WITHOUT_DIGEST = 2, 1
+_EXPANSION, _SMALL = 1000, 100_000_000  # times its size, or bytes, may a Parquet file unfold to
+_ROWS = 10_000  # of a CSV file, converted at once
 _ABOUT, _KEY = "about", b"ftforce"
 _WORDS = [verdict.value for verdict in VERDICTS]
 _LISTS = ("force", "effort", "gravity", "payload_offset", "warnings", "notes")
@@ -153,7 +159,11 @@ def load_history(path: str | PathLike[str]) -> History:
     data = read_bytes(path, TrajectoryError, _KIND, _LARGEST_FILE)
     read = {"csv": _from_csv, "npz": _from_npz, "parquet": _from_parquet}[form]
     try:
-        return read(data)
+        text, history = read(data)
+        _check_digest(text, history)
+        return history
+    except MemoryError:
+        raise
     except FtforceError as problem:
         if isinstance(problem, InputError):
             raise TrajectoryError(path, str(problem)) from None
@@ -180,14 +190,41 @@ def _about(history: History) -> str:
         "verdicts": _WORDS,
         "setting": setting,
     }
+    content["sha256"] = _digest(content, history)
     return json.dumps(content, ensure_ascii=False, allow_nan=False)
+
+
+def _digest(about: dict[str, Any], history: History) -> str:
+    """Return the SHA-256 of the inputs and of all numbers of a history."""
+    inputs = {key: value for key, value in about.items() if key != "sha256"}
+    digest = hashlib.sha256(json.dumps(inputs, ensure_ascii=False).encode())
+    arrays = [history.t, history.path]
+    for run in history.runs.values():
+        arrays += [getattr(run, quantity) for quantity in QUANTITIES]
+    for array in arrays:
+        # A CSV file has one NaN only.
+        digest.update(np.where(np.isnan(array), np.nan, array).tobytes())
+    return digest.hexdigest()
+
+
+def _check_digest(text: str, history: History) -> None:
+    """Check that a history is what was saved.
+
+    Raises
+    ------
+    InputError
+        Its numbers or inputs were altered.
+    """
+    about = json.loads(text)
+    if about["version"] != _WITHOUT_DIGEST and about["sha256"] != _digest(about, history):
+        raise InputError("is damaged: its numbers are not those that were saved")
 
 
 def _read_about(text: str) -> tuple[Setting, list[str]]:
     about = json.loads(text)
     if about.get("format") != "ftforce history":
         raise InputError("is not an ftforce history")
-    if about["version"] != _VERSION:
+    if about["version"] not in {_VERSION, _WITHOUT_DIGEST}:
         raise InputError(f"has format version {about['version']}; this ftforce reads {_VERSION}")
     content = about["setting"]
     for kind in ("robot", "base", "tip"):
@@ -255,16 +292,16 @@ def _npz_bytes(history: History) -> bytes:
     return stream.getvalue()
 
 
-def _from_npz(data: bytes) -> History:
-    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-        if "about" not in archive:
-            raise InputError("is not an ftforce history: it does not describe the simulation")
-        setting, names = _read_about(str(archive["about"]))
-        runs = {
-            name: {quantity: archive[f"{name}.{quantity}"] for quantity in QUANTITIES}
-            for name in names
-        }
-        return _history(setting, archive["t"], archive["path"], runs)
+def _from_npz(data: bytes) -> tuple[str, History]:
+    arrays = read_npz(data)
+    if "about" not in arrays:
+        raise InputError("is not an ftforce history: it does not describe the simulation")
+    text = str(arrays["about"])
+    setting, names = _read_about(text)
+    runs = {
+        name: {quantity: arrays[f"{name}.{quantity}"] for quantity in QUANTITIES} for name in names
+    }
+    return text, _history(setting, arrays["t"], arrays["path"], runs)
 
 
 # ---- tables ----------------------------------------------------------------------------------
@@ -326,43 +363,57 @@ def _cell(value: Any) -> Any:
     return "" if isinstance(value, float) and math.isnan(value) else value
 
 
-def _from_csv(data: bytes) -> History:
+def _from_csv(data: bytes) -> tuple[str, History]:
     usual = csv.field_size_limit(_LONGEST_CELL)  # process-wide, so it is restored
     try:
-        header, *rows = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        stream = io.TextIOWrapper(io.BytesIO(data), "utf-8-sig", newline="")
+        rows = csv.reader(stream, strict=True)
+        header, first = next(rows), next(rows, None)
+        if header[-1:] != [_ABOUT] or first is None:
+            raise InputError("is not an ftforce history: its last column is not 'about'")
+        setting, names = _read_about(first[-1])
+        table = _columns_of_rows(header[:-1], chain([first], rows))
     finally:
         csv.field_size_limit(usual)
-    if header[-1:] != [_ABOUT] or not rows:
-        raise InputError("is not an ftforce history: its last column is not 'about'")
-    setting, names = _read_about(rows[0][-1])
-    columns = zip(*rows, strict=True)
-    texts = {"run", "verdict"}
-    table: dict[str, Any] = {
-        name: column if name in texts else np.array([float(x or "nan") for x in column])
-        for name, column in zip(header[:-1], columns, strict=False)
-    }
-    return _from_table(setting, names, table)
+    return first[-1], _from_table(setting, names, table)
+
+
+def _columns_of_rows(header: list[str], rows: Iterator[list[str]]) -> dict[str, Any]:
+    """Return the columns of a table, converting some rows at a time: texts take much memory."""
+    table: dict[str, Any] = {name: [] for name in header}
+    while some := list(islice(rows, _ROWS)):
+        for name, cells in zip(header, zip(*some, strict=True), strict=False):
+            is_text = name in {"run", "verdict"}
+            table[name].append(cells if is_text else np.array([float(x or "nan") for x in cells]))
+    return {name: np.concatenate(parts) for name, parts in table.items()}
 
 
 def _parquet_bytes(history: History) -> bytes:
     parquet, arrow = _pyarrow()
     table = arrow.table(_table(history)).replace_schema_metadata({_KEY: _about(history)})
     stream = io.BytesIO()
-    parquet.write_table(table, stream)
+    parquet.write_table(table, stream, write_page_checksum=True)
     return stream.getvalue()
 
 
-def _from_parquet(data: bytes) -> History:
+def _from_parquet(data: bytes) -> tuple[str, History]:
     parquet, arrow = _pyarrow()
-    # Single-threaded: reader threads can crash the interpreter at exit.
-    table = parquet.read_table(arrow.BufferReader(data), use_threads=False, pre_buffer=False)
-    if _KEY not in (about := table.schema.metadata or {}):
+    file = parquet.ParquetFile(
+        arrow.BufferReader(data), pre_buffer=False, page_checksum_verification=True
+    )
+    about, size = file.schema_arrow.metadata or {}, file.metadata
+    if _KEY not in about:
         raise InputError("is not an ftforce history: it does not describe the simulation")
-    setting, names = _read_about(about[_KEY].decode())
+    if 8 * size.num_rows * size.num_columns > max(_SMALL, _EXPANSION * len(data)):
+        raise InputError(f"declares {size.num_rows:,} rows, more than it can hold")
+    text = about[_KEY].decode()
+    setting, names = _read_about(text)
+    # Single-threaded: reader threads can crash the interpreter at exit.
+    table = file.read(use_threads=False)
     columns = {
         name: column.to_numpy() for name, column in zip(table.column_names, table, strict=True)
     }
-    return _from_table(setting, names, columns)
+    return text, _from_table(setting, names, columns)
 
 
 def _pyarrow() -> tuple[Any, Any]:

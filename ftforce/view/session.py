@@ -13,7 +13,7 @@ import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from ftforce.errors import FtforceError
+from ftforce.errors import FtforceError, out_of_memory
 from ftforce.view.model.answer import answer
 from ftforce.view.model.state import HEALTHY, command_line
 from ftforce.view.modes import Mode
@@ -265,6 +265,8 @@ class Session:
                         view.more()
         except FtforceError as error:
             self._show_error(str(error))
+        except MemoryError as error:
+            self._show_error(out_of_memory(error))
         except Exception as error:  # keep the page alive and never show a traceback
             self._show_error(f"{_BUG} ({error!r})")
         self.seconds = time.perf_counter() - started

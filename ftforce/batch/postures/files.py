@@ -113,6 +113,8 @@ class FilePostures:
             self._check_unchanged()
             q = self.reader.read(self.path, start, stop)
             self._check_unchanged()
+        except MemoryError:
+            raise
         except Exception as problem:  # the reader of a file that changes can raise anything
             raise _as_error(self.path, problem) from None
         if len(q) != stop - start:
@@ -187,6 +189,8 @@ def postures_from_file(
             raise InputError(f"is empty; expected {_KIND}")
         postures = FilePostures(file, *_OPEN[form](robot, file, degrees), stamp, _sha256(file))
         postures._check_unchanged()
+    except MemoryError:
+        raise
     except Exception as problem:  # the reader of a damaged file can raise anything
         raise _as_error(path, problem) from None
     return postures

@@ -290,4 +290,4 @@ def _parquet_file(path: str) -> Any:
             ".npy and .csv files do not"
         ) from None
     # Buffered: otherwise the columns of a row group are loaded into memory completely.
-    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 16)
+    return ParquetFile(path, pre_buffer=False, buffer_size=1 << 16, page_checksum_verification=True)

@@ -104,13 +104,26 @@ def write_durably(file: Path, data: bytes) -> None:
     data :
         Its content.
     """
+    write_content(file, data)
+    sync(file.parent)
+
+
+def write_content(file: Path, data: bytes) -> None:
+    """Write a file atomically, and wait until its content is on disk, but not its name.
+
+    Parameters
+    ----------
+    file :
+        Path of the file.
+    data :
+        Its content.
+    """
     partial = file.with_name(file.name + _PARTIAL)
     with partial.open("wb") as stream:
         stream.write(data)
         stream.flush()
-        os.fsync(stream.fileno())
+        sync(partial)
     partial.replace(file)
-    sync(file.parent)
 
 
 def sync(path: Path) -> None:
@@ -134,7 +147,10 @@ def _suppress_unsupported() -> Iterator[None]:
 
 
 def remove_partial(path: Path) -> None:
-    """Remove files that a killed process left partially written."""
+    """Remove files that a killed process left partially written, links, pipes and devices."""
+    for entry in path.iterdir():
+        if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
+            entry.unlink()
     for left in path.rglob(f"*{_PARTIAL}"):
         left.unlink(missing_ok=True)
 

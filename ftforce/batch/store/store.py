@@ -4,10 +4,13 @@ A sweep can be killed at any time:
 
 - A chunk is done once it is listed in the progress file, which is replaced atomically after
   the arrays of the chunk are on disk.
-- The attributes of the group are written last, both on creation and on completion.
+- The manifest is written last on creation, and replaced last on completion; no other file of the
+  group but the chunks of the summary differs between the two.
 - A lock excludes other processes, and its file marks the folder as ftforce's until completion.
 
-Running the same command again therefore resumes the sweep and yields the same bytes.
+Running the same command again therefore resumes the sweep and yields the same bytes. It also
+computes again what was lost or altered, which the manifest reveals, see
+`ftforce.batch.store.manifest`.
 
 The store uses Zarr format 2 with consolidated metadata, which xarray and all versions of Zarr from
 2 on open without a warning. Format 3 has no stable specification yet of strings or of
@@ -20,19 +23,33 @@ from __future__ import annotations
 import io
 import json
 from contextlib import suppress
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.batch.job import PER_POSTURE, PER_SET, samples_of
+from ftforce.batch.job import samples_of
 from ftforce.batch.result import Sweep, SweepSetting, sets_from_lists
 from ftforce.batch.store import folder, variables
 from ftforce.batch.store.folder import disk_errors
+from ftforce.batch.store.manifest import (
+    AGAIN,
+    EXPECTED,
+    FORMAT,
+    MANIFEST,
+    Manifest,
+    check_sizes,
+    damaged,
+    digest_of,
+    read_manifest,
+    read_regular,
+)
 from ftforce.batch.summary.bins import Bins, Workspace
-from ftforce.batch.summary.summary import Summary
+from ftforce.batch.summary.summary import Summary, check_summary_size
 from ftforce.errors import FtforceError, OutputError, SweepError
+from ftforce.io.npz import read_npz
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,17 +59,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ftforce.batch.job import Job
+    from ftforce.batch.store.manifest import Files
     from ftforce.core.faults import FaultSet
 
     Tree = dict[str, Any]  # keys and contents of a Zarr group
 
-_FORMAT = 1
 _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
-_EXPECTED = "a sweep stored by ftforce"
 _ARRAYS = "arrays"  # key in the identity: digest of all kernel inputs
 _DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error message
-_SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
 
 
 class SweepRequest(NamedTuple):
@@ -72,6 +87,32 @@ class SweepRequest(NamedTuple):
     identity: dict[str, Any]
 
 
+class Progress(NamedTuple):
+    """The finished chunks of a sweep.
+
+    Attributes
+    ----------
+    summary :
+        Their summary.
+    done :
+        Whether each chunk is finished and counted in the summary, shape (chunks,).
+    lost :
+        Whether it is, but its samples were lost or altered, shape (chunks,).
+    files :
+        The files of their samples.
+    """
+
+    summary: Summary
+    done: NDArray[np.bool_]
+    lost: NDArray[np.bool_]
+    files: Files
+
+    @classmethod
+    def none(cls, summary: Summary, chunks: int) -> Progress:
+        """Return that of a sweep of which nothing is done, from an empty summary."""
+        return cls(summary, np.zeros(chunks, np.bool_), np.zeros(chunks, np.bool_), {})
+
+
 class OpenStore(NamedTuple):
     """A sweep that is being written.
 
@@ -86,11 +127,9 @@ class OpenStore(NamedTuple):
     tree :
         Contents of the group, if in memory.
     arrays :
-        Sample arrays, by name.
-    summary :
-        Summary of the finished chunks.
-    done :
-        Whether each chunk is finished, shape (chunks,).
+        Names of the sample arrays and, if in memory, the Zarr arrays.
+    progress :
+        The finished chunks.
     lock :
         Lock of the folder; ``None`` if the sweep is complete.
     """
@@ -100,9 +139,18 @@ class OpenStore(NamedTuple):
     store: Any
     tree: Tree
     arrays: dict[str, Any]
-    summary: Summary
-    done: NDArray[np.bool_]
+    progress: Progress
     lock: FileLock | None
+
+    @property
+    def summary(self) -> Summary:
+        """Summary of the finished chunks."""
+        return self.progress.summary
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether each chunk is finished, shape (chunks,)."""
+        return self.progress.done
 
     @property
     def is_complete(self) -> bool:
@@ -130,53 +178,95 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
     OutputError
         The folder contains something else, is being written by another process, or is not writable.
     """
-    job, identity = request.job, request.identity
-    none_done = (job.empty_summary(), np.zeros(job.chunks, np.bool_))
     if path is None:
-        return _opened(request, None, _tree(request), none_done, None)
-    if not _must_create(path) and _checked_metadata(path, identity)["complete"]:
-        return _open_complete(request, path)
+        return _opened(request, None, _tree(request), _none_done(request.job), None)
+    if not _must_create(path) and (opened := _open_complete(request, path)) is not None:
+        return opened
     lock = folder.lock(path)
     try:
-        if _must_create(path):  # checked again, now that the folder is locked
+        # Checked again, now that the folder is locked.
+        if _must_create(path):
             with disk_errors(path):
                 folder.clear(path, _known_names())
-                _write_tree(path, _tree(request))
-        elif _checked_metadata(path, identity)["complete"]:
+            progress = _none_done(request.job)
+        elif (opened := _open_complete(request, path)) is not None:
             lock.release()
-            return _open_complete(request, path)
+            return opened
+        else:
+            progress = _resumed(request, path)
         with disk_errors(path):
             folder.remove_partial(path)
-        progress = _stored_progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
+            if not progress.done.all():  # otherwise `finish` does
+                _write_tree(path, request, _tree(request))
         return _opened(request, path, {}, progress, lock)
     except BaseException:
         lock.release()
         raise
 
 
+def _none_done(job: Job) -> Progress:
+    return Progress.none(job.empty_summary(), job.chunks)
+
+
 def _opened(
-    request: SweepRequest, path: Path | None, tree: Tree, progress: tuple[Summary, Any], lock: Any
+    request: SweepRequest, path: Path | None, tree: Tree, progress: Progress, lock: Any
 ) -> OpenStore:
     import zarr
     from zarr.storage import MemoryStore
 
-    store: Any = MemoryStore(tree) if path is None else str(path)
-    with disk_errors(path):
+    arrays: dict[str, Any] = dict.fromkeys(_sample_names(request.job))
+    store: Any = str(path)
+    if path is None:
+        store = MemoryStore(tree)
         group = zarr.open_group(store, mode="r+", zarr_format=2)
-        arrays = {name: group[name] for name in _sample_names(request.job)}
-    return OpenStore(request, path, store, tree, arrays, *progress, lock)
+        arrays = {name: group[name] for name in arrays}
+    return OpenStore(request, path, store, tree, arrays, progress, lock)
 
 
-def _open_complete(request: SweepRequest, path: Path) -> OpenStore:
-    """Open a complete sweep, and remove what a killed process left behind."""
-    job = request.job
+def _open_complete(request: SweepRequest, path: Path) -> OpenStore | None:
+    """Open a complete sweep, and remove what a killed process left behind.
+
+    Returns
+    -------
+    :
+        ``None`` if it is incomplete or damaged.
+    """
+    manifest = _checked_manifest(path, request.identity)
+    if not manifest.is_complete or any(damaged(path, manifest.files)):
+        return None
     with suppress(OSError):  # a complete sweep can be read without write permission
         _clean_up(path)
-    try:
-        summary = _stored_summary(path, job.bins, job.workspace)
-    except Exception as problem:  # a damaged store may raise anything
-        raise SweepError(path, f"is damaged ({problem}); remove it to start again") from None
-    return OpenStore(request, path, str(path), {}, {}, summary, np.ones(job.chunks, np.bool_), None)
+    summary = _stored_summary(path, manifest)
+    done = np.ones(request.job.chunks, np.bool_)
+    progress = Progress(summary, done, ~done, manifest.files)
+    return OpenStore(request, path, str(path), {}, {}, progress, None)
+
+
+def _resumed(request: SweepRequest, path: Path) -> Progress:
+    """Return what is done of a sweep that is incomplete or damaged."""
+    job, manifest = request.job, read_manifest(path, SweepError)
+    samples = set(_sample_names(job))
+    if not manifest.is_complete:
+        progress = _stored_progress(path, job.bins, job.workspace, job.n_sets, job.chunks)
+        return _with_lost(progress, damaged(path, progress.files))
+    flaws = set(damaged(path, manifest.files))
+    if any(key == _CONSOLIDATED or key.startswith(variables.SUMMARY_PREFIX) for key in flaws):
+        return _none_done(job)  # all chunks together give the summary
+    files = {key: one for key, one in manifest.files.items() if _is_chunk_of(key, samples)}
+    done = np.ones(job.chunks, np.bool_)
+    progress = Progress(_stored_summary(path, manifest), done, ~done, files)
+    return _with_lost(progress, flaws & files.keys())  # `finish` writes the others
+
+
+def _is_chunk_of(key: str, names: set[str]) -> bool:
+    name, _, last = key.rpartition("/")
+    return name in names and not last.startswith(".")
+
+
+def _with_lost(progress: Progress, flaws: Iterable[str]) -> Progress:
+    for key in flaws:
+        progress.lost[int(key.partition("/")[2].partition(".")[0])] = True
+    return progress
 
 
 def _clean_up(path: Path) -> None:
@@ -195,31 +285,33 @@ def _must_create(path: Path) -> bool:
         entries = {entry.name for entry in path.iterdir()}
         if entries <= {folder.LOCK}:
             return True
-        return _ATTRIBUTES not in entries and folder.is_partly_created(path, _known_names())
+        return MANIFEST not in entries and folder.is_partly_created(path, _known_names())
 
 
 def _known_names() -> set[str]:
     """Return the names of all files that ftforce may create for a sweep, except its lock."""
     dimensions = variables.all_coordinates()
-    return {".zgroup", _ATTRIBUTES, _CONSOLIDATED, _PROGRESS, *_SAMPLES, *dimensions}
+    summary = (f"{variables.SUMMARY_PREFIX}{field.name}" for field in fields(Summary))
+    own = (".zgroup", _ATTRIBUTES, _CONSOLIDATED, _PROGRESS, MANIFEST)
+    return {*own, *variables.SAMPLES, *dimensions, *summary}
 
 
-def _checked_metadata(path: Path, identity: dict[str, Any]) -> dict[str, Any]:
-    """Return the stored description of a sweep, if it is the requested one.
+def _checked_manifest(path: Path, identity: dict[str, Any]) -> Manifest:
+    """Return the manifest of a sweep, if it is the requested one.
 
     Raises
     ------
     OutputError
         The folder contains a different sweep, or none.
     """
-    metadata = _metadata_of(path, OutputError)
-    found = metadata["identity"]
+    manifest = read_manifest(path, OutputError)
+    found = manifest.about["identity"]
     if found != identity:
         differs = _differences(found, identity) or "a different robot, or other limits or masses"
         raise OutputError(
             path, f"contains a different sweep ({differs}); choose another --output, or remove it"
         )
-    return metadata
+    return manifest
 
 
 def _differences(found: dict[str, Any], request: dict[str, Any]) -> str:
@@ -272,48 +364,45 @@ def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
     import zarr
     from zarr.storage import MemoryStore
 
-    job, setting, sets, identity = request
+    job, setting, _, _ = request
     tree: Tree = {}
     store = MemoryStore(tree)
     group = zarr.open_group(store, mode="w", zarr_format=2)
     if job.keep != "summary":
         for name, values in _sample_of_one(job).items():
             shape = (job.postures.count, *values.shape[1:])
-            # Unfinished chunks read as NaN. A complete sweep needs no fill value, and xarray
-            # would convert integers that have one to floats.
-            fill = -1 if summary is None else None
-            _create(group, name, (shape, values.dtype, fill), variables.sample(name, setting), job)
-    given = (setting, sets, job.bins, job.workspace)
-    for name, (values, variable) in variables.coordinates(*given).items():
+            _create(group, name, (shape, values.dtype), variables.sample(name, setting), job)
+    for name, (values, variable) in _coordinates(request).items():
         _create(group, name, values, variable)
-    for name, values in (summary.arrays() if summary is not None else {}).items():
+    for name, values in (summary or job.empty_summary()).arrays().items():
         whole = variables.shaped(name, values, job.workspace)
-        _create(group, f"{variables.SUMMARY_PREFIX}{name}", whole, variables.counted(name, setting))
-    complete = summary is not None
-    metadata = variables.attributes(*given, version=_FORMAT, identity=identity, complete=complete)
-    group.attrs.update(metadata)
+        content = (whole.shape, whole.dtype) if summary is None else whole
+        about = variables.counted(name, setting)
+        _create(group, f"{variables.SUMMARY_PREFIX}{name}", content, about)
+    group.attrs.update(variables.attributes(setting))
     zarr.consolidate_metadata(store, zarr_format=2)
     return tree
 
 
-def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
-    """Create an array of given values or, with a job, one to be filled with samples."""
-    from numcodecs import Blosc  # type: ignore[import-untyped]
+def _coordinates(request: SweepRequest) -> dict[str, Any]:
+    job, setting, sets, _ = request
+    return variables.coordinates(setting, sets, job.bins, job.workspace)
 
+
+def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
+    """Create an array of given values, or with shape and type only, to be filled later."""
     values = None if isinstance(content, tuple) else content
-    shape, dtype, fill = content if values is None else (values.shape, values.dtype, None)
-    size = 0 if job is None else job.chunk
+    shape, dtype = content if values is None else (values.shape, values.dtype)
     chunks = tuple(max(1, length) for length in shape)
-    if size:
-        chunks = (size, *chunks[1:])
+    if job is not None:
+        chunks = (job.chunk, *chunks[1:])
     array = group.create_array(
         name,
         shape=shape,
         dtype=dtype,
         chunks=chunks,
-        # Measures in double precision hardly compress: this saves a quarter, at 0.2 µs per kB.
-        compressors=Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE),
-        fill_value=_fill(np.dtype(dtype), fill),
+        compressors=_codec(),
+        fill_value=_unknown(name, np.dtype(dtype)),
         attributes={"_ARRAY_DIMENSIONS": list(variable.dimensions), **variable.attributes},
         config={"write_empty_chunks": True},  # a missing chunk is an unfinished one
     )
@@ -321,24 +410,53 @@ def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None 
         array[...] = values
 
 
-def _fill(dtype: np.dtype[Any], fill: int | None) -> Any:
-    if dtype.kind == "f":
-        return np.nan
-    return "" if dtype.kind == "U" else fill
+def _codec() -> Any:
+    from numcodecs import Blosc  # type: ignore[import-untyped]
+
+    # Measures in double precision hardly compress: this saves a quarter, at 0.2 µs per kB.
+    return Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE)
 
 
-def _write_tree(path: Path, tree: Tree) -> None:
-    """Write the keys of a group to files, the attributes last: they mark it as created."""
-    last = [_CONSOLIDATED, _ATTRIBUTES]
-    for key in [*(key for key in tree if key not in last), *last]:
-        file, data = path / key, tree[key].to_bytes()
-        if not (file.is_file() and file.read_bytes() == data):
+def _unknown(name: str, dtype: np.dtype[Any]) -> Any:
+    """Return the fill value of an array, which stands for chunks that are not there."""
+    if name in variables.VERDICTS:
+        return 0
+    return {"f": np.nan, "U": ""}.get(dtype.kind) if dtype.kind in "fU" else np.iinfo(dtype).min
+
+
+def _write_tree(
+    path: Path, request: SweepRequest, tree: Tree, samples: Files | None = None
+) -> None:
+    """Write the keys of a group to files, and then the manifest, which marks it as created.
+
+    Parameters
+    ----------
+    path, request, tree :
+        The folder, the sweep, and its group.
+    samples :
+        The files of its samples if it is complete.
+    """
+    contents = {key: tree[key].to_bytes() for key in tree}
+    job, setting, sets, identity = request
+    about = variables.description(
+        setting,
+        sets,
+        job.bins,
+        job.workspace,
+        version=FORMAT,
+        identity=identity,
+        complete=samples is not None,
+    )
+    files = {**(samples or {}), **{key: digest_of(data) for key, data in contents.items()}}
+    for key, data in {**contents, MANIFEST: Manifest(about, files).to_bytes()}.items():
+        file = path / key
+        if file.is_symlink() or not (file.is_file() and file.read_bytes() == data):
             file.parent.mkdir(exist_ok=True)
             folder.write_durably(file, data)
 
 
-def write_samples(opened: OpenStore, index: int, samples: dict[str, NDArray[Any]]) -> None:
-    """Write the samples of a chunk, and wait until they are on disk.
+def write_samples(opened: OpenStore, index: int, samples: dict[str, NDArray[Any]]) -> Files:
+    """Write the samples of a chunk, wait until they are on disk, and return their files.
 
     Parameters
     ----------
@@ -354,13 +472,17 @@ def write_samples(opened: OpenStore, index: int, samples: dict[str, NDArray[Any]
     OutputError
         They cannot be written.
     """
-    with disk_errors(opened.path):
-        _write(opened.arrays, opened.request.job, opened.path, index, samples)
+    if opened.path is not None:
+        return _write(opened.path, opened.request.job, index, samples)
+    start, stop = opened.request.job.range(index)
+    for name, values in samples.items():
+        opened.arrays[name][start:stop] = _stored_form(name, values)
+    return {}
 
 
 def write_chunk(
     path: Path, token: str, job: Job, index: int, samples: dict[str, NDArray[Any]]
-) -> None:
+) -> Files:
     """Write the samples of a chunk from a worker process, possibly on another machine.
 
     Parameters
@@ -377,25 +499,32 @@ def write_chunk(
     OutputError
         They cannot be written, or this machine does not see the folder.
     """
-    import zarr
-
     if folder.lock_of(path).get("token") != token:
         raise OutputError(
             path,
             "is not visible to all workers; --output must be on a file system that they share, or "
             "use --keep summary",
         )
-    with disk_errors(path):
-        group = zarr.open_group(str(path), mode="r+", zarr_format=2)
-        _write({name: group[name] for name in samples}, job, path, index, samples)
+    return _write(path, job, index, samples)
 
 
-def _write(arrays: dict[str, Any], job: Job, path: Path | None, index: int, samples: Any) -> None:
-    start, stop = job.range(index)
+def _write(path: Path, job: Job, index: int, samples: dict[str, NDArray[Any]]) -> Files:
+    """Write the chunks of the arrays as Zarr does, which omits those that equal the fill value."""
+    files = {}
     for name, values in samples.items():
-        arrays[name][start:stop] = values
-        if path is not None:
-            folder.sync(path / name / ".".join([str(index), *["0"] * (values.ndim - 1)]))
+        chunk = np.full((job.chunk, *values.shape[1:]), _unknown(name, values.dtype), values.dtype)
+        chunk[: len(values)] = _stored_form(name, values)
+        data = bytes(_codec().encode(chunk))
+        key = f"{name}/{'.'.join([str(index), *['0'] * (values.ndim - 1)])}"
+        with disk_errors(path):
+            (path / name).mkdir(exist_ok=True)
+            folder.write_content(path / key, data)
+        files[key] = digest_of(data)
+    return files
+
+
+def _stored_form(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    return values + variables.FIRST_VERDICT if name in variables.VERDICTS else values
 
 
 def save_progress(opened: OpenStore) -> None:
@@ -409,8 +538,9 @@ def save_progress(opened: OpenStore) -> None:
     if opened.path is None:
         return
     stream = io.BytesIO()
-    arrays: dict[str, Any] = {"done": np.packbits(opened.done), **opened.summary.arrays()}
-    np.savez(stream, **arrays)
+    files = np.frombuffer(json.dumps(opened.progress.files).encode(), np.uint8)
+    arrays: dict[str, Any] = {"done": np.packbits(opened.done), "files": files}
+    np.savez(stream, **(arrays | opened.summary.arrays()))
     with disk_errors(opened.path):
         for name in opened.arrays:
             folder.sync(opened.path / name)  # syncs the directory entries, not only the content
@@ -431,7 +561,7 @@ def finish(opened: OpenStore) -> None:
         opened.tree.update(tree)
         return
     with disk_errors(opened.path):
-        _write_tree(opened.path, tree)
+        _write_tree(opened.path, opened.request, tree, opened.progress.files)
         _clean_up(opened.path)
 
 
@@ -454,29 +584,37 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         The folder does not contain a sweep, or it is damaged.
     """
     where = Path(path)
-    metadata = _metadata_of(where, SweepError)
-    if not metadata["complete"] and not (where / _PROGRESS).exists():
-        metadata = _metadata_of(where, SweepError)  # it may have completed in the meantime
+    manifest = read_manifest(where, SweepError)
+    if not manifest.is_complete and not (where / _PROGRESS).exists():
+        manifest = read_manifest(where, SweepError)  # it may have completed in the meantime
     _needs_zarr()
     try:
-        setting = SweepSetting.from_dict(metadata["setting"])
-        sets = sets_from_lists(metadata["sets"])
-        bins = Bins(**metadata["bins"])
-        stored = metadata["workspace"].items()
-        grid: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stored}
-        workspace = Workspace(**grid)
-        if metadata["complete"]:
-            summary = _stored_summary(where, bins, workspace)
+        setting, sets, bins, workspace = _described(manifest)
+        check_sizes(where, manifest.files)
+        if manifest.is_complete:
+            summary = _stored_summary(where, manifest)
         else:
             chunks = -(-setting.count // setting.chunk)
-            summary, _ = _stored_progress(where, bins, workspace, len(sets), chunks)
+            progress = _stored_progress(where, bins, workspace, len(sets), chunks)
+            check_sizes(where, progress.files)
+            summary = progress.summary
         opening = partial(dataset_of, str(where))
         opening()  # detect damage now, not on first access
         return Sweep(setting, sets, summary, str(where), opening)
-    except FtforceError:
+    except (FtforceError, MemoryError):
         raise
     except Exception as problem:  # a damaged store may raise anything
-        raise SweepError(path, f"is damaged ({problem}); expected {_EXPECTED}") from None
+        raise SweepError(path, f"is damaged ({problem}); expected {EXPECTED}") from None
+
+
+def _described(manifest: Manifest) -> tuple[SweepSetting, tuple[FaultSet, ...], Bins, Workspace]:
+    about = manifest.about
+    stored = about["workspace"].items()
+    grid: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stored}
+    bins, workspace = Bins(**about["bins"]), Workspace(**grid)
+    sets = sets_from_lists(about["sets"])
+    check_summary_size(len(sets), bins, workspace)  # before any array of that size is made
+    return SweepSetting.from_dict(about["setting"]), sets, bins, workspace
 
 
 def _needs_zarr() -> None:
@@ -490,53 +628,80 @@ def _needs_zarr() -> None:
 
 
 def dataset_of(store: Any) -> Any:
-    """Return all arrays of a store as an xarray Dataset, loaded lazily."""
-    import xarray as xr
+    """Return all arrays of a store as an xarray Dataset, loaded lazily.
 
-    return xr.open_dataset(store, engine="zarr", consolidated=True, chunks=None)
+    Verdicts are indices of `ftforce.core.verdict.VERDICTS`, which they are not in the store.
+
+    Parameters
+    ----------
+    store :
+        Path of the folder, or a store in memory.
+    """
+    from ftforce.batch.store.reading import open_dataset
+
+    if not isinstance(store, str):
+        return open_dataset(store, is_complete=True)
+    path = Path(store)
+    manifest = read_manifest(path, SweepError)
+    return open_dataset(_checked_store(path, manifest), is_complete=manifest.is_complete)
 
 
-def _metadata_of(path: Path, error: Any) -> dict[str, Any]:
-    """Return the stored description of the sweep in a folder."""
-    if not path.exists():
-        raise error(path, f"no such folder; expected {_EXPECTED}")
-    try:
-        attributes = json.loads((path / _ATTRIBUTES).read_text("utf-8"))
-        found = json.loads(attributes[variables.METADATA])
-        version, _, _ = found["format"], found["identity"], found["complete"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise error(path, f"is not a sweep; expected {_EXPECTED}") from None
-    if version != _FORMAT:
-        raise error(path, f"has format {version}; this version of ftforce reads format {_FORMAT}")
-    return dict(found)
+def _checked_store(path: Path, manifest: Manifest) -> Any:
+    from ftforce.batch.store.reading import CheckedStore
+
+    described = setting, sets, bins, workspace = _described(manifest)
+    files = manifest.files
+    if not manifest.is_complete:
+        chunks = -(-setting.count // setting.chunk)
+        progress = _stored_progress(path, bins, workspace, len(sets), chunks)
+        files = {**files, **progress.files}
+    shapes = variables.shapes_of(*described)
+    return CheckedStore(path, files, shapes, is_complete=manifest.is_complete)
 
 
 def _stored_progress(
     path: Path, bins: Bins, workspace: Workspace, n_sets: int, chunks: int
-) -> tuple[Summary, NDArray[np.bool_]]:
-    """Return the summary of the finished chunks, and which chunks are finished."""
+) -> Progress:
+    """Return the finished chunks."""
     file = path / _PROGRESS
     if not file.exists():
-        return Summary.empty(n_sets, bins, workspace), np.zeros(chunks, np.bool_)
+        return Progress.none(Summary.empty(n_sets, bins, workspace), chunks)
     try:
-        with np.load(file) as found:
-            arrays = {name: found[name] for name in found.files}
+        arrays = read_npz(read_regular(path, _PROGRESS))
         done = np.unpackbits(arrays.pop("done"), count=chunks).astype(np.bool_)
-        return Summary.from_arrays(arrays, bins, workspace), done
+        files = {key: tuple(one) for key, one in json.loads(arrays.pop("files").tobytes()).items()}
+        summary = Summary.from_arrays(arrays, bins, workspace)
+        return Progress(summary, done, np.zeros(chunks, np.bool_), files)
+    except MemoryError:
+        raise
     except Exception as problem:  # a damaged file may raise anything
         raise SweepError(file, f"is damaged ({problem}); remove it to start again") from None
 
 
-def _stored_summary(path: Path, bins: Bins, workspace: Workspace) -> Summary:
+def _stored_summary(path: Path, manifest: Manifest) -> Summary:
+    """Return the summary of a complete sweep.
+
+    Raises
+    ------
+    SweepError
+        It is damaged.
+    """
     import zarr
 
-    group = zarr.open_group(str(path), mode="r", zarr_format=2, use_consolidated=True)
-    arrays = {}
-    for name, array in _arrays(group):
-        bare = name.removeprefix(variables.SUMMARY_PREFIX)
-        if bare != name:
-            arrays[bare] = variables.unshaped(bare, np.asarray(array[...]), workspace)
-    return Summary.from_arrays(arrays, bins, workspace)
+    _, _, bins, workspace = _described(manifest)
+    try:
+        store = _checked_store(path, manifest)
+        group = zarr.open_group(store, mode="r", zarr_format=2, use_consolidated=True)
+        arrays = {}
+        for name, array in _arrays(group):
+            bare = name.removeprefix(variables.SUMMARY_PREFIX)
+            if bare != name:
+                arrays[bare] = variables.unshaped(bare, np.asarray(array[...]), workspace)
+        return Summary.from_arrays(arrays, bins, workspace)
+    except (FtforceError, MemoryError):
+        raise
+    except Exception as problem:  # a damaged store may raise anything
+        raise SweepError(path, f"is damaged ({problem}); {AGAIN}") from None
 
 
 def _arrays(group: Any) -> Iterable[tuple[str, Any]]:

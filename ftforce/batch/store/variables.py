@@ -5,16 +5,15 @@ Units and attributes follow the CF conventions, which xarray and netCDF understa
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.batch.job import PER_SET
+from ftforce.batch.job import PER_POSTURE, PER_SET
 from ftforce.batch.kernels.layout import CELL_BINS
 from ftforce.batch.result import SweepSetting, sets_to_lists
-from ftforce.batch.summary.summary import RANKS
+from ftforce.batch.summary.summary import RANKS, summary_shapes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,14 +21,20 @@ if TYPE_CHECKING:
     from ftforce.batch.summary.bins import Bins, Workspace
     from ftforce.core.faults import FaultSet
 
-METADATA = "ftforce"
-"""Attribute of the group that holds ftforce's own metadata, as JSON."""
+FIRST_VERDICT = 1
+"""Stored code of the first verdict: 0, as lost data often reads, is none."""
+VERDICTS = ("verdict", "worst_verdict")
+"""Names of the arrays of samples that hold verdicts."""
+VERDICT_CODES = {"flag_values": [0, 1, 2], "flag_meanings": "tolerated borderline not_tolerated"}
+"""Attributes of verdicts as indices of `ftforce.core.verdict.VERDICTS`."""
 SUMMARY_PREFIX = "summary_"
 """Prefix of the names of the arrays of the summary."""
+SAMPLES = (*PER_POSTURE, *PER_SET, "worst_set", *(f"worst_{name}" for name in PER_SET))
+"""Names of all arrays of samples."""
 _CELLS = ("cell_x", "cell_y", "cell_z")
 _SET = ("fault_set",)
 
-_VERDICT = {"flag_values": [0, 1, 2], "flag_meanings": "tolerated borderline not_tolerated"}
+_STORED_CODES = {**VERDICT_CODES, "flag_values": [1, 2, 3]}
 
 # Unit and description; "force" and "joint" stand for units that depend on the task and the joints.
 _SAMPLES: dict[str, tuple[str, str]] = {
@@ -148,7 +153,7 @@ def sample(name: str, setting: SweepSetting) -> Variable:
         text = f"of the worst fault set: {text}"
     attributes: dict[str, Any] = {**_units(unit, setting), "long_name": text}
     if bare == "verdict":
-        attributes |= _VERDICT
+        attributes |= _STORED_CODES
     if name == "q":
         attributes["coordinates"] = "joint_unit"
     return Variable(("posture", *own, *per_set), attributes)
@@ -230,7 +235,7 @@ def coordinates(
                 },
             ),
         ),
-        "verdict_code": _codes("verdict_code", 3, "verdict", _VERDICT),
+        "verdict_code": _codes("verdict_code", 3, "verdict", _STORED_CODES, FIRST_VERDICT),
         "rank": _codes("rank", RANKS, "rank", {}),
         "tolerated_set_count": _codes("tolerated_set_count", len(sets) + 1, "number of sets", {}),
     }
@@ -245,8 +250,11 @@ def _names(values: Any, dimension: str, text: str) -> tuple[NDArray[Any], Variab
     return np.array(list(values), np.str_), Variable((dimension,), {"long_name": text})
 
 
-def _codes(name: str, count: int, text: str, more: dict[str, Any]) -> tuple[NDArray[Any], Variable]:
-    return np.arange(count), Variable((name,), {"units": "1", "long_name": text} | more)
+def _codes(
+    name: str, count: int, text: str, more: dict[str, Any], first: int = 0
+) -> tuple[NDArray[Any], Variable]:
+    about = Variable((name,), {"units": "1", "long_name": text} | more)
+    return np.arange(first, first + count), about
 
 
 def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Variable]]:
@@ -275,7 +283,7 @@ def _bins(bins: Bins, setting: SweepSetting) -> dict[str, tuple[NDArray[Any], Va
     return found
 
 
-def attributes(
+def description(
     setting: SweepSetting,
     sets: tuple[FaultSet, ...],
     bins: Bins,
@@ -285,9 +293,7 @@ def attributes(
     identity: dict[str, Any],
     complete: bool,
 ) -> dict[str, Any]:
-    """Return the attributes of the group, for readers and for ftforce itself.
-
-    They do not depend on when, where or by whom the sweep was run.
+    """Return what ftforce itself has to know of a sweep, in JSON form.
 
     Parameters
     ----------
@@ -302,8 +308,7 @@ def attributes(
     complete :
         Whether the sweep is complete.
     """
-    axes = f"{setting.axes} axes"
-    own = {
+    return {
         "format": version,
         "complete": complete,
         "identity": identity,
@@ -312,6 +317,19 @@ def attributes(
         "bins": asdict(bins),
         "workspace": asdict(workspace),
     }
+
+
+def attributes(setting: SweepSetting) -> dict[str, Any]:
+    """Return the attributes of the group, for other programs.
+
+    They do not depend on when, where or by whom the sweep was run.
+
+    Parameters
+    ----------
+    setting :
+        The setting of the sweep.
+    """
+    axes = f"{setting.axes} axes"
     return {
         "Conventions": "CF-1.11",
         "title": f"fault sweep of {setting.robot}",
@@ -327,8 +345,30 @@ def attributes(
         "fault_mode": setting.mode,
         "rtol": setting.rtol,
         "wary": setting.wary,
-        METADATA: json.dumps(own, ensure_ascii=False),
     }
+
+
+def shapes_of(
+    setting: SweepSetting, sets: tuple[FaultSet, ...], bins: Bins, workspace: Workspace
+) -> dict[str, tuple[int, ...]]:
+    """Return the shape of every array that a sweep may have, by name.
+
+    Parameters
+    ----------
+    setting, sets :
+        The setting and the fault sets of the sweep.
+    bins, workspace :
+        Histogram bins, and workspace cells.
+    """
+    sizes = {"posture": setting.count, "joint": setting.n, "axis": 3, "fault_set": len(sets)}
+    found = {}
+    for name in SAMPLES:
+        found[name] = tuple(sizes[key] for key in sample(name, setting).dimensions)
+    for name, shape in summary_shapes(len(sets), bins, workspace.cells).items():
+        cells = name.startswith("cell_")
+        found[f"{SUMMARY_PREFIX}{name}"] = (*workspace.shape, *shape[1:]) if cells else shape
+    given = coordinates(setting, sets, bins, workspace)
+    return found | {name: values.shape for name, (values, _) in given.items()}
 
 
 def shaped(name: str, values: NDArray[Any], workspace: Workspace) -> NDArray[Any]:

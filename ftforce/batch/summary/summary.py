@@ -240,8 +240,8 @@ class Summary:
         InputError
             It would exceed 1 GB; the message says what to reduce.
         """
-        shapes = _shapes(n_sets, bins, workspace.cells)
-        _check_size(n_sets, workspace, shapes)
+        check_summary_size(n_sets, bins, workspace)
+        shapes = summary_shapes(n_sets, bins, workspace.cells)
         made = {name: _blank(name, shape) for name, shape in shapes.items()}
         return cls(bins=bins, workspace=workspace, **made)
 
@@ -356,7 +356,14 @@ class Summary:
                 yield field.name, value
 
 
-def _shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
+def summary_shapes(sets: int, bins: Bins, cells: int) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each array of a summary, by name.
+
+    Parameters
+    ----------
+    sets, bins, cells :
+        Numbers of fault sets and of cells, and the bins.
+    """
     shapes: dict[str, tuple[int, ...]] = {"postures": (), "outside": (), "healthy_unknown": ()}
     shapes |= {"healthy_rank": (RANKS,), "healthy_margin": (LINEAR_BINS,)}
     shapes |= {"tolerated_sets": (sets + 1,), "verdicts": (sets, _VERDICTS)}
@@ -387,7 +394,20 @@ def _blank(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     return np.full(shape, -math.inf) if name.startswith("max") else np.zeros(shape, np.int64)
 
 
-def _check_size(sets: int, workspace: Workspace, shapes: dict[str, tuple[int, ...]]) -> None:
+def check_summary_size(sets: int, bins: Bins, workspace: Workspace) -> None:
+    """Check that a summary fits in 1 GB.
+
+    Parameters
+    ----------
+    sets, bins, workspace :
+        Number of fault sets, the bins and the cells.
+
+    Raises
+    ------
+    InputError
+        It does not; the message says what to reduce.
+    """
+    shapes = summary_shapes(sets, bins, workspace.cells)
     size = 8 * sum(math.prod(shape) for shape in shapes.values())
     if size <= _MAX_BYTES:
         return

@@ -69,6 +69,8 @@ def read_collada(text: str, path: Path, max_triangles: int) -> Trimesh:
     try:
         metre = _metre(root)
         return _scene(_parsed(root), max_triangles).apply_scale(metre)
+    except MemoryError:
+        raise
     except Exception as problem:  # pycollada raises all kinds of exceptions on invalid input
         reason = printable(getattr(problem, "msg", problem))[:200]
         raise FileError(path, f"cannot be read as COLLADA ({reason})") from None

@@ -72,6 +72,8 @@ def _stl(data: bytes, path: Path) -> Trimesh:
         if data.lower().count(b"endsolid") > _MAX_SOLIDS:  # trimesh gives each a unique name
             raise ValueError(f"more than {_MAX_SOLIDS} solids")
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
+    except MemoryError:
+        raise
     except Exception as problem:  # trimesh raises all kinds of exceptions on invalid input
         raise FileError(path, f"cannot be read as an STL ({printable(problem)[:200]})") from None
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)  # drops normals and attributes
