@@ -236,7 +236,8 @@ def test_joints_with_names_of_any_kind_fail_in_any_mode(tmp_path, names):
 
 
 def test_doubtful_positions_are_a_warning(good):
-    result = run("analyze", str(good), "--q", "0,0,5,0", "--format", "json")
+    options = ["--q", "0,0,5,0", "--gravity", "0,0,0", "--format", "json"]
+    result = run("analyze", str(good), *options)
     warning = "outside the joint limits: j3 = 5 (limits -1 to 2 rad)"
     assert result.stderr == f"warning: {warning}\n"
     assert json.loads(result.stdout)["warnings"] == [warning]
