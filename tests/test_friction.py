@@ -249,10 +249,11 @@ def test_rays_by_hand(seed):
             ends = sorted([(-most - w) / x, (most - w) / x])
             low, high = max(low, ends[0]), min(high, ends[1])
     if long.any():
-        s = -(lever[long] @ rnea[long]) / (lever[long] @ lever[long])
-        if s < 0.0 or (np.abs(s * lever + rnea) > friction)[long].any():
+        weight = np.where(np.abs(rnea) <= 1e-3 * friction, 0.0, rnea)  # next to nothing
+        s = -(lever[long] @ weight[long]) / (lever[long] @ lever[long])
+        if s < 0.0 or (np.abs(s * lever + weight) > friction)[long].any():
             s = 0.0 if rests else -1.0
-        low, high = max(low, 0.0 if rests else s), min(high, s)
+        low, high = max(low, s), min(high, s)
     _, sigma, _ = np.linalg.svd(J[:, free])
     if free.sum() > np.count_nonzero(sigma > 1e-6 * scale):
         return  # a combination that no force moves is judged apart
@@ -315,6 +316,37 @@ def test_analyze_capability_census_sweep_and_remapper_agree(name):
                 # what is tolerated without limits ends at a motor's limit at most
                 free_of_limits = reach(result.bounded.feasible, force)
                 assert free_of_limits.minimum <= 1.0 + 1e-6 <= free_of_limits.maximum + 2e-6
+
+
+@pytest.mark.parametrize("friction", [None, 3.0])
+def test_the_whole_force_is_held_if_and_only_if_nothing_jumps(panda, friction):
+    rng, seen = np.random.default_rng(5), set()
+    lower, upper = panda.ranges
+    asked = {"force": [0, 0, -5], "axes": "world", "friction": friction}
+    for q in lower + rng.random((12, 7)) * (upper - lower):
+        for joint in range(1, 8):
+            result = analyze(panda, q, free=joint, **asked)
+            if result.force.after is None:
+                continue
+            is_kept = result.force.jump_norm <= 1e-6 * 5.0
+            assert is_kept == (result.bounded.share == 1.0) == (result.verdict.value == "tolerated")
+            seen.add((is_kept, result.bounded.share))
+    assert {True, False} == {kept for kept, _ in seen}
+
+
+def test_an_arm_of_unknown_weight_has_ideal_joints(tmp_path):
+    bare = urdfs.robot(
+        *(urdfs.link(name, "") for name in urdfs.LINKS),
+        *(
+            urdfs.joint(f"j{i + 1}", *urdfs.LINKS[i : i + 2], axis=axis,
+                        limit='<limit lower="-1" upper="2" effort="0" velocity="1"/>')
+            for i, axis in enumerate(urdfs.AXES)
+        ),
+    )  # fmt: skip
+    arm = load_robot(urdfs.write(tmp_path, bare))
+    result = analyze(arm, free=2, force=[1, 2, 3])
+    assert "unknown: neither friction nor" in result.question.friction.in_words(arm, [1])
+    assert "friction" not in verdict_sentence(result)
 
 
 def test_friction_of_zero_is_the_ideal_joint(panda):

@@ -197,12 +197,21 @@ class Analysis(Answered):
         if self.velocity is not None and self.impact is None and self.rnea.is_known:
             found += unknown_impact(self.faults)
         if self.limits is None:
-            found += beyond_limits(self.robot, self.faults, self.torque)
+            found += beyond_limits(self.robot, self.faults, self._needed())
         else:
             found += unjudged(self.robot, self.faults, self.limits)
         if self.force is not None and self.can_stand_still and self.bounded is not None:
             found += overload(self.robot, self.bounded.overloaded)
         return tuple(found)
+
+    def _needed(self) -> Vector | None:
+        """Return the motor torques after the fault; without a force, those for the weight."""
+        if not self.can_stand_still:
+            return None
+        if self.torque is None:
+            return np.where(self.reduced.commanding, load_without_force(self), 0.0)
+        total, after = self.torque.total_after, self.torque.after
+        return after if total is None else total
 
     def residuals(self) -> Mapping[str, float]:
         """Return the relative residuals of the equations that the result must satisfy; 0 is exact.

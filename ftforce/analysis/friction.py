@@ -27,6 +27,7 @@ _SHARE_OF_EFFORT = 1e-3
 GIVEN, FROM_URDF = "given", "the URDF"
 FROM_EFFORT = "0.1 % of the effort limit"
 FROM_WEIGHT = "0.1 % of the largest weight torque"
+UNKNOWN = "unknown: neither friction nor effort limit nor masses in the URDF"
 
 _of_robots: WeakKeyDictionary[Robot, Friction] = WeakKeyDictionary()  # without limits
 
@@ -76,7 +77,7 @@ class Friction:
     @property
     def option(self) -> str:
         """What ``--friction`` has to say to give this friction; empty if it says nothing."""
-        known = {GIVEN, FROM_URDF, FROM_EFFORT, FROM_WEIGHT}
+        known = {GIVEN, FROM_URDF, FROM_EFFORT, FROM_WEIGHT, UNKNOWN}
         if files := [source for source in self.sources if source not in known]:
             return files[0]
         values = {x for x, source in zip(self.torque, self.sources, strict=True) if source == GIVEN}
@@ -125,7 +126,8 @@ def _friction(robot: Robot, given: Vector, source: str, effort: Vector) -> Frict
     torque, sources = [], []
     for one, own, most in zip(given, robot.friction, effort, strict=True):
         known = [(one, source), (own, FROM_URDF), (_SHARE_OF_EFFORT * most, FROM_EFFORT)]
-        value, origin = next((x for x in known if not math.isnan(x[0])), (math.nan, FROM_WEIGHT))
+        last = (math.nan, FROM_WEIGHT) if robot.mass > 0.0 else (0.0, UNKNOWN)
+        value, origin = next((x for x in known if not math.isnan(x[0])), last)
         torque.append(value)
         sources.append(origin)
     return Friction(read_only(np.array(torque)), tuple(sources))

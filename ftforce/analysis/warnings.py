@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from ftforce.analysis.question import Question
-    from ftforce.core.changes import RneaChange, TorqueChange
+    from ftforce.core.arrays import Vector
+    from ftforce.core.changes import RneaChange
     from ftforce.core.faults import FaultSet
     from ftforce.core.limits import Limits
     from ftforce.core.reduced_jacobian import ReducedJacobian
@@ -80,7 +81,7 @@ def unknown_impact(faults: FaultSet) -> Iterator[str]:
         )
 
 
-def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -> Iterator[str]:
+def beyond_limits(robot: Robot, faults: FaultSet, needed: Vector | None) -> Iterator[str]:
     """Warn about weak joints and overloaded motors when no limits are in force.
 
     Parameters
@@ -89,13 +90,12 @@ def beyond_limits(robot: Robot, faults: FaultSet, torque: TorqueChange | None) -
         The arm.
     faults :
         The fault set.
-    torque :
-        Motor torques before and after the fault; ``None`` without a force.
+    needed :
+        Motor torques after the fault, N·m (N), shape (n,); ``None`` if there is no equilibrium.
     """
     yield from unjudged(robot, faults, None)
-    if torque is None or torque.after is None:
+    if needed is None:
         return
-    needed = torque.after if torque.total_after is None else torque.total_after
     for joint, value in zip(robot.joints, needed.tolist(), strict=True):
         if joint.effort is not None and abs(value) > joint.effort * (1.0 + _SLACK):
             yield (

@@ -427,9 +427,9 @@ def share_of(feasible: FeasibleForces, F: Vector) -> float | None:
         Desired force, weighted, shape (m,).
     """
     ray = reach(feasible, F) if F.any() else _at_rest(feasible)
-    if ray.is_empty or ray.minimum > 1.0:
-        return None
-    return min(ray.maximum, 1.0)
+    if ray.minimum <= min(ray.maximum, 1.0):
+        return min(ray.maximum, 1.0)
+    return None if _at_rest(feasible).is_empty else 0.0
 
 
 def _at_rest(feasible: FeasibleForces) -> Reach:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 
 _ROUNDING = 1e-12  # smaller torques, relative to the arm's, count as zero
+_SLIGHT = 1e-3  # of the friction of a joint: its weight asks for no force at the tip
 _SHARE_OF_WEIGHT = 1e-3  # of the largest weight torque: friction of a joint of unknown friction
 
 
@@ -175,14 +176,15 @@ class Bearings(NamedTuple):
     def _balanced(self, lever: Vector, long: Mask) -> Reach:
         """Return the range in which the force balances joints with a lever: one point, or none.
 
-        It solves [rnea]_k + s J_kᵀ d = 0; up to there friction may bear the weight.
+        It solves [rnea]_k + s J_kᵀ d = 0. Without a force, friction alone may bear the weight.
         """
         size = float(np.abs(lever[long]).max())
-        x, w = lever[long] / size, self.weight[long] / size
+        x, w, most = lever[long] / size, self.weight[long], self.friction[long]
+        w = np.where(np.abs(w) <= _SLIGHT * most, 0.0, w) / size
         s = -float(x.dot(w) / x.dot(x)) + 0.0
-        if s < 0.0 or (np.abs(s * x + w) * size > self.friction[long]).any():
+        if s < 0.0 or (np.abs(s * x + w) * size > most).any():
             return Reach(0.0, 0.0) if self.is_at_rest else NOTHING
-        return Reach(0.0 if self.is_at_rest else s, s)
+        return Reach(s, s)
 
     def _borne(self, k: int, x: float, shortest: float) -> Reach:
         """Return the range in which friction bears what a force with the lever x leaves."""

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Vector
 
 _NOTHING = 1e-6  # of what friction can bear: rounding errors of the URDF, not worth a word
+_LEAST = 1e-9  # N·m (N): smaller torques would be printed as 0
 
 
 def torque_at(analysis: Analysis, weighted: Vector) -> list[float]:
@@ -34,7 +35,7 @@ def friction_borne(analysis: Analysis) -> dict[int, dict[str, Any]]:
     return {
         j: {"torque": x, "limit": most, "source": sources[j]}
         for j, x, most in zip(bearings.joints, torques, limits, strict=True)
-        if not bearings.is_ideal and abs(x) > _NOTHING * most
+        if not bearings.is_ideal and abs(x) > max(_NOTHING * most, _LEAST)
     }
 
 

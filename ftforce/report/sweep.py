@@ -69,10 +69,12 @@ def _critical(sweep: Sweep) -> str:
         )
     alike = [joint for joint in sweep.joints if _overlap(joint.not_tolerated, first.not_tolerated)]
     if len(alike) == len(names) > 1:
-        return f"No joint is more critical than the others: {_share_of(first)}."
+        share = _share_of(first, f"the failure of {names[first.joint]}")
+        return f"No joint is more critical than the others: {share}."
     if len(alike) > 1:
         together = joined(names[joint.joint] for joint in alike)
-        return f"The critical joints are {together}, too close to tell apart: {_share_of(first)}."
+        share = _share_of(first, f"the failure of {names[first.joint]}")
+        return f"The critical joints are {together}, too close to tell apart: {share}."
     return f"The critical joint is {names[first.joint]}: {_share_of(first)}."
 
 
@@ -84,8 +86,8 @@ def _cases(joint: JointCriticality) -> str:
     return "the postures" if joint.sets == 1 else f"the cases ({joint.sets} sets per posture)"
 
 
-def _share_of(joint: JointCriticality) -> str:
-    return f"{percent(joint.not_tolerated.value)} of {_cases(joint)} do not tolerate its failure"
+def _share_of(joint: JointCriticality, failure: str = "its failure") -> str:
+    return f"{percent(joint.not_tolerated.value)} of {_cases(joint)} do not tolerate {failure}"
 
 
 def _overlap(one: Estimate, other: Estimate) -> bool:

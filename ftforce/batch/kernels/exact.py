@@ -26,6 +26,9 @@ _SWEEPS = 40  # most sweeps of Jacobi rotations
 _ORTHOGONAL = 4e-16  # cosine of the angle between rows that need no rotation
 _NEGLIGIBLE = 1e-18  # relative to the longest row
 _ROUNDING = 1e-12  # relative to the gravity torques
+SLIGHT = 1e-3
+"""Of the friction of a joint: a smaller weight asks for no force at the tip."""
+
 SHARE_OF_WEIGHT = 1e-3
 """Friction of a joint whose friction is unknown, relative to the largest gravity torque."""
 
@@ -666,7 +669,7 @@ def _multiples_borne(scratch, free, min_lever, shortest, rtol):
             most = max(scratch.friction[k], rtol * total)
             at_rest &= abs(weight) <= most
             if abs(lever) > shortest:  # an equation, [rnea]_k + s J_kᵀ d = 0
-                along += lever * weight
+                along += lever * (weight if abs(weight) > SLIGHT * most else 0.0)
                 square += lever * lever
             elif abs(lever) > min_lever:
                 first, last = (-most - weight) / lever, (most - weight) / lever
@@ -682,8 +685,9 @@ def _multiples_borne(scratch, free, min_lever, shortest, rtol):
         if free[k]:
             lever, weight = lever_of(scratch, k, scratch.d), _weight_of(scratch, k, total)
             most = max(scratch.friction[k], rtol * total)
+            weight = weight if abs(weight) > SLIGHT * most else 0.0
             fits &= not (abs(lever) > shortest and abs(s * lever + weight) > most)
     if not (fits or at_rest):
         return 0.0, -1.0
     s = s if fits else 0.0
-    return max(s_min, 0.0 if at_rest else s), min(s_max, s)
+    return max(s_min, s), min(s_max, s)

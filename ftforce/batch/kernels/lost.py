@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from ftforce.batch.kernels.exact import SHARE_OF_WEIGHT
+from ftforce.batch.kernels.exact import SHARE_OF_WEIGHT, SLIGHT
 from ftforce.batch.kernels.jit import inner
 from ftforce.batch.kernels.layout import (
     BORDERLINE,
@@ -449,8 +449,8 @@ def limit_by_column(k, question, d, largest, lost, s_min, s_max):
         if is_zero:
             low, high = 0.0, (math.inf if is_resting else -1.0)
         if is_long:  # an equation, [rnea]_k + s J_kᵀ d = 0
-            s = -w / x
-            low, high = (0.0 if is_resting else s), s
+            s = -w / x if abs(w) > SLIGHT * most else 0.0
+            low, high = s, s
             if s < 0.0:
                 low, high = 0.0, (0.0 if is_resting else -1.0)
         s_min[b], s_max[b] = low, high

@@ -219,7 +219,8 @@ def _load_measures(analysis: Analysis) -> list[tuple[str, str]]:
     """Return brake loads, contributions of the joints, and torque that exerts no force."""
     robot, torque = analysis.robot, analysis.torque
     locked = analysis.faults.in_mode(FaultMode.LOCKED)
-    kind = "" if analysis.rnea.is_known else " (force part)"
+    known = "force part" if analysis.conditions.payload is None else "without the arm's weight"
+    kind = "" if analysis.rnea.is_known else f" ({known})"
     if torque is None:
         if not analysis.rnea.is_known or not locked or not analysis.can_stand_still:
             return []

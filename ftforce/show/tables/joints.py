@@ -40,7 +40,8 @@ def torque_table(analysis: Analysis, torque: TorqueChange, *, degrees: bool) -> 
     result = listing(f"Motor torque [N·m] = force part JᵀF + {part}", rows, left=3, folded=(1,))
     notes = []
     if not analysis.rnea.is_known:
-        notes.append("? unknown: the URDF has no masses; used: of the force part")
+        more = "" if analysis.conditions.payload is None else " and the payload"
+        notes.append(f"? unknown: the URDF has no masses; used: of the force part{more}")
     if analysis.limits is None:
         notes.append("limits are those of the URDF and not enforced")
     result.caption = "; ".join(notes)
@@ -81,7 +82,10 @@ def _load(analysis: Analysis, torque: TorqueChange, i: int) -> float:
         return math.nan
     if analysis.reduced.locked[i]:
         return float(torque.brake_load[i])
-    return float((torque.after if torque.total_after is None else torque.total_after)[i])
+    if torque.total_after is not None:
+        return float(torque.total_after[i])
+    own = analysis.reduced.commanding[i]  # of the payload, if any: the arm's weight is unknown
+    return float(torque.after[i] + (analysis.rnea.after[i] if own else 0.0))
 
 
 def _shown(torque: Vector | None, i: int, unit: str, unknown: str = "–") -> str:

@@ -130,6 +130,8 @@ def _capabilities(timeline: Timeline, most: int) -> TitledTable:
         folded=(1,),
     )
     result.caption = "kept: commanded, of that of the healthy arm at the same time"
+    if any(math.isnan(x) for worst in instants for x in (worst.capability, worst.held)):
+        result.caption += "\n–: no force in this direction holds the arm"
     if any(worst.capability_kept > _MORE for worst in instants):
         result.caption += f"\n{ABOVE_HEALTHY}"
     return result
@@ -145,4 +147,4 @@ def _capability(timeline: Timeline, worst: WorstInstant) -> Iterator[tuple[str, 
 
 
 def _least(capability: float) -> str:
-    return "falls" if math.isnan(capability) else amount(capability, 2)
+    return amount(capability, 2)
