@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -840,3 +841,41 @@ def test_plots_of_one_comparison_have_one_scale(history, capability):
     assert len({(ax.get_xlim(), ax.get_ylim()) for ax in planes}) == 1
     corners = np.vstack([patch.get_xy() for ax in planes for patch in ax.patches])
     assert planes[0].get_xlim()[0] <= corners.min() <= corners.max() <= planes[0].get_xlim()[1]
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_a_file_does_not_depend_on_matplotlibrc(tmp_path, ending):
+    """LaTeX may be missing, a font, or the format; equal results give identical bytes."""
+    capability = ftforce.capability(ftforce.load_robot("dh5"), locked=[3])
+    path = tmp_path / f"force.{ending}"
+    wanted = figures.figure_bytes(capability, path)
+    theirs = {
+        "text.usetex": True,
+        "font.family": "NoSuchFont",
+        "figure.dpi": 1e9,
+        "savefig.format": "xyz",
+        "axes.formatter.use_mathtext": True,
+        "lines.linewidth": 30.0,
+    }
+    with matplotlib.rc_context(theirs):
+        assert figures.figure_bytes(capability, path) == wanted
+        assert matplotlib.rcParams["text.usetex"] is True  # of the user's own figures
+
+
+def test_characters_that_the_font_lacks_are_one_warning(tmp_path):
+    text = (FilePath(__file__).parents[1] / "robots" / "dh5.urdf").read_text("utf-8")
+    path = tmp_path / "arm.urdf"
+    path.write_text(text.replace('"joint2"', '"関節"').replace('"joint3"', '"肘"'), "utf-8")
+    census = ftforce.census(ftforce.load_robot(path, tip="tool"))
+    with pytest.warns(RuntimeWarning, match="boxes for characters that its font lacks: ") as said:
+        figures.figure_bytes(census, tmp_path / "census.svg")
+    assert len(said) == 1
+    assert set(str(said[0].message).partition("lacks: ")[2].split(", ")) == {"関", "節", "肘"}
+
+
+def test_settings_with_which_matplotlib_does_not_start_are_one_line():
+    environment = {**os.environ, "MPLBACKEND": "nosuch"}
+    command = [sys.executable, "-m", "ftforce", "capability", "dh5", "--plot", "x.svg"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert done.stderr.startswith("error: matplotlib does not start with its settings: Key backend")

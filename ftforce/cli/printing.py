@@ -6,6 +6,7 @@ import errno
 import io
 import os
 import sys
+import warnings
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
 
@@ -32,7 +33,9 @@ def prepare_streams() -> None:
 
     Characters that it cannot show are replaced, a closed standard output is an error, and a width
     in which nothing could be shown, such as ``COLUMNS=0`` of a serial console, is ignored.
+    Warnings of Python take one line.
     """
+    warnings.formatwarning = lambda message, *_, **__: f"warning: {message}\n"
     for name in ("COLUMNS", "TERMINAL_WIDTH"):  # of rich; of typer, which takes it for a number
         width = os.environ.get(name, "")
         if width and not (width.isdecimal() and int(width) >= NARROWEST):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
+import warnings
+from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,7 +17,7 @@ from ftforce.analysis.census import Census
 from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
-from ftforce.errors import InputError, printable
+from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -34,7 +37,7 @@ from ftforce.trajectory.history import History
 from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from os import PathLike
 
     from matplotlib.axes import Axes
@@ -49,6 +52,7 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
     "svg": {"Date": None, "Creator": None},
 }
+_GLYPH = re.compile(r"Glyph (\d+) .*missing from", re.DOTALL)  # of matplotlib's warnings
 _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; a plot's height in addition to its rows
 
@@ -119,14 +123,35 @@ def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
     if form not in _METADATA:
         endings = ", ".join(f".{one}" for one in _METADATA)
         raise InputError(f"{printable(path)}: the name of a figure must end in one of {endings}")
-    drawn, stream = figure(result), io.BytesIO()
-    from matplotlib import rc_context
+    needs_matplotlib()
+    from matplotlib import rc_context, rcParamsDefault
 
+    # A file does not depend on the user's matplotlibrc, which may ask for LaTeX or another size.
+    settings: Any = {k: x for k, x in rcParamsDefault.items() if not k.startswith("backend")}
     # The salt makes SVG ids reproducible; many journals reject Type 3 fonts in PDF files.
-    with rc_context({"svg.hashsalt": "ftforce", "pdf.fonttype": 42, "savefig.bbox": None}):
+    settings |= {"svg.hashsalt": "ftforce", "pdf.fonttype": 42, "savefig.bbox": None}
+    with rc_context(settings), _missing_glyphs():
+        drawn, stream = figure(result), io.BytesIO()
         _settle(drawn)
         drawn.savefig(stream, format=form, dpi=300, metadata=_METADATA[form])
     return stream.getvalue()
+
+
+@contextmanager
+def _missing_glyphs() -> Iterator[None]:
+    """Say in one warning which characters the font lacks; matplotlib says so many times."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    lacking: dict[str, None] = {}
+    for one in caught:
+        if found := _GLYPH.match(str(one.message)):
+            lacking[printable(chr(int(found[1])))] = None
+        else:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+    if lacking:
+        text = f"the plot shows boxes for characters that its font lacks: {listed(lacking)}"
+        warnings.warn(text, RuntimeWarning, stacklevel=4)
 
 
 def _settle(drawn: Figure) -> None:

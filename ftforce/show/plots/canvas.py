@@ -110,12 +110,16 @@ def needs_matplotlib() -> None:
     Raises
     ------
     FtforceError
-        It is not installed; the message says how to install it.
+        It is not installed, and the message says how to install it; or its settings, such as
+        MPLBACKEND or a matplotlibrc, do not let it start.
     """
     try:
         import matplotlib  # noqa: F401
     except ImportError:
         raise FtforceError("plots need matplotlib: pip install 'ftforce[plot]'") from None
+    except (ValueError, OSError) as problem:
+        reason = " ".join(str(problem).split())
+        raise FtforceError(f"matplotlib does not start with its settings: {reason}") from None
 
 
 @contextmanager
