@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _CONSOLIDATED = ".zmetadata"
 _TYPES = re.compile(r"<f8|<i8|<i4|\|i1|<U\d{1,6}")
 _LARGEST_CHUNK = 2**31 - 1  # bytes, the most that Blosc encodes
-_PLAIN = {"filters": None, "order": "C", "zarr_format": 2}
+_PLAIN = {"order": "C", "zarr_format": 2}
 _COMPRESSOR = {"id": "blosc", "cname": "lz4", "clevel": 5, "shuffle": 1, "blocksize": 0}
 
 
@@ -123,7 +123,7 @@ def _checked_size(about: dict[str, Any], shape: tuple[int, ...]) -> tuple[int, i
     KeyError, TypeError, ValueError
         ftforce does not write such an array.
     """
-    if any(about[name] != value for name, value in _PLAIN.items()):
+    if about["filters"] or any(about[name] != value for name, value in _PLAIN.items()):
         raise ValueError("its filters or order")
     compressor = dict(about["compressor"])
     compressor.pop("typesize", None)  # written by some versions of numcodecs
