@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 _CONSOLIDATED = ".zmetadata"
 _TYPES = re.compile(r"<f8|<i8|<i4|\|i1|<U\d{1,6}")
 _LARGEST_CHUNK = 2**31 - 1  # bytes, the most that Blosc encodes
-_PLAIN = {"filters": None, "order": "C", "zarr_format": 2}
+_TEXT = [{"id": "vlen-utf8"}]  # how some versions of Zarr write names
+_LARGEST_TEXT = 10_000_000  # bytes
+_PLAIN = {"order": "C", "zarr_format": 2}
 _COMPRESSOR = {"id": "blosc", "cname": "lz4", "clevel": 5, "shuffle": 1, "blocksize": 0}
 
 
@@ -105,7 +107,9 @@ class CheckedStore(LocalStore):
         data = await asyncio.to_thread(checked_content, self.root, key, self._files[key])
         name, _, last = key.rpartition("/")
         # Blosc allocates what the header of a chunk declares.
-        if last[0] != "." and int.from_bytes(data[4:8], "little") != self._sizes.get(name):
+        size, wanted = int.from_bytes(data[4:8], "little"), self._sizes.get(name)
+        is_right = size <= _LARGEST_TEXT if wanted == -1 else size == wanted
+        if last[0] != "." and not is_right:
             raise SweepError(self.root, f"is damaged or not from ftforce: size of {key}")
         return (prototype or default_buffer_prototype()).buffer.from_bytes(data)
 
@@ -123,7 +127,10 @@ def _checked_size(about: dict[str, Any], shape: tuple[int, ...]) -> tuple[int, i
     KeyError, TypeError, ValueError
         ftforce does not write such an array.
     """
-    if any(about[name] != value for name, value in _PLAIN.items()):
+    is_text = about["filters"] == _TEXT and about["dtype"].startswith("<U")
+    if (about["filters"] and not is_text) or any(
+        about[name] != value for name, value in _PLAIN.items()
+    ):
         raise ValueError("its filters or order")
     compressor = dict(about["compressor"])
     compressor.pop("typesize", None)  # written by some versions of numcodecs
@@ -140,7 +147,7 @@ def _checked_size(about: dict[str, Any], shape: tuple[int, ...]) -> tuple[int, i
     number = math.prod(-(-a // b) for a, b in zip(shape, chunks, strict=True))
     if size > _LARGEST_CHUNK:
         raise ValueError("its chunks")
-    return int(size), number
+    return (-1 if is_text else int(size)), number
 
 
 class _VerdictCodes(BackendArray):
