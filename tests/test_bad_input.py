@@ -258,7 +258,7 @@ def test_doubtful_positions_are_a_warning(good):
         (["census", "dh5", "--faults", "2.5"], "Invalid value for '--faults'"),
         (["analyze", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
         (["census", "dh5", "--force", "1,2,3", "--torque", "1"], "--force or --torque, not both"),
-        (["capability", "dh5", "--force", "1,2,3"], "No such option: --force"),
+        (["capability", "dh5", "--force", "1,2,3"], "ftforce capability has no --force"),
         (["census", "dh5", "--direction", "1,0,0"], "--direction requires --rank-by capability"),
     ],
 )

@@ -146,7 +146,7 @@ MALFORMED = {
     "paper and robot": (["dh5", "--paper"], "leave out ROBOT"),
     "paper and more": (
         ["--paper", "--limits", "urdf", "--deg", "--task", "force", "--to", "1,2,3"],
-        "leave out --to, --deg, --limits, --task",
+        "leave out --deg, --to, --limits, --task",
     ),
 }
 

@@ -8,9 +8,17 @@ from pathlib import Path
 import pytest
 
 import ftforce
+from ftforce.robot import stderr
 from ftforce.robot.stderr import captured_stderr
 
 
+@pytest.fixture
+def alone(monkeypatch):
+    """Let no thread count that another test has left behind."""
+    monkeypatch.setattr(stderr, "_is_alone", lambda: True)
+
+
+@pytest.mark.usefixtures("alone")
 def test_what_is_printed_below_python_is_caught(capfd):
     with captured_stderr() as printed:
         os.write(2, "σ 1\n".encode())
@@ -21,6 +29,7 @@ def test_what_is_printed_below_python_is_caught(capfd):
     assert capfd.readouterr().err == "after"
 
 
+@pytest.mark.usefixtures("alone")
 def test_much_can_be_printed(capfd):
     with captured_stderr() as printed:  # a pipe would be full and block
         os.write(2, b"x" * 1_000_000)
@@ -28,6 +37,7 @@ def test_much_can_be_printed(capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.usefixtures("alone")
 def test_an_error_inside_leaves_stderr_as_it_was(capfd):
     found = []
 
@@ -86,6 +96,7 @@ def test_no_descriptor_stays_open():
     assert len(list(Path("/dev/fd").iterdir())) == before
 
 
+@pytest.mark.usefixtures("alone")
 def test_systems_without_files_in_memory(monkeypatch, capfd):
     monkeypatch.delattr(os, "memfd_create", raising=False)
     with captured_stderr() as printed:

@@ -15,6 +15,7 @@ import pytest
 
 from ftforce import analyze, census, to_dict
 from ftforce.errors import InputError, URDFError
+from ftforce.robot import stderr
 from ftforce.robot.formats.tree import MAX_DEPTH, MOMENTS, UrdfTree
 from ftforce.robot.formats.urdf import MAX_LINKS, read_urdf
 from ftforce.robot.load import load_robot
@@ -658,6 +659,7 @@ def test_what_pinocchio_finds_is_told_with_what_it_prints(read, monkeypatch, cap
     tree = read(arm())
     no_limits = j2(limit="")
     monkeypatch.setattr(UrdfTree, "to_xml", lambda _: no_limits)
+    monkeypatch.setattr(stderr, "_is_alone", lambda: True)  # other tests may leave threads behind
     with pytest.raises(URDFError, match=r"arm\.urdf: Pinocchio rejects the URDF: ") as caught:
         full_model(tree)
     assert "Joint [j2] is of type REVOLUTE but it does not specify limits" in str(caught.value)

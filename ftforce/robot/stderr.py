@@ -32,7 +32,7 @@ def captured_stderr() -> Iterator[_Printed]:
     it would take what the others write.
     """
     printed = _Printed()
-    if threading.active_count() > 1:
+    if not _is_alone():
         yield printed
         return
     with _lock, _scratch_file() as file:
@@ -49,6 +49,11 @@ def captured_stderr() -> Iterator[_Printed]:
             os.close(saved)
             file.seek(0)
             printed.text = file.read().decode(errors="replace")
+
+
+def _is_alone() -> bool:
+    """Return whether this is the only thread that could write."""
+    return threading.active_count() == 1
 
 
 def _scratch_file() -> BinaryIO:
