@@ -228,9 +228,13 @@ def test_what_another_command_left_half_made_is_cleared(arm, tmp_path, disturbed
 
 
 def test_interrupted_from_outside(tmp_path, arm, stored):
-    path = tmp_path / "s"
-    process = child({**ASKED, "output": str(path), "threads": 1}, before=SLOW)
-    while not (path / "q" / "2.0").exists():  # so the first is done, and counted
+    path, counted = tmp_path / "s", tmp_path / "counted"
+    count = (
+        f"; import ftforce.batch.runner as r, pathlib; r.SAVE_INTERVAL = 0.0; p = s.save_progress; "
+        f"s.save_progress = lambda o: (p(o), pathlib.Path({str(counted)!r}).touch())"
+    )
+    process = child({**ASKED, "output": str(path), "threads": 1}, before=SLOW + count)
+    while not counted.exists():
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=LONG)
