@@ -113,6 +113,7 @@ def test_help_has_two_examples_that_can_be_typed(command):
         commands()[name].make_context(name, words)  # every option exists and has its value
 
 
+@pytest.mark.thorough  # dozens of commands
 def test_what_another_option_or_command_answers_is_named():
     for (command, option), where in ELSEWHERE.items():
         result = run(command, "dh5", option, "3", status=2)
@@ -420,6 +421,7 @@ def test_an_empty_value_never_means_that_nothing_failed(option, value):
         assert (result.stdout, result.stderr) == ("", line)
 
 
+@pytest.mark.thorough  # every option of every command
 def test_every_command_rejects_empty_values():
     group = typer.main.get_command(cli.app)
     for name, command in group.commands.items():

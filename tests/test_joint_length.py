@@ -32,6 +32,8 @@ from ftforce.view.model.state import command_line, initial_state
 from helpers import SLIDING, assert_close, seeds, straight
 from urdfs import load
 
+pytestmark = pytest.mark.thorough  # every command, in two units
+
 CENTI = 100.0  # what was 1 m is 100 cm
 
 

@@ -27,6 +27,8 @@ from ftforce.view.scene.picture import picture
 from helpers import initial_state
 from test_cli import run
 
+pytestmark = pytest.mark.thorough  # fifty names through every output
+
 TEXTS = (
     *("<script>alert(1)</script>", "</code></pre><b>x", "&lt;b&gt;", '" onload="alert(1)', "]]>"),
     *("[bold red]x[/]", "[/]", "[link=file:///etc]x[/link]", ":warning:", "{0}{name}", "%s%n"),
