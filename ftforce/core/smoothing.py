@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from ftforce.core.arrays import Matrix, Vector
 
@@ -72,11 +72,9 @@ class Spline:
 
     def __init__(self, t: Vector, x: Matrix, spacing: Vector, ratio: Vector) -> None:
         self._n = x.shape[1]
-        kinds, kind = np.unique(np.stack([spacing, ratio]), axis=1, return_inverse=True)
-        groups = [np.flatnonzero(kind == i) for i in range(kinds.shape[1])]
+        groups = [(np.flatnonzero(spacing == one), one) for one in np.unique(spacing).tolist()]
         self._parts = [
-            (group, _fit(t, x[:, group], *pair))
-            for group, pair in zip(groups, kinds.T.tolist(), strict=True)
+            (group, _fit(t, x[:, group], one, ratio[group].tolist())) for group, one in groups
         ]
 
     def __call__(self, t: Vector | float, derivative: int = 0) -> Any:
@@ -123,7 +121,7 @@ class _Problem:
         return np.asarray(cholesky_banded(self.G + ratio * self.Q))
 
     def fit(self, factor: Matrix, x: Matrix) -> Matrix:
-        """Return the coefficients for samples, shape (coefficients, n)."""
+        """Return the coefficients for samples, shape (coefficients, n) or (coefficients,)."""
         from scipy.linalg import cho_solve_banded
 
         return np.asarray(cho_solve_banded((factor, False), self.B.T @ x))
@@ -226,7 +224,7 @@ def _gain(t: Vector, spacing: float, ratio: float, derivative: int) -> tuple[flo
 
     if spacing == 0.0:
         e = np.random.default_rng(_SEED).standard_normal((len(t), 1))
-        made = float(np.std(_fit(t, e, 0.0, 0.0)(t, derivative)))
+        made = float(np.std(_fit(t, e, 0.0, [])(t, derivative)))
         return made, made
     problem = _Problem(t, spacing)
     factor = _factor(problem, ratio)
@@ -315,12 +313,14 @@ def _factor(problem: _Problem, ratio: float) -> Matrix:
             ratio = max(10.0 * ratio, float(_RATIOS[-1]))
 
 
-def _fit(t: Vector, x: Matrix, spacing: float, ratio: float) -> Any:
+def _fit(t: Vector, x: Matrix, spacing: float, ratios: Sequence[float]) -> Any:
+    """Return the splines of columns with the same knots, each column with its own ratio."""
     from scipy.interpolate import BSpline, make_interp_spline
 
     if spacing == 0.0:
         return make_interp_spline(t, x, 3)
     problem, mean = _Problem(t, spacing), x.mean(axis=0)
-    # B-splines add up to 1.
-    c = problem.fit(_factor(problem, ratio), x - mean) + mean
+    factors = (_factor(problem, ratio) for ratio in ratios)
+    columns = [problem.fit(*pair) for pair in zip(factors, (x - mean).T, strict=True)]
+    c = np.column_stack(columns) + mean  # B-splines add up to 1
     return BSpline(problem.knots, c, _DEGREE)
