@@ -400,6 +400,7 @@ def test_chunks_that_are_finished_when_the_disk_is_full_stay(arm, tmp_path, monk
     with monkeypatch.context() as patch:
         real = store.write_samples
         patch.setattr(store, "write_samples", _fails_after(2, real))
+        patch.setattr(runner.BatchSizer, "took", lambda *_: None)  # one chunk at a time
         with pytest.raises(OSError, match="No space"):
             sweep(arm, **ASKED, output=path, threads=1)
     assert store.open_sweep(path).summary.postures == 2 * 4096
@@ -419,6 +420,7 @@ def test_what_is_said_to_be_kept_is_kept(arm, tmp_path, monkeypatch, saved):
             return {}  # no file, hence no digest
 
         patch.setattr(store, "write_samples", write)
+        patch.setattr(runner.BatchSizer, "took", lambda *_: None)  # one chunk at a time
         if not saved:
             patch.setattr(store, "save_progress", lambda _: write())
         with pytest.raises(OutputError) as raised:
