@@ -272,6 +272,7 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undistur
 
     with monkeypatch.context() as patch:
         patch.setattr(Summary, "merge", merge)
+        patch.setattr(runner, "_BATCH_SECONDS", 0.0)  # one chunk at a time
         with pytest.raises(KeyboardInterrupt):
             sweep(arm, **asked, threads=1)
     assert int(sweep(arm, **asked).summary.postures) == ASKED["n"]

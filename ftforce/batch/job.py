@@ -83,6 +83,11 @@ class Job:
         return Summary.empty(self.n_sets, self.bins, self.workspace)
 
     @property
+    def is_small(self) -> bool:
+        """Whether setting up threads is not worthwhile."""
+        return self.postures.count * max(1, self.n_sets) <= _BLOCK_RESULTS
+
+    @property
     def piece(self) -> int:
         """Number of postures evaluated at once, a power of two."""
         fits = max(_MIN_PIECE, min(_MAX_PIECE, _BLOCK_RESULTS // max(1, self.n_sets)))
@@ -130,7 +135,7 @@ class Job:
         for first in range(start, stop, self.piece):
             last = min(first + self.piece, stop)
             q = self.postures.block(first, last)
-            block = self._evaluator(q)
+            block = self.evaluator(q)
             summary.add(block, first)
             if self.keep == "summary":
                 continue
@@ -141,7 +146,8 @@ class Job:
         return kept
 
     @property
-    def _evaluator(self) -> Evaluator:
+    def evaluator(self) -> Evaluator:
+        """Evaluator of this thread; the next call overwrites what it returned."""
         try:
             found: Evaluator = self._per_thread.evaluator
         except AttributeError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing, suppress
@@ -14,7 +15,7 @@ from ftforce.batch.store import store
 from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator
+    from collections.abc import Callable, Generator, Iterable, Iterator
     from concurrent.futures import Future
 
     import numpy as np
@@ -77,6 +78,32 @@ class BatchSizer:
     def __init__(self, chunks: Iterator[int], count: int) -> None:
         self._chunks, self.left = chunks, count
         self._cost: float | None = None  # s per chunk
+        self._lock = threading.Lock()
+
+    def during(self, seconds: float) -> Iterator[int]:
+        """Yield chunks to a thread one by one, until its time is over or all are handed out.
+
+        Parameters
+        ----------
+        seconds :
+            Target duration of the batch, s; 0 for one chunk.
+        """
+        end = time.monotonic() + seconds
+        while taken := self._take(1):
+            yield from taken
+            if time.monotonic() >= end:
+                return
+
+    def stop(self) -> None:
+        """Hand out no more chunks."""
+        with self._lock:
+            self._chunks, self.left = iter(()), 0
+
+    def _take(self, most: int) -> list[int]:
+        with self._lock:
+            taken = list(islice(self._chunks, most))
+            self.left -= len(taken)
+        return taken
 
     def next(self, workers: int, seconds: float) -> list[int]:
         """Return the chunks of the next batch, an empty list once all are handed out.
@@ -89,9 +116,7 @@ class BatchSizer:
             Target duration of the batch, s.
         """
         size = 1 if self._cost is None else int(seconds / max(self._cost, 1e-6))
-        taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * workers)))))
-        self.left -= len(taken)
-        return taken
+        return self._take(max(1, min(size, self.left // (2 * workers))))
 
     def took(self, chunks: int, seconds: float) -> None:
         """Record the duration of a batch.
@@ -106,7 +131,9 @@ class BatchSizer:
         self._cost = seconds / chunks
 
 
-def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], Files]) -> BatchResult:
+def run_chunks(
+    job: Job, chunks: Iterable[int], write: Callable[[int, Samples], Files]
+) -> BatchResult:
     """Process some chunks in the calling thread, and write their samples.
 
     Parameters
@@ -118,12 +145,15 @@ def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], File
     write :
         Called with each chunk number and its samples; returns the files that it wrote.
     """
-    start, summary, files = time.monotonic(), job.empty_summary(), {}
+    start, summary = time.monotonic(), job.empty_summary()
+    done: list[int] = []
+    files: Files = {}
     for index in chunks:
         samples = job.add(index, summary)
         if samples:
             files.update(write(index, samples))
-    return BatchResult(chunks, summary, time.monotonic() - start, files)
+        done.append(index)
+    return BatchResult(done, summary, time.monotonic() - start, files)
 
 
 def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None = None) -> None:
@@ -145,6 +175,9 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
     FtforceError
         A file cannot be read or written; finished chunks are kept.
     """
+    if opened.path is None and job.is_small:
+        _run_here(job, opened, progress)
+        return
     done, total = opened.done, job.postures.count
     saved, is_consistent = time.monotonic(), True
     kept = int(opened.summary.postures)  # of an earlier run
@@ -172,6 +205,15 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
         if isinstance(problem, OutputError):
             raise OutputError(problem.path, f"{problem.reason}; {_left(kept, total)}") from None
         raise
+
+
+def _run_here(job: Job, opened: OpenStore, progress: Progress | None) -> None:
+    """Process a few chunks in the calling thread; nothing has to be merged or saved."""
+    for index in range(job.chunks):
+        store.write_samples(opened, index, job.add(index, opened.summary))
+        opened.done[index] = True
+        if progress is not None:
+            progress(int(opened.summary.postures), job.postures.count)
 
 
 def _left(kept: int, total: int) -> str:
@@ -244,18 +286,28 @@ def in_threads(threads: int) -> Runner:
         write = partial(store.write_samples, opened)
         # Samples cost more than the summary, and written chunks should be recorded soon.
         seconds = _BATCH_SECONDS if job.keep == "summary" else 0.0
+
+        def batch() -> BatchResult | None:
+            """Return a batch, ``None`` if all chunks are in the hands of other threads."""
+            result = run_chunks(job, sizer.during(seconds), write) if sizer.left else None
+            return result if result is not None and result.chunks else None
+
+        if threads == 1:
+            while (result := batch()) is not None:
+                yield result
+            return
         with ThreadPoolExecutor(threads) as pool:
-            running: set[Future[BatchResult]] = set()
+            running: set[Future[BatchResult | None]] = set()
             try:
-                while True:
-                    while len(running) < 2 * threads and (chunks := sizer.next(threads, seconds)):
-                        running.add(pool.submit(run_chunks, job, chunks, write))
-                    if not running:
-                        return
+                while running or sizer.left:
+                    while len(running) < 2 * threads and sizer.left:
+                        running.add(pool.submit(batch))
                     ready, running = wait(running, return_when=FIRST_COMPLETED)
                     for future in ready:
-                        yield future.result()
+                        if (result := future.result()) is not None:
+                            yield result
             finally:
+                sizer.stop()
                 for future in running:
                     future.cancel()
 
