@@ -9,8 +9,8 @@ import ftforce
 from ftforce.batch import job as jobs
 from ftforce.batch import runner
 from ftforce.batch.runner import BatchSizer, threads_of
-from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.batch.summary.summary import Summary
+from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.errors import InputError, UnknownNameError
 from helpers import joint, urdf_of
 
