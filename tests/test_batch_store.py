@@ -27,7 +27,10 @@ from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryErro
 from helpers import campaign
 from sweeps import LONG, child, content, differences, killed
 
-pytestmark = pytest.mark.thorough  # processes take seconds to start
+pytestmark = [
+    pytest.mark.thorough,  # processes take seconds to start
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 NEVER = 10**9  # a step that no process reaches

@@ -19,7 +19,10 @@ from ftforce.errors import FtforceError, SweepError
 from helpers import campaign
 from sweeps import content, differences
 
-pytestmark = pytest.mark.thorough  # hundreds of sweeps are opened
+pytestmark = [
+    pytest.mark.thorough,  # hundreds of sweeps are opened
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {"n": 5000, "chunk": 4096, "force": [80.0, 50.0, 10.0], "cell": 1.0, "threads": 1}
 HARMS = {

@@ -14,7 +14,10 @@ from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.errors import InputError, UnknownNameError
 from helpers import joint, urdf_of
 
-pytestmark = pytest.mark.thorough
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.usefixtures("kernels"),
+]
 
 
 @pytest.fixture(scope="module")

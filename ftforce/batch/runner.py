@@ -7,10 +7,12 @@ import threading
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from ftforce.batch.compiled import compile_kernels
 from ftforce.batch.store import store
 from ftforce.errors import InputError, OutputError
 
@@ -132,7 +134,10 @@ class BatchSizer:
 
 
 def run_chunks(
-    job: Job, chunks: Iterable[int], write: Callable[[int, Samples], Files]
+    job: Job,
+    chunks: Iterable[int],
+    write: Callable[[int, Samples], Files],
+    summary: Summary | None = None,
 ) -> BatchResult:
     """Process some chunks in the calling thread, and write their samples.
 
@@ -144,8 +149,11 @@ def run_chunks(
         Chunk numbers.
     write :
         Called with each chunk number and its samples; returns the files that it wrote.
+    summary :
+        Summary to which the chunks are added; a new one by default.
     """
-    start, summary = time.monotonic(), job.empty_summary()
+    start = time.monotonic()
+    summary = job.empty_summary() if summary is None else summary
     done: list[int] = []
     files: Files = {}
     for index in chunks:
@@ -175,9 +183,6 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
     FtforceError
         A file cannot be read or written; finished chunks are kept.
     """
-    if opened.path is None and job.is_small:
-        _run_here(job, opened, progress)
-        return
     done, total = opened.done, job.postures.count
     saved, is_consistent = time.monotonic(), True
     kept = int(opened.summary.postures)  # of an earlier run
@@ -187,7 +192,8 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
             opened.progress.lost[result.chunks] = False
         for result in _batches(job, opened, runner, ~done):
             is_consistent = False
-            opened.summary.merge(result.summary)
+            if result.summary is not opened.summary:
+                opened.summary.merge(result.summary)
             opened.progress.files.update(result.files)
             done[result.chunks] = True
             is_consistent = True
@@ -205,15 +211,6 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
         if isinstance(problem, OutputError):
             raise OutputError(problem.path, f"{problem.reason}; {_left(kept, total)}") from None
         raise
-
-
-def _run_here(job: Job, opened: OpenStore, progress: Progress | None) -> None:
-    """Process a few chunks in the calling thread; nothing has to be merged or saved."""
-    for index in range(job.chunks):
-        store.write_samples(opened, index, job.add(index, opened.summary))
-        opened.done[index] = True
-        if progress is not None:
-            progress(int(opened.summary.postures), job.postures.count)
 
 
 def _left(kept: int, total: int) -> str:
@@ -277,13 +274,33 @@ def bounded_count(count: object, name: str) -> int:
     return count
 
 
-def in_threads(threads: int) -> Runner:
-    """Return a runner that executes chunks in threads of this process."""
+@dataclass(frozen=True)
+class InThreads:
+    """Runner that executes chunks in threads of this process, and compiles their kernels first.
 
-    def runner(
-        job: Job, opened: OpenStore, sizer: BatchSizer
+    Attributes
+    ----------
+    threads :
+        Number of threads.
+    """
+
+    threads: int
+
+    def __call__(
+        self, job: Job, opened: OpenStore, sizer: BatchSizer
     ) -> Generator[BatchResult, None, None]:
+        """Yield batches as they complete.
+
+        Parameters
+        ----------
+        job, opened, sizer :
+            The job, the store of its results, and its remaining chunks.
+        """
+        compile_kernels(job)
         write = partial(store.write_samples, opened)
+        if opened.path is None and job.is_small:  # nothing to merge or to save
+            yield run_chunks(job, range(job.chunks), write, opened.summary)
+            return
         # Samples cost more than the summary, and written chunks should be recorded soon.
         seconds = _BATCH_SECONDS if job.keep == "summary" else 0.0
 
@@ -292,23 +309,28 @@ def in_threads(threads: int) -> Runner:
             result = run_chunks(job, sizer.during(seconds), write) if sizer.left else None
             return result if result is not None and result.chunks else None
 
-        if threads == 1:
+        if self.threads == 1:
             while (result := batch()) is not None:
                 yield result
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            running: set[Future[BatchResult | None]] = set()
-            try:
-                while running or sizer.left:
-                    while len(running) < 2 * threads and sizer.left:
-                        running.add(pool.submit(batch))
-                    ready, running = wait(running, return_when=FIRST_COMPLETED)
-                    for future in ready:
-                        if (result := future.result()) is not None:
-                            yield result
-            finally:
-                sizer.stop()
-                for future in running:
-                    future.cancel()
+        else:
+            yield from _in_pool(self.threads, batch, sizer)
 
-    return runner
+
+def _in_pool(
+    threads: int, batch: Callable[[], BatchResult | None], sizer: BatchSizer
+) -> Generator[BatchResult, None, None]:
+    """Yield batches from threads until the sizer has no more chunks."""
+    with ThreadPoolExecutor(threads) as pool:
+        running: set[Future[BatchResult | None]] = set()
+        try:
+            while running or sizer.left:
+                while len(running) < 2 * threads and sizer.left:
+                    running.add(pool.submit(batch))
+                ready, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    if (result := future.result()) is not None:
+                        yield result
+        finally:
+            sizer.stop()
+            for future in running:
+                future.cancel()

@@ -16,13 +16,14 @@ from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.analysis.warnings import implausible
+from ftforce.batch.compiled import prepared
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
-from ftforce.batch.runner import in_threads, run, threads_of
+from ftforce.batch.runner import InThreads, run, threads_of
 from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
@@ -444,7 +445,7 @@ def _runner(
     threads: int | None, workers: int | None, scheduler: str | None, output: object
 ) -> Runner:
     if workers is None and scheduler is None:
-        return in_threads(threads_of(threads))
+        return InThreads(threads_of(threads))
     if threads is not None:
         raise InputError("give either threads of this process or workers, not both")
     from ftforce.batch.cluster import on_cluster
@@ -469,9 +470,14 @@ def run_request(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
-    with closing(store.create(path, request)) as opened:
+
+    def choose(request: store.SweepRequest) -> store.SweepRequest:
+        is_faster = isinstance(runner, InThreads) and prepared(request.job).uses_numpy
+        return request.computed_with("numpy") if is_faster else request
+
+    with closing(store.create(path, request, choose)) as opened:
         if not opened.is_complete:
-            run(request.job, opened, runner, progress)
+            run(opened.request.job, opened, runner, progress)
             store.finish(opened)
-    at = None if path is None else str(path)
-    return Sweep(request.setting, request.sets, opened.summary, at, store.opening_of(opened))
+    at, done = None if path is None else str(path), opened.request
+    return Sweep(done.setting, done.sets, opened.summary, at, store.opening_of(opened))

@@ -24,7 +24,7 @@ import hashlib
 import io
 import json
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -72,7 +72,7 @@ _DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error me
 # Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
 _NOT_IDENTIFYING = (
     *("postures", "count", "is_random", "implausible"),
-    *("tip_source", "other_tips", "payload_mass", "payload_offset"),
+    *("tip_source", "other_tips", "payload_mass", "payload_offset", "computed_with"),
 )
 
 
@@ -107,6 +107,17 @@ class SweepRequest:
         }
         found: dict[str, Any] = json.loads(json.dumps(same))
         return found
+
+    def computed_with(self, name: str) -> SweepRequest:
+        """Return the same sweep, computed with ``kernels`` or ``numpy``.
+
+        Parameters
+        ----------
+        name :
+            Which of them.
+        """
+        job = replace(self.job, uses_numpy=name == "numpy")
+        return replace(self, job=job, setting=replace(self.setting, computed_with=name))
 
 
 class Progress(NamedTuple):
@@ -179,7 +190,11 @@ class OpenStore(NamedTuple):
             self.lock.release()
 
 
-def create(path: Path | None, request: SweepRequest) -> OpenStore:
+def create(
+    path: Path | None,
+    request: SweepRequest,
+    choose: Callable[[SweepRequest], SweepRequest] = lambda request: request,
+) -> OpenStore:
     """Create an empty sweep, or resume an existing one; close it with `OpenStore.close`.
 
     Parameters
@@ -188,6 +203,8 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         Path of the Zarr group; ``None`` for memory.
     request :
         The requested sweep.
+    choose :
+        Chooses what a new sweep is computed with.
 
     Raises
     ------
@@ -195,7 +212,7 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         The folder contains something else, is being written by another process, or is not writable.
     """
     if path is None:
-        return OpenStore(request, None, {}, _none_done(request.job), None)
+        return OpenStore(choose(request), None, {}, _none_done(request.job), None)
     if not _must_create(path) and (opened := _open_complete(request, path)) is not None:
         return opened
     lock = folder.lock(path)
@@ -204,11 +221,15 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         if _must_create(path):
             with disk_errors(path):
                 folder.clear(path, _known_names())
+            request = choose(request)
             progress = _none_done(request.job)
         elif (opened := _open_complete(request, path)) is not None:
             lock.release()
             return opened
         else:
+            # As it was begun: the last digits of what is computed in two ways may differ.
+            begun = read_manifest(path, SweepError).about["setting"]
+            request = request.computed_with(begun.get("computed_with", "kernels"))
             progress = _resumed(request, path)
         with disk_errors(path):
             folder.remove_partial(path)
@@ -349,8 +370,10 @@ def _sample_names(job: Job) -> list[str]:
 
 def _sample_of_one(job: Job) -> dict[str, NDArray[Any]]:
     """Return the samples of one posture, as a template of names, types and shapes."""
+    from ftforce.batch.numpy_path import NumpyEvaluator  # which compiles nothing
+
     q = job.postures.block(0, 1)
-    return samples_of(q, job.evaluator(q), job.keep)
+    return samples_of(q, NumpyEvaluator(job.plan)(q), job.keep)
 
 
 def _tree(
