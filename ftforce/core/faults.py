@@ -75,7 +75,8 @@ class Fault:
             The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
             weak has a factor other than 1.
         """
-        object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if type(self.mode) is not FaultMode:
+            object.__setattr__(self, "mode", FaultMode.parse(self.mode))
         if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
