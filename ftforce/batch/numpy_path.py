@@ -21,6 +21,7 @@ from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import feasible_forces, reach
 from ftforce.core.reduced_jacobian import FreeJoints, reduce_decomposed
 from ftforce.core.remap import force_jump, supported_force
+from ftforce.core.stacked_ranks import settle_cells
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.core.svd import Svd
 from ftforce.core.verdict import CODES, judge
@@ -252,24 +253,19 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
     answers.tip[:] = placed.tip
     force = question.force if question.force.size else None
     direction = question.direction if question.direction.size else None
-    cells = cells_of(
-        placed.J,
-        faults.locked,
-        force,
-        direction,
-        rtol=question.rtol,
-        wary=question.wary,
-        asks_weakest=False,
-    )
-    answers.rank[:] = len(question.rows)
-    answers.healthy_margin[:] = cells.healthy_margin
+    given = (placed.J, faults.locked, force, direction)
+    rtol, wary = question.rtol, question.wary
+    cells = cells_of(*given, rtol=rtol, wary=wary, asks_weakest=False)
+    healthy = settle_cells(cells, *given, rtol=rtol, wary=wary)
+    answers.rank[:] = healthy.rank
+    answers.healthy_margin[:] = healthy.margin
     answers.verdict[:] = cells.verdict.T
     answers.rank_lost[:] = cells.rank_lost.T
     answers.margin[:] = cells.margin.T
     answers.sigma_min[:] = cells.margin.T * cells.scale
     answers.rho[:] = cells.rho.T
     if force is not None:
-        _write_jumps(question, cells.jump, norm(force), answers)
+        _write_jumps(question, cells.jump, np.linalg.norm(healthy.F, axis=1), answers)
     if direction is not None:
         largest = np.where(faults.locked, question.brake, question.effort)
         commanded, _ = reach_of(
@@ -281,15 +277,15 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
             rtol=question.rtol,
         )
         answers.capability[:] = commanded.T
-    left = ~cells.certain | faults.has_free
+    left = ~(cells.certain & healthy.certain[:, None]) | faults.has_free
     for i in np.flatnonzero(left.any(axis=1)).tolist():
         one = _Posture(i, placed.J[i], placed.weight[i])
         _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers)
 
 
-def _write_jumps(question: Question, jump: Stack, size: float, answers: Answers) -> None:
-    """Write the norms of weighted jumps, shape (k, S, m), for a force F̂ of a weighted norm."""
-    answers.relative_jump[:] = np.linalg.norm(jump, axis=2).T / size
+def _write_jumps(question: Question, jump: Stack, size: Vector, answers: Answers) -> None:
+    """Write the norms of weighted jumps, shape (k, S, m), for forces F̂ of weighted norms, (k,)."""
+    answers.relative_jump[:] = np.linalg.norm(jump, axis=2).T / np.where(size > 0.0, size, math.inf)
     unweighted = jump * question.weights
     is_force = question.rows < 3
     forces = np.linalg.norm(unweighted[..., is_force], axis=2).T
@@ -354,7 +350,7 @@ def _settle_force(
     if F is None:
         return
     lost = np.full(reduced.m, math.nan) if jump is None else jump
-    _write_jumps(question, lost[None, None], norm(F) or math.inf, answers)
+    _write_jumps(question, lost[None, None], np.array([norm(F)]), answers)
     if jump is None:  # no static equilibrium
         answers.relative_jump[:] = 1.0
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _CLEAR = 1.0 + 1e-6  # by which a singular value exceeds all tolerances
 _LOST = 0.5  # of the rank tolerance: below it a direction is lost
 LEAST_MARGIN = 1e-3  # K Kᵀ does not determine a smaller σ_min/σ_max accurately enough
-_LEAST_RTOL = 1e-9  # nor do they, and LAPACK, decide a finer rank tolerance
+LEAST_RTOL = 1e-9  # nor do they, and LAPACK, decide a finer rank tolerance
 
 
 class Cells(NamedTuple):
@@ -92,7 +92,7 @@ def cells_of(
     whole = np.linalg.eigvalsh(J @ J.swapaxes(1, 2))
     scale = np.sqrt(np.maximum(whole[:, -1], 0.0))
     clear = max(wary, LEAST_MARGIN) * _CLEAR
-    sound = (whole[:, 0] > (clear * scale) ** 2) & (rtol >= _LEAST_RTOL)
+    sound = (whole[:, 0] > (clear * scale) ** 2) & (rtol >= LEAST_RTOL)
     damaged = np.linalg.eigvalsh(K @ K.swapaxes(2, 3))
     sizes = np.where(sound, scale, np.inf)[:, None]
     margin = np.sqrt(np.maximum(damaged[..., 0], 0.0)) / sizes
