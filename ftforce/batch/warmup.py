@@ -11,6 +11,7 @@ from ftforce.analysis.question import AllFaultSets
 from ftforce.batch.compiled import load_kernels
 from ftforce.batch.postures.postures import Listed
 from ftforce.batch.sweep import request_of, sweep_question
+from ftforce.errors import UnknownNameError
 from ftforce.robot.load import load_robot
 
 if TYPE_CHECKING:
@@ -18,16 +19,19 @@ if TYPE_CHECKING:
 
 _COUNT = 4096  # postures, so many that some are left to the accurate kernels
 _FORCE: dict[str, Any] = {"force": [80.0, 50.0, 10.0]}
-_WRENCH: dict[str, Any] = {"force": [80.0, 50.0, 10.0, 5.0, 2.0, 1.0], "task": "wrench"}
-_SWEEPS = {
-    "sweeps: tasks of three rows": (_FORCE, "locked"),
-    "sweeps: other tasks": (_WRENCH | {"length": 0.3}, "locked"),
-    "sweeps: three rows, free-swinging joints": (_FORCE, "free"),
-    "sweeps: other tasks, free-swinging joints": (_WRENCH | {"length": 0.3}, "free"),
+_WRENCH: dict[str, Any] = {
+    "force": [80.0, 50.0, 10.0, 5.0, 2.0, 1.0],
+    "task": "wrench",
+    "length": 0.3,
 }
-_CONTROL_LOOP = "control loop: Remapper"
-KERNELS = (*_SWEEPS, _CONTROL_LOOP)
-"""What there is to compile, by name."""
+_SWEEPS = {
+    "force": ((_FORCE, "locked"),),
+    "wrench": ((_WRENCH, "locked"),),
+    "free": ((_FORCE, "free"), (_WRENCH, "free")),
+}
+KERNELS = (*_SWEEPS, "remapper")
+"""What there is to compile: for sweeps of tasks of three rows, of other tasks and of free-swinging
+joints, and for control loops."""
 
 
 def warmup(
@@ -49,9 +53,14 @@ def warmup(
 
     Raises
     ------
+    UnknownNameError
+        There is no kernel of that name.
     FtforceError
         The extra ``sweep`` is not installed.
     """
+    for name in kernels:
+        if name not in KERNELS:
+            raise UnknownNameError("kernel", name, KERNELS)
     found = {}
     for name in kernels:
         start = time.monotonic()
@@ -64,14 +73,14 @@ def warmup(
 
 def _compile(name: str) -> None:
     robot = load_robot("dh5")
-    if name == _CONTROL_LOOP:
+    if name == "remapper":
         from ftforce.batch.remapper import Remapper
 
         Remapper(robot)(np.zeros(robot.n), np.zeros(robot.n))
         return
-    asked, mode = _SWEEPS[name]
     q = np.random.default_rng(0).uniform(*robot.ranges, (_COUNT, robot.n))
     q[0] = 0.0  # singular
-    sets = AllFaultSets.parse(robot, 2, mode)
-    question = sweep_question(robot, **asked)
-    load_kernels(request_of(question, sets, Listed.of(robot, q), keep="summary", cell=None).job)
+    for asked, mode in _SWEEPS[name]:
+        question, sets = sweep_question(robot, **asked), AllFaultSets.parse(robot, 2, mode)
+        postures = Listed.of(robot, q)
+        load_kernels(request_of(question, sets, postures, keep="summary", cell=None).job)
