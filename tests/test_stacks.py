@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from ftforce.core.arrays import read_only
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import LockModel, feasible_forces, reach, weakest_direction
-from ftforce.core.measures import margin
+from ftforce.core.measures import margin, relative_manipulability
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
-from ftforce.core.remap import force_jump
+from ftforce.core.remap import force_jump, supported_force
 from ftforce.core.stacked_limits import within_limits
+from ftforce.core.stacked_ranks import settle_cells
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.robot.dynamics import rnea_torques
@@ -59,6 +60,51 @@ def test_cells_are_those_of_one_posture(seed, m, n, forced, directed):
             ray = reach(feasible, d) if directed else weakest_direction(feasible, space).reach
             wanted = math.nan if ray.is_empty else ray.maximum
             np.testing.assert_allclose(values[i, j], wanted, rtol=1e-8, atol=1e-9)
+
+
+@given(seeds, st.integers(1, 6), st.integers(1, 8), st.booleans())
+@settings(deadline=None, max_examples=campaign(300, 60))
+def test_cells_that_a_tolerance_decides_are_those_of_one_posture(seed, m, n, forced):
+    rng = np.random.default_rng(seed)
+    J = []
+    for _ in range(8):  # of any rank, with singular values on both sides of every tolerance
+        one = with_singular_values(rng, m, n, np.sort(rng.choice(RATIOS, 6))[::-1])
+        u = np.linalg.qr(rng.normal(size=(m, m)))[0][0]  # a direction that hangs on joint 1
+        one += np.outer(u, (rng.choice(RATIOS) - 1.0) * (u @ one))
+        one[:, 0] += u * rng.choice(RATIOS)
+        J.append(one)
+    J, locked = np.array(J), rng.random((5, n)) < 0.3
+    locked[0] = np.arange(n) == 0
+    F = None
+    if forced:  # along some directions of one posture, and hardly along others
+        F = np.linalg.svd(J[0] * ~locked[0])[0] @ rng.choice([1.0, 0.1, 3e-3, 1e-5, 1e-8], m)
+    d = rng.normal(size=m)
+    asked = (J, locked, F, d)
+    tolerances = {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    cells = cells_of(*asked, **tolerances, asks_weakest=False)
+    arm = settle_cells(cells, *asked, **tolerances)
+    assert (cells.certain & arm.certain[:, None]).mean() > 0.9
+    for i, j in np.argwhere(cells.certain & arm.certain[:, None]):
+        reduced = reduce(read_only(J[i].copy()), locked[j], RTOL)
+        before = np.zeros(m) if F is None else supported_force(reduced, F)
+        assert (arm.rank[i], cells.rank_lost[i, j]) == (
+            reduced.rank,
+            reduced.rank - reduced.rank_after,
+        )
+        size = 0.0 if F is None else np.linalg.norm(F)
+        assert_close(arm.F[i], before, scale=size, tol=1e-8)
+        assert_close(cells.jump[i, j], force_jump(reduced, before).jump, scale=size, tol=1e-8)
+        assert_close(cells.margin[i, j], margin(reduced), scale=1.0, tol=1e-12)
+        rho = relative_manipulability(reduced)
+        np.testing.assert_allclose(cells.rho[i, j], rho, rtol=1e-6, atol=1e-9, equal_nan=True)
+        wanted = verdict(reduced, None if F is None else arm.F[i], BORDERLINE_RTOL)
+        if forced and not arm.F[i].any():
+            wanted = Verdict.NOT_TOLERATED  # nothing to keep
+        assert cells.verdict[i, j] == CODES[wanted]
+        U = reduced.damaged.U[:, reduced.rank_after :]
+        assert_close(
+            cells.lost[i, j], np.linalg.norm(d @ U) / np.linalg.norm(d), scale=1.0, tol=1e-8
+        )
 
 
 @given(seeds, st.integers(1, 6), st.integers(1, 8), st.sampled_from(["force", "zero", "all"]))
