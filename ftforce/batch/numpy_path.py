@@ -21,6 +21,7 @@ from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import feasible_forces, reach
 from ftforce.core.reduced_jacobian import FreeJoints, reduce_decomposed
 from ftforce.core.remap import force_jump, supported_force
+from ftforce.core.stacked_free import fill_free
 from ftforce.core.stacked_ranks import settle_cells
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.core.svd import Svd
@@ -253,10 +254,27 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
     answers.tip[:] = placed.tip
     force = question.force if question.force.size else None
     direction = question.direction if question.direction.size else None
-    given = (placed.J, faults.locked, force, direction)
+    given = (placed.J, faults.locked | faults.free, force, direction)
     rtol, wary = question.rtol, question.wary
     cells = cells_of(*given, rtol=rtol, wary=wary, asks_weakest=False)
     healthy = settle_cells(cells, *given, rtol=rtol, wary=wary)
+    left, borne = ~healthy.certain[:, None], None
+    if faults.has_free.any():
+        alone = ~faults.locked.any(axis=1) & (faults.free.sum(axis=1) == 1)
+        left = left | (faults.has_free & ~alone)
+        borne = fill_free(
+            cells,
+            healthy,
+            placed.J,
+            placed.weight,
+            faults.free & alone[:, None],
+            friction=question.friction,
+            has_force=force is not None,
+            direction=direction,
+            rtol=rtol,
+            wary=wary,
+        )
+    left = left | ~cells.certain
     answers.rank[:] = healthy.rank
     answers.healthy_margin[:] = healthy.margin
     answers.verdict[:] = cells.verdict.T
@@ -268,16 +286,17 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
         _write_jumps(question, cells.jump, np.linalg.norm(healthy.F, axis=1), answers)
     if direction is not None:
         largest = np.where(faults.locked, question.brake, question.effort)
+        largest[faults.free] = 0.0
         commanded, _ = reach_of(
             placed.J,
             placed.weight[:, None],
             largest,
             direction=direction,
             cells=cells,
-            rtol=question.rtol,
+            rtol=rtol,
+            within=borne,
         )
         answers.capability[:] = commanded.T
-    left = ~(cells.certain & healthy.certain[:, None]) | faults.has_free
     for i in np.flatnonzero(left.any(axis=1)).tolist():
         one = _Posture(i, placed.J[i], placed.weight[i])
         _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers)
@@ -285,7 +304,8 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
 
 def _write_jumps(question: Question, jump: Stack, size: Vector, answers: Answers) -> None:
     """Write the norms of weighted jumps, shape (k, S, m), for forces F̂ of weighted norms, (k,)."""
-    answers.relative_jump[:] = np.linalg.norm(jump, axis=2).T / np.where(size > 0.0, size, math.inf)
+    relative = np.linalg.norm(jump, axis=2).T / np.where(size > 0.0, size, math.inf)
+    answers.relative_jump[:] = np.where(np.isnan(relative), 1.0, relative)  # no equilibrium
     unweighted = jump * question.weights
     is_force = question.rows < 3
     forces = np.linalg.norm(unweighted[..., is_force], axis=2).T
@@ -351,8 +371,6 @@ def _settle_force(
         return
     lost = np.full(reduced.m, math.nan) if jump is None else jump
     _write_jumps(question, lost[None, None], np.array([norm(F)]), answers)
-    if jump is None:  # no static equilibrium
-        answers.relative_jump[:] = 1.0
 
 
 def _capability(plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int) -> float:

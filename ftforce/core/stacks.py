@@ -163,6 +163,7 @@ def reach_of(
     direction: Vector | None,
     cells: Cells,
     rtol: float,
+    within: tuple[Matrix, Matrix] | None = None,
 ) -> tuple[Matrix, Matrix]:
     """Return the largest s for which s·d can be commanded, and held, by the ratio test of `reach`.
 
@@ -181,6 +182,8 @@ def reach_of(
         The answers for the same postures and sets.
     rtol :
         Rank tolerance.
+    within :
+        Range of s that free-swinging joints bear, each of shape (N, S); ``None`` for any s ≥ 0.
 
     Returns
     -------
@@ -204,6 +207,8 @@ def reach_of(
     counts = known & loaded
     minimum = np.where(counts, np.minimum(one, other), -np.inf).max(axis=2, initial=0.0)
     maximum = np.where(counts, np.maximum(one, other), np.inf).min(axis=2, initial=np.inf)
+    if within is not None:
+        minimum, maximum = np.maximum(minimum, within[0]), np.minimum(maximum, within[1])
     commanded = np.where(cells.lost > rtol, np.minimum(maximum, 0.0), maximum)  # F' in range(K)
     overloaded = (known & ~loaded & ((lower > 0.0) | (upper < 0.0))).any(axis=2)
     return (
