@@ -28,7 +28,7 @@ CAPABILITY = "-capability"
 PATIENCE = 4.0
 """Time, s, that an evaluation with NumPy may take before compiling the kernels is worthwhile."""
 _USUAL_SECONDS = 15.0  # of compilation, where it is not known
-_TRIED = 64  # postures whose evaluation by NumPy is timed
+_TRIED = (16, 512)  # postures whose evaluation by NumPy is timed: a few, and then some more
 _WARM_UP = 4096  # postures, so many that some are left to the accurate kernels
 _RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation took, s
 _KERNELS = Path(__file__).parent / "kernels"
@@ -125,11 +125,16 @@ def _record(kind: str, seconds: float) -> None:
 
 def _numpy_seconds(job: Job) -> float:
     """Return the time that all postures of a job take with NumPy, s, from a few of them."""
-    q = job.postures.block(0, min(_TRIED, job.postures.count))
-    job.evaluator(q[:1])  # what is imported and allocated only once
-    start = time.perf_counter()
-    job.evaluator(q)
-    return (time.perf_counter() - start) * job.postures.count / len(q)
+    count, seconds = job.postures.count, 0.0
+    job.evaluator(job.postures.block(0, 1))  # what is imported and allocated only once
+    for tried in _TRIED:
+        q = job.postures.block(0, min(tried, count))
+        start = time.perf_counter()
+        job.evaluator(q)
+        seconds = (time.perf_counter() - start) * count / len(q)
+        if seconds > 10.0 * PATIENCE:  # more than what a call costs explains
+            break
+    return seconds
 
 
 def _say(text: str) -> None:
