@@ -29,6 +29,5 @@ def draw(folder: Path) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    pictures = Path(__file__).parents[1] / "pictures"
-    parser.add_argument("--output", type=Path, default=pictures, metavar="FOLDER")
+    parser.add_argument("--output", type=Path, default=Path(), metavar="FOLDER")
     draw(parser.parse_args().output)
