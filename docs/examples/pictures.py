@@ -118,6 +118,8 @@ DRAWN = {
     "architecture.svg",
     *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
+    *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
+    *("front-map.svg", "front-compare.svg"),
     *("map-panda.svg", "map-tiago.svg", "map-solid.svg"),
     *("view-locked.png", "view-lost.png", "view-moments.png"),
     *("view-census.png", "view-history.png", "view-sweep.png"),
