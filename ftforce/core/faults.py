@@ -75,7 +75,8 @@ class Fault:
             The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
             weak has a factor other than 1.
         """
-        object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if type(self.mode) is not FaultMode:
+            object.__setattr__(self, "mode", FaultMode.parse(self.mode))
         if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
@@ -118,10 +119,15 @@ class FaultSet:
         """
         if not self.faults:
             return
-        ordered = tuple(sorted(self.faults, key=_joint_of))
-        object.__setattr__(self, "faults", ordered)
-        if ordered[0].joint < 0:
-            raise InputError(f"joint indices start at 0, got {ordered[0].joint}")
+        joints = [fault.joint for fault in self.faults]
+        if joints != sorted(joints):
+            object.__setattr__(self, "faults", tuple(sorted(self.faults, key=_joint_of)))
+        if min(joints) < 0:
+            raise InputError(f"joint indices start at 0, got {min(joints)}")
+        if len(set(joints)) < len(joints):
+            self._raise_repeated()
+
+    def _raise_repeated(self) -> None:
         for one, other in zip(self.faults, self.faults[1:], strict=False):
             if one.joint == other.joint:
                 number = one.joint + 1
@@ -254,9 +260,9 @@ def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iter
     mode :
         Fault mode of all failed joints.
     """
+    faults = [Fault(joint, mode) for joint in range(n)]
     for size in range(1, largest + 1):
-        for joints in combinations(range(n), size):
-            yield FaultSet.all_of(mode, joints)
+        yield from map(FaultSet, combinations(faults, size))
 
 
 def count_fault_sets(n: int, largest: int) -> int:
