@@ -47,7 +47,14 @@ def test_blocks_in_order(pages, tmp_path):
     assert found[0].line == text.splitlines().index("```console") + 1
 
 
-@pytest.mark.parametrize(("text", "part"), [("```sh\nls\n```", "'sh'"), ("```text\nls", "end")])
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("```sh\nls\n```", "'sh'"),
+        ("```text\nls", "end"),
+        ("````{container} x\n```console\nls\n```\n````", "inside"),
+    ],
+)
 def test_unknown_blocks_are_errors(pages, text, part):
     with pytest.raises(pages.PageError, match=part):
         pages.steps(text, EXAMPLES)

@@ -95,17 +95,19 @@ def steps(text: str, folder: Path) -> list[Step]:
     found: list[Step] = []
     lines = iter(enumerate(text.splitlines(), 1))
     for number, line in lines:
-        fence = re.match(r" *```(\S*)(.*)", line)
+        fence = re.match(r" *(`{3,})([^`\s]*)(.*)", line)
         if fence is None:
             continue
         body = []
         for _, inner in lines:
-            if inner.strip() == "```":
+            if inner.strip() == fence[1]:
                 break
+            if "```" in inner:
+                raise PageError(f"line {number}: a block inside another would not be run")
             body.append(inner)
         else:
             raise PageError(f"line {number}: the block does not end")
-        language, argument = fence[1], fence[2].strip()
+        language, argument = fence[2], fence[3].strip()
         if language == "{literalinclude}":
             shown = _included(folder / argument, body)
             found += [Step("shell", command, number) for command in commands(shown, prompt=True)]
