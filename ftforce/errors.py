@@ -164,6 +164,23 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
 
 
+def check_word(kind: str, word: object, available: Iterable[str]) -> None:
+    """Check that a word is one of a few.
+
+    Parameters
+    ----------
+    kind, word, available :
+        As of `UnknownNameError`.
+
+    Raises
+    ------
+    UnknownNameError
+        It is another, or no text.
+    """
+    if not isinstance(word, str) or word not in available:
+        raise UnknownNameError(kind, word, available)
+
+
 _LONGEST_GUESS = 200  # characters
 
 

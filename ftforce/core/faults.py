@@ -72,10 +72,12 @@ class Fault:
         Raises
         ------
         InputError
-            The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
-            weak has a factor other than 1.
+            The joint is not an integer, the mode is unknown, the factor does not lie between 0 and
+            1, or a joint that is not weak has a factor other than 1.
         """
         object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if not _is_index(self.joint):
+            raise InputError(f"a joint index must be an integer from 0, got {self.joint!r}")
         if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
@@ -114,11 +116,14 @@ class FaultSet:
         Raises
         ------
         InputError
-            A joint fails twice, or an index is negative.
+            Something is not a fault, a joint fails twice, or an index is negative.
         """
         if not self.faults:
             return
-        ordered = tuple(sorted(self.faults, key=_joint_of))
+        try:
+            ordered = tuple(sorted(self.faults, key=_joint_of))
+        except (AttributeError, TypeError):
+            raise InputError(f"a fault set needs faults, got {self.faults!r}") from None
         object.__setattr__(self, "faults", ordered)
         if ordered[0].joint < 0:
             raise InputError(f"joint indices start at 0, got {ordered[0].joint}")
@@ -275,6 +280,10 @@ def _is_share(factor: float) -> bool:
         return 0.0 <= factor <= 1.0  # also rejects NaN
     except TypeError:
         return False
+
+
+def _is_index(joint: object) -> bool:
+    return joint.__class__ is int or isinstance(joint, np.integer)
 
 
 def _joint_of(fault: Fault) -> int:
