@@ -21,6 +21,7 @@ A fault that cannot be tolerated is a result, not an error.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -28,8 +29,17 @@ if TYPE_CHECKING:
     from os import PathLike
 
 
+_LINE_BREAK = re.compile(r"\n\s*")
+_LONGEST = 1500  # characters of a message
+
+
 class FtforceError(Exception):
     """Base class of all exceptions that ftforce raises."""
+
+    def __str__(self) -> str:
+        """Return the message in one line, though arrays in it are printed in several."""
+        text = _LINE_BREAK.sub(" ", super().__str__())
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-500:]}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle message and attributes, bypassing ``__init__``: errors cross processes."""

@@ -346,6 +346,7 @@ class Call(NamedTuple):
 
     function: Callable[..., Any]
     given: dict[str, Any]
+    is_tame: bool
 
     def __call__(self) -> Any:
         """Call the function."""
@@ -372,4 +373,4 @@ def draw(number: int, folder: Path) -> Call:
     given = {name: ARGUMENTS[other or name](c) for name, other in pairs.items()}
     if given and c.random() < c.odd:
         given[c.choice(list(given))] = c.choice(MALFORMED)
-    return Call(kind.function, given)
+    return Call(kind.function, given, c.odd == 0.0)

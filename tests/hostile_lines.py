@@ -168,17 +168,17 @@ def commands() -> dict[str, Any]:
     return found
 
 
-def draw(number: int) -> list[str]:
+def draw(number: int, command: str | None = None) -> list[str]:
     """Return the words of a command line.
 
     Parameters
     ----------
-    number :
-        Its number.
+    number, command :
+        Its number, and its command; by default any.
     """
     c = random.Random(f"line {number}")
     odd = c.choice((0.0, 0.0, 0.05, 0.3))
-    command = c.choices(list(SHARES), list(SHARES.values()))[0]
+    command = command or c.choices(list(SHARES), list(SHARES.values()))[0]
     share = c.choice((0.05, 0.1, 0.2))
     words, read = [command], []
     for parameter in commands()[command].params:
