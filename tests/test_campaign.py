@@ -158,7 +158,9 @@ def documents(kind, name, words):
     for one in kind.__mro__:
         text = getattr(vars(one).get(name), "__doc__", None) or ""
         about = re.split(r"\n    (?=\S)", one.__doc__ or "")
-        text += about[0] + " ".join(part for part in about if name in re.split(" :|, ", part.split("\n")[0]))
+        text += about[0] + " ".join(
+            part for part in about if name in re.split(" :|, ", part.split("\n")[0])
+        )
         if any(word in text for word in words):
             return True
     return False

@@ -399,7 +399,7 @@ def _setting(
         tip_source=robot.tip_source,
         other_tips=dict(robot.other_tips),
         joints=robot.names,
-        joint_units=tuple(joint.unit for joint in robot.joints),
+        joint_units=robot.units,
         task=str(task),
         components=task.components,
         axes=task.axes,

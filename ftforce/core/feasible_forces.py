@@ -342,9 +342,10 @@ def feasible_forces(
         Z = reduced.damaged.U[:, : reduced.rank_after]
     else:
         Z = np.eye(m) if free is None else free.U[:, free.rank :]
-    rows, lower, upper = np.zeros((0, m)), np.zeros(0), np.zeros(0)
-    joints: list[int] = []
-    if largest is not None:
+    if largest is None:
+        rows, lower, upper = np.zeros((0, m)), np.zeros(0), np.zeros(0)
+        joints: list[int] = []
+    else:
         # NaN is unknown; 0 is a free-swinging joint.
         known = (largest > 0.0).nonzero()[0]
         weights, limit = rnea[known], largest[known]

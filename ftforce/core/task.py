@@ -143,6 +143,11 @@ class Task:
         weights[list(self.moment_rows)] = self.length
         return read_only(weights)
 
+    @cached_property
+    def _elements(self) -> str:
+        """What the elements of a force are, for error messages."""
+        return f"{', '.join(self.components)} of the task '{self}'"
+
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each component: N or N·m."""
@@ -178,7 +183,7 @@ class Task:
         InputError
             The value does not consist of m finite numbers.
         """
-        return as_vector(x, self.m, name, f"{', '.join(self.components)} of the task '{self}'")
+        return as_vector(x, self.m, name, self._elements)
 
     def weigh_jacobian(self, J: Matrix) -> Matrix:
         """Return the weighted Jacobian J̃ of J, shape (m, n).

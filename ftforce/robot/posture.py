@@ -394,8 +394,11 @@ def _checked(robot: Robot, q: Vector, source: str) -> Posture:
 
 def _outside(robot: Robot, q: Vector) -> list[int]:
     slack = 1e-6  # rad or m: limits are often rounded
-    low, high = q < robot.lower - slack, q > robot.upper + slack
-    return np.flatnonzero(low | high).tolist()
+    within = [
+        joint.lower - slack <= x <= joint.upper + slack
+        for joint, x in zip(robot.joints, q.tolist(), strict=True)
+    ]
+    return [i for i, fits in enumerate(within) if not fits] if False in within else []
 
 
 def looks_like_degrees(robot: Robot, q: Matrix) -> bool:
