@@ -46,6 +46,17 @@ class Tally:
         wanted = os.environ.get("FTFORCE_CASE")
         return range(part, campaign(full), parts) if wanted is None else [int(wanted)]
 
+    def count(self, kind: str, count: int, *, refused: int = 0) -> None:
+        """Count cases of a kind that are checked together.
+
+        Parameters
+        ----------
+        kind, count, refused :
+            As of `numbers` and `tried`.
+        """
+        self.kind = kind
+        self.tried(count, refused=refused)
+
     def tried(self, count: int = 1, *, refused: int = 0) -> None:
         """Count cases, and how many of them were refused.
 
@@ -96,11 +107,14 @@ def table(reports: Iterable[Any]) -> list[str]:
                 sums[kind] = [a + b for a, b in zip(total, counts, strict=True)]
     if not sums or not CAMPAIGN:
         return []
-    rows = [*sorted(sums.items()), ("together", [sum(one) for one in zip(*sums.values())])]
+    rows = [
+        *sorted(sums.items()),
+        ("together", [sum(one) for one in zip(*sums.values(), strict=True)]),
+    ]
     widths = [max(map(len, sums)), *(max(9, len(name)) for name in COLUMNS)]
     header = ("", *COLUMNS)
     lines = [header, *((kind, *(f"{x:,}" for x in counts)) for kind, counts in rows)]
     return [
-        "  ".join([line[0].ljust(widths[0]), *(x.rjust(w) for x, w in zip(line[1:], widths[1:]))])
-        for line in lines
+        "  ".join([kind.ljust(widths[0]), *map(str.rjust, counts, widths[1:])])
+        for kind, *counts in lines
     ]

@@ -56,8 +56,8 @@ class JointReport:
     mean_relative_jump :
         Mean of ‖ΔF‖/‖F̂‖ over the sets that contain the joint.
     least_capability :
-        Smallest commanded force over these sets, NaN if the arm cannot be held with one of
-        them; ``None`` unless the census ranks by capability.
+        Smallest commanded force over these sets; infinite if no known limit bounds it, NaN if the
+        arm cannot be held with one of them, ``None`` unless the census ranks by capability.
     """
 
     joint: int
