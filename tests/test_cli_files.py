@@ -142,3 +142,21 @@ def test_every_file_of_a_command_is_known(command):
         is_file = "Path" in annotation or any(word in words for word in ("FILE", "URDF", "CSV"))
         if is_file and parameter.annotation is not inspect.Parameter.empty:
             assert parameter.name in {*INPUTS, *OUTPUTS}, parameter.name
+
+
+LONG_NAMES = (
+    *("view arm.urdf --history {} --export a.html", "view arm.urdf --sweep {} --export a.html"),
+    *("view arm.urdf --export {}/a.html", "sweep arm.urdf --samples 9 -o {}/a.zarr"),
+    *("compare arm.urdf {}", "map {}", "dh {}", "sweep arm.urdf --postures {}.npy"),
+    *("analyze arm.urdf -o {}.json", "simulate arm.urdf {} --force 1,0,0"),
+)
+
+
+@pytest.mark.parametrize("line", LONG_NAMES)
+def test_names_that_are_too_long_get_one_line(folder, line):
+    before = contents(folder)
+    result = run(*line.format("x" * 300).split(), status=1)
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    assert "internal error" not in result.stderr
+    assert contents(folder) == before
