@@ -37,8 +37,8 @@ class FtforceError(Exception):
     """Base class of all exceptions that ftforce raises."""
 
     def __str__(self) -> str:
-        """Return the message in one line, though arrays in it are printed in several."""
-        text = _LINE_BREAK.sub(" ", super().__str__())
+        """Return the message in one printable line; arrays in it are printed in several."""
+        text = printable(_LINE_BREAK.sub(" ", super().__str__()))
         return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-500:]}"
 
     def __reduce__(self) -> tuple[Any, ...]:
