@@ -9,6 +9,7 @@ import pytest
 import ftforce
 from ftforce.batch.postures import Grid
 from ftforce.batch.workspace_map import workspace_map
+from ftforce.core.limits import Limits
 from ftforce.errors import (
     DHTableError,
     DimensionError,
@@ -110,6 +111,8 @@ MALFORMED = {
     "posture": lambda arm: ftforce.analyze(arm, posture=np.array(["a"])),
     "payload": lambda arm: ftforce.analyze(arm, payload=10**400),
     "mask": lambda arm: ftforce.remap(np.eye(2), [1, 2], [[True], [True, False]]),
+    "limits": lambda arm: Limits.of([1.7e308, 50.0]),
+    "unprintable": lambda arm: ftforce.analyze(arm, joint_length="\x00"),
     "joint": lambda arm: ftforce.Fault(1.5),
     "faults": lambda arm: ftforce.FaultSet("nan"),
     "robot of a grid": lambda arm: Grid.of([], 2),
