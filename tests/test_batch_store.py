@@ -206,15 +206,17 @@ def disturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("keep", ["summary", "worst", "all"])
-def test_killed_at_any_step_it_ends_with_the_same_bytes(undisturbed, disturbed, keep):
+def test_killed_at_any_step_it_ends_with_the_same_bytes(undisturbed, disturbed, keep, tally):
     folders, times = disturbed
     assert times[keep] >= 2
+    tally.count("killed sweeps", times[keep])
     assert_same_files(undisturbed[keep].path, folders[keep])
 
 
-def test_killed_while_it_is_completed(arm, tmp_path, disturbed):
+def test_killed_while_it_is_completed(arm, tmp_path, disturbed, tally):
     folders, times = disturbed
     assert times["completed"] >= 3
+    tally.count("killed sweeps", times["completed"])
     sweep(arm, **{**ASKED, "chunk": 13_000}, keep="summary", output=tmp_path / "s")
     assert_same_files(tmp_path / "s", folders["completed"])
 
@@ -375,11 +377,12 @@ def _fails_after(calls, function, problem=errno.ENOSPC):
     return failing
 
 
-@pytest.mark.parametrize("calls", [0, 10, 30])
+@pytest.mark.parametrize("calls", [0, 10, 30, *range(1, campaign(90, 1), 2)])
 def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(
-    arm, tmp_path, stored, monkeypatch, calls
+    tmp_path, stored, monkeypatch, calls, tally
 ):
-    path = tmp_path / "s"
+    arm, path = ftforce.load_robot("dh5"), tmp_path / "s"
+    tally.count("full disks", 1, refused=1)
     with monkeypatch.context() as patch:
         patch.setattr(folder, "sync", _fails_after(calls, folder.sync))
         with pytest.raises(OutputError, match="No space left on device") as raised:

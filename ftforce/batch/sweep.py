@@ -29,7 +29,7 @@ from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
-from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.errors import FtforceError, InputError, check_word
 from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
@@ -325,8 +325,7 @@ def _size_of(question: Question) -> float | None:
 def _checked_keep(keep: str | None, output: object) -> str:
     if keep is None:
         return "summary" if output is None else "all"
-    if keep not in KEEPS:
-        raise UnknownNameError("value of keep", keep, KEEPS)
+    check_word("value of keep", keep, KEEPS)
     return keep
 
 

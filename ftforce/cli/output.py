@@ -61,12 +61,12 @@ def check_outputs(
         from ftforce.show.plots.canvas import needs_matplotlib
 
         needs_matplotlib()
-    from ftforce.io.text import check_writable
+    from ftforce.io.text import check_writable, is_folder
 
     for path in (*(output or ()), *(plot or ())):
         if _ending(path) != "zarr":
             check_writable(path)
-        elif not path.parent.is_dir():
+        elif not is_folder(path.parent):
             raise OutputError(path, "cannot be written (No such file or directory)")
 
 

@@ -146,10 +146,11 @@ def sweep(
                 progress=progress,
                 **merged(sets, forces, weight, limits, friction, task_options, tolerances),
             )
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as pressed:
         kept = "nothing was kept (--output DIR.zarr stores finished chunks)"
         if store is not None:
-            kept = "finished chunks are kept; the same command resumes the sweep"
+            noted = getattr(pressed, "__notes__", ())  # by the runner; none before and after it
+            kept = next(iter(noted), "finished chunks are kept; the same command resumes the sweep")
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
     outputs = replace(outputs, output=files)

@@ -300,6 +300,17 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
     return Path(path)
 
 
+def is_folder(path: str | PathLike[str]) -> bool:
+    """Return whether a path is a folder; ``False`` too if it is too long, or in a closed one.
+
+    Parameters
+    ----------
+    path :
+        The path, of which ``Path.is_dir`` may raise an error.
+    """
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 def check_writable(path: str | PathLike[str]) -> None:
     """Check what can be told before a file is written.
 

@@ -18,6 +18,7 @@ from ftforce.errors import DimensionError, InputError, TrajectoryError, listed, 
 from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 from ftforce.io.text import read_text, shortened
 from ftforce.robot.posture import looks_like_degrees
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -101,6 +102,7 @@ class Recording:
             Shapes do not match, times do not increase, there is a gap, or an angle jumps by a turn
             and leaves its limits when it is unwrapped.
         """
+        require_robot(robot)
         times = as_floats(t, "t")
         if times.ndim != 1 or len(times) < 4:
             raise InputError(
