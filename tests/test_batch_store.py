@@ -455,7 +455,7 @@ def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypat
     assert store.open_sweep(path).summary.postures == 13_000
 
 
-def test_a_disk_that_is_really_full(arm, tmp_path, stored):
+def test_a_disk_that_is_really_full(arm, tmp_path, stored, monkeypatch):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
@@ -465,6 +465,10 @@ def test_a_disk_that_is_really_full(arm, tmp_path, stored):
     except FileNotFoundError:
         pytest.skip("no mount here")
     try:
+        with pytest.raises(OutputError, match="the disk has 1 MB free"):
+            sweep(arm, **WHOLE, output=disk / "s")
+        assert not any(disk.iterdir())
+        monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1e12))  # by then
         with pytest.raises(OutputError, match="No space left on device"):
             sweep(arm, **WHOLE, output=disk / "s")
         subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
@@ -581,9 +585,9 @@ def test_no_sweep_is_no_sweep(tmp_path):
 @pytest.mark.parametrize("keep", ["worst", "all"])
 def test_the_size_on_disk_is_known_before(undisturbed, arm, keep):
     """Beside what the disk holds afterwards."""
-    result, names = undisturbed[keep], (*PER_POSTURE, *PER_SET, "worst_")
-    files = [file for folder in result.path.iterdir() for file in folder.glob("*.*")
-             if folder.name.startswith(names) and not file.name.startswith(".")]  # fmt: skip
+    result, names = undisturbed[keep], {*PER_POSTURE, *PER_SET}
+    files = [file for folder in Path(result.path).iterdir() for file in folder.glob("[0-9]*")
+             if folder.name in names or folder.name.startswith("worst_")]  # fmt: skip
     said = samples_size(request(arm, keep), keep)
     assert said == pytest.approx(sum(file.stat().st_size for file in files), rel=0.07)
 
