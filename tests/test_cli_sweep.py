@@ -79,7 +79,7 @@ def test_postures_from_a_file_in_degrees(tmp_path):
     )  # fmt: skip
     arguments = ("sweep", "dh5", "--postures", str(tmp_path / "q.csv"), "--deg")
     out = tmp_path / "s.zarr"
-    result = run(*arguments, "--force", "80,50,10", "-o", str(out))
+    result = run(*arguments, "--force", "80,50,10", "--keep", "all", "-o", str(out))
     assert result.exit_code == 0, result.stderr
     assert "2 postures from q.csv" in result.stdout
     assert "not drawn at random" in " ".join(result.stdout.split())

@@ -20,7 +20,14 @@ from sweeps import content, differences
 
 pytestmark = pytest.mark.thorough  # hundreds of sweeps are opened
 
-ASKED = {"n": 5000, "chunk": 4096, "force": [80.0, 50.0, 10.0], "cell": 1.0, "threads": 1}
+ASKED = {
+    "n": 5000,
+    "chunk": 4096,
+    "force": [80.0, 50.0, 10.0],
+    "cell": 1.0,
+    "threads": 1,
+    "keep": "all",
+}
 HARMS = {
     "lost": lambda data, chance: None,
     "truncated": lambda data, chance: data[: chance.randrange(len(data))],
@@ -199,7 +206,7 @@ def test_any_array_may_be_all_fill_value(tmp_path):
     planar = ftforce.load_robot(tmp_path / "arm.urdf")
     path = tmp_path / "s"
     for _ in range(2):  # stored, and opened
-        found = sweep(planar, n=500, output=path, task="fx,fy,fz")
+        found = sweep(planar, n=500, output=path, task="fx,fy,fz", keep="all")
         assert found.done == 500
     assert np.isnan(ftforce.open_sweep(path).dataset["rho"]).all()
 

@@ -24,6 +24,7 @@ from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
 from ftforce.batch.runner import in_threads, run, threads_of
+from ftforce.batch.size import check_room
 from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
@@ -112,7 +113,7 @@ def sweep(
         As in `ftforce.analyze`.
     keep :
         Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
-        default ``all`` with an output, else ``summary``.
+        default ``worst`` with an output, else ``summary``.
     cell :
         Edge length of the workspace cells, m; default about a twentieth of the reach.
     output :
@@ -324,7 +325,7 @@ def _size_of(question: Question) -> float | None:
 
 def _checked_keep(keep: str | None, output: object) -> str:
     if keep is None:
-        return "summary" if output is None else "all"
+        return "summary" if output is None else "worst"
     check_word("value of keep", keep, KEEPS)
     return keep
 
@@ -487,6 +488,8 @@ def run_request(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
+    if path is not None and not path.exists():
+        check_room(request, path)
     with closing(store.create(path, request)) as opened:
         if not opened.is_complete:
             run(request.job, opened, runner, progress)

@@ -83,9 +83,9 @@ def sweep(
     keep: Annotated[
         str | None,
         typer.Option(
-            metavar="all|worst|summary",
-            help="Samples stored in a .zarr: of every set, of each posture's worst set, or none.",
-            show_default="all",
+            metavar="worst|all|summary",
+            help="Samples stored in a .zarr: of each posture's worst set, of every set, or none.",
+            show_default="worst",
         ),
     ] = None,
     cell: Annotated[

@@ -132,7 +132,7 @@ def text_of(
             flaw = f"is neither UTF-8 nor {encoding}, as it declares (byte {problem.start})"
     if not flaw and "\0" in text:
         flaw = "is a binary file"
-    if not flaw and not text.strip():
+    if not flaw and (not text or text.isspace()):  # strip() would copy it
         flaw = "is empty"
     if flaw:
         raise error(path, f"{flaw}; expected {kind}")

@@ -405,7 +405,7 @@ def _unwrapped(
     """
     if looks_like_degrees(robot, q):
         return q, ()  # a warning says so
-    found, words = q.copy(), []
+    found, words = {}, []
     for i in np.flatnonzero(np.ptp(q, axis=0) > np.pi).tolist():
         joint, jumps = robot.joints[i], np.abs(np.diff(q[:, i]))
         jumps[jumps <= (joint.velocity or 0.0) * _FASTER * np.diff(t)] = 0.0
@@ -421,12 +421,15 @@ def _unwrapped(
                 f"turns; as a wrapped angle it would leave its limits, {joint.lower:g} to "
                 f"{joint.upper:g} rad"
             )
-        found[:, i] = unwrapped
+        found[i] = unwrapped
         times = "" if len(rows) == 1 else f"{len(rows)} times, first "
         words.append(f"{joint.name} ({times}at {where})")
     if not words:
         return q, ()
-    return read_only(found), (f"angles that jump by a turn were unwrapped: {', '.join(words)}",)
+    q = q.copy()
+    for i, unwrapped in found.items():
+        q[:, i] = unwrapped
+    return read_only(q), (f"angles that jump by a turn were unwrapped: {', '.join(words)}",)
 
 
 def _inside(joint: Joint, x: Vector) -> Vector | None:
