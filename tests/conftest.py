@@ -32,3 +32,11 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.section("campaign")
         for line in lines:
             terminalreporter.line(line)
+
+
+@pytest.fixture(scope="session")
+def kernels():
+    """Compile the kernels of most sweeps first: NumPy would give other last digits."""
+    from ftforce.batch.warmup import KERNELS, warmup
+
+    warmup(KERNELS[:1])

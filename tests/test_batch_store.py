@@ -32,7 +32,10 @@ from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryErro
 from helpers import campaign
 from sweeps import LONG, child, content, differences, killed
 
-pytestmark = pytest.mark.thorough  # processes take seconds to start
+pytestmark = [
+    pytest.mark.thorough,  # processes take seconds to start
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 WHOLE = {**ASKED, "keep": "all"}
@@ -280,6 +283,7 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undistur
 
     with monkeypatch.context() as patch:
         patch.setattr(Summary, "merge", merge)
+        patch.setattr(runner, "_BATCH_SECONDS", 0.0)  # one chunk at a time
         with pytest.raises(KeyboardInterrupt):
             sweep(arm, **asked, threads=1)
     assert int(sweep(arm, **asked).summary.postures) == ASKED["n"]

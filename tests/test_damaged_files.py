@@ -18,7 +18,10 @@ from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, SweepError
 from sweeps import content, differences
 
-pytestmark = pytest.mark.thorough  # hundreds of sweeps are opened
+pytestmark = [
+    pytest.mark.thorough,  # hundreds of sweeps are opened
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {
     "n": 5000,

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
+from ftforce.batch.compiled import compile_kernels, prepared
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
-from ftforce.batch.runner import in_threads, threads_of
+from ftforce.batch.runner import InThreads, threads_of
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.sweep import request_of, run_request, sweep_question
 from ftforce.core.arrays import is_number
@@ -363,7 +364,7 @@ class _Reports:
                 self.progress(self.done, self.total)
 
         with _naming(name):
-            result = run_request(request, None, in_threads(self.threads), progress)
+            result = run_request(request, None, InThreads(self.threads), progress)
             healthy = healthy_capability(case.question, case.postures, self.threads)
         return result, healthy
 
@@ -534,6 +535,8 @@ def healthy_capability(
         return None
     plan = Plan.of(replace(question, force=None), (HEALTHY,), needs_gravity=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
+    job = prepared(job)
+    compile_kernels(job)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads) as pool:
         for part, _ in pool.map(job.run, range(job.chunks)):
