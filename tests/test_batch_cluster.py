@@ -231,7 +231,7 @@ def opened(arm, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_runner", lambda *_: runner)
         with pytest.raises(KeyboardInterrupt):
-            sweep(arm, **ASKED, output=path)
+            sweep(arm, **ASKED, keep="all", output=path)
     return caught[0]
 
 

@@ -28,7 +28,7 @@ from ftforce.core.reduced_jacobian import (
     reduce,
 )
 from ftforce.core.task import Axes, Task
-from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.errors import InputError, check_word, listed
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
 from ftforce.robot.robot import require_robot
@@ -175,8 +175,7 @@ class Question:
         require_robot(robot)
         check_tolerances(rtol, wary)
         wanted = Task.parse(task, axes, length)
-        if inverse not in INVERSES:
-            raise UnknownNameError("inverse", inverse, INVERSES)
+        check_word("inverse", inverse, INVERSES)
         if force is not None and torque is not None:
             raise InputError("give either a force or torques, not both")
         known = choose_limits(robot, limits_for(faults, limits))

@@ -26,6 +26,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH
 from ftforce.core.ranks import ranks_of_intervals
 from ftforce.errors import InputError, listed, printable
+from ftforce.io.text import is_folder
 from ftforce.robot.kinematics import reach_bound
 from ftforce.robot.robot import Robot
 
@@ -229,7 +230,7 @@ def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _
 
 def _read(given: str | os.PathLike[str], tip: str | None, base: str | None) -> Robot | Sweep:
     path = Path(given)
-    if path.suffix == ".zarr" or (path.is_dir() and not _is_known(given)):
+    if path.suffix == ".zarr" or (is_folder(path) and not _is_known(given)):
         from ftforce.batch.store.store import open_sweep
 
         sweep = open_sweep(path)

@@ -182,6 +182,8 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
     ------
     FtforceError
         A file cannot be read or written; finished chunks are kept.
+    KeyboardInterrupt
+        After Ctrl-C; its note says how many postures are kept.
     """
     done, total = opened.done, job.postures.count
     saved, is_consistent = time.monotonic(), True
@@ -210,11 +212,13 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
                 kept = int(opened.summary.postures)
         if isinstance(problem, OutputError):
             raise OutputError(problem.path, f"{problem.reason}; {_left(kept, total)}") from None
+        if isinstance(problem, KeyboardInterrupt) and opened.path is not None:
+            problem.add_note(_left(kept, total))
         raise
 
 
 def _left(kept: int, total: int) -> str:
-    """Return what a disk holds after it could not be written."""
+    """Return what a disk holds of a sweep that could not go on."""
     if kept == 0:
         return "no posture was kept"
     return f"{kept:,} of {total:,} postures are kept, and the same command resumes the sweep"

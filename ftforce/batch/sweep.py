@@ -24,12 +24,13 @@ from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
 from ftforce.batch.runner import InThreads, run, threads_of
+from ftforce.batch.size import check_room
 from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
-from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.errors import FtforceError, InputError, check_word
 from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
@@ -113,7 +114,7 @@ def sweep(
         As in `ftforce.analyze`.
     keep :
         Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
-        default ``all`` with an output, else ``summary``.
+        default ``worst`` with an output, else ``summary``.
     cell :
         Edge length of the workspace cells, m; default about a twentieth of the reach.
     output :
@@ -333,9 +334,8 @@ def _size_of(question: Question) -> float | None:
 
 def _checked_keep(keep: str | None, output: object) -> str:
     if keep is None:
-        return "summary" if output is None else "all"
-    if keep not in KEEPS:
-        raise UnknownNameError("value of keep", keep, KEEPS)
+        return "summary" if output is None else "worst"
+    check_word("value of keep", keep, KEEPS)
     return keep
 
 
@@ -475,6 +475,8 @@ def run_request(
         is_faster = isinstance(runner, InThreads) and prepared(request.job).uses_numpy
         return request.computed_with("numpy") if is_faster else request
 
+    if path is not None and not path.exists():
+        check_room(request, path)
     with closing(store.create(path, request, choose)) as opened:
         if not opened.is_complete:
             run(opened.request.job, opened, runner, progress)
