@@ -217,6 +217,12 @@ def test_kernels_are_known_only_for_the_same_code_and_processor(tmp_path, monkey
     (tmp_path / "kernel.nbi").touch()
     compiled._recorded.cache_clear()
     assert compiled.is_ready(plan)
+    with monkeypatch.context() as patch:  # numba does not read where it cannot write
+        patch.setattr(os, "access", lambda *_: False)
+        compiled._recorded.cache_clear()
+        assert not compiled.is_ready(plan)
+    compiled._recorded.cache_clear()
+    assert compiled.is_ready(plan)
     monkeypatch.setattr(compiled, "_key", lambda: "another processor")
     assert not compiled.is_ready(plan)
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # nothing will be compiled

@@ -167,7 +167,8 @@ def _recorded() -> dict[tuple[str, str], float]:
     """Return the time that compilation took, s, by state of the kernels and kind of question."""
     found = {}
     for folder in _folders():
-        if next(folder.rglob("*.nbi"), None) is None:  # the cache was removed
+        is_used = os.access(folder, os.W_OK)  # numba reads only where it can write
+        if not is_used or next(folder.rglob("*.nbi"), None) is None:  # or the cache was removed
             continue
         for file in folder.glob(_RECORD.format(key="*", kind="*")):
             with suppress(OSError, ValueError):
