@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -114,6 +115,7 @@ def cold(monkeypatch):
     """Make this process believe that no kernel is compiled."""
     monkeypatch.setattr(compiled, "is_ready", lambda _: False)
     monkeypatch.setattr(compiled, "_ready", set())
+    monkeypatch.setattr(compiled, "_spent", defaultdict(float))
 
 
 @pytest.mark.parametrize(
@@ -168,6 +170,13 @@ def test_a_large_sweep_says_what_it_waits_for(dh5, cold, monkeypatch, capsys):
     assert capsys.readouterr().err == said
 
 
+def test_many_small_sweeps_are_worth_compiling_in_the_end(dh5, cold, monkeypatch):
+    monkeypatch.setattr(compiled, "load_kernels", lambda _: None)
+    monkeypatch.setattr(compiled, "_numpy_seconds", lambda _: 3.0)
+    found = [sweep(dh5, n=10).setting.computed_with for _ in range(6)]
+    assert found == ["numpy"] * 5 + ["kernels"]
+
+
 def test_a_sweep_is_resumed_with_what_it_was_begun_with(dh5, cold, tmp_path, monkeypatch):
     asked = {"n": 4200, "chunk": 4096, "force": [80, 50, 10], "keep": "worst", "threads": 1}
     whole = sweep(dh5, **asked, output=tmp_path / "whole")
@@ -206,6 +215,12 @@ def test_kernels_are_known_only_for_the_same_code_and_processor(tmp_path, monkey
     monkeypatch.setattr(compiled, "_ready", set())
     assert not compiled.is_ready(plan)  # no compiled kernel is in the folder
     (tmp_path / "kernel.nbi").touch()
+    compiled._recorded.cache_clear()
+    assert compiled.is_ready(plan)
+    with monkeypatch.context() as patch:  # numba does not read where it cannot write
+        patch.setattr(os, "access", lambda *_: False)
+        compiled._recorded.cache_clear()
+        assert not compiled.is_ready(plan)
     compiled._recorded.cache_clear()
     assert compiled.is_ready(plan)
     monkeypatch.setattr(compiled, "_key", lambda: "another processor")

@@ -11,6 +11,7 @@ import os
 import platform
 import sys
 import time
+from collections import defaultdict
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 CAPABILITY = "-capability"
 PATIENCE = 4.0
 """Time, s, that an evaluation with NumPy may take before compiling the kernels is worthwhile."""
+_TOTAL_PATIENCE = 15.0  # s, of all questions of a kind in a process
 _USUAL_SECONDS = 15.0  # of compilation, where it is not known
 _TRIED = (16, 512)  # postures whose evaluation by NumPy is timed: a few, and then some more
 _WARM_UP = 4096  # postures, so many that some are left to the accurate kernels
@@ -34,6 +36,9 @@ _RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation 
 _KERNELS = Path(__file__).parent / "kernels"
 
 _ready: set[str] = set()  # kinds whose kernels this process has used
+_spent: defaultdict[str, float] = defaultdict(
+    float
+)  # time, s, that this process has left to NumPy, by kind
 
 
 def kind_of(plan: Plan) -> str:
@@ -60,8 +65,12 @@ def prepared(job: Job) -> Job:
     """
     if is_ready(job.plan):
         return job
-    numpy_job = replace(job, uses_numpy=True)
-    return numpy_job if _numpy_seconds(numpy_job) <= PATIENCE else job
+    numpy_job, kind = replace(job, uses_numpy=True), kind_of(job.plan)
+    seconds = _numpy_seconds(numpy_job)
+    if seconds > PATIENCE or seconds + _spent[kind] > _TOTAL_PATIENCE:
+        return job
+    _spent[kind] += seconds
+    return numpy_job
 
 
 def compile_kernels(job: Job) -> None:
@@ -158,7 +167,8 @@ def _recorded() -> dict[tuple[str, str], float]:
     """Return the time that compilation took, s, by state of the kernels and kind of question."""
     found = {}
     for folder in _folders():
-        if next(folder.rglob("*.nbi"), None) is None:  # the cache was removed
+        is_used = os.access(folder, os.W_OK)  # numba reads only where it can write
+        if not is_used or next(folder.rglob("*.nbi"), None) is None:  # or the cache was removed
             continue
         for file in folder.glob(_RECORD.format(key="*", kind="*")):
             with suppress(OSError, ValueError):

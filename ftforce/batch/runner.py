@@ -302,18 +302,18 @@ class InThreads:
         """
         compile_kernels(job)
         write = partial(store.write_samples, opened)
-        if opened.path is None and job.is_small:  # nothing to merge or to save
-            yield run_chunks(job, range(job.chunks), write, opened.summary)
-            return
+        is_alone = self.threads == 1 or (opened.path is None and job.is_small)
+        # What is neither shared nor saved needs no summary of its own.
+        whole = opened.summary if is_alone and opened.path is None else None
         # Samples cost more than the summary, and written chunks should be recorded soon.
         seconds = _BATCH_SECONDS if job.keep == "summary" else 0.0
 
         def batch() -> BatchResult | None:
             """Return a batch, ``None`` if all chunks are in the hands of other threads."""
-            result = run_chunks(job, sizer.during(seconds), write) if sizer.left else None
+            result = run_chunks(job, sizer.during(seconds), write, whole) if sizer.left else None
             return result if result is not None and result.chunks else None
 
-        if self.threads == 1:
+        if is_alone:
             while (result := batch()) is not None:
                 yield result
         else:
