@@ -648,7 +648,7 @@ def _arm_of_robot(question: Question, sets: tuple[FaultSet, ...]) -> _Arm:
     tree[:E] = np.column_stack(
         [mechanism.parent, mechanism.driver, mechanism.is_prismatic, mechanism.moves_tip]
     )
-    tree[E, :3] = mechanism.tip_parent, asked.in_tool, asked.needs_gravity
+    tree[E, :2] = mechanism.tip_parent, asked.in_tool
     body = np.zeros((E + 1, single.BODY))
     frames = [mechanism.placement, mechanism.ratio, mechanism.offset]
     body[:E] = np.column_stack([*frames, mechanism.mass, mechanism.centre, mechanism.gain])

@@ -39,8 +39,8 @@ NO_CACHE = (
     "no folder for compiled kernels can be written, so every run compiles them again, for up to "
     "half a minute; name one in NUMBA_CACHE_DIR"
 )
-_COMMON = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED}
-_ONLY_CALLED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+_COMMON = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, "no_cfunc_wrapper": True}
+_ONLY_CALLED = {"no_cpython_wrapper": True, "_nrt": False}
 _DIGEST = 32  # bytes of SHA-256
 
 

@@ -65,8 +65,8 @@ def answer(
         Whether a force is given, rather than torques.
     tree :
         For every joint its parent (-1 for the root), its driver, whether it is prismatic and
-        whether it moves the tip; then the tip's parent, whether the rows are in tip axes and
-        whether gravity torques are needed; (E + 1, 4). ``None`` if Jacobians are given.
+        whether it moves the tip; then the tip's parent and whether the rows are in tip axes;
+        (E + 1, 4). ``None`` if Jacobians are given.
     body :
         Placement, ratio, offset, mass, centre and gain of every joint (`layout`); then the
         tip's placement and gravity, (E + 1, BODY); or ``None``.
@@ -114,7 +114,7 @@ def answer(
         _place(tree, body, q, frame)
         _task_jacobian(tree, body, task, frame, matrix[0])
         _drop_noise(task[4:], matrix[0])
-        if tree[tree.shape[0] - 1, 2]:
+        if limit is not None:
             _weight_torque(tree, body, frame, torque[0])
     work = slabs.Slabs(
         matrix[3], torque[4], torque[5], square[4], vector[7], vector[8], vector[9], vector[10],
