@@ -36,8 +36,8 @@ UNKNOWN_CACHE = (
 
 
 NO_CACHE = (
-    "no folder for compiled kernels can be written, so every run compiles them again, for up to "
-    "half a minute; name one in NUMBA_CACHE_DIR"
+    "no folder for compiled kernels can be written, so every run compiles them again, for ten "
+    "seconds and more; name one in NUMBA_CACHE_DIR"
 )
 _COMMON = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, "no_cfunc_wrapper": True}
 _ONLY_CALLED = {"no_cpython_wrapper": True, "_nrt": False}
