@@ -186,6 +186,28 @@ def test_jacobians_without_limits_as_remap_has_them():
         assert_close(remapper(J, force=F).force_before, F, scale=norm(F))
 
 
+def test_what_friction_bears_may_still_be_too_much_for_a_motor():
+    """No force has a lever at the free joint, so its friction bears all; the first motor cannot."""
+    J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    free = FaultSet.all_of(FREE, [2])
+    limits = [6.0, math.nan, math.nan]
+    remapper = Remapper(m=2, n=3, faults=free, limits=limits, friction=0.05)
+    np.testing.assert_array_equal(remapper(J, force=[5.0, 2.0]).force_after[0], [5.0, 2.0])
+    assert_close(remapper(J, force=[10.0, 2.0]).force_after[0], [6.0, 2.0], scale=1.0)
+    assert remapper.result.verdicts == (Verdict.NOT_TOLERATED,)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_friction_of_nothing_at_rest(seed):
+    """Without weight, a joint of unknown friction has none: its short lever leaves no force."""
+    rng = np.random.default_rng(seed)
+    J = rng.normal(size=(2, 5))
+    J[:, 3:] *= 1e-3
+    remapper = Remapper(m=2, n=5, faults=FaultSet.all_of(FREE, [3, 4]), friction=math.nan)
+    result = remapper(J, 30.0 * rng.normal(size=5))
+    assert_close(result.force_after[0], [0.0, 0.0], scale=norm(result.force_before))
+
+
 # ---- beside analyze ----------------------------------------------------------------------------
 
 
