@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 
 from ftforce import remap
+from ftforce.core import bounded_remap as bounded
 from ftforce.core.bounded_remap import bounded_remap, share_of
 from ftforce.core.reduced_jacobian import RTOL
 from ftforce.errors import InputError, SolverError
@@ -343,9 +344,33 @@ def test_the_solver_is_not_believed(monkeypatch, claim):
     solve = daqp.solve
     monkeypatch.setattr(daqp, "solve", lambda *args, **options: claim(*solve(*args, **options)))
     with pytest.raises(SolverError, match="quadratic program"):
-        bounded_remap(J, TAU, only(2), limits=[6.0, np.nan, 9.0])
+        bounded_remap(J, TAU, only(2), limits=[6.0, np.nan, 4.0])  # both active
     assert issubclass(SolverError, Exception)
     assert not issubclass(SolverError, InputError)
+
+
+def test_one_active_limit_is_solved_as_by_the_solver(monkeypatch):
+    rng = np.random.default_rng(17)
+    closed = Counter()
+
+    def spy(*args, **options):
+        z = original(*args, **options)
+        closed[z is not None] += 1
+        return z
+
+    original = bounded._on_one_limit
+    for _ in range(300):
+        problem = draw_problem(rng)
+        monkeypatch.setattr(bounded, "_on_one_limit", spy)
+        one = problem.remap()
+        monkeypatch.setattr(bounded, "_on_one_limit", lambda *_, **__: None)
+        other = problem.remap()
+        assert (one.F_after is None) == (other.F_after is None)
+        if one.F_after is not None:
+            scale = max(norm(one.nearest.F), norm(one.F_after)) or 1.0
+            assert_close(one.F_after, other.F_after, scale=scale)
+            assert one.binding == other.binding
+    assert min(closed.values()) > 30
 
 
 # ---- absurd numbers --------------------------------------------------------------------------

@@ -48,7 +48,7 @@ class SetCapability:
         cannot be held with any force in this direction.
     minimum :
         Smallest commanded force; nonzero only with free-swinging joints or if weight alone exceeds
-        a limit.
+        a limit, NaN where ``commanded`` is.
     end, held_end :
         What limits the commanded force, and what limits the held force.
     limiting_joints :
@@ -203,16 +203,17 @@ def report_set(
     if largest is not None or reduced.free is not None:
         rnea = case.rnea_after(faults)
         bounded = remap_inside(reduced, np.zeros(task.m) if F is None else F, rnea, largest)
-    after, jump = _outcome(reduced, F, bounded)
+    after, lost = _outcome(reduced, F, bounded)
     can_stand_still = bounded is None or bounded.F_after is not None
-    linear, angular = (None, None) if jump is None else split_norms(task, task.unweigh_force(jump))
+    jump = None if lost is None else read_only(task.unweigh_force(lost))
+    linear, angular = (None, None) if jump is None else split_norms(task, jump)
     return SetReport(
         faults=faults,
         after=None if after is None else read_only(task.unweigh_force(after)),
-        jump=None if jump is None else read_only(task.unweigh_force(jump)),
+        jump=jump,
         jump_norm=linear,
         moment_jump_norm=angular,
-        relative_jump=_relative_jump(reduced, F, jump) if can_stand_still else 1.0,
+        relative_jump=_relative_jump(reduced, F, lost) if can_stand_still else 1.0,
         kept=_kept(F, after),
         rank_after=reduced.rank_after,
         rank_lost=reduced.rank - reduced.rank_after,

@@ -6,6 +6,7 @@ A public function parses its arguments into a `Question` and hands it on. Whatev
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -27,7 +28,7 @@ from ftforce.core.reduced_jacobian import (
     reduce,
 )
 from ftforce.core.task import Axes, Task
-from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.errors import InputError, check_word, listed
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
 from ftforce.robot.robot import require_robot
@@ -174,8 +175,7 @@ class Question:
         require_robot(robot)
         check_tolerances(rtol, wary)
         wanted = Task.parse(task, axes, length)
-        if inverse not in INVERSES:
-            raise UnknownNameError("inverse", inverse, INVERSES)
+        check_word("inverse", inverse, INVERSES)
         if force is not None and torque is not None:
             raise InputError("give either a force or torques, not both")
         known = choose_limits(robot, limits_for(faults, limits))
@@ -199,7 +199,7 @@ class Question:
             given_friction=None if friction is None else choose_friction(robot, friction, known),
             posture=posture,
             faults=faults,
-            scale=JointScale.of((joint.unit for joint in robot.joints), joint_length),
+            scale=JointScale.of(robot.units, joint_length),
         )
 
     def placed(self, q: ArrayLike | Posture | None = None, posture: str | None = None) -> Question:
@@ -215,8 +215,10 @@ class Question:
         InputError
             Both are given, ``q`` is malformed, or the name is unknown.
         """
+        placed = copy(self)  # every part is immutable, and none depends on the posture
         chosen = choose_posture(self.robot, q, posture, problem=self.problem_in)
-        return replace(self, posture=chosen)
+        object.__setattr__(placed, "posture", chosen)
+        return placed
 
     def problem_in(self, q: Vector) -> str:
         """Return why the question cannot be answered in a posture; empty if it can.
@@ -343,8 +345,8 @@ class Question:
         F :
             Force F̂ that the healthy arm exerts there, shape (m,); ``None`` without a force.
         """
-        if healthy.rank == 0:
-            return False
+        if healthy.rank in (0, healthy.m):  # nothing, or everything
+            return healthy.rank > 0
         return F is None or self.force is None or bool(F.any()) or not self.force.any()
 
     def nothing_to_keep(self, where: str = "in this posture") -> InputError:

@@ -56,6 +56,7 @@ _INFEASIBLE = -1  # daqp's exit flag; positive flags are solutions
 _MAX_VIOLATION = 1e-6  # of the unit: solutions that violate a limit by more are rejected
 _FINEST = 1e-5  # of the distances in a problem: with a finer unit the solver sees rounding error
 _THIN = 4e-11  # of the unit; daqp treats bounds closer than a quarter of it as equal
+_EXACT = 1e-12  # of a limit: accuracy of the closed form
 _ROUNDING = 1e-15  # relative to the terms of a sum
 _PRECISION = {"primal_tol": 1e-11, "dual_tol": 1e-11}
 
@@ -96,6 +97,8 @@ class Nearest(NamedTuple):
             return {}
         z = self.F_after.dot(feasible.Z)
         off = self.F_after - feasible.F0 - feasible.Z.dot(z)
+        if feasible.bearings is not None and feasible.bearings.bears(self.F_after):
+            off -= feasible.fixed.dot(off.dot(feasible.fixed))  # friction bears what Z leaves out
         A, y = feasible.rows.dot(feasible.Z), self.multipliers
         size = max(norm(self.F), norm(self.F_after))
         torque, width, rounding = self._torques(feasible)
@@ -184,12 +187,16 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     if feasible.F0.dot(feasible.F0):
         offset = feasible.rows.dot(feasible.F0)
         lower, upper = lower - offset, upper - offset
-    low, high = lower.tolist(), upper.tolist()
-    levers, least = np.sqrt(np.vecdot(A, A)).tolist(), feasible.rtol * feasible.scale
+    levers, least = np.sqrt(np.vecdot(A, A)), feasible.rtol * feasible.scale
+    bounds = (lower, upper)
+    z = _on_one_limit(A, wanted, multipliers, bounds=bounds, levers=levers, least=least)
+    if z is not None:
+        return z
     # daqp ignores short rows and has absolute tolerances. Normalising the rows turns the bounds
     # into distances; the narrowest interval sets the unit.
+    low, high = lower.tolist(), upper.tolist()
     narrow, far = math.inf, norm(wanted)
-    for i, lever in enumerate(levers):
+    for i, lever in enumerate(levers.tolist()):
         if lever > least:
             low[i] /= lever
             high[i] /= lever
@@ -202,19 +209,54 @@ def _solve(feasible: FeasibleForces, wanted: Vector, multipliers: Vector) -> Vec
     if narrow == math.inf:
         return wanted
     unit = max(0.5 * narrow, _FINEST * far)
-    lengths = np.array(levers)
-    lower, upper = (np.array([x / unit for x in bounds]) for bounds in (low, high))
+    lower, upper = (np.array([x / unit for x in side]) for side in (low, high))
     if narrow < _THIN * unit:  # thinner than rounding error: daqp would treat it as an equality
         thin = upper - lower < _THIN
         lower[thin], upper[thin] = lower[thin] - 0.5 * _THIN, upper[thin] + 0.5 * _THIN
-    z, y = _quadratic_program(A / lengths[:, None], wanted / unit, lower, upper)
+    z, y = _quadratic_program(A / levers[:, None], wanted / unit, lower, upper)
     if z is None:
         if max(low) <= 0.0 <= min(high):  # z = 0 is within all limits
             raise SolverError("daqp reported a feasible quadratic program as infeasible")
         return None
-    np.multiply(y, unit / lengths, out=multipliers)
+    np.multiply(y, unit / levers, out=multipliers)
     solution: Vector = z * unit
     return solution
+
+
+def _on_one_limit(
+    A: Matrix,
+    wanted: Vector,
+    multipliers: Vector,
+    *,
+    bounds: tuple[Vector, Vector],
+    levers: Vector,
+    least: float,
+) -> Vector | None:
+    """Return z if only the most exceeded limit is active, else ``None``; write its multiplier.
+
+    The projection onto that limit is optimal (KKT) if it keeps all others.
+    """
+    (lower, upper), torque = bounds, A.dot(wanted)
+    sides = zip((torque - upper).tolist(), (lower - torque).tolist(), levers.tolist(), strict=True)
+    distances = [
+        max(above, below) / lever if lever > least else 0.0 for above, below, lever in sides
+    ]
+    farthest = max(distances)
+    if farthest <= 0.0:  # the limit exceeded is that of a torque that no force changes
+        return None
+    i = distances.index(farthest)
+    lever, there = levers.item(i), torque.item(i)
+    bound = upper.item(i) if there > upper.item(i) else lower.item(i)
+    step = (there - bound) / lever  # along the unit normal, positive above the upper limit
+    z: Vector = wanted - (step / lever) * A[i]
+    torque = A.dot(z)
+    if abs(torque.item(i) - bound) > _EXACT * abs(bound):
+        return None  # the force desired is too large for its difference from the limit
+    torque[i] = bound
+    if True in (torque > upper).tolist() or True in (torque < lower).tolist():
+        return None
+    multipliers[i] = step / lever
+    return z
 
 
 def _quadratic_program(

@@ -258,12 +258,16 @@ def change_of_load(
         after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
     known = rnea.is_known
     total = rnea.after + F_after.dot(reduced.J)
+    by_brakes = np.where(reduced.locked, total, 0.0)
+    by_motors = total - by_brakes  # exact: one of them is 0
+    if reduced.free is not None:
+        by_motors[reduced.free.joints] = 0.0
     return _force_change(task, load, F_after, jump), TorqueChange(
         before=read_only(before),
         after=read_only(after),
         total_before=read_only(before + rnea.before) if known else None,
-        total_after=read_only(np.where(reduced.commanding, total, 0.0)) if known else None,
-        brake_load=read_only(np.where(reduced.locked, total, 0.0)),
+        total_after=read_only(by_motors) if known else None,
+        brake_load=read_only(by_brakes),
         self_motion=read_only(before - carried),
     )
 

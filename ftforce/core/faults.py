@@ -72,10 +72,13 @@ class Fault:
         Raises
         ------
         InputError
-            The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
-            weak has a factor other than 1.
+            The joint is not an integer, the mode is unknown, the factor does not lie between 0 and
+            1, or a joint that is not weak has a factor other than 1.
         """
-        object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if type(self.mode) is not FaultMode:
+            object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if not _is_index(self.joint):
+            raise InputError(f"a joint index must be an integer from 0, got {self.joint!r}")
         if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
@@ -114,14 +117,22 @@ class FaultSet:
         Raises
         ------
         InputError
-            A joint fails twice, or an index is negative.
+            Something is not a fault, a joint fails twice, or an index is negative.
         """
         if not self.faults:
             return
-        ordered = tuple(sorted(self.faults, key=_joint_of))
-        object.__setattr__(self, "faults", ordered)
-        if ordered[0].joint < 0:
-            raise InputError(f"joint indices start at 0, got {ordered[0].joint}")
+        try:
+            joints = [fault.joint for fault in self.faults]
+        except (AttributeError, TypeError):
+            raise InputError(f"a fault set needs faults, got {self.faults!r}") from None
+        if joints != sorted(joints):
+            object.__setattr__(self, "faults", tuple(sorted(self.faults, key=_joint_of)))
+        if min(joints) < 0:
+            raise InputError(f"joint indices start at 0, got {min(joints)}")
+        if len(set(joints)) < len(joints):
+            self._raise_repeated()
+
+    def _raise_repeated(self) -> None:
         for one, other in zip(self.faults, self.faults[1:], strict=False):
             if one.joint == other.joint:
                 number = one.joint + 1
@@ -254,9 +265,9 @@ def fault_sets(n: int, largest: int, mode: FaultMode = FaultMode.LOCKED) -> Iter
     mode :
         Fault mode of all failed joints.
     """
+    faults = [Fault(joint, mode) for joint in range(n)]
     for size in range(1, largest + 1):
-        for joints in combinations(range(n), size):
-            yield FaultSet.all_of(mode, joints)
+        yield from map(FaultSet, combinations(faults, size))
 
 
 def count_fault_sets(n: int, largest: int) -> int:
@@ -275,6 +286,10 @@ def _is_share(factor: float) -> bool:
         return 0.0 <= factor <= 1.0  # also rejects NaN
     except TypeError:
         return False
+
+
+def _is_index(joint: object) -> bool:
+    return joint.__class__ is int or isinstance(joint, np.integer)
 
 
 def _joint_of(fault: Fault) -> int:

@@ -35,7 +35,7 @@ def relative_manipulability(reduced: ReducedJacobian) -> float:
     """
     if reduced.rank < reduced.m:
         return math.nan
-    return math.prod(a / b for a, b in zip(reduced.damaged.s, reduced.healthy.s, strict=True))
+    return math.prod([a / b for a, b in zip(reduced.damaged.s, reduced.healthy.s, strict=True)])
 
 
 def condition_number(reduced: ReducedJacobian) -> float:

@@ -67,19 +67,16 @@ def _outcomes(reduced: ReducedJacobian, F: Vector, wary: float) -> set[bool]:
         F = F / largest
     size = float(F.dot(F))
     share = [c * c / size for c in F.dot(reduced.damaged.U).tolist()]  # of ‖F̂‖², per left vector
-    scale = reduced.sigma_max
+    scale, rtol, singular_values = reduced.sigma_max, reduced.rtol, reduced.damaged.s
     # Between neighbouring σ_i the jump does not depend on t, so only the two ends of the
     # interval need checking.
-    losses = sorted(
-        tolerance_that_loses(s, scale)
-        for s in reduced.damaged.s
-        if reduced.rtol * scale < s <= wary * scale
-    )
-    starts = [reduced.rtol, *losses]
+    lowest, highest = rtol * scale, wary * scale
+    losses = [tolerance_that_loses(s, scale) for s in singular_values if lowest < s <= highest]
+    losses.reverse()  # ascending, as singular values descend
     outcomes = set()
-    for start, end in zip(starts, [*losses, wary], strict=True):
-        lost = sum(c for c, s in zip(share, reduced.damaged.s, strict=True) if s <= start * scale)
-        relative_jump = math.sqrt(lost)
+    for start, end in zip([rtol, *losses], [*losses, wary], strict=True):
+        lost = [c for c, s in zip(share, singular_values, strict=True) if s <= start * scale]
+        relative_jump = math.sqrt(sum(lost))
         outcomes |= {relative_jump <= start, relative_jump <= end}
     return outcomes
 

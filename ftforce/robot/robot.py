@@ -190,6 +190,11 @@ class Robot(Displayed):
         return tuple(joint.name for joint in self.joints)
 
     @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint position: rad or m."""
+        return tuple(joint.unit for joint in self.joints)
+
+    @cached_property
     def lower(self) -> Vector:
         """Lower position limits (rad, m), -inf for continuous joints, shape (n,)."""
         return read_only(np.array([joint.lower for joint in self.joints]))
@@ -282,7 +287,9 @@ class Robot(Displayed):
         InputError
             The chain has no such joint; the message lists its joints.
         """
-        if isinstance(joint, (int, np.integer)) and not isinstance(joint, (bool, np.bool_)):
+        if type(joint) is int or (
+            isinstance(joint, (int, np.integer)) and not isinstance(joint, bool)
+        ):
             if not 1 <= joint <= self.n:
                 raise InputError(
                     f"joint number {joint} is out of range; the chain has: {self.numbered()}"
@@ -350,9 +357,9 @@ class Robot(Displayed):
                 )
             return tuple(i for i, failed in enumerate(given) if failed)
         indices = [self.index(joint) for joint in given]
-        for i in indices:
-            if indices.count(i) > 1:
-                raise InputError(f"joint {i + 1} ({self.names[i]}) appears twice")
+        if len(set(indices)) < len(indices):
+            i = next(i for i in indices if indices.count(i) > 1)
+            raise InputError(f"joint {i + 1} ({self.names[i]}) appears twice")
         return tuple(sorted(indices))
 
     def numbered(self) -> str:

@@ -143,12 +143,23 @@ def _is_keyed(compiled: Any) -> bool:
 
 
 def _verified(base: Any) -> Any:
-    """Return numba's class of cache files with a digest: damaged machine code is never run."""
+    """Return numba's class of cache files with digests: only what was compiled for a call is run.
+
+    Numba counts the files of a kernel, one for each signature, so two processes that compile at
+    once may use one name for different signatures.
+    """
 
     class Verified(base):  # type: ignore[misc]
         def save(self, key: Any, data: Any) -> None:
             with suppress(OSError):  # a full disk: the kernel is compiled, it is only not kept
-                super().save(key, data)
+                super().save(key, (self._meaning(key), data))
+
+        def load(self, key: Any) -> Any:
+            meaning, data = super().load(key) or ("", None)
+            return data if meaning == self._meaning(key) else None
+
+        def _meaning(self, key: Any) -> str:
+            return f"{self._index_name} {self._version} {key}"
 
         def _dump(self, obj: Any) -> bytes:
             content: bytes = super()._dump(obj)  # a pickle, which knows where it ends
@@ -164,8 +175,9 @@ def _verified(base: Any) -> Any:
                 return {}
 
         def _load_data(self, name: str) -> Any:
-            _check(Path(self._data_path(name)).read_bytes())
-            return super()._load_data(name)
+            content = Path(self._data_path(name)).read_bytes()
+            _check(content)
+            return pickle.loads(content)
 
     return Verified
 

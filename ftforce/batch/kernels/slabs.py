@@ -70,7 +70,7 @@ def nearest(work, z, least):
                 return False
             work.width[k] = -1.0
     for _ in range(_STEPS):
-        k, side = _most_violated(work, z, given)
+        k, side = _most_violated(work, z, given, count)
         if k < 0:
             return True
         count = _add(work, z, k, side, count)
@@ -98,10 +98,11 @@ def _along(work, k, z):
 
 
 @inner
-def _most_violated(work, z, given):
+def _most_violated(work, z, given, count):
     """Return the slab that z is farthest outside of, and the side; -1 if it is inside all.
 
-    The given point, from which z was found, had the length ``given``.
+    The given point, from which z was found, had the length ``given``. On the planes of the
+    ``count`` active slabs z lies, up to rounding.
     """
     size = 0.0
     for i in range(z.size):
@@ -114,6 +115,8 @@ def _most_violated(work, z, given):
         length, off = _length(work, k), _along(work, k, z) - work.middle[k]
         rounding = _INSIDE * (length * size + abs(work.middle[k]) + work.width[k])
         beyond = (abs(off) - work.width[k] - rounding) / length - _ROUNDING * given
+        for a in range(count):
+            beyond = 0.0 if work.which[a] == k else beyond
         if beyond > worst:
             worst, found, side = beyond, k, (1.0 if off > 0.0 else -1.0)
     return found, side

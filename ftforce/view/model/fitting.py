@@ -34,7 +34,7 @@ def difference(
     joints, units :
         Joint names of the stored chain and their units, ``rad`` or ``m``.
     """
-    if (joints, units) != (robot.names, tuple(joint.unit for joint in robot.joints)):
+    if (joints, units) != (robot.names, robot.units):
         names, own = (", ".join(map(printable, x)) for x in (joints, robot.names))
         return f"belongs to another arm, with joints {names} instead of {own}"
     if setting.robot != robot.name:
