@@ -410,13 +410,31 @@ class AllFaultSets:
             or ``weak``, which needs a factor per joint.
         """
         require_robot(robot)
+        return cls.of(robot.n, faults, mode)
+
+    @classmethod
+    def of(cls, n: int, faults: int, mode: FaultMode | str) -> AllFaultSets:
+        """Return the sets of up to ``faults`` of n joints.
+
+        Parameters
+        ----------
+        n :
+            Number of joints.
+        faults, mode :
+            As in `parse`.
+
+        Raises
+        ------
+        InputError
+            As in `parse`.
+        """
         is_integer = isinstance(faults, (int, np.integer)) and not isinstance(faults, bool)
-        if not is_integer or not 1 <= faults <= robot.n:
-            raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")
-        found = cls(robot.n, int(faults), single_mode(mode))
+        if not is_integer or not 1 <= faults <= n:
+            raise InputError(f"faults must be an integer from 1 to {n}, got {faults!r}")
+        found = cls(n, int(faults), single_mode(mode))
         if len(found) > _MAX_SETS:
             raise InputError(
-                f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
+                f"{len(found):,} fault sets of up to {faults} of {n} joints exceed the "
                 f"maximum of {_MAX_SETS:,}; ask for smaller sets"
             )
         return found

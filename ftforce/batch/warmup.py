@@ -76,7 +76,9 @@ def _compile(name: str) -> None:
     if name == "remapper":
         from ftforce.batch.remapper import Remapper
 
-        Remapper(robot)(np.zeros(robot.n), np.zeros(robot.n))
+        for mode in ("locked", "free"):  # with free-swinging joints as with limits
+            Remapper(robot, mode=mode)
+            Remapper(m=3, n=7, mode=mode)
         return
     q = np.random.default_rng(0).uniform(*robot.ranges, (_COUNT, robot.n))
     q[0] = 0.0  # singular

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from ftforce.batch.kernels.jit import inner
+from ftforce.batch.kernels.jit import inner, inner_loop
 from ftforce.batch.kernels.layout import LANES, aligned_arrays
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def decompose(J, svd):
                 svd.W[i, r, b] *= over[b]
 
 
-@inner
+@inner_loop
 def _square_norm(row, total):
     """Set total = ‖row‖², row of shape (k, LANES)."""
     for b in range(LANES):
@@ -119,7 +119,7 @@ def _orthonormalize(J, svd):
                 row[k, b] *= along[b]
 
 
-@inner
+@inner_loop
 def _remove_component(unit, row, along):
     """Remove the component along a unit vector from a row, (n, LANES); its length is (LANES,)."""
     for b in range(LANES):
@@ -159,7 +159,7 @@ def _rotate(svd):
                 _rotate_rows(W[i], W[j], svd.b, svd.c)
 
 
-@inner
+@inner_loop
 def _find_rotation(x, y, longer, shorter, svd):
     """Compute the rotation that makes two rows orthogonal, and the first one the longer."""
     fails, active, cosine, sine = svd.fails, svd.a, svd.b, svd.c
@@ -189,7 +189,7 @@ def _find_rotation(x, y, longer, shorter, svd):
         shorter[b] = max(min(first, second) - change, 0.0)
 
 
-@inner
+@inner_loop
 def _rotate_rows(x, y, cosine, sine):
     """Rotate two rows in their plane."""
     for k in range(x.shape[0]):
