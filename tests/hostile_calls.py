@@ -278,6 +278,15 @@ def remapped(robot: Any, sets: Any, q: Any, *, tau: Any = None, force: Any, **as
     return ftforce.Remapper(robot, sets, **asked)(q, tau, force=force).copy()
 
 
+def remapped_jacobian(J: Any, tau: Any, faults: Any, **asked: Any) -> Any:
+    """Make a remapper for Jacobians of a shape, and call it."""
+    try:
+        m, n, *_ = (*np.shape(J), 3, 7)
+    except ValueError:  # rows of several lengths
+        m, n = 3, 7
+    return ftforce.Remapper(m=m, n=n, faults=faults, **asked)(J, tau).copy()
+
+
 def written_table(target: Any, kind: Any, radius: Any, density: Any, **row: Any) -> Any:
     """Write the arm of a DH table, and load it."""
     rows = (DHRow(**row), DHRow(0.3, 0.0, 0.1, 0.2, "revolute", -1.0, 1.0))
@@ -314,7 +323,8 @@ KINDS = (
     Kind(ftforce.analyze, 600, "robot", _optional(ftforce.analyze)),
     Kind(ftforce.remap, 150, "J tau locked:failed", ("rtol",)),
     Kind(bounded_remap, 100, "J tau locked:failed limits:efforts", ("free:free_mask", "rnea")),
-    Kind(remapped, 60, "robot sets q force", _optional(ftforce.Remapper)[1:]),
+    Kind(remapped, 60, "robot sets q force", _optional(ftforce.Remapper)[4:]),
+    Kind(remapped_jacobian, 30, "J tau faults", ("mode", "limits:efforts", "rtol", "wary")),
     Kind(ftforce.sweep, 12, "robot n", _optional(ftforce.sweep)),
     Kind(ftforce.timeline, 12, "robot trajectory", _optional(ftforce.timeline)),
     Kind(ftforce.simulate, 12, "robot trajectory force faults:events", _optional(ftforce.simulate)),

@@ -62,6 +62,7 @@ def write_inputs(folder: Path) -> None:
     np.save(folder / "text.npy", np.array(["a"]))
     arm = ftforce.load_robot("dh5")
     asked = {"force": [8.0, 5.0, 1.0], "output": folder / "stored.zarr", "cell": 1.0, "threads": 1}
+    asked["keep"] = "all"
     ftforce.sweep(arm, q, **asked)
     line = TipPath.through([(0.9, 0.3, 0.2), (0.88, 0.31, 0.21)], speed=0.2)
     run = ftforce.simulate(arm, line, force=[8, 5, 1], faults="3@0.05", rate=50)
@@ -97,6 +98,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "robot": (*ROBOTS, "pand", "nowhere.urdf"),
     "trajectory": ("rec.csv", "rec.csv", "way.csv", "q.csv", "run.csv"),
     "sweep": ("stored.zarr", "stored.zarr", "out.zarr"),
+    "kernels": ("force", "remapper", "forces"),
     "history": ("run.npz", "run.csv", "run.parquet"),
     "table": ("table.toml", "arm.toml", "limits.toml"),
     "postures": ("q.csv", "q.npy", "deg.csv", "rec.csv"),
@@ -208,6 +210,8 @@ def _is_needed(command: str, name: str) -> bool:
         return command in {"simulate", "timeline"}
     if name == "force":
         return command == "simulate"
+    if name == "kernels":  # all would take long to compile
+        return True
     return name == ("samples" if command in {"sweep", "compare"} else "export") and command in {
         *("sweep", "compare", "view")
     }

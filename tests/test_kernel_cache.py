@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import importlib
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -142,6 +144,15 @@ def test_machine_code_of_another_is_compiled_anew(doubled, tmp_path, other):
     first.write_bytes(theirs)
     second.write_bytes(mine)
     assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))  # and kept again
+
+
+@pytest.mark.parametrize("content", [b"cnowhere\nGone\n.", pickle.dumps((1, 2, 3))])
+def test_machine_code_of_another_version_is_compiled_anew(doubled, tmp_path, content):
+    """The index is written first, so it may name a file that an older version left."""
+    assert doubled() == (2.0, 0)
+    (file,) = (tmp_path / "__pycache__").glob("*.nbc")
+    file.write_bytes(content + hashlib.sha256(content).digest())
+    assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))
 
 
 @pytest.mark.thorough

@@ -155,8 +155,11 @@ def _verified(base: Any) -> Any:
                 super().save(key, (self._meaning(key), data))
 
         def load(self, key: Any) -> Any:
-            meaning, data = super().load(key) or ("", None)
-            return data if meaning == self._meaning(key) else None
+            # The index may already name a file that an older version, or another process, wrote.
+            match super().load(key):
+                case (meaning, data) if meaning == self._meaning(key):
+                    return data
+            return None
 
         def _meaning(self, key: Any) -> str:
             return f"{self._index_name} {self._version} {key}"
@@ -177,7 +180,10 @@ def _verified(base: Any) -> Any:
         def _load_data(self, name: str) -> Any:
             content = Path(self._data_path(name)).read_bytes()
             _check(content)
-            return pickle.loads(content)
+            try:
+                return pickle.loads(content)
+            except Exception as problem:  # whatever a pickle of another version raises
+                raise OSError("of another version") from problem
 
     return Verified
 

@@ -182,7 +182,9 @@ def _find_rotation(x, y, longer, shorter, svd):
         large, small = 1.0 - p * twice, q * twice  # 1 and 0 if no rotation is needed
         change = c * up * length * over  # of the squares, c tan θ
         swaps = gap * active[b] < 0.0
-        fails[b] = 1.0 if c * c > _CONVERGED * (first * second) else fails[b]
+        # After a swap, some pair of rows has not met in this sweep.
+        is_last = (c * c <= _CONVERGED * (first * second)) & (not swaps)
+        fails[b] = fails[b] if is_last else 1.0
         cosine[b] = abs(small) if swaps else large
         sine[b] = math.copysign(large, c) if swaps else small
         longer[b] = max(first, second) + change
