@@ -346,6 +346,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.usefixtures("kernels")  # other processes may compile them meanwhile
 def test_racing_and_killed_writers(dh5, tmp_path, tally):
     tally.kind = "racing and killed writers"
     rounds = campaign(20, 2)

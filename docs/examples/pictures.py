@@ -156,7 +156,8 @@ def make(folder: Path, *, with_sessions: bool) -> None:
         shutil.copytree(ROOT / "robots", "robots")
         for name in FILES:
             shutil.copy(HERE / name, name)
-        printed("dh rail_arm.toml -o rail_arm.urdf")
+        if not with_sessions:
+            printed("dh rail_arm.toml")  # which is one of the sessions
         for name, lines in SESSIONS.items() if with_sessions else ():
             (folder / f"{name}.txt").write_text(session(lines), "utf-8")
         for name, command in WINDOWS.items():

@@ -139,8 +139,8 @@ def _given_friction(friction: object, n: int) -> Vector:
 class Remapped(NamedTuple):
     """Result of `Remapper` for S fault sets, in arrays that its next call overwrites.
 
-    The arrays are read-only. Values are NaN where the arm cannot be held. `verdicts` has the
-    verdicts as `ftforce.Verdict`, `verdict` as numbers.
+    The arrays are read-only. Values are NaN where the arm cannot be held. ``verdicts`` has the
+    verdicts as `ftforce.Verdict`, ``verdict`` as numbers.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class Remapped(NamedTuple):
     rank_lost :
         rank(J) - rank(K), shape (S,).
     verdict :
-        `verdicts` as numbers, for arrays: index in ``ftforce.core.verdict.VERDICTS``, shape (S,);
+        ``verdicts`` as numbers, for arrays: index in ``ftforce.core.verdict.VERDICTS``, shape (S,);
         0 tolerated, 1 borderline, 2 not tolerated.
     """
 

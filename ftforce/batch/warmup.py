@@ -42,7 +42,7 @@ def warmup(
     Parameters
     ----------
     kernels :
-        Which ones, of `KERNELS`.
+        Which ones, of ``KERNELS``.
     report :
         Called after each with its name and the time that it took, s.
 

@@ -145,7 +145,7 @@ class Workspace:
         tip :
             Positions in root axes, m, shape (k, 3).
         locate :
-            The function that finds the cells: `ftforce.batch.summary.counting.locate`, or compiled.
+            The function that finds the cells: ``locate`` of the counting functions, or compiled.
         """
         cell = np.empty(len(tip), np.int64)
         origin, shape = np.array(self.origin), np.array(self.shape)
