@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -168,6 +169,17 @@ def test_a_large_sweep_says_what_it_waits_for(dh5, cold, monkeypatch, capsys):
     assert found.setting.computed_with == "kernels"
     said = "compiling the kernels for this kind of question, once per installation: about 31 s\n"
     assert capsys.readouterr().err == said
+
+
+def test_the_first_remapper_says_what_it_waits_for(dh5, cold, monkeypatch, capsys):
+    monkeypatch.setattr(compiled, "_recorded", cache(dict))
+    monkeypatch.setattr(compiled, "_folders", lambda: iter(()))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    ftforce.Remapper(dh5)
+    said = "compiling the kernel of remappers of this kind, once per installation: about 7 s\n"
+    assert capsys.readouterr().err == said
+    ftforce.Remapper(dh5)
+    assert not capsys.readouterr().err
 
 
 def test_many_small_sweeps_are_worth_compiling_in_the_end(dh5, cold, monkeypatch):

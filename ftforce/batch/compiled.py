@@ -12,7 +12,7 @@ import platform
 import sys
 import time
 from collections import defaultdict
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -50,7 +50,10 @@ def kind_of(plan: Plan) -> str:
 
 def is_ready(plan: Plan) -> bool:
     """Return whether the kernels of a plan are compiled, or will not be."""
-    kind = kind_of(plan)
+    return _is_ready(kind_of(plan))
+
+
+def _is_ready(kind: str) -> bool:
     is_interpreted = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
     return is_interpreted or kind in _ready or (_key(), kind) in _recorded()
 
@@ -87,12 +90,35 @@ def compile_kernels(job: Job) -> None:
     if is_ready(job.plan):
         _ready.add(kind)
         return
-    last = [seconds for (_, other), seconds in _recorded().items() if other == kind]
-    _say(
-        "compiling the kernels for this kind of question, once per installation: about "
-        f"{max(last, default=_USUAL_SECONDS):.0f} s"
-    )
+    _announce(kind, "kernels for this kind of question")
     load_kernels(job)
+
+
+def _announce(kind: str, what: str, usual: float = _USUAL_SECONDS) -> None:
+    last = [seconds for (_, other), seconds in _recorded().items() if other == kind]
+    _say(f"compiling the {what}, once per installation: about {max(last, default=usual):.0f} s")
+
+
+@contextmanager
+def announced(kind: str, what: str, usual: float) -> Iterator[None]:
+    """Say that something is compiled while it is, unless it has been, and record the time taken.
+
+    Parameters
+    ----------
+    kind :
+        What is compiled, in the record.
+    what :
+        The same in words.
+    usual :
+        Time that it takes, s, where nothing is recorded.
+    """
+    if _is_ready(kind):
+        yield
+        return
+    _announce(kind, what, usual)
+    start = time.monotonic()
+    yield
+    _record(kind, time.monotonic() - start)
 
 
 def load_kernels(job: Job) -> None:
@@ -147,8 +173,8 @@ def _numpy_seconds(job: Job) -> float:
 
 
 def _say(text: str) -> None:
-    """Say something to whoever waits at a terminal."""
-    if sys.stderr is not None and sys.stderr.isatty():
+    """Say something to whoever waits at a terminal or in a notebook."""
+    if sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules):
         print(text, file=sys.stderr, flush=True)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.limits_files import choose_limits
 from ftforce.analysis.question import AllFaultSets, Question, limits_for, single_mode
 from ftforce.analysis.warnings import unjudged
+from ftforce.batch.compiled import announced
 from ftforce.batch.plan import Plan, faults_of
 from ftforce.core.arrays import Matrix, Vector, as_floats, as_vector, check_finite, read_only
 from ftforce.core.faults import FaultMode, FaultSet
@@ -332,7 +333,10 @@ class Remapper:
             arm = _arm_of_robot(question, sets)
         else:
             arm = _arm_of_jacobian(question, sets)
-        answer = compiled(not is_robot, arm.limit is not None)
+        has_limits = arm.limit is not None
+        kind = f"remapper{'' if is_robot else '-jacobian'}{'-limits' if has_limits else ''}"
+        with announced(kind, "kernel of remappers of this kind", 13.0 if has_limits else 7.0):
+            answer = compiled(not is_robot, has_limits)
         work, self._result, torques = _workspace(arm)
         constants = (*arm.place, arm.task, *_sets(arm))
         no_jacobian = (None, None) if is_robot else ()
