@@ -21,6 +21,7 @@ A fault that cannot be tolerated is a result, not an error.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -28,8 +29,17 @@ if TYPE_CHECKING:
     from os import PathLike
 
 
+_LINE_BREAK = re.compile(r"\n\s*")
+_LONGEST = 1500  # characters of a message
+
+
 class FtforceError(Exception):
     """Base class of all exceptions that ftforce raises."""
+
+    def __str__(self) -> str:
+        """Return the message in one printable line; arrays in it are printed in several."""
+        text = printable(_LINE_BREAK.sub(" ", super().__str__()))
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-500:]}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle message and attributes, bypassing ``__init__``: errors cross processes."""
@@ -162,6 +172,23 @@ def printable(text: object) -> str:
         The text.
     """
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(text))
+
+
+def check_word(kind: str, word: object, available: Iterable[str]) -> None:
+    """Check that a word is one of a few.
+
+    Parameters
+    ----------
+    kind, word, available :
+        As of `UnknownNameError`.
+
+    Raises
+    ------
+    UnknownNameError
+        It is another, or no text.
+    """
+    if not isinstance(word, str) or word not in available:
+        raise UnknownNameError(kind, word, available)
 
 
 _LONGEST_GUESS = 200  # characters

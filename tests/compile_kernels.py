@@ -13,32 +13,15 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 import ftforce
-
-FORCE, WRENCH = [80.0, 50.0, 10.0], [80.0, 50.0, 10.0, 5.0, 2.0, 1.0]
-QUESTIONS: dict[str, dict[str, Any]] = {
-    "force": {"force": FORCE, "faults": 2},
-    "wrench": {"force": WRENCH, "task": "wrench", "length": 0.3, "faults": 2},
-    "free": {"force": FORCE, "mode": "free"},
-}
-
-
-def compile_for(name: str) -> None:
-    """Ask a question at so many postures that some are left to the accurate kernels."""
-    robot = ftforce.load_robot("panda")
-    if name == "control loop":
-        ftforce.Remapper(robot, faults=1)(np.zeros(robot.n), np.zeros(robot.n))
-    else:
-        ftforce.sweep(robot, n=5000, threads=1, **QUESTIONS[name])
+from ftforce.batch.warmup import KERNELS, warmup
 
 
 def entries(folder: Path) -> dict[str, int]:
-    """Return the files of numba's cache with the time of their last change."""
-    return {file.name: file.stat().st_mtime_ns for file in folder.glob("*.nb?")}
+    """Return the files of numba's cache, and what ftforce knows of it, with their last change."""
+    kept = (*folder.glob("*.nb?"), *folder.glob("ftforce-kernels.*"))
+    return {file.name: file.stat().st_mtime_ns for file in kept}
 
 
 def copy(source: Path, target: Path) -> None:
@@ -63,7 +46,7 @@ def main(kept: Path | None) -> None:
             shutil.copy2(kept / name, beside)
     before = entries(beside)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        list(pool.map(compile_for, [*QUESTIONS, "control loop"]))
+        list(pool.map(warmup, [[name] for name in KERNELS]))
     if kept is not None and entries(beside) != before:
         copy(beside, kept)
 

@@ -6,6 +6,7 @@ import math
 import os
 import sys
 import tempfile
+import tracemalloc
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -381,3 +382,14 @@ def initial_state(robot, q=None, *, origin=None, locked=(), free=(), weak=(), li
     question = Question.parse(robot, posture=place, faults=faults, limits=limits, **asked)
     given = limits is not None
     return state.initial_state(question, origin=origin, are_limits_given=given)
+
+
+def within_memory(function, most):
+    """Call a function, which may allocate ``most`` bytes."""
+    tracemalloc.start()
+    try:
+        function()
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < most, peak

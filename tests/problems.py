@@ -105,9 +105,9 @@ def draw_extreme_problem(rng):
     if kind == "spread":
         limits *= 10.0 ** rng.uniform(-9.0, 9.0, size=n)
     if kind == "some":
-        limits[rng.random(n) < 0.3] = rng.choice([1e-300, 1e300])
+        limits[rng.random(n) < 0.3] = rng.choice([1e-300, 1e149])
     if kind == "all":
-        limits[~np.isnan(limits)] = rng.choice([1e-300, 1e300, 1e-12])
+        limits[~np.isnan(limits)] = rng.choice([1e-300, 1e149, 1e-12])
     return problem._replace(
         J=problem.J * rng.choice([1.0, 1.0, 1e-9, 1e9]),
         tau=problem.tau * rng.choice([1.0, 1.0, 1e6, 1e12]),

@@ -19,7 +19,10 @@ from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, InputError, OutputError, TrajectoryError
 from sweeps import LONG, content, differences
 
-pytestmark = pytest.mark.thorough  # processes take seconds to start
+pytestmark = [
+    pytest.mark.thorough,  # processes take seconds to start
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {"n": 40_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
 
@@ -228,7 +231,7 @@ def opened(arm, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_runner", lambda *_: runner)
         with pytest.raises(KeyboardInterrupt):
-            sweep(arm, **ASKED, output=path)
+            sweep(arm, **ASKED, keep="all", output=path)
     return caught[0]
 
 

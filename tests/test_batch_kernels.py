@@ -454,6 +454,22 @@ def test_singular_values_side_by_side(m, n):
         np.testing.assert_allclose((W.T * found[b] ** 2) @ W, J[b] @ J[b].T, atol=1e-14)
 
 
+@pytest.mark.parametrize(("m", "n"), [(2, 5), (3, 7), (6, 7), (6, 8)])
+def test_singular_values_of_rows_that_are_nearly_all_orthogonal(m, n):
+    """Sorting moves rows within a sweep, so that a pair may not meet in it (Tiago at zero)."""
+    rng = np.random.default_rng(m)
+    few = rng.random((8 * LANES, m, n)) < 0.25
+    J = np.where(few, rng.normal(size=few.shape), 1e-13 * rng.normal(size=few.shape))
+    J *= 10.0 ** rng.uniform(-3.0, 0.0, (8 * LANES, m, 1))
+    for lanes_of_J in J.reshape(8, LANES, m, n):
+        svd, roots = spectrum.workspace(m, n), secular.workspace(m, n)
+        stacked = np.ascontiguousarray(lanes_of_J.transpose(1, 2, 0))
+        decompose(stacked, np.ones((m, LANES)), roots, svd)
+        s = np.linalg.svd(lanes_of_J, compute_uv=False)
+        np.testing.assert_allclose(svd.sigma.T, s, rtol=1e-10, atol=1e-14)
+        assert not svd.fails.any()
+
+
 @pytest.mark.parametrize(("m", "n"), [(2, 5), (4, 7), (6, 7), (6, 8)])
 def test_roots_of_the_secular_equation(m, n):
     J, stacked = graded(m, n)

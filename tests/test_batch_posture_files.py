@@ -77,6 +77,20 @@ def written(folder, form, q):
     return path
 
 
+def written_for(robot, folder, form, count):
+    """Write random postures of a robot, and return the file."""
+    path = folder / f"postures.{form}"
+    q = np.random.default_rng(count).uniform(-1.0, 1.0, (count, robot.n))
+    table = pd.DataFrame(dict(zip(robot.names, q.T, strict=True)))
+    if form == "npy":
+        np.save(path, q)
+    elif form == "csv":
+        table.to_csv(path, index=False)
+    else:
+        table.to_parquet(path, row_group_size=16)
+    return path
+
+
 FORMS = ["npy", "csv", "parquet"]
 
 

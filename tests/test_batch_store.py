@@ -13,23 +13,32 @@ import warnings
 from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import ftforce
+from ftforce.analysis.question import AllFaultSets
 from ftforce.batch import runner
+from ftforce.batch.job import PER_POSTURE, PER_SET
+from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.size import samples_size
 from ftforce.batch.store import folder, manifest, store, variables
 from ftforce.batch.summary.summary import Summary
-from ftforce.batch.sweep import sweep
+from ftforce.batch.sweep import request_of, sweep, sweep_question
 from ftforce.errors import FtforceError, OutputError, SweepError, TrajectoryError
 from helpers import campaign
 from sweeps import LONG, child, content, differences, killed
 
-pytestmark = pytest.mark.thorough  # processes take seconds to start
+pytestmark = [
+    pytest.mark.thorough,  # processes take seconds to start
+    pytest.mark.usefixtures("kernels"),
+]
 
 ASKED = {"n": 13_000, "chunk": 4096, "force": [80.0, 50.0, 10.0]}
+WHOLE = {**ASKED, "keep": "all"}
 NEVER = 10**9  # a step that no process reaches
 SLOW = (  # a chunk takes a moment after it is written, which is when the test acts
     "import ftforce.batch.store.store as s, time; w = s.write_samples; "
@@ -68,7 +77,7 @@ def stopped(arm, path, **more):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        sweep(arm, **ASKED, **more, output=path, progress=progress, threads=1)
+        sweep(arm, **WHOLE, **more, output=path, progress=progress, threads=1)
 
 
 # ---- what other programs see -----------------------------------------------------------------
@@ -206,15 +215,17 @@ def disturbed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("keep", ["summary", "worst", "all"])
-def test_killed_at_any_step_it_ends_with_the_same_bytes(undisturbed, disturbed, keep):
+def test_killed_at_any_step_it_ends_with_the_same_bytes(undisturbed, disturbed, keep, tally):
     folders, times = disturbed
     assert times[keep] >= 2
+    tally.count("killed sweeps", times[keep])
     assert_same_files(undisturbed[keep].path, folders[keep])
 
 
-def test_killed_while_it_is_completed(arm, tmp_path, disturbed):
+def test_killed_while_it_is_completed(arm, tmp_path, disturbed, tally):
     folders, times = disturbed
     assert times["completed"] >= 3
+    tally.count("killed sweeps", times["completed"])
     sweep(arm, **{**ASKED, "chunk": 13_000}, keep="summary", output=tmp_path / "s")
     assert_same_files(tmp_path / "s", folders["completed"])
 
@@ -233,14 +244,14 @@ def test_interrupted_from_outside(tmp_path, arm, stored):
         f"; import ftforce.batch.runner as r, pathlib; r.SAVE_INTERVAL = 0.0; p = s.save_progress; "
         f"s.save_progress = lambda o: (p(o), pathlib.Path({str(counted)!r}).touch())"
     )
-    process = child({**ASKED, "output": str(path), "threads": 1}, before=SLOW + count)
+    process = child({**WHOLE, "output": str(path), "threads": 1}, before=SLOW + count)
     while not counted.exists():
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=LONG)
     assert "KeyboardInterrupt" in said
     assert store.open_sweep(path).summary.postures >= 4096
-    sweep(arm, **ASKED, output=path)
+    sweep(arm, **WHOLE, output=path)
     assert_same_files(stored.path, path)
 
 
@@ -255,7 +266,7 @@ def test_interrupted_it_keeps_what_is_done_and_the_rest_reads_as_unknown(arm, tm
     assert np.isnan(verdict[-1]).all()  # and not 0, which is tolerated
     assert np.isfinite(verdict[0]).all()
     seen = []
-    sweep(arm, **ASKED, output=path, progress=lambda now, total: seen.append(now))
+    sweep(arm, **WHOLE, output=path, progress=lambda now, total: seen.append(now))
     assert seen[0] > done
     assert seen[-1] == 13_000
 
@@ -272,6 +283,7 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undistur
 
     with monkeypatch.context() as patch:
         patch.setattr(Summary, "merge", merge)
+        patch.setattr(runner, "_BATCH_SECONDS", 0.0)  # one chunk at a time
         with pytest.raises(KeyboardInterrupt):
             sweep(arm, **asked, threads=1)
     assert int(sweep(arm, **asked).summary.postures) == ASKED["n"]
@@ -284,7 +296,7 @@ def test_interrupted_within_a_merge_nothing_counts_twice(arm, tmp_path, undistur
 def test_another_command_is_refused_and_says_what_differs(arm, stored):
     before = content(stored.path)
     with pytest.raises(OutputError, match=r"different sweep \(rtol 1e-06 instead of 1e-07\)"):
-        sweep(arm, **ASKED, rtol=1e-7, output=stored.path)
+        sweep(arm, **WHOLE, rtol=1e-7, output=stored.path)
     with pytest.raises(OutputError, match=r"\(keep .all. instead of .worst.\)"):
         sweep(arm, **ASKED, keep="worst", output=stored.path)
     assert not differences(before, content(stored.path))
@@ -327,10 +339,10 @@ def test_only_one_process_writes(arm, tmp_path):
     held = folder.lock(path)
     who = folder.lock_of(path)
     with pytest.raises(OutputError, match=rf"another sweep \(process {os.getpid()} on "):
-        sweep(arm, **ASKED, output=path)
+        sweep(arm, **WHOLE, output=path)
     assert folder.lock_of(path) == who != {}  # by its token workers know the folder
     held.release()
-    sweep(arm, **ASKED, output=path)
+    sweep(arm, **WHOLE, output=path)
 
 
 def test_a_lock_of_a_killed_process_blocks_nobody(arm, tmp_path):
@@ -375,15 +387,16 @@ def _fails_after(calls, function, problem=errno.ENOSPC):
     return failing
 
 
-@pytest.mark.parametrize("calls", [0, 10, 30])
+@pytest.mark.parametrize("calls", [0, 10, 30, *range(1, campaign(90, 1), 2)])
 def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(
-    arm, tmp_path, stored, monkeypatch, calls
+    tmp_path, stored, monkeypatch, calls, tally
 ):
-    path = tmp_path / "s"
+    arm, path = ftforce.load_robot("dh5"), tmp_path / "s"
+    tally.count("full disks", 1, refused=1)
     with monkeypatch.context() as patch:
         patch.setattr(folder, "sync", _fails_after(calls, folder.sync))
         with pytest.raises(OutputError, match="No space left on device") as raised:
-            sweep(arm, **ASKED, output=path, threads=1)
+            sweep(arm, **WHOLE, output=path, threads=1)
     assert "\n" not in str(raised.value)
     said = re.search("([0-9,]+) of 13,000 postures are kept, and the same comm", str(raised.value))
     if said is None:
@@ -391,7 +404,7 @@ def test_a_full_disk_is_one_clear_line_and_the_sweep_goes_on(
             store.open_sweep(path)
     else:
         assert store.open_sweep(path).summary.postures == int(said[1].replace(",", ""))
-    sweep(arm, **ASKED, output=path)
+    sweep(arm, **WHOLE, output=path)
     assert_same_files(stored.path, path)
 
 
@@ -402,7 +415,7 @@ def test_chunks_that_are_finished_when_the_disk_is_full_stay(arm, tmp_path, monk
         patch.setattr(store, "write_samples", _fails_after(2, real))
         patch.setattr(runner.BatchSizer, "took", lambda *_: None)  # one chunk at a time
         with pytest.raises(OSError, match="No space"):
-            sweep(arm, **ASKED, output=path, threads=1)
+            sweep(arm, **WHOLE, output=path, threads=1)
     assert store.open_sweep(path).summary.postures == 2 * 4096
 
 
@@ -424,7 +437,7 @@ def test_what_is_said_to_be_kept_is_kept(arm, tmp_path, monkeypatch, saved):
         if not saved:
             patch.setattr(store, "save_progress", lambda _: write())
         with pytest.raises(OutputError) as raised:
-            sweep(arm, **ASKED, output=path, threads=1)
+            sweep(arm, **WHOLE, output=path, threads=1)
     kept = "no posture was kept"
     if saved:
         kept = "8,192 of 13,000 postures are kept, and the same command resumes the sweep"
@@ -444,12 +457,12 @@ def test_a_progress_file_that_cannot_be_written_is_told(arm, tmp_path, monkeypat
         patch.setattr(folder, "write_durably", no_progress)
         patch.setattr(runner, "SAVE_INTERVAL", 0.0)
         with pytest.raises(OutputError, match="No space left on device"):
-            sweep(arm, **ASKED, output=path)
-    sweep(arm, **ASKED, output=path)
+            sweep(arm, **WHOLE, output=path)
+    sweep(arm, **WHOLE, output=path)
     assert store.open_sweep(path).summary.postures == 13_000
 
 
-def test_a_disk_that_is_really_full(arm, tmp_path, stored):
+def test_a_disk_that_is_really_full(arm, tmp_path, stored, monkeypatch):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
@@ -459,10 +472,14 @@ def test_a_disk_that_is_really_full(arm, tmp_path, stored):
     except FileNotFoundError:
         pytest.skip("no mount here")
     try:
+        with pytest.raises(OutputError, match="the disk has 1 MB free"):
+            sweep(arm, **WHOLE, output=disk / "s")
+        assert not any(disk.iterdir())
+        monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1e12))  # by then
         with pytest.raises(OutputError, match="No space left on device"):
-            sweep(arm, **ASKED, output=disk / "s")
+            sweep(arm, **WHOLE, output=disk / "s")
         subprocess.run(["mount", "-o", "remount,size=200m", str(disk)], check=True)
-        sweep(arm, **ASKED, output=disk / "s")
+        sweep(arm, **WHOLE, output=disk / "s")
         assert_same_files(stored.path, disk / "s")
     finally:
         subprocess.run(["umount", str(disk)], check=True)
@@ -498,7 +515,7 @@ def test_a_chunk_that_was_cut_short_is_written_anew(arm, tmp_path, stored):
     path = tmp_path / "s"
     stopped(arm, path)
     (path / "margin" / "3.0").write_bytes(b"cut")  # the last chunk, which is not full
-    sweep(arm, **ASKED, output=path)
+    sweep(arm, **WHOLE, output=path)
     assert_same_files(stored.path, path)
 
 
@@ -559,11 +576,52 @@ def test_a_damaged_progress_file_is_told(arm, tmp_path):
     stopped(arm, path)
     (path / ".progress.npz").write_bytes(b"PK")
     with pytest.raises(SweepError, match="remove it to start again"):
-        sweep(arm, **ASKED, output=path)
+        sweep(arm, **WHOLE, output=path)
     (path / ".progress.npz").unlink()
-    sweep(arm, **ASKED, output=path)
+    sweep(arm, **WHOLE, output=path)
 
 
 def test_no_sweep_is_no_sweep(tmp_path):
     with pytest.raises(SweepError, match="no such folder"):
         store.open_sweep(tmp_path / "none")
+
+
+# ---- how much is stored ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("keep", ["worst", "all"])
+def test_the_size_on_disk_is_known_before(undisturbed, arm, keep):
+    """Beside what the disk holds afterwards."""
+    result, names = undisturbed[keep], {*PER_POSTURE, *PER_SET}
+    files = [file for folder in Path(result.path).iterdir() for file in folder.glob("[0-9]*")
+             if folder.name in names or folder.name.startswith("worst_")]  # fmt: skip
+    said = samples_size(request(arm, keep), keep)
+    assert said == pytest.approx(sum(file.stat().st_size for file in files), rel=0.07)
+
+
+def request(arm, keep):
+    asked = sweep_question(arm, force=ASKED["force"])
+    postures = Drawn.of(arm, ASKED["n"], "sobol", 0)
+    return request_of(asked, AllFaultSets.parse(arm, 1, "locked"), postures, keep=keep, cell=None)
+
+
+def test_an_output_keeps_the_worst_set_and_says_what_that_takes(arm, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    sweep(arm, **ASKED, output=tmp_path / "s", threads=1)
+    assert ftforce.open_sweep(tmp_path / "s").setting.keep == "worst"
+    sizes = (samples_size(request(arm, "all"), keep) / 1e6 for keep in ("worst", "all"))
+    worst, whole = (f"{size:.1f} MB" for size in sizes)
+    words = f"storing about {worst} in {tmp_path / 's'}; --keep all would be {whole}\n"
+    assert capsys.readouterr().err == words
+    sweep(arm, **ASKED, output=tmp_path / "s", threads=1)  # it is there
+    sweep(arm, **ASKED, output=tmp_path / "t", keep="summary", threads=1)
+    assert not capsys.readouterr().err
+
+
+def test_what_the_disk_has_no_room_for_is_refused_before_the_work(arm, tmp_path, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1_000_000))
+    match = r"takes about 1\.. MB, and the disk has 1 MB free; --keep all would be 2\.. MB, --keep"
+    with pytest.raises(OutputError, match=match):
+        sweep(arm, **ASKED, output=tmp_path / "s")
+    assert not any(tmp_path.iterdir())
+    sweep(arm, **ASKED, keep="summary", output=tmp_path / "s")

@@ -13,7 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ftforce.batch.kernels import counting as kernels
 from ftforce.batch.kernels.layout import Block
+from ftforce.batch.summary import counting as plain
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.summary.summary import Summary
 from ftforce.errors import InputError
@@ -182,10 +184,11 @@ def test_cells(block, summary):
     assert summary.outside == 0
 
 
-def test_positions_beyond_the_border_count_in_the_outermost_cells():
+@pytest.mark.parametrize("count", [kernels, plain])
+def test_positions_beyond_the_border_count_in_the_outermost_cells(count):
     grid = Workspace((0.0, 0.0, 0.0), 0.5, (2, 3, 4))
     tip = np.array([[0, 0, 0], [1, 1.5, 2], [9, -9, 0.6], [NAN, 0.5, 0.5], [-INF, INF, 0]])
-    cell, outside = grid.index(tip)
+    cell, outside = grid.index(tip, count.locate)
     np.testing.assert_array_equal(cell, [0, 23, 12 + 1, 4 + 1, 8])
     assert outside == 3
 
@@ -341,6 +344,19 @@ def test_a_scale_of_jumps_needs_a_force(force):
 def test_a_workspace_needs_a_radius_and_an_edge(radius, edge):
     with pytest.raises(InputError, match="in m, got"):
         Workspace.around([0, 0, 0], radius, edge)
+
+
+# ---- without compiled kernels ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_numpy_counts_what_the_kernels_count(seed):
+    summaries = [Summary.empty(3, BINS, GRID) for _ in range(2)]
+    for summary, compiled in zip(summaries, (True, False), strict=True):
+        for start in (0, 400):
+            summary.add(block_of(seed + start, 400), start, compiled=compiled)
+    compiled, by_numpy = map(bytes_of, summaries)
+    assert by_numpy == compiled
 
 
 # ---- kernels as plain Python -------------------------------------------------------------------

@@ -142,3 +142,22 @@ def test_every_file_of_a_command_is_known(command):
         is_file = "Path" in annotation or any(word in words for word in ("FILE", "URDF", "CSV"))
         if is_file and parameter.annotation is not inspect.Parameter.empty:
             assert parameter.name in {*INPUTS, *OUTPUTS}, parameter.name
+
+
+NO_FILES = (
+    *("view arm.urdf --history {} --export a.html", "view arm.urdf --sweep {} --export a.html"),
+    *("view arm.urdf --export {}/a.html", "sweep arm.urdf --samples 9 -o {}/a.zarr"),
+    *("compare arm.urdf {}", "map {}", "dh {}", "sweep arm.urdf --postures {}.npy"),
+    *("analyze . -o a.json", "analyze / -o a.json", "compare . {} -o a.csv"),
+    *("analyze arm.urdf -o {}.json", "simulate arm.urdf {} --force 1,0,0"),
+)
+
+
+@pytest.mark.parametrize("line", NO_FILES)
+def test_folders_and_names_that_are_too_long_get_one_line(folder, line):
+    before = contents(folder)
+    result = run(*line.format("x" * 300).split(), status=1)
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    assert "internal error" not in result.stderr
+    assert contents(folder) == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ def test_the_tables_name_the_critical_joint():
 
 
 @pytest.mark.thorough
-def test_the_command_says_what_python_says():
+def test_the_command_says_what_python_says(monkeypatch):
+    monkeypatch.setattr("ftforce.batch.compiled.is_ready", lambda _: True)  # the kernels both times
     options = {"force": [80, 50, 10], "direction": [0, 1, 0], "mode": "free", "payload": 1.0}
     options |= {"axes": "world", "seed": 3, "method": "uniform", "faults": 2, "cell": 0.3}
     options |= {"rtol": 1e-5, "wary": 0.05, "gravity": [0, 0, -3], "limits": "urdf", "threads": 1}
@@ -78,7 +80,7 @@ def test_postures_from_a_file_in_degrees(tmp_path):
     )  # fmt: skip
     arguments = ("sweep", "dh5", "--postures", str(tmp_path / "q.csv"), "--deg")
     out = tmp_path / "s.zarr"
-    result = run(*arguments, "--force", "80,50,10", "-o", str(out))
+    result = run(*arguments, "--force", "80,50,10", "--keep", "all", "-o", str(out))
     assert result.exit_code == 0, result.stderr
     assert "2 postures from q.csv" in result.stdout
     assert "not drawn at random" in " ".join(result.stdout.split())
@@ -135,6 +137,25 @@ def test_an_interrupt_says_what_is_kept(tmp_path, monkeypatch):
     kept = "interrupted; finished chunks are kept; the same command resumes the sweep\n"
     assert result.stderr == kept
     assert "nothing was kept" in run(*SMALL, status=130).stderr
+
+
+def test_an_interrupt_says_how_many_postures_are_kept(tmp_path, monkeypatch):
+    @contextmanager
+    def pressed_after_a_chunk(_what):
+        def progress(done, total):
+            raise KeyboardInterrupt
+
+        yield progress
+
+    path = str(tmp_path / "x.zarr")
+    asked = ("sweep", "dh5", "--samples", "13000", "--chunk", "4096", "--threads", "1", "-o", path)
+    with monkeypatch.context() as patch:
+        patch.setattr("ftforce.cli.sweep.rate_bar", pressed_after_a_chunk)
+        said = run(*asked, status=130).stderr
+    kept = int(ftforce.open_sweep(path).summary.postures)
+    assert kept % 4096 == 0 < kept < 13000
+    words = f"{kept:,} of 13,000 postures are kept, and the same command resumes the sweep"
+    assert said == f"interrupted; {words}\n"
 
 
 def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):

@@ -136,6 +136,14 @@ def test_without_viser_it_says_what_to_install(opened, monkeypatch):
     assert "pip install 'ftforce[view]'" in run("dh5", status=1).stderr
 
 
+def test_without_the_extra_it_says_what_to_install(monkeypatch):
+    """Not even markupsafe is there then, which the first imports of the view need."""
+    for name in [name for name in sys.modules if name.startswith("ftforce.view")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "markupsafe", None)
+    assert "pip install 'ftforce[view]'" in run("dh5", status=1).stderr
+
+
 def test_other_machines_are_warned_of(opened):
     result = run("dh5", "--host", "0.0.0.0", "--no-browser")
     assert "warning: anyone who can reach 0.0.0.0" in result.stderr

@@ -16,12 +16,21 @@ import ftforce
 from ftforce.batch.store import manifest, store
 from ftforce.batch.sweep import sweep
 from ftforce.errors import FtforceError, SweepError
-from helpers import campaign
 from sweeps import content, differences
 
-pytestmark = pytest.mark.thorough  # hundreds of sweeps are opened
+pytestmark = [
+    pytest.mark.thorough,  # hundreds of sweeps are opened
+    pytest.mark.usefixtures("kernels"),
+]
 
-ASKED = {"n": 5000, "chunk": 4096, "force": [80.0, 50.0, 10.0], "cell": 1.0, "threads": 1}
+ASKED = {
+    "n": 5000,
+    "chunk": 4096,
+    "force": [80.0, 50.0, 10.0],
+    "cell": 1.0,
+    "threads": 1,
+    "keep": "all",
+}
 HARMS = {
     "lost": lambda data, chance: None,
     "truncated": lambda data, chance: data[: chance.randrange(len(data))],
@@ -47,9 +56,11 @@ def harmed(path, harm, chance):
     return before
 
 
-def numbers(path):
-    """Return everything that a stored sweep says, as bytes."""
+def numbers(path, suspect=""):
+    """Return everything that a stored sweep says, as bytes; a suspect array is read first."""
     found = ftforce.open_sweep(path)
+    if suspect in found.dataset.variables:
+        found.dataset[suspect].load()
     arrays = {name: array.values for name, array in found.dataset.variables.items()}
     arrays = {k: array.astype("U") if array.dtype == "O" else array for k, array in arrays.items()}
     arrays |= {f"own {name}": array for name, array in found.summary.arrays().items()}
@@ -57,10 +68,10 @@ def numbers(path):
     return about | {name: array.tobytes() for name, array in arrays.items()}
 
 
-def answer(path):
+def answer(path, suspect):
     """Return the numbers of a stored sweep, or why there are none."""
     try:
-        return numbers(path), ""
+        return numbers(path, suspect), ""
     except FtforceError as problem:
         return None, str(problem)
 
@@ -75,6 +86,26 @@ def whole(arm, tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "s"
     sweep(arm, **ASKED, output=path)
     return path
+
+
+ASKED_ELSE = {
+    "without a force": {"force": None, "limits": None},
+    "free joints": {"mode": "free", "friction": 0.1, "payload": 1.0},
+    "capability": {"direction": [0.0, 0.0, 1.0], "limits": "urdf", "task": "fx,fy,fz", "faults": 2},
+    "worst set": {"keep": "worst", "task": "wrench", "force": [1.0, 2, 3, 4, 5, 6], "length": 0.3},
+    "summary": {"keep": "summary"},
+}
+
+
+@pytest.fixture(scope="module", params=["whole", "half", *ASKED_ELSE])
+def kind_of_store(request, arm, tmp_path_factory):
+    """Return the name of a kind of store, and one of it."""
+    kind = request.param
+    if kind not in ASKED_ELSE:
+        return kind, request.getfixturevalue(kind)
+    path = tmp_path_factory.mktemp("kinds") / "s"
+    sweep(arm, **{**ASKED, **ASKED_ELSE[kind]}, output=path)
+    return kind, path
 
 
 @pytest.fixture(scope="module")
@@ -95,23 +126,25 @@ def copied(whole, tmp_path):
     return shutil.copytree(whole, tmp_path / "s")
 
 
-@pytest.mark.parametrize("kind", ["whole", "half"])
-def test_a_store_gives_the_right_numbers_or_one_line(kind, request):
-    path = request.getfixturevalue(kind)
+def test_a_store_gives_the_right_numbers_or_one_line(kind_of_store, tally):
+    kind, path = kind_of_store
     right, chance = numbers(path), random.Random(kind)
     cases = [(name, harm) for name in sorted(content(path)) for harm in HARMS]
-    cases = chance.sample(cases, campaign(len(cases)))
-    refused = 0
-    for name, harm in cases:
-        before = harmed(path / name, harm, chance)
-        found, said = answer(path)
+    chance.shuffle(cases)
+    refusals = 0
+    for number in tally.numbers("files of a sweep", len(cases)):
+        name, harm = cases[number]
+        before = harmed(path / name, harm, random.Random(f"{kind} {number}"))
+        found, said = answer(path, name.partition("/")[0])
         (path / name).write_bytes(before)
-        refused += found is None
-        assert "\n" not in said
-        assert len(said) < 400
+        tally.tried(refused=found is None)
+        refusals += found is None
+        if "\n" in said or len(said) > 400:
+            tally.fails("unclear messages", (number, name, harm), said)
         # Without its progress file, nothing is known to be done.
-        assert found in (None, right) or (name, harm) == (".progress.npz", "lost"), (name, harm)
-    assert refused > len(cases) / 2
+        if found not in (None, right) and (name, harm) != (".progress.npz", "lost"):
+            tally.fails("silent differences", (number, name, harm), "other numbers")
+    assert refusals
     assert numbers(path) == right
 
 
@@ -176,7 +209,7 @@ def test_any_array_may_be_all_fill_value(tmp_path):
     planar = ftforce.load_robot(tmp_path / "arm.urdf")
     path = tmp_path / "s"
     for _ in range(2):  # stored, and opened
-        found = sweep(planar, n=500, output=path, task="fx,fy,fz")
+        found = sweep(planar, n=500, output=path, task="fx,fy,fz", keep="all")
         assert found.done == 500
     assert np.isnan(ftforce.open_sweep(path).dataset["rho"]).all()
 

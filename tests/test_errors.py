@@ -3,9 +3,13 @@
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import ftforce
+from ftforce.batch.postures import Grid
+from ftforce.batch.workspace_map import workspace_map
+from ftforce.core.limits import Limits
 from ftforce.errors import (
     DHTableError,
     DimensionError,
@@ -18,6 +22,7 @@ from ftforce.errors import (
     URDFError,
     printable,
 )
+from ftforce.trajectory import Recording
 from urdfs import arm, chain, joint, link, robot, write
 
 FILE_ERRORS = (FileError, URDFError, SRDFError, DHTableError, OutputError)
@@ -90,3 +95,47 @@ def test_an_output_with_a_line_break_in_its_name(tmp_path):
 def test_errors_come_back_from_other_processes(error):
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+
+
+MALFORMED = {
+    "rtol": lambda arm: ftforce.analyze(arm, rtol="1e-6"),
+    "wary": lambda arm: ftforce.census(arm, wary=()),
+    "length": lambda arm: ftforce.analyze(arm, length=[1.0]),
+    "length too large": lambda arm: ftforce.analyze(arm, length=10**400),
+    "length of a task": lambda arm: ftforce.Task(length=None),
+    "components": lambda arm: ftforce.Task(3),
+    "task": lambda arm: ftforce.analyze(arm, task=3),
+    "axes": lambda arm: ftforce.analyze(arm, axes=np.zeros(0)),
+    "inverse": lambda arm: ftforce.analyze(arm, inverse=[]),
+    "ranking": lambda arm: ftforce.census(arm, rank_by={}),
+    "posture": lambda arm: ftforce.analyze(arm, posture=np.array(["a"])),
+    "payload": lambda arm: ftforce.analyze(arm, payload=10**400),
+    "mask": lambda arm: ftforce.remap(np.eye(2), [1, 2], [[True], [True, False]]),
+    "limits": lambda arm: Limits.of([1.7e308, 50.0]),
+    "unprintable": lambda arm: ftforce.analyze(arm, joint_length="\x00"),
+    "joint": lambda arm: ftforce.Fault(1.5),
+    "faults": lambda arm: ftforce.FaultSet("nan"),
+    "robot of a grid": lambda arm: Grid.of([], 2),
+    "robot of a recording": lambda arm: Recording.of("dh5", [0, 1, 2, 3], np.zeros((4, 5))),
+    "sweep": lambda arm: workspace_map({}),
+    "stored sweep": lambda arm: ftforce.open_sweep("x" * 300),
+}
+
+
+@pytest.mark.parametrize("call", MALFORMED.values(), ids=MALFORMED)
+def test_whatever_is_given_the_error_is_ours(dh5, call):
+    with pytest.raises(FtforceError) as caught:
+        call(dh5)
+    assert str(caught.value).isprintable()
+
+
+def test_messages_are_one_line_and_not_endless(dh5):
+    with pytest.raises(InputError, match="position 1") as caught:
+        ftforce.analyze(dh5, acceleration=np.full(5, np.nan))
+    assert str(caught.value).isprintable()
+    with pytest.raises(InputError, match="must not exceed") as caught:
+        ftforce.analyze(dh5, acceleration=np.full(5, 1.2345678901e9))
+    assert str(caught.value).isprintable()
+    with pytest.raises(InputError, match="q needs numbers") as caught:
+        ftforce.analyze(dh5, [*range(100_000), "x"])
+    assert len(str(caught.value)) < 2000

@@ -334,6 +334,18 @@ def test_the_whole_force_is_held_if_and_only_if_nothing_jumps(panda, friction):
     assert {True, False} == {kept for kept, _ in seen}
 
 
+def test_an_answer_that_friction_holds_proves_itself():
+    """Joint 5 of dh5 has a lever, but asks for no force: its friction bears what weighs on it."""
+    arm = load_robot("dh5")
+    asked = {"free": [5], "task": "fx,fz", "axes": "world", "limits": "urdf"}
+    found = analyze(arm, gravity=[4.9, -1.1, -3.1], **asked)
+    weight = abs(found.rnea.after[4])
+    assert 1e-3 < weight < choose_friction(arm, None, None).torque[4]
+    assert found.can_stand_still
+    assert found.residuals()["equality"] < 1e-12
+    assert found.is_proved()
+
+
 def test_an_arm_of_unknown_weight_has_ideal_joints(tmp_path):
     bare = urdfs.robot(
         *(urdfs.link(name, "") for name in urdfs.LINKS),

@@ -7,7 +7,6 @@ import io
 import json
 import os
 import random
-import tracemalloc
 import zipfile
 from dataclasses import fields, replace
 
@@ -26,7 +25,7 @@ from ftforce.trajectory.history_files import (
     columns_of,
     history_bytes,
 )
-from helpers import campaign
+from helpers import within_memory
 from urdfs import joint, link, load, robot
 
 LINE = Path.through([(0.9, 0.3, 0.2), (0.85, 0.35, 0.25)], speed=0.05)
@@ -369,19 +368,22 @@ def _flipped(count):
 
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("harm", [_cut, _flipped(1), _flipped(20)], ids=["cut", "1 bit", "20 bits"])
-def test_a_damaged_history_gives_the_right_numbers_or_one_line(tmp_path, history, form, harm):
+def test_a_damaged_history_gives_the_right_numbers_or_one_line(
+    tmp_path, history, form, harm, tally
+):
     data, path = history_bytes(history, form), tmp_path / f"run.{form}"
-    chance = random.Random(form)
-    for _ in range(campaign(200, 12)):
-        path.write_bytes(harm(data, chance))
+    for number in tally.numbers("files of a history", 200):
+        path.write_bytes(harm(data, random.Random(f"{form} {number}")))
         try:
             found = ftforce.load_history(path)
         except TrajectoryError as problem:
-            said = str(problem)
+            tally.tried(refused=1)
+            if "\n" in str(problem):
+                tally.fails("unclear messages", number, problem)
         else:
-            said = ""
-            assert same(found, history)
-        assert "\n" not in said
+            tally.tried()
+            if not same(found, history):
+                tally.fails("silent differences", number, "other numbers")
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -435,7 +437,9 @@ def test_a_bomb_is_refused_before_it_unfolds(tmp_path, history):
     )
     for form, match in (("npz", "is compressed"), ("parquet", "declares 40,000,000 rows")):
         with pytest.raises(TrajectoryError, match=match):
-            peak_of(lambda form=form: ftforce.load_history(tmp_path / f"run.{form}"), 20_000_000)
+            within_memory(
+                lambda form=form: ftforce.load_history(tmp_path / f"run.{form}"), 20_000_000
+            )
 
 
 def test_an_array_that_declares_more_than_there_is_is_refused(tmp_path, history):
@@ -452,25 +456,14 @@ def test_an_array_that_declares_more_than_there_is_is_refused(tmp_path, history)
         for name in old.namelist():
             new.writestr(name, header((10**12,)) if name == "t.npy" else old.read(name))
     with pytest.raises(TrajectoryError, match="damaged"):
-        peak_of(lambda: ftforce.load_history(path), 20_000_000)
+        within_memory(lambda: ftforce.load_history(path), 20_000_000)
 
 
 @pytest.mark.parametrize("form", ["npz", "csv"])
 def test_memory_is_in_proportion_to_the_file(tmp_path, history, form):
     path = tmp_path / f"run.{form}"
     ftforce.save(history, path)
-    peak_of(lambda: ftforce.load_history(path), 12 * path.stat().st_size + 3_000_000)
-
-
-def peak_of(function, most):
-    """Call a function, which may allocate ``most`` bytes."""
-    tracemalloc.start()
-    try:
-        function()
-    finally:
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        assert peak < most
+    within_memory(lambda: ftforce.load_history(path), 12 * path.stat().st_size + 3_000_000)
 
 
 def test_a_lack_of_memory_is_the_machines(tmp_path, history, monkeypatch):

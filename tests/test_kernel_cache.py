@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import importlib
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
+import ftforce
 from ftforce.batch.kernels import jit
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
@@ -104,9 +108,9 @@ def doubled(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     function = importlib.import_module("doubles").doubled
 
-    def run():
+    def run(x=1.0):
         compiled = jit.kernel(function)
-        return compiled(1.0), sum(compiled.stats.cache_hits.values())
+        return compiled(x), sum(compiled.stats.cache_hits.values())
 
     yield run
     del sys.modules["doubles"]
@@ -124,6 +128,63 @@ def test_damaged_files_of_a_cache_are_compiled_anew(doubled, tmp_path, ending, h
         damaged = {"cut": whole[:middle], "empty": b"", "bit": flipped}
         file.write_bytes(damaged[harm]) if harm in damaged else file.unlink()
         assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))  # and kept again
+
+
+@pytest.mark.parametrize("other", ["signature", "kernel"])
+def test_machine_code_of_another_is_compiled_anew(doubled, tmp_path, other):
+    """Two processes at once may give one name to two signatures; a copied folder is mixed up."""
+    assert (doubled(), doubled(1)) == ((2.0, 0), (2, 0))
+    first, second = sorted((tmp_path / "__pycache__").glob("*.nbc"))
+    if other == "kernel":
+        (tmp_path / "halves.py").write_text("def doubled(x):\n    return 0.5 * x\n")
+        assert jit.kernel(importlib.import_module("halves").doubled)(1.0) == 0.5
+        (second,) = (tmp_path / "__pycache__").glob("halves*.nbc")
+        del sys.modules["halves"]
+    mine, theirs = first.read_bytes(), second.read_bytes()
+    first.write_bytes(theirs)
+    second.write_bytes(mine)
+    assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))  # and kept again
+
+
+@pytest.mark.parametrize("content", [b"cnowhere\nGone\n.", pickle.dumps((1, 2, 3))])
+def test_machine_code_of_another_version_is_compiled_anew(doubled, tmp_path, content):
+    """The index is written first, so it may name a file that an older version left."""
+    assert doubled() == (2.0, 0)
+    (file,) = (tmp_path / "__pycache__").glob("*.nbc")
+    file.write_bytes(content + hashlib.sha256(content).digest())
+    assert (doubled(), doubled()) == ((2.0, 0), (2.0, 1))
+
+
+@pytest.mark.thorough
+def test_cold_processes_at_once_are_both_right(doubled, tmp_path):
+    """Each compiles other signatures first, and all of them in the end."""
+    program = f"""
+import sys
+sys.path[:0] = [{str(tmp_path)!r}, {str(Path(ftforce.__file__).parents[1])!r}]
+from ftforce.batch.kernels.jit import kernel
+from doubles import doubled
+import numpy as np
+one, kinds = int(sys.argv[1]), [float, int, complex, np.float32, np.int8, bool]
+f = kernel(doubled)
+sys.stdin.readline()
+print([f(kind(1)) == 2.0 for kind in kinds[one:] + kinds[:one]])
+"""
+    command = [sys.executable, "-c", program]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    running = [subprocess.Popen([*command, str(i)], **pipes) for i in (0, 3)]
+    for process in running:
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    said = [process.communicate(timeout=60)[0] for process in running]
+    assert said == [f"{[True] * 6}\n"] * 2
+    assert [doubled(x)[0] for x in (1.0, 1, 1j, np.float32(1), np.int8(1), True)] == [
+        2,
+        2,
+        2j,
+        2,
+        2,
+        2,
+    ]
 
 
 def test_a_disk_on_which_no_kernel_can_be_kept(doubled, monkeypatch):

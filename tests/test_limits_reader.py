@@ -279,7 +279,7 @@ BAD_TOML = {
     "comment only": ("# nothing\n", "contains no limits; expected joint, effort, brake for each"),
     "empty tables": ("[joint3]\n[joint4]\n", "contains no limits"),
     "deep": ("a = " + "[" * 5000, "is not valid TOML: "),
-    "line break in a name": ('["a\\nb"]\neffort = 1\n', "[a\\nb]: unknown joint 'a\\nb'"),
+    "line break in a name": ('["a\\nb"]\neffort = 1\n', "[a b]: unknown joint 'a\\nb'"),
     "empty": ("", f"is empty; {KIND}"),
 }
 

@@ -16,15 +16,16 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import ftforce
+from ftforce.batch.workspace_map import workspace_map
 from ftforce.errors import TrajectoryError
 from ftforce.report.files import as_cell, to_content, to_text
 from ftforce.show import plots, render
-from ftforce.show.figures import figure
+from ftforce.show.figures import figure, figure_bytes
 from ftforce.trajectory.path import Path as TipPath
 from ftforce.view.model.answer import answer
 from ftforce.view.page.answer import static_page
 from ftforce.view.scene.picture import picture
-from helpers import initial_state
+from helpers import CAMPAIGN, initial_state
 from test_cli import run
 
 pytestmark = pytest.mark.thorough  # fifty names through every output
@@ -123,6 +124,10 @@ def test_a_name_is_text_in_every_output(tmp_path, tame, name):
     assert name in cells or f"'{name}" in cells or f"{name}1" in " ".join(cells)
 
 
+def as_text(content):
+    return content if isinstance(content, str) else content.decode()
+
+
 def strings(content):
     """Yield all texts of a JSON document."""
     if isinstance(content, str):
@@ -202,10 +207,78 @@ def test_every_figure_draws_dollar_signs(tmp_path):
         for text in drawn.findobj(Text):
             is_plain = "$" not in text.get_text() or not text.get_parse_math()
             assert is_plain or "mathdefault" in text.get_text()
-        table = to_content(result, "csv")
-        text = table if isinstance(table, str) else table.decode()
-        cells = [cell for row in csv.reader(io.StringIO(text)) for cell in row]
+        rows = csv.reader(io.StringIO(as_text(to_content(result, "csv"))))
+        cells = [cell for row in rows for cell in row]
         assert not [cell for cell in cells if is_formula(cell)]
+
+
+# ---- results over time and over postures -----------------------------------------------------
+
+
+def larger_results(robot, folder):
+    """Yield a result of each other type, and those of files as they are read back."""
+    q, asked = [0.3, 0.4, 0.5], {"task": "fx,fz", "force": [1, 0]}
+    path = TipPath.through([[1, 0, -0.3], [0.98, 0, -0.3]], speed=1.0)
+    history = ftforce.simulate(robot, path, faults="2@0.02", q=q, rate=100, limits="urdf", **asked)
+    yield history
+    for form in ("npz", "csv", "parquet"):
+        yield ftforce.load_history(ftforce.save(history, folder / f"run.{form}"))
+    yield ftforce.timeline(robot, path, q=q, rate=100, limits="urdf", **asked)
+    sweep = ftforce.sweep(robot, n=64, limits="urdf", output=folder / "s.zarr", threads=1, **asked)
+    assert list(sweep.dataset.joint.values) == list(robot.names)
+    yield sweep
+    yield ftforce.open_sweep(folder / "s.zarr")
+    yield workspace_map(sweep, plane="xz")
+    yield ftforce.compare([robot, robot], n=64, threads=1, **asked)
+    yield ftforce.remap([[1.0, 2, 3]], [1, 2, 3], [True, False, False])
+
+
+def outputs_of(result, robot, *, is_drawn):
+    """Return the kinds of elements in the pages and pictures of a result, perhaps in its plot."""
+    shown, title = render.render(result), f"ftforce {robot.name}"
+    pictures = [render.to_svg(shown, title).encode()]
+    if is_drawn:
+        pictures.append(figure_bytes(result, "plot.svg"))
+    found = Tags(render.to_page(shown, title)).found
+    for one in pictures:
+        found |= {(e.tag, key) for e in ElementTree.fromstring(one).iter() for key in e.attrib}
+    return found
+
+
+PLOTTED = (0, 4, 5, 7, 8)  # the first of each type
+
+
+@pytest.fixture(scope="module")
+def tame_results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tame")
+    robot = arm(folder, TAME)
+    return robot, list(larger_results(robot, folder))
+
+
+@pytest.mark.parametrize("part", range(3))
+def test_a_name_is_text_in_every_larger_output(tmp_path_factory, tame_results, part, tally):
+    tame_robot, tame = tame_results
+    for number in tally.numbers("names through every output", len(TEXTS), part, 3):
+        name, folder = TEXTS[number], tmp_path_factory.mktemp("names")
+        robot = arm(folder, name)
+        for i, result in enumerate(larger_results(robot, folder)):
+            tally.tried()
+            case = f"{number}: {name!r} in {type(result).__name__}"
+            # A plot takes a second: one for each name, in the campaign all of them.
+            is_drawn = i in (PLOTTED if CAMPAIGN else [PLOTTED[number % 5]])
+            found = outputs_of(result, robot, is_drawn=is_drawn)
+            if more := found - outputs_of(tame[i], tame_robot, is_drawn=is_drawn):
+                tally.fails("lost bytes", case, more)
+            text = render.to_text(render.render(result)) + repr(result)
+            if not all(line.isprintable() for line in text.split("\n")):
+                tally.fails("unclear messages", case, text)
+            if isinstance(result, ftforce.Remap):
+                continue
+            if not any(name in one for one in strings(json.loads(to_text(result, "json")))):
+                tally.fails("lost bytes", case, "the name is not in the JSON")
+            rows = csv.reader(io.StringIO(as_text(to_content(result, "csv"))))
+            if formulas := [cell for row in rows for cell in row if is_formula(cell)]:
+                tally.fails("lost bytes", case, formulas)
 
 
 # ---- sources ---------------------------------------------------------------------------------

@@ -873,9 +873,25 @@ def test_characters_that_the_font_lacks_are_one_warning(tmp_path):
     assert set(str(said[0].message).partition("lacks: ")[2].split(", ")) == {"関", "節", "肘"}
 
 
+def plotted(path, **environment):
+    """Return what is said when a plot is made in another environment."""
+    command = [sys.executable, "-m", "ftforce", "capability", "dh5", "--plot", str(path)]
+    environment = {**os.environ, **environment}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+
+
+@pytest.mark.thorough  # a process that imports matplotlib and finds no list of fonts
+def test_nothing_is_said_of_settings_that_no_plot_depends_on(tmp_path):
+    """A folder that cannot be made, values that are none, and keys that are unknown."""
+    settings = tmp_path / "matplotlibrc"
+    settings.write_text("text.usetex: maybe\nfoo.bar: 3\nlines.linewidth: thick\n")
+    path = tmp_path / "x.svg"
+    done = plotted(path, MPLCONFIGDIR="/dev/null/none", MATPLOTLIBRC=str(settings))
+    assert (done.returncode, done.stderr) == (0, f"wrote {path}\n")
+    assert path.read_bytes().startswith(b"<?xml")
+
+
 def test_settings_with_which_matplotlib_does_not_start_are_one_line():
-    environment = {**os.environ, "MPLBACKEND": "nosuch"}
-    command = [sys.executable, "-m", "ftforce", "capability", "dh5", "--plot", "x.svg"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    done = plotted("x.svg", MPLBACKEND="nosuch")
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
     assert done.stderr.startswith("error: matplotlib does not start with its settings: Key backend")

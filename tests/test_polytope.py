@@ -320,6 +320,32 @@ def test_cubes_of_more_dimensions(m, touching):
         assert np.ptp(found.vertices[list(face)], axis=0).min() == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("vanishing", [1e-16, 1e-50, 1e-100, 5e-324])
+@pytest.mark.parametrize("joints", [[2], [0, 3]])
+def test_limits_that_vanish_leave_what_balances_those_joints(joints, vanishing):
+    """Beside the weight, such a limit rounds to nothing: the joint leaves a plane."""
+    J, limits, rnea = random_case(5, 3, 6)
+    rnea *= 0.3
+    limits[joints] *= vanishing
+    limits = np.maximum(limits, np.finfo(float).tiny)
+    with np.errstate(all="raise", under="ignore"):
+        found = polytope_of(J, limits, rnea)
+    assert found.dimension == 3 - len(joints)
+    assert_close(found.vertices @ J[:, joints] + rnea[joints], 0.0, scale=90.0)
+    others = [i for i in range(6) if i not in joints]
+    rows, limit, weight = J.T[others], limits[others], rnea[others]
+    for direction in np.random.default_rng(2).normal(size=(20, 3)):
+        best = scipy.optimize.linprog(
+            -direction,
+            np.vstack([rows, -rows]),
+            np.concatenate([limit - weight, limit + weight]),
+            J.T[joints],
+            -rnea[joints],
+            bounds=(None, None),
+        )
+        assert_close((found.vertices @ direction).max(), -best.fun, scale=90.0)
+
+
 # ---- joints without torque, unknown limits ---------------------------------------------------
 
 

@@ -157,7 +157,8 @@ def test_options_of_several_commands_are_declared_once():
 def test_what_is_no_robot_is_told_where_it_belongs(ask):
     """A Jacobian goes to the array core, a name to `load_robot`."""
     core = r"^a robot is needed, as of ftforce\.load_robot\('panda'\), got {}; "
-    core += r"for a Jacobian from any library, use ftforce\.remap\(J, tau, locked\)$"
+    core += r"for a Jacobian from any library, use ftforce\.remap\(J, tau, locked\) "
+    core += r"or ftforce\.Remapper\(m=3, n=7, faults=\.\.\.\)$"
     for wrong, message in (
         (np.zeros((3, 7)), core.format(r"an array of shape \(3, 7\)")),
         (None, core.format("NoneType")),

@@ -20,8 +20,17 @@ from ftforce.robot.posture import choose_posture
 from ftforce.trajectory import Path, Recording
 from ftforce.trajectory.fault_events import phases, read_events
 from ftforce.trajectory.history import QUANTITIES
+from ftforce.trajectory.history_files import history_bytes
 from ftforce.trajectory.simulate import simulate
-from helpers import CAMPAIGN, SLIDING, assert_close, campaign, serial_urdf, straight
+from helpers import (
+    CAMPAIGN,
+    SLIDING,
+    assert_close,
+    campaign,
+    serial_urdf,
+    straight,
+    within_memory,
+)
 from results import massless
 from urdfs import arm, followed, load
 
@@ -520,6 +529,60 @@ def test_progress_goes_up_to_the_end(panda):
         done, totals = zip(*seen, strict=True)
         assert list(done) == sorted(done)
         assert set(totals) == {done[-1]}
+
+
+# ---- memory ----------------------------------------------------------------------------------
+
+
+def wave(robot, count):
+    """Return times, and positions near the middle of the limits."""
+    t = 0.01 * np.arange(count)
+    at = 0.5 * (robot.lower + robot.upper)
+    return t, at + 0.2 * np.sin(0.3 * np.outer(t, 1.0 + np.arange(robot.n)))
+
+
+def size_of(run):
+    """Return the bytes of memory that arrays occupy; equal rows may be one."""
+    arrays = (getattr(run, name) for name in QUANTITIES)
+    return sum(array.base.nbytes if 0 in array.strides else array.nbytes for array in arrays)
+
+
+def test_memory_is_in_proportion_to_the_history(panda, monkeypatch):
+    """94 numbers for each of two runs: by `Run`, for n = 7 and m = 3."""
+    monkeypatch.setattr("ftforce.trajectory.history_files._ROWS", 100)
+    options = {"force": PUSH, "faults": "3@4", "smooth": "none", "remap": False}
+    small, large = (Recording.of(panda, *wave(panda, count)) for count in (500, 1500))
+    kept = [simulate(panda, small, **options)]  # what is imported counts too
+    whole = 8 * 2 * 94 * 1500
+    within_memory(lambda: kept.append(simulate(panda, large, **options)), 1.2 * whole)
+    assert sum(map(size_of, kept[-1].runs.values())) < 0.9 * whole
+    size = len(history_bytes(kept[-1], "csv"))
+    within_memory(lambda: history_bytes(kept[-1], "csv"), 1.5 * size + whole)
+
+
+def test_runs_without_faults_are_one(panda):
+    history = simulate(panda, straight(panda), force=PUSH, rate=20)
+    assert history.unremapped is history.healthy is history.remapped
+    assert not history.healthy.brake.any()
+    with pytest.raises(ValueError, match="read-only"):
+        history.healthy.brake[0] = 1.0
+
+
+def test_a_long_history_is_announced_and_one_that_the_machine_cannot_hold_refused(
+    panda, monkeypatch
+):
+    """94 numbers for each of three runs: by `Run`, for n = 7 and m = 3."""
+    options = {"force": PUSH, "faults": "3@0.5", "rate": 20}
+    path = straight(panda)
+    count = len(simulate(panda, path, **options).t)
+    size = 8 * 3 * 94 * count
+    words = f"the history of {count} instants takes about .* of memory; a lower rate"
+    monkeypatch.setattr("ftforce.trajectory.simulate._LARGE", size - 1)
+    with pytest.warns(UserWarning, match=words):
+        simulate(panda, path, **options)
+    monkeypatch.setattr("os.sysconf", lambda name: 1 if name == "SC_PAGE_SIZE" else size - 1)
+    with pytest.raises(MemoryError, match=words):
+        simulate(panda, path, **options)
 
 
 # ---- bad input -------------------------------------------------------------------------------

@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from ftforce.core.arrays import read_only
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import LockModel, feasible_forces, reach, weakest_direction
-from ftforce.core.measures import margin
-from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
-from ftforce.core.remap import force_jump
+from ftforce.core.measures import margin, relative_manipulability
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, FreeJoints, reduce
+from ftforce.core.remap import force_jump, supported_force
+from ftforce.core.stacked_free import fill_free
 from ftforce.core.stacked_limits import within_limits
+from ftforce.core.stacked_ranks import settle_cells
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
 from ftforce.robot.dynamics import rnea_torques
@@ -59,6 +61,110 @@ def test_cells_are_those_of_one_posture(seed, m, n, forced, directed):
             ray = reach(feasible, d) if directed else weakest_direction(feasible, space).reach
             wanted = math.nan if ray.is_empty else ray.maximum
             np.testing.assert_allclose(values[i, j], wanted, rtol=1e-8, atol=1e-9)
+
+
+@given(seeds, st.integers(1, 6), st.integers(1, 8), st.booleans())
+@settings(deadline=None, max_examples=campaign(300, 60))
+def test_cells_that_a_tolerance_decides_are_those_of_one_posture(seed, m, n, forced):
+    rng = np.random.default_rng(seed)
+    J = []
+    for _ in range(8):  # of any rank, with singular values on both sides of every tolerance
+        one = with_singular_values(rng, m, n, np.sort(rng.choice(RATIOS, 6))[::-1])
+        u = np.linalg.qr(rng.normal(size=(m, m)))[0][0]  # a direction that hangs on joint 1
+        one += np.outer(u, (rng.choice(RATIOS) - 1.0) * (u @ one))
+        one[:, 0] += u * rng.choice(RATIOS)
+        J.append(one)
+    J, locked = np.array(J), rng.random((5, n)) < 0.3
+    locked[0] = np.arange(n) == 0
+    F = None
+    if forced:  # along some directions of one posture, and hardly along others
+        F = np.linalg.svd(J[0] * ~locked[0])[0] @ rng.choice([1.0, 0.1, 3e-3, 1e-5, 1e-8], m)
+    d = rng.normal(size=m)
+    asked = (J, locked, F, d)
+    tolerances = {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    cells = cells_of(*asked, **tolerances, asks_weakest=False)
+    arm = settle_cells(cells, *asked, **tolerances)
+    assert (cells.certain & arm.certain[:, None]).mean() > 0.5
+    for i, j in np.argwhere(cells.certain & arm.certain[:, None]):
+        reduced = reduce(read_only(J[i].copy()), locked[j], RTOL)
+        before = np.zeros(m) if F is None else supported_force(reduced, F)
+        assert (arm.rank[i], cells.rank_lost[i, j]) == (
+            reduced.rank,
+            reduced.rank - reduced.rank_after,
+        )
+        size = 0.0 if F is None else np.linalg.norm(F)
+        assert_close(arm.F[i], before, scale=size, tol=1e-8)
+        assert_close(cells.jump[i, j], force_jump(reduced, before).jump, scale=size, tol=1e-8)
+        assert_close(cells.margin[i, j], margin(reduced), scale=1.0, tol=1e-12)
+        rho = relative_manipulability(reduced)
+        np.testing.assert_allclose(cells.rho[i, j], rho, rtol=1e-6, atol=1e-9, equal_nan=True)
+        wanted = verdict(reduced, None if F is None else arm.F[i], BORDERLINE_RTOL)
+        if forced and not arm.F[i].any():
+            wanted = Verdict.NOT_TOLERATED  # nothing to keep
+        assert cells.verdict[i, j] == CODES[wanted]
+        U = reduced.damaged.U[:, reduced.rank_after :]
+        assert_close(
+            cells.lost[i, j], np.linalg.norm(d @ U) / np.linalg.norm(d), scale=1.0, tol=1e-8
+        )
+
+
+@given(seeds, st.integers(1, 6), st.sampled_from([0.0, math.nan, 0.5]), st.booleans())
+@settings(deadline=None, max_examples=campaign(300, 60))
+def test_cells_of_a_free_joint_are_those_of_one_posture(seed, m, friction, forced):
+    rng = np.random.default_rng(seed)
+    n = m + 2
+    J, rnea = (
+        rng.normal(size=(12, m, n)),
+        rng.normal(size=(12, n)) * rng.choice([0.0, 10.0], 12)[:, None],
+    )
+    J[:, :, 0] *= rng.choice([1.0, 1.0, 1e-3, 1e-7, 0.0], 12)[:, None]
+    rnea[:, 0] *= rng.choice([1.0, 1e-2, 1e-5, 0.0], 12)  # more than friction bears, or less
+    free = np.eye(n, dtype=bool)[:3]
+    d = rng.normal(size=m)
+    F = None
+    if forced and m == 1:
+        F = 50.0 * d
+    elif forced:  # towards a posture's joint, almost, or at a right angle to it
+        u = J[0, :, 1] / np.linalg.norm(J[0, :, 1])
+        F = 50.0 * (d - u * (u @ d) * (1.0 - rng.choice([1.0, 3e-3, 1e-5, 1e-8, 0.0])))
+    given_friction = np.full(n, friction)
+    largest = np.where(
+        free, 0.0, np.where(rng.random((3, n)) < 0.3, np.nan, rng.uniform(2.0, 90.0))
+    )
+    asked, tolerances = (J, free, F, d), {"rtol": RTOL, "wary": BORDERLINE_RTOL}
+    cells = cells_of(*asked, **tolerances, asks_weakest=False)
+    arm = settle_cells(cells, *asked, **tolerances)
+    borne = fill_free(
+        cells,
+        arm,
+        J,
+        rnea,
+        free,
+        friction=given_friction,
+        has_force=forced,
+        direction=d,
+        **tolerances,
+    )
+    commanded, _ = reach_of(
+        J, rnea[:, None], largest, direction=d, cells=cells, rtol=RTOL, within=borne
+    )
+    certain = cells.certain & arm.certain[:, None]
+    for i, j in np.argwhere(certain):
+        joints = FreeJoints.of(free[j], given_friction, BORDERLINE_RTOL)
+        reduced = reduce(read_only(J[i].copy()), np.zeros(n, dtype=bool), RTOL, joints)
+        bounded = remap_inside(reduced, np.zeros(m) if F is None else F, rnea[i], None)
+        assert cells.verdict[i, j] == CODES[judge(reduced, F, BORDERLINE_RTOL, bounded)]
+        assert cells.rank_lost[i, j] == reduced.rank - reduced.rank_after
+        assert_close(cells.margin[i, j], margin(reduced), scale=1.0, tol=1e-9)
+        assert_close(cells.rho[i, j], relative_manipulability(reduced), scale=1.0, tol=1e-9)
+        if forced and bounded.jump is not None:
+            assert_close(cells.jump[i, j], bounded.jump, scale=np.linalg.norm(F) + 1.0, tol=1e-9)
+        elif forced:
+            assert np.isnan(cells.jump[i, j]).all()
+        ray = reach(feasible_forces(reduced, rnea[i], largest[j]), d)
+        most = math.nan if ray.is_empty else ray.maximum
+        np.testing.assert_allclose(commanded[i, j], most, rtol=1e-8, atol=1e-9)
+    assert certain[:, 1:].mean() > 0.5
 
 
 @given(seeds, st.integers(1, 6), st.integers(1, 8), st.sampled_from(["force", "zero", "all"]))

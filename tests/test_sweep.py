@@ -1,16 +1,23 @@
 """Sweeps in Python: the same numbers however they are cut, done and kept."""
 
+import sys
+
 import numpy as np
 import pytest
 
 import ftforce
 from ftforce.batch import job as jobs
+from ftforce.batch import runner
 from ftforce.batch.runner import BatchSizer, threads_of
+from ftforce.batch.summary.summary import Summary
 from ftforce.batch.sweep import _chunk_of, sweep
 from ftforce.errors import InputError, UnknownNameError
 from helpers import joint, urdf_of
 
-pytestmark = pytest.mark.thorough
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.usefixtures("kernels"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -102,10 +109,13 @@ def test_threads_are_those_of_the_process():
 
 
 def test_chunks_are_smaller_for_many_sets_and_fit_a_codec():
-    assert [_chunk_of(None, sets, 70_000) for sets in (7, 63)] == [65_536, 16_384]
-    assert _chunk_of(None, 7, 5000) == _chunk_of(8192, 7, 5000) == 5000
+    stored = {"is_stored": True}
+    assert [_chunk_of(None, sets, 70_000, **stored) for sets in (7, 63)] == [65_536, 16_384]
+    assert _chunk_of(None, 7, 5000, **stored) == _chunk_of(8192, 7, 5000, **stored) == 5000
     with pytest.raises(InputError, match=r"a chunk with 5 fault sets can hold at most .* postures"):
-        _chunk_of(100_000_000, 5, 10**9)
+        _chunk_of(100_000_000, 5, 10**9, **stored)
+    sizes = [_chunk_of(None, 7, count, is_stored=False) for count in (5000, 400_000, 10**8)]
+    assert sizes == [4096, 8192, 65_536]
 
 
 def test_a_wrist_whose_tip_never_moves(tmp_path):
@@ -138,3 +148,25 @@ def test_without_a_force_nobody_knows_what_falls():
     without = sweep(panda, **asked, direction=[0, 1])
     assert np.isnan([one.falls for one in without.ranked]).all()
     assert max(one.falls for one in sweep(panda, **asked, force=[0, 1]).ranked) > 0.0
+
+
+def test_a_small_sweep_needs_neither_threads_nor_zarr(dh5, monkeypatch):
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (9000, 5))
+    with monkeypatch.context() as patch:
+        for name in ("zarr", "xarray", "filelock"):  # found, but of no use
+            patch.setitem(sys.modules, name, sys)
+        patch.setattr(runner, "ThreadPoolExecutor", None)
+        patch.setattr(Summary, "merge", None)
+        found = sweep(dh5, q, force=[80, 50, 10], keep="worst", threads=2)
+    assert found.done == len(q)
+    np.testing.assert_array_equal(found.dataset["q"], q)  # made when it is asked for
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_threads_share_the_chunks(dh5, threads):
+    """Too many postures for the calling thread alone, in more chunks than there are threads."""
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (40_000, 5))
+    found = sweep(dh5, q, force=[80, 50, 10], threads=threads, keep="worst")
+    alone = sweep(dh5, q, force=[80, 50, 10], chunk=40_000, keep="worst")
+    _assert_same(found, alone)
+    np.testing.assert_array_equal(found.dataset["worst_margin"], alone.dataset["worst_margin"])

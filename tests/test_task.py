@@ -120,7 +120,7 @@ def test_tasks_are_frozen_and_can_be_pickled():
         ({"task": "forces"}, "did you mean 'force'"),
         ({"task": ""}, "unknown task component ''; available: force"),
         ({"axes": "base"}, "unknown axes 'base'; available: tool, world"),
-        ({"axes": None}, "unknown axes 'None'; available: tool, world"),
+        ({"axes": None}, "unknown axes None; available: tool, world"),
     ],
 )
 def test_unknown_words_are_answered_with_the_known_ones(given, message):

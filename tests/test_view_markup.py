@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
-import sys
 from html.parser import HTMLParser
 
 import numpy as np
@@ -90,13 +88,6 @@ def test_texts_are_escaped_and_only_once():
     for title in (BAD, Markup(BAD)):  # an attribute is never markup
         assert Reader(element("div", title=title)).attributes == [("title", BAD)]
     assert not isinstance(f"{inner}", Markup)  # what is put together elsewhere is text again
-
-
-def test_without_markupsafe_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "markupsafe", None)
-    monkeypatch.delitem(sys.modules, "ftforce.view.page.html")
-    with pytest.raises(ftforce.FtforceError, match=r"pip install 'ftforce\[view\]'"):
-        importlib.import_module("ftforce.view.page.html")
 
 
 def hostile(robot):

@@ -1,8 +1,8 @@
 """Draw which forces a Panda can hold when joints lock, swing freely or get weak.
 
 The drawing is a section: forces in the vertical plane of the arm, fy = 0. It needs matplotlib.
-``python docs/examples/fault_modes.py`` writes docs/pictures/fault-modes.svg, ``--output FILE``
-another file.
+``python docs/examples/fault_modes.py`` writes fault-modes.svg into the current folder,
+``--output FILE`` another file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ftforce.analysis.capability import Capability
 
 HERE = Path(__file__).resolve().parent
-PICTURE = HERE.parent / "pictures" / "fault-modes.svg"
+PICTURE = Path("fault-modes.svg")
 LIMITS = HERE / "panda_limits.toml"
 PUSH = np.array([0.0, -50.0])  # N, down on a table
 

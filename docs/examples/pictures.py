@@ -2,7 +2,7 @@
 
 ``python docs/examples/pictures.py`` writes ``docs/pictures``. With ``--check`` nothing is written:
 the exit status is 1 if a committed file differs from what the code prints now (numbers may differ
-by rounding), or if an example in a page, a line after ``>>>``, no longer gives what stands there.
+by rounding). Sessions are then compared by ``pages.py``, which runs them where a page shows them.
 What matplotlib draws has scripts of its own: its bytes depend on its version.
 """
 
@@ -10,30 +10,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import doctest
 import io
-import math
 import os
-import re
 import runpy
-import shlex
 import shutil
 import sys
 import tempfile
-from itertools import zip_longest
 from pathlib import Path
 
-from typer.testing import CliRunner
-
-from ftforce.cli import app
-from ftforce.cli.examples import EXAMPLES
-from ftforce.robot.known_robots import known_robots
-
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parents[1]
-PICTURES = HERE.parent / "pictures"
-PAGES = ("README.md", "docs/**/*.md", "robots/*.md")
-ROUNDING = 1e-9
+from pages import HERE, PICTURES, ROOT, commands, is_same, run
 
 # Pictures of a terminal: name, command.
 WINDOWS = {
@@ -62,8 +47,8 @@ SESSIONS = {
         "analyze rail_arm.urdf --locked rail --force 0,0,60 --axes world --payload 3 --limits urdf"
     ],
     "tutorial-capability": ["capability rail_arm.urdf --locked rail --axes world"],
-    "chain-branches": ["inspect pr2.urdf"],
-    "chain-chosen": ["inspect pr2.urdf --tip l_gripper_tool_frame --base torso_lift_link"],
+    "chain-branches": ["inspect two_arms.urdf"],
+    "chain-chosen": ["inspect two_arms.urdf --tip left_tool --base torso"],
     "chain-joint": ["analyze dh5 --locked elbow", "analyze panda --locked panda_finger_joint1"],
     "posture-degrees": ["analyze dh5 --q 10,70,25,65,0 --locked 3 --force 80,50,10"],
     "verdict-pan": ["analyze panda --locked 2,4 --force 0,0,50"],
@@ -125,14 +110,16 @@ DOCUMENTS = {
     "capability.csv": "capability dh5 --locked 3 --task fx,fz",
 }
 
-# Limits of which the brakes are unknown.
-MOTORS = "joint,effort\npanda_joint4,87\npanda_joint6,12\n"
+# What their commands take, of this folder.
+FILES = ("rail_arm.toml", "panda_limits.toml", "motors.csv", "two_arms.urdf", "bare.urdf")
 
 # What the other scripts of this folder draw.
 DRAWN = {
     "architecture.svg",
     *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
+    *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
+    *("front-map.svg", "front-compare.svg"),
     *("map-panda.svg", "map-tiago.svg", "map-solid.svg"),
     *("view-locked.png", "view-lost.png", "view-moments.png"),
     *("view-census.png", "view-history.png", "view-sweep.png"),
@@ -142,19 +129,17 @@ DRAWN = {
 SCRIPTS = ("paper_case", "your_own_jacobian")
 
 
-def run(command: str, status: tuple[int, ...] = (0,)) -> str:
+def printed(command: str) -> str:
     """Run ``ftforce COMMAND`` and return what it prints."""
-    result = CliRunner(env={"COLUMNS": "80", "NO_COLOR": "1", "TERM": "dumb"}).invoke(
-        app, shlex.split(command), prog_name="ftforce"
-    )
-    if result.exit_code not in status:
-        raise SystemExit(f"ftforce {command}: exit status {result.exit_code}\n{result.output}")
-    return "\n".join(line.rstrip() for line in result.output.splitlines()) + "\n"
+    status, output = run(f"ftforce {command}")
+    if status and not output.startswith("error: "):
+        raise SystemExit(f"ftforce {command}: exit status {status}\n{output}")
+    return output
 
 
-def session(commands: list[str]) -> str:
+def session(lines: list[str]) -> str:
     """Return commands with their outputs, as a terminal shows them."""
-    return "\n".join(f"$ ftforce {command}\n{run(command, (0, 1))}" for command in commands)
+    return "\n".join(f"$ ftforce {line}\n{printed(line)}" for line in lines)
 
 
 def printed_by(script: Path) -> str:
@@ -165,43 +150,24 @@ def printed_by(script: Path) -> str:
     return out.getvalue()
 
 
-def lay_out_files() -> None:
-    """Put the files that commands and examples take into the current folder."""
-    for name in ("rail_arm.toml", "panda_limits.toml", "panda_limits.csv"):
-        shutil.copy(HERE / name, name)
-    Path("motors.csv").write_text(MOTORS, "utf-8")
-    shutil.copy(known_robots()["pr2_left"].urdf, "pr2.urdf")
-    urdf = (ROOT / "robots" / "dh5.urdf").read_text("utf-8")
-    bare = re.sub(r"\s*<inertial>.*?</inertial>", "", urdf, flags=re.DOTALL)
-    Path("bare.urdf").write_text(bare, "utf-8")
-
-
-def make(folder: Path) -> None:
-    """Write all files into ``folder``; the commands run in a scratch folder of their own."""
+def make(folder: Path, *, with_sessions: bool) -> None:
+    """Write the files into ``folder``; the commands run in a scratch folder of their own."""
     with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         shutil.copytree(ROOT / "robots", "robots")
-        lay_out_files()
-        for name, commands in SESSIONS.items():
-            (folder / f"{name}.txt").write_text(session(commands), "utf-8")
+        for name in FILES:
+            shutil.copy(HERE / name, name)
+        if not with_sessions:
+            printed("dh rail_arm.toml")  # which is one of the sessions
+        for name, lines in SESSIONS.items() if with_sessions else ():
+            (folder / f"{name}.txt").write_text(session(lines), "utf-8")
         for name, command in WINDOWS.items():
-            run(f"{command} -o {name}.svg")
+            printed(f"{command} -o {name}.svg")
             shutil.copy(f"{name}.svg", folder)
         for name, command in DOCUMENTS.items():
-            run(f"{command} -o {name}")
+            printed(f"{command} -o {name}")
             shutil.copy(name, folder)
         for name in SCRIPTS:
             (folder / f"{name}.txt").write_text(printed_by(HERE / f"{name}.py"), "utf-8")
-
-
-def is_same(old: str, new: str) -> bool:
-    """Compare texts word for word and their numbers up to rounding."""
-    number = r"(-?\d+\.?\d*(?:e[-+]?\d+)?)"
-    for one, other in zip_longest(re.split(number, old), re.split(number, new), fillvalue=""):
-        if one != other and not (re.fullmatch(number, one) and re.fullmatch(number, other)):
-            return False
-        if one != other and not math.isclose(float(one), float(other), abs_tol=ROUNDING):
-            return False
-    return True
 
 
 def differences(committed: Path) -> list[str]:
@@ -209,45 +175,30 @@ def differences(committed: Path) -> list[str]:
     found = []
     with tempfile.TemporaryDirectory() as scratch:
         current = Path(scratch)
-        make(current)
-        names = {file.name for file in (*committed.iterdir(), *current.iterdir())} | DRAWN
+        make(current, with_sessions=False)
+        made_elsewhere = DRAWN | {f"{name}.txt" for name in SESSIONS}
+        names = {file.name for file in (*committed.iterdir(), *current.iterdir())} | made_elsewhere
         for name in sorted(names):
-            if name in DRAWN and (committed / name).exists():
-                continue
-            if not (current / name).exists():
-                found.append(f"{name}: nothing makes this file")
-            elif not (committed / name).exists():
+            if not (committed / name).exists():
                 found.append(f"{name}: missing")
+            elif name in made_elsewhere:
+                continue
+            elif not (current / name).exists():
+                found.append(f"{name}: nothing makes this file")
             elif not is_same(*((f / name).read_text("utf-8") for f in (committed, current))):
                 found.append(f"{name}: differs from what is printed now")
     return found
 
 
-def failed_examples() -> list[str]:
-    """Run the examples (``>>>``) of every page, each in a scratch folder; return what fails."""
+def other_sessions(committed: Path) -> list[str]:
+    """Return the committed sessions that are not of the commands named here."""
     found = []
-    parser = doctest.DocTestParser()
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    for page in sorted(page for pattern in PAGES for page in ROOT.glob(pattern)):
-        # A fence would be taken for expected output. Empty lines keep the numbers of the lines.
-        text = re.sub(r"^ *```.*$", "", page.read_text("utf-8"), flags=re.MULTILINE)
-        test = parser.get_doctest(text, {}, str(page.relative_to(ROOT)), str(page), 0)
-        report = io.StringIO()
-        with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
-            lay_out_files()
-            run("dh rail_arm.toml")
-            run("analyze rail_arm.urdf --locked 1,2 --force 0,0,60 --axes world -o fault.json")
-            if doctest.DocTestRunner(optionflags=flags).run(test, out=report.write).failed:
-                found.append(report.getvalue())
+    for name, lines in SESSIONS.items():
+        path = committed / f"{name}.txt"
+        shown = path.read_text("utf-8").splitlines() if path.exists() else []
+        if commands(shown, prompt=True) != [f"ftforce {line}" for line in lines]:
+            found.append(f"{path.name}: shows other commands than SESSIONS has")
     return found
-
-
-def run_help_examples() -> None:
-    """Run the examples of the help of every command; those of one may need the files of others."""
-    with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
-        lay_out_files()
-        for command in (command for pair in EXAMPLES.values() for command in pair):
-            run(command)
 
 
 def main() -> None:
@@ -261,11 +212,10 @@ def main() -> None:
     os.environ.pop("FORCE_COLOR", None)
     if check is None:
         PICTURES.mkdir(exist_ok=True)
-        make(PICTURES)
+        make(PICTURES, with_sessions=True)
         return
-    run_help_examples()
-    found = [*differences(check), *failed_examples()]
-    print("\n".join(found) or "every picture and every example is current")
+    found = [*differences(check), *other_sessions(check)]
+    print("\n".join(found) or "every picture is current")
     sys.exit(1 if found else 0)
 
 

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/guides/plots.md, as ``--plot`` does.
+"""Draw the pictures of docs/guides/plots.md, as ``--plot`` does, and three of docs/index.md.
 
 ``python docs/examples/plots.py --output FOLDER``
 """
@@ -8,7 +8,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
 import ftforce
+from ftforce.show import plots
 from ftforce.show.figures import save_figure
 from ftforce.trajectory import Path as Line
 
@@ -27,10 +32,37 @@ def draw(folder: Path) -> None:
     save_figure(sets, folder / "plot-census.svg")
     forces = ftforce.capability(arm, locked=[4], axes="world")
     save_figure(forces, folder / "plot-capability.svg")
+    small = {"layout": "constrained", "figsize": (4.0, 2.5)}
+    with rc_context({"font.size": 8, "svg.hashsalt": "ftforce"}):
+        figure = Figure(**small)
+        draw_polytope(figure, ftforce.capability(arm, weak={2: 0.3, 4: 0.3}, axes="world"))
+        figure.savefig(folder / "front-polytope.svg", metadata={"Date": None})
+        figure = Figure(**small)
+        plots.force(history, ax=figure.add_subplot()).set_title("")
+        figure.savefig(folder / "front-fault.svg", metadata={"Date": None})
+        figure = Figure(**small)
+        plots.heat_map(instants, ax=figure.add_subplot()).set_title("")
+        figure.savefig(folder / "front-timeline.svg", metadata={"Date": None})
+
+
+def draw_polytope(figure: Figure, result: ftforce.Capability) -> None:
+    """Draw the forces that the arm can hold before and after the fault, in three dimensions."""
+    before, after = (result.polytope(after=which) for which in (False, True))
+    reach = abs(before.vertices).max()
+    names = {"before": (before, "#56B4E9"), "after": (after, "#D55E00")}
+    for place, (title, (polytope, colour)) in enumerate(names.items(), 1):
+        ax = figure.add_subplot(1, 2, place, projection="3d")
+        faces = [polytope.vertices[list(face)] for face in polytope.faces]
+        ax.add_collection3d(
+            Poly3DCollection(faces, facecolor=colour, edgecolor="black", linewidth=0.8, alpha=0.6)
+        )
+        ax.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-reach, reach), title=title)
+        ax.set(xticks=(0,), yticks=(0,), zticks=(0,), xlabel="fx", ylabel="fy", zlabel="fz")
+        ax.tick_params(labelbottom=False, labelleft=False, labelright=False, labeltop=False)
+        ax.set_box_aspect((1, 1, 1), zoom=0.85)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    pictures = Path(__file__).parents[1] / "pictures"
-    parser.add_argument("--output", type=Path, default=pictures, metavar="FOLDER")
+    parser.add_argument("--output", type=Path, default=Path(), metavar="FOLDER")
     draw(parser.parse_args().output)

@@ -38,6 +38,5 @@ def draw(path: Path) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = Path(__file__).parents[1] / "pictures" / "section-v.svg"
-    parser.add_argument("--output", type=Path, default=default)
+    parser.add_argument("--output", type=Path, default=Path("section-v.svg"), metavar="FILE")
     draw(parser.parse_args().output)

@@ -1,7 +1,7 @@
 """Draw the pictures of the guide to `ftforce view`: whole pages, in Debian's Chromium.
 
-``python docs/examples/view_pictures.py`` writes ``docs/pictures/view-*.png``; it needs the extra
-``view``, Playwright and Chromium. With ``--output FOLDER`` they go elsewhere.
+``python docs/examples/view_pictures.py`` writes ``view-*.png`` into the current folder, or that of
+``--output FOLDER``; it needs the extra ``view``, Playwright and Chromium.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from ftforce.view.server.screenshot import find_browser
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 800}
 FLAGS = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 DRAWN = 4000  # ms after the last click
@@ -83,7 +82,7 @@ def wait_until_drawn(page: Page, tab: str | None) -> None:
 def main() -> None:
     """Draw all pictures."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--output", type=Path, default=HERE.parent / "pictures")
+    parser.add_argument("--output", type=Path, default=Path())
     parser.add_argument("names", nargs="*", default=list(PAGES))
     chosen = parser.parse_args()
     flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else FLAGS

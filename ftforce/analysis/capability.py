@@ -60,7 +60,8 @@ class CapabilityRange:
         Largest value, N (N·m for a pure moment) or kg; infinite if no known limit bounds it, NaN if
         no value can be held.
     minimum :
-        Smallest value; nonzero only with free-swinging joints or if weight alone exceeds a limit.
+        Smallest value; nonzero only with free-swinging joints or if weight alone exceeds a limit,
+        NaN if no value can be held.
     end :
         What limits the maximum.
     limiting_joints :

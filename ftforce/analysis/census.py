@@ -18,7 +18,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.ranks import Rank, ranks_of
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import Verdict
-from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.errors import InputError, check_word, listed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -56,8 +56,8 @@ class JointReport:
     mean_relative_jump :
         Mean of ‖ΔF‖/‖F̂‖ over the sets that contain the joint.
     least_capability :
-        Smallest commanded force over these sets, NaN if the arm cannot be held with one of
-        them; ``None`` unless the census ranks by capability.
+        Smallest commanded force over these sets; infinite if no known limit bounds it, NaN if the
+        arm cannot be held with one of them, ``None`` unless the census ranks by capability.
     """
 
     joint: int
@@ -296,8 +296,7 @@ def census_of(
     InputError
         The ranking is unknown, or the dynamic inverse needs masses, and the URDF has none.
     """
-    if rank_by not in _RANKINGS:
-        raise UnknownNameError("ranking", rank_by, _RANKINGS)
+    check_word("ranking", rank_by, _RANKINGS)
     by_capability = rank_by == "capability"
     if question.direction is not None and not by_capability:
         raise InputError("a direction is that of the capability: give it with rank_by='capability'")

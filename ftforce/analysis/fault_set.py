@@ -48,7 +48,7 @@ class SetCapability:
         cannot be held with any force in this direction.
     minimum :
         Smallest commanded force; nonzero only with free-swinging joints or if weight alone exceeds
-        a limit.
+        a limit, NaN where ``commanded`` is.
     end, held_end :
         What limits the commanded force, and what limits the held force.
     limiting_joints :

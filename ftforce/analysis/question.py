@@ -28,7 +28,7 @@ from ftforce.core.reduced_jacobian import (
     reduce,
 )
 from ftforce.core.task import Axes, Task
-from ftforce.errors import InputError, UnknownNameError, listed
+from ftforce.errors import InputError, check_word, listed
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import SINGULAR, choose_posture, is_singular_for
 from ftforce.robot.robot import require_robot
@@ -175,8 +175,7 @@ class Question:
         require_robot(robot)
         check_tolerances(rtol, wary)
         wanted = Task.parse(task, axes, length)
-        if inverse not in INVERSES:
-            raise UnknownNameError("inverse", inverse, INVERSES)
+        check_word("inverse", inverse, INVERSES)
         if force is not None and torque is not None:
             raise InputError("give either a force or torques, not both")
         known = choose_limits(robot, limits_for(faults, limits))
@@ -411,13 +410,31 @@ class AllFaultSets:
             or ``weak``, which needs a factor per joint.
         """
         require_robot(robot)
+        return cls.of(robot.n, faults, mode)
+
+    @classmethod
+    def of(cls, n: int, faults: int, mode: FaultMode | str) -> AllFaultSets:
+        """Return the sets of up to ``faults`` of n joints.
+
+        Parameters
+        ----------
+        n :
+            Number of joints.
+        faults, mode :
+            As in `parse`.
+
+        Raises
+        ------
+        InputError
+            As in `parse`.
+        """
         is_integer = isinstance(faults, (int, np.integer)) and not isinstance(faults, bool)
-        if not is_integer or not 1 <= faults <= robot.n:
-            raise InputError(f"faults must be an integer from 1 to {robot.n}, got {faults!r}")
-        found = cls(robot.n, int(faults), single_mode(mode))
+        if not is_integer or not 1 <= faults <= n:
+            raise InputError(f"faults must be an integer from 1 to {n}, got {faults!r}")
+        found = cls(n, int(faults), single_mode(mode))
         if len(found) > _MAX_SETS:
             raise InputError(
-                f"{len(found):,} fault sets of up to {faults} of {robot.n} joints exceed the "
+                f"{len(found):,} fault sets of up to {faults} of {n} joints exceed the "
                 f"maximum of {_MAX_SETS:,}; ask for smaller sets"
             )
         return found

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
+from ftforce.batch.compiled import compile_kernels, prepared
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
-from ftforce.batch.runner import in_threads, threads_of
+from ftforce.batch.runner import InThreads, threads_of
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.sweep import request_of, run_request, sweep_question
 from ftforce.core.arrays import is_number
@@ -25,6 +26,7 @@ from ftforce.core.faults import FaultMode
 from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH
 from ftforce.core.ranks import ranks_of_intervals
 from ftforce.errors import InputError, listed, printable
+from ftforce.io.text import is_folder
 from ftforce.robot.kinematics import reach_bound
 from ftforce.robot.robot import Robot
 
@@ -230,7 +232,7 @@ def _entry(name: str | None, given: Any, loading: dict[str, Any]) -> _Entry:
 
 def _read(given: str | os.PathLike[str], loading: dict[str, Any]) -> Robot | Sweep:
     path = Path(given)
-    if path.suffix == ".zarr" or (path.is_dir() and not _is_known(given)):
+    if path.suffix == ".zarr" or (is_folder(path) and not _is_known(given)):
         from ftforce.batch.store.store import open_sweep
 
         sweep = open_sweep(path)
@@ -364,7 +366,7 @@ class _Reports:
                 self.progress(self.done, self.total)
 
         with _naming(name):
-            result = run_request(request, None, in_threads(self.threads), progress)
+            result = run_request(request, None, InThreads(self.threads), progress)
             healthy = healthy_capability(case.question, case.postures, self.threads)
         return result, healthy
 
@@ -535,6 +537,8 @@ def healthy_capability(
         return None
     plan = Plan.of(replace(question, force=None), (HEALTHY,), needs_gravity=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
+    job = prepared(job)
+    compile_kernels(job)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads) as pool:
         for part, _ in pool.map(job.run, range(job.chunks)):

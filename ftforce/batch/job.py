@@ -13,6 +13,8 @@ from ftforce.batch.plan import Evaluator, as_block, empty_answers
 from ftforce.batch.summary.summary import Summary
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from ftforce.batch.kernels.layout import Answers, Block
@@ -53,6 +55,8 @@ class Job:
         ``all``, ``worst`` or ``summary``.
     chunk :
         Postures per chunk.
+    uses_numpy :
+        Whether postures are evaluated and counted with NumPy instead of the compiled kernels.
     """
 
     plan: Plan
@@ -61,6 +65,7 @@ class Job:
     workspace: Workspace
     keep: str
     chunk: int
+    uses_numpy: bool = False
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
 
     @property
@@ -81,6 +86,11 @@ class Job:
     def empty_summary(self) -> Summary:
         """Return an empty summary."""
         return Summary.empty(self.n_sets, self.bins, self.workspace)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether setting up threads is not worthwhile."""
+        return self.postures.count * max(1, self.n_sets) <= _BLOCK_RESULTS
 
     @property
     def piece(self) -> int:
@@ -130,8 +140,8 @@ class Job:
         for first in range(start, stop, self.piece):
             last = min(first + self.piece, stop)
             q = self.postures.block(first, last)
-            block = self._evaluator(q)
-            summary.add(block, first)
+            block = self.evaluator(q)
+            summary.add(block, first, compiled=not self.uses_numpy)
             if self.keep == "summary":
                 continue
             for name, values in samples_of(q, block, self.keep).items():
@@ -141,12 +151,20 @@ class Job:
         return kept
 
     @property
-    def _evaluator(self) -> Evaluator:
+    def evaluator(self) -> Callable[[Matrix], Block]:
+        """Evaluator of this thread; the next call overwrites what it returned."""
         try:
-            found: Evaluator = self._per_thread.evaluator
+            found: Callable[[Matrix], Block] = self._per_thread.evaluator
         except AttributeError:
-            found = self._per_thread.evaluator = _Reusing(self.plan)
+            found = self._per_thread.evaluator = self._new_evaluator()
         return found
+
+    def _new_evaluator(self) -> Callable[[Matrix], Block]:
+        if self.uses_numpy:
+            from ftforce.batch.numpy_path import NumpyEvaluator
+
+            return NumpyEvaluator(self.plan)
+        return _Reusing(self.plan)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without the workspaces of the threads."""

@@ -87,6 +87,8 @@ class SweepSetting(CarriedPayload):
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     joint_length :
         Travel of a slide that weighs as much as 1 rad of a hinge, m; older sweeps have 1 m.
+    computed_with :
+        ``kernels``, the compiled ones, or ``numpy``; both give the same counts.
     """
 
     robot: str
@@ -122,6 +124,7 @@ class SweepSetting(CarriedPayload):
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
     payload_mass: float | None = None
     payload_offset: tuple[float, ...] = ()
+    computed_with: str = "kernels"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the setting as a JSON-compatible dictionary."""

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing, suppress
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from ftforce.batch.compiled import compile_kernels
 from ftforce.batch.store import store
 from ftforce.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator
+    from collections.abc import Callable, Generator, Iterable, Iterator
     from concurrent.futures import Future
 
     import numpy as np
@@ -77,6 +80,32 @@ class BatchSizer:
     def __init__(self, chunks: Iterator[int], count: int) -> None:
         self._chunks, self.left = chunks, count
         self._cost: float | None = None  # s per chunk
+        self._lock = threading.Lock()
+
+    def during(self, seconds: float) -> Iterator[int]:
+        """Yield chunks to a thread one by one, until its time is over or all are handed out.
+
+        Parameters
+        ----------
+        seconds :
+            Target duration of the batch, s; 0 for one chunk.
+        """
+        end = time.monotonic() + seconds
+        while taken := self._take(1):
+            yield from taken
+            if time.monotonic() >= end:
+                return
+
+    def stop(self) -> None:
+        """Hand out no more chunks."""
+        with self._lock:
+            self._chunks, self.left = iter(()), 0
+
+    def _take(self, most: int) -> list[int]:
+        with self._lock:
+            taken = list(islice(self._chunks, most))
+            self.left -= len(taken)
+        return taken
 
     def next(self, workers: int, seconds: float) -> list[int]:
         """Return the chunks of the next batch, an empty list once all are handed out.
@@ -89,9 +118,7 @@ class BatchSizer:
             Target duration of the batch, s.
         """
         size = 1 if self._cost is None else int(seconds / max(self._cost, 1e-6))
-        taken = list(islice(self._chunks, max(1, min(size, self.left // (2 * workers)))))
-        self.left -= len(taken)
-        return taken
+        return self._take(max(1, min(size, self.left // (2 * workers))))
 
     def took(self, chunks: int, seconds: float) -> None:
         """Record the duration of a batch.
@@ -106,7 +133,12 @@ class BatchSizer:
         self._cost = seconds / chunks
 
 
-def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], Files]) -> BatchResult:
+def run_chunks(
+    job: Job,
+    chunks: Iterable[int],
+    write: Callable[[int, Samples], Files],
+    summary: Summary | None = None,
+) -> BatchResult:
     """Process some chunks in the calling thread, and write their samples.
 
     Parameters
@@ -117,13 +149,19 @@ def run_chunks(job: Job, chunks: list[int], write: Callable[[int, Samples], File
         Chunk numbers.
     write :
         Called with each chunk number and its samples; returns the files that it wrote.
+    summary :
+        Summary to which the chunks are added; a new one by default.
     """
-    start, summary, files = time.monotonic(), job.empty_summary(), {}
+    start = time.monotonic()
+    summary = job.empty_summary() if summary is None else summary
+    done: list[int] = []
+    files: Files = {}
     for index in chunks:
         samples = job.add(index, summary)
         if samples:
             files.update(write(index, samples))
-    return BatchResult(chunks, summary, time.monotonic() - start, files)
+        done.append(index)
+    return BatchResult(done, summary, time.monotonic() - start, files)
 
 
 def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None = None) -> None:
@@ -144,6 +182,8 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
     ------
     FtforceError
         A file cannot be read or written; finished chunks are kept.
+    KeyboardInterrupt
+        After Ctrl-C; its note says how many postures are kept.
     """
     done, total = opened.done, job.postures.count
     saved, is_consistent = time.monotonic(), True
@@ -154,7 +194,8 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
             opened.progress.lost[result.chunks] = False
         for result in _batches(job, opened, runner, ~done):
             is_consistent = False
-            opened.summary.merge(result.summary)
+            if result.summary is not opened.summary:
+                opened.summary.merge(result.summary)
             opened.progress.files.update(result.files)
             done[result.chunks] = True
             is_consistent = True
@@ -171,11 +212,13 @@ def run(job: Job, opened: OpenStore, runner: Runner, progress: Progress | None =
                 kept = int(opened.summary.postures)
         if isinstance(problem, OutputError):
             raise OutputError(problem.path, f"{problem.reason}; {_left(kept, total)}") from None
+        if isinstance(problem, KeyboardInterrupt) and opened.path is not None:
+            problem.add_note(_left(kept, total))
         raise
 
 
 def _left(kept: int, total: int) -> str:
-    """Return what a disk holds after it could not be written."""
+    """Return what a disk holds of a sweep that could not go on."""
     if kept == 0:
         return "no posture was kept"
     return f"{kept:,} of {total:,} postures are kept, and the same command resumes the sweep"
@@ -235,28 +278,63 @@ def bounded_count(count: object, name: str) -> int:
     return count
 
 
-def in_threads(threads: int) -> Runner:
-    """Return a runner that executes chunks in threads of this process."""
+@dataclass(frozen=True)
+class InThreads:
+    """Runner that executes chunks in threads of this process, and compiles their kernels first.
 
-    def runner(
-        job: Job, opened: OpenStore, sizer: BatchSizer
+    Attributes
+    ----------
+    threads :
+        Number of threads.
+    """
+
+    threads: int
+
+    def __call__(
+        self, job: Job, opened: OpenStore, sizer: BatchSizer
     ) -> Generator[BatchResult, None, None]:
+        """Yield batches as they complete.
+
+        Parameters
+        ----------
+        job, opened, sizer :
+            The job, the store of its results, and its remaining chunks.
+        """
+        compile_kernels(job)
         write = partial(store.write_samples, opened)
+        is_alone = self.threads == 1 or (opened.path is None and job.is_small)
+        # What is neither shared nor saved needs no summary of its own.
+        whole = opened.summary if is_alone and opened.path is None else None
         # Samples cost more than the summary, and written chunks should be recorded soon.
         seconds = _BATCH_SECONDS if job.keep == "summary" else 0.0
-        with ThreadPoolExecutor(threads) as pool:
-            running: set[Future[BatchResult]] = set()
-            try:
-                while True:
-                    while len(running) < 2 * threads and (chunks := sizer.next(threads, seconds)):
-                        running.add(pool.submit(run_chunks, job, chunks, write))
-                    if not running:
-                        return
-                    ready, running = wait(running, return_when=FIRST_COMPLETED)
-                    for future in ready:
-                        yield future.result()
-            finally:
-                for future in running:
-                    future.cancel()
 
-    return runner
+        def batch() -> BatchResult | None:
+            """Return a batch, ``None`` if all chunks are in the hands of other threads."""
+            result = run_chunks(job, sizer.during(seconds), write, whole) if sizer.left else None
+            return result if result is not None and result.chunks else None
+
+        if is_alone:
+            while (result := batch()) is not None:
+                yield result
+        else:
+            yield from _in_pool(self.threads, batch, sizer)
+
+
+def _in_pool(
+    threads: int, batch: Callable[[], BatchResult | None], sizer: BatchSizer
+) -> Generator[BatchResult, None, None]:
+    """Yield batches from threads until the sizer has no more chunks."""
+    with ThreadPoolExecutor(threads) as pool:
+        running: set[Future[BatchResult | None]] = set()
+        try:
+            while running or sizer.left:
+                while len(running) < 2 * threads and sizer.left:
+                    running.add(pool.submit(batch))
+                ready, running = wait(running, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    if (result := future.result()) is not None:
+                        yield result
+        finally:
+            sizer.stop()
+            for future in running:
+                future.cancel()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from contextlib import closing
 from dataclasses import replace
-from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,19 +16,21 @@ from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
 from ftforce.analysis.warnings import implausible
+from ftforce.batch.compiled import prepared
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
 from ftforce.batch.postures.files import postures_from_file
 from ftforce.batch.postures.postures import Listed, Postures, whole_number
 from ftforce.batch.result import KEEPS, Keep, Sweep, SweepSetting
-from ftforce.batch.runner import in_threads, run, threads_of
+from ftforce.batch.runner import InThreads, run, threads_of
+from ftforce.batch.size import check_room
 from ftforce.batch.store import store
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
-from ftforce.errors import FtforceError, InputError, UnknownNameError
+from ftforce.errors import FtforceError, InputError, check_word
 from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 _CHUNK = 65_536  # postures, at most
 _LARGEST_ARRAY = 2**31 - 2**16  # bytes, the most a codec accepts
 _VALUES = 2_000_000  # postures times fault sets per chunk, about 16 MB per stored array
+_SHARES = 32  # chunks of a sweep that is not stored, at least
 _LEAST_RADIUS = 1e-3  # m, for a wrist whose tip never moves
 _TRIED = 64  # postures, spread over the sweep, in which the healthy arm is tried first
 CELLS = 20  # along the longest axis of the workspace, about
@@ -112,13 +114,14 @@ def sweep(
         As in `ftforce.analyze`.
     keep :
         Samples to keep: ``all``, those of each posture's ``worst`` set, or only the ``summary``;
-        default ``all`` with an output, else ``summary``.
+        default ``worst`` with an output, else ``summary``.
     cell :
         Edge length of the workspace cells, m; default about a twentieth of the reach.
     output :
         Zarr group to write; default in memory. An interrupted sweep is resumed.
     chunk :
-        Postures processed and stored at a time; default 65,536, or fewer for many sets.
+        Postures processed and stored at a time; default 65,536, or fewer for many sets or
+        without an output.
     threads :
         Number of threads; default one per processor.
     workers, scheduler :
@@ -233,7 +236,15 @@ def sweep_of(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
-    request = request_of(question, all_sets, postures, keep=keep, cell=cell, chunk=chunk)
+    request = request_of(
+        question,
+        all_sets,
+        postures,
+        keep=keep,
+        cell=cell,
+        chunk=chunk,
+        is_stored=output is not None,
+    )
     return run_request(request, None if output is None else Path(output), runner, progress)
 
 
@@ -245,6 +256,7 @@ def request_of(
     keep: str,
     cell: float | None,
     chunk: int | None = None,
+    is_stored: bool = False,
 ) -> store.SweepRequest:
     """Return what a sweep does, before any posture is analysed.
 
@@ -252,6 +264,8 @@ def request_of(
     ----------
     question, all_sets, postures, keep, cell, chunk :
         As of `sweep_of`.
+    is_stored :
+        Whether it has an output.
 
     Raises
     ------
@@ -267,10 +281,10 @@ def request_of(
         Bins(_size_of(question), question.direction is not None),
         _workspace(question.robot, postures, cell),
         keep,
-        _chunk_of(chunk, len(sets), postures.count),
+        _chunk_of(chunk, len(sets), postures.count, is_stored=is_stored),
     )
     setting = _setting(question, all_sets, job, needs_gravity=needs_gravity)
-    return store.SweepRequest(job, setting, sets, _identity(job, setting))
+    return store.SweepRequest(job, setting, sets)
 
 
 def _needs_numba() -> None:
@@ -281,15 +295,11 @@ def _needs_numba() -> None:
     FtforceError
         A package is missing; the message names it.
     """
-    try:
-        import filelock  # noqa: F401
-        import numba  # noqa: F401
-        import xarray  # noqa: F401
-        import zarr  # noqa: F401
-    except ImportError as problem:
-        raise FtforceError(
-            f"sweeps need {problem.name}: install the extra with pip install 'ftforce[sweep]'"
-        ) from None
+    for name in ("filelock", "numba", "xarray", "zarr"):  # found, but imported when needed only
+        if find_spec(name) is None:
+            raise FtforceError(
+                f"sweeps need {name}: install the extra with pip install 'ftforce[sweep]'"
+            )
 
 
 def _check_task(question: Question, postures: Postures) -> None:
@@ -324,9 +334,8 @@ def _size_of(question: Question) -> float | None:
 
 def _checked_keep(keep: str | None, output: object) -> str:
     if keep is None:
-        return "summary" if output is None else "all"
-    if keep not in KEEPS:
-        raise UnknownNameError("value of keep", keep, KEEPS)
+        return "summary" if output is None else "worst"
+    check_word("value of keep", keep, KEEPS)
     return keep
 
 
@@ -348,8 +357,11 @@ def _postures(robot: Robot, q: Any, n: float | None, method: str, seed: int) -> 
     return Listed.of(robot, q)
 
 
-def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
-    """Return the number of postures per chunk: as requested, or a size that fits in memory."""
+def _chunk_of(chunk: int | None, sets: int, count: int, *, is_stored: bool) -> int:
+    """Return the number of postures per chunk: as requested, or a size that fits in memory.
+
+    Chunks that are not stored may be so small that threads have equal shares of them.
+    """
     if chunk is not None:
         size = min(whole_number(chunk, "chunk", PIECE), count)
         most = _LARGEST_ARRAY // (8 * sets)
@@ -359,8 +371,8 @@ def _chunk_of(chunk: int | None, sets: int, count: int) -> int:
                 "(2 GB per array)"
             )
         return size
-    size = _CHUNK
-    while size > PIECE and size * sets > _VALUES:
+    size, shares = _CHUNK, 1 if is_stored else _SHARES
+    while size > PIECE and (size * sets > _VALUES or (shares > 1 and size * shares > count)):
         size //= 2
     return min(size, count)
 
@@ -433,42 +445,12 @@ def _runner(
     threads: int | None, workers: int | None, scheduler: str | None, output: object
 ) -> Runner:
     if workers is None and scheduler is None:
-        return in_threads(threads_of(threads))
+        return InThreads(threads_of(threads))
     if threads is not None:
         raise InputError("give either threads of this process or workers, not both")
     from ftforce.batch.cluster import on_cluster
 
     return on_cluster(workers, scheduler, output)
-
-
-# Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
-_NOT_IDENTIFYING = (
-    *("postures", "count", "is_random", "implausible"),
-    *("tip_source", "other_tips", "payload_mass", "payload_offset"),
-)
-
-
-def _identity(job: Job, setting: SweepSetting) -> dict[str, Any]:
-    """Return the identity of a sweep: everything its output depends on."""
-    plain = setting.to_dict()
-    for name in _NOT_IDENTIFYING:
-        del plain[name]
-    arrays = [*job.plan.mechanism, *job.plan.faults, *job.plan.question]
-    content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
-    same = {
-        **plain,
-        "postures": job.postures.identity(),
-        "cell": job.workspace.edge,
-        "arrays": hashlib.sha256(content).hexdigest()[:16],
-    }
-    found: dict[str, Any] = _as_json(same)
-    return found
-
-
-def _as_json(value: Any) -> Any:
-    import json
-
-    return json.loads(json.dumps(value))
 
 
 def run_request(
@@ -488,10 +470,16 @@ def run_request(
     FileError
         A file cannot be read or written, or the output holds another sweep.
     """
-    with closing(store.create(path, request)) as opened:
+
+    def choose(request: store.SweepRequest) -> store.SweepRequest:
+        is_faster = isinstance(runner, InThreads) and prepared(request.job).uses_numpy
+        return request.computed_with("numpy") if is_faster else request
+
+    if path is not None and not path.exists():
+        check_room(request, path)
+    with closing(store.create(path, request, choose)) as opened:
         if not opened.is_complete:
-            run(request.job, opened, runner, progress)
+            run(opened.request.job, opened, runner, progress)
             store.finish(opened)
-    opening = partial(store.dataset_of, opened.store)
-    at = None if path is None else str(path)
-    return Sweep(request.setting, request.sets, opened.summary, at, opening)
+    at, done = None if path is None else str(path), opened.request
+    return Sweep(done.setting, done.sets, opened.summary, at, store.opening_of(opened))

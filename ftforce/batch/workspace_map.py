@@ -25,7 +25,7 @@ from ftforce.batch.summary.cells import (
 )
 from ftforce.core.arrays import read_only
 from ftforce.core.display import Displayed
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError, check_word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -186,12 +186,14 @@ def workspace_map(
     InputError
         The sweep has no postures yet, no such set or quantity, or the slice is empty.
     """
+    if not hasattr(sweep, "summary"):
+        raise InputError(f"a map needs a sweep, got {type(sweep).__name__}")
     if not int(sweep.summary.postures):
         raise InputError(
             "the sweep has no finished postures yet; run its command again to resume it"
         )
-    if plane is not None and plane not in PLANES:
-        raise UnknownNameError("plane", plane, PLANES)
+    if plane is not None:
+        check_word("plane", plane, PLANES)
     if solid and (plane is not None or at is not None):
         raise InputError("a three-dimensional plot has no plane; omit plane and at")
     if at is not None and plane is None:
@@ -248,8 +250,7 @@ def _flatten(sweep: Sweep, grid: Cells, plane: str, at: float | None) -> Flat:
     InputError
         There is no such plane, or the slice is empty.
     """
-    if plane not in PLANES:
-        raise UnknownNameError("plane", plane, PLANES)
+    check_word("plane", plane, PLANES)
     workspace, axis = sweep.summary.workspace, depth_axis(plane)
     low = workspace.origin[axis]
     depth = (low, low + workspace.shape[axis] * workspace.edge)
@@ -323,8 +324,7 @@ def check_quantity(sweep: Sweep, quantity: str) -> None:
     InputError
         It did not, or there is no such quantity.
     """
-    if quantity not in QUANTITIES:
-        raise UnknownNameError("quantity", quantity, QUANTITIES)
+    check_word("quantity", quantity, QUANTITIES)
     if getattr(sweep.summary, quantity) is None:
         needs = "a force" if quantity == "jump" else "a force or a direction, and limits"
         raise InputError(f"the sweep has no {quantity}: it was run without {needs}")

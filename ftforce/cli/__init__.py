@@ -32,6 +32,7 @@ COMMANDS = (
     "robots",
     "dh",
     "replicate",
+    "warmup",
 )
 
 

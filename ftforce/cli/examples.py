@@ -56,6 +56,7 @@ EXAMPLES = {
         "replicate",
         "replicate --format csv",
     ),
+    "warmup": ("warmup", "warmup force remapper"),
 }
 
 _ONE_FORCE = (

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ftforce.errors import OutputError, printable
+from ftforce.io.text import is_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -89,7 +90,7 @@ def _inputs(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
             if source is None or (name == "limits" and source in _WORDS):
                 continue
             for path in _files_of(source) if what.endswith("robot") else (Path(source),):
-                if not path.is_dir() or path.suffix.lower() == ".zarr":
+                if not is_folder(path) or path.suffix.lower() == ".zarr":
                     yield what, path
 
 

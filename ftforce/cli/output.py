@@ -58,16 +58,30 @@ def check_outputs(
             raise typer.BadParameter(
                 f"{printable(path)}: the name must end in {_listed(_PLOT_ENDINGS)}"
             )
-        from ftforce.show.plots.canvas import needs_matplotlib
-
-        needs_matplotlib()
-    from ftforce.io.text import check_writable
+        _start_matplotlib()
+    from ftforce.io.text import check_writable, is_folder
 
     for path in (*(output or ()), *(plot or ())):
         if _ending(path) != "zarr":
             check_writable(path)
-        elif not path.parent.is_dir():
+        elif not is_folder(path.parent):
             raise OutputError(path, "cannot be written (No such file or directory)")
+
+
+def _start_matplotlib() -> None:
+    """Import matplotlib without what it says of the user's settings, which no plot depends on.
+
+    Raises
+    ------
+    FtforceError
+        It is not installed, or does not start with its settings.
+    """
+    import logging
+
+    from ftforce.show.plots.canvas import needs_matplotlib
+
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    needs_matplotlib()
 
 
 def _check_ending(command: str, path: Path, form: Format | None) -> None:

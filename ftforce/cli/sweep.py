@@ -83,9 +83,9 @@ def sweep(
     keep: Annotated[
         str | None,
         typer.Option(
-            metavar="all|worst|summary",
-            help="Samples stored in a .zarr: of every set, of each posture's worst set, or none.",
-            show_default="all",
+            metavar="worst|all|summary",
+            help="Samples stored in a .zarr: of each posture's worst set, of every set, or none.",
+            show_default="worst",
         ),
     ] = None,
     cell: Annotated[
@@ -146,10 +146,11 @@ def sweep(
                 progress=progress,
                 **merged(sets, forces, weight, limits, friction, task_options, tolerances),
             )
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as pressed:
         kept = "nothing was kept (--output DIR.zarr stores finished chunks)"
         if store is not None:
-            kept = "finished chunks are kept; the same command resumes the sweep"
+            noted = getattr(pressed, "__notes__", ())  # by the runner; none before and after it
+            kept = next(iter(noted), "finished chunks are kept; the same command resumes the sweep")
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
     outputs = replace(outputs, output=files)

@@ -168,6 +168,8 @@ def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
 
 def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
     """Reject files that could not be written, before the server is started."""
+    from ftforce.io.text import is_folder
+
     for path, endings in ((export, (".html", ".htm")), (screenshot, (".png",))):
         if path is None:
             continue
@@ -175,7 +177,7 @@ def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
             raise typer.BadParameter(
                 f"{printable(path)}: the name must end in {' or '.join(endings)}"
             )
-        if not path.parent.is_dir():
+        if not is_folder(path.parent):
             raise OutputError(path, "cannot be written (no such folder)")
 
 

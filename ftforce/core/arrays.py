@@ -17,6 +17,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 _Size = TypeVar("_Size", float, Vector)
 
+_LARGE, _SAFE = 1000, 1e100  # elements; a size whose square does not overflow
 _FLOAT = np.dtype(np.float64)  # a singleton in NumPy, so it can be compared by identity
 
 
@@ -94,6 +95,8 @@ def check_finite(array: NDArray[np.float64], name: str) -> None:
     InputError
         An element is NaN or infinite; the message gives its position.
     """
+    if array.size > _LARGE and array.max() < _SAFE and array.min() > -_SAFE:
+        return  # a product of that size would start BLAS's threads
     if math.isfinite(np.vdot(array, array)):  # fast path: one pass
         return
     bad = np.argwhere(~np.isfinite(array))

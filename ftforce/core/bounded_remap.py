@@ -97,6 +97,8 @@ class Nearest(NamedTuple):
             return {}
         z = self.F_after.dot(feasible.Z)
         off = self.F_after - feasible.F0 - feasible.Z.dot(z)
+        if feasible.bearings is not None and feasible.bearings.bears(self.F_after):
+            off -= feasible.fixed.dot(off.dot(feasible.fixed))  # friction bears what Z leaves out
         A, y = feasible.rows.dot(feasible.Z), self.multipliers
         size = max(norm(self.F), norm(self.F_after))
         torque, width, rounding = self._torques(feasible)

@@ -72,11 +72,13 @@ class Fault:
         Raises
         ------
         InputError
-            The mode is unknown, the factor does not lie between 0 and 1, or a joint that is not
-            weak has a factor other than 1.
+            The joint is not an integer, the mode is unknown, the factor does not lie between 0 and
+            1, or a joint that is not weak has a factor other than 1.
         """
         if type(self.mode) is not FaultMode:
             object.__setattr__(self, "mode", FaultMode.parse(self.mode))
+        if not _is_index(self.joint):
+            raise InputError(f"a joint index must be an integer from 0, got {self.joint!r}")
         if not _is_share(self.factor):
             raise InputError(
                 f"the factor of weak joint {self.joint + 1} must lie between 0 (no torque) and 1 "
@@ -115,11 +117,14 @@ class FaultSet:
         Raises
         ------
         InputError
-            A joint fails twice, or an index is negative.
+            Something is not a fault, a joint fails twice, or an index is negative.
         """
         if not self.faults:
             return
-        joints = [fault.joint for fault in self.faults]
+        try:
+            joints = [fault.joint for fault in self.faults]
+        except (AttributeError, TypeError):
+            raise InputError(f"a fault set needs faults, got {self.faults!r}") from None
         if joints != sorted(joints):
             object.__setattr__(self, "faults", tuple(sorted(self.faults, key=_joint_of)))
         if min(joints) < 0:
@@ -281,6 +286,10 @@ def _is_share(factor: float) -> bool:
         return 0.0 <= factor <= 1.0  # also rejects NaN
     except TypeError:
         return False
+
+
+def _is_index(joint: object) -> bool:
+    return joint.__class__ is int or isinstance(joint, np.integer)
 
 
 def _joint_of(fault: Fault) -> int:

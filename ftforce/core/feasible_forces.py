@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 _ROUNDING = 1e-12  # smaller torques, relative to the arm's, count as zero
-_SLIGHT = 1e-3  # of the friction of a joint: its weight asks for no force at the tip
-_SHARE_OF_WEIGHT = 1e-3  # of the largest weight torque: friction of a joint of unknown friction
+SLIGHT = 1e-3  # of the friction of a joint: its weight asks for no force at the tip
+SHARE_OF_WEIGHT = 1e-3  # of the largest weight torque: friction of a joint of unknown friction
 
 
 class LockModel(StrEnum):
@@ -180,7 +180,7 @@ class Bearings(NamedTuple):
         """
         size = float(np.abs(lever[long]).max())
         x, w, most = lever[long] / size, self.weight[long], self.friction[long]
-        w = np.where(np.abs(w) <= _SLIGHT * most, 0.0, w) / size
+        w = np.where(np.abs(w) <= SLIGHT * most, 0.0, w) / size
         s = -float(x.dot(w) / x.dot(x)) + 0.0
         if s < 0.0 or (np.abs(s * x + w) * size > most).any():
             return Reach(0.0, 0.0) if self.is_at_rest else NOTHING
@@ -391,7 +391,7 @@ def friction_under(friction: Vector, rnea: Vector) -> Vector:
     """
     unknown = np.isnan(friction)
     if True in unknown.tolist():
-        return np.where(unknown, _SHARE_OF_WEIGHT * np.abs(rnea).max(), friction)
+        return np.where(unknown, SHARE_OF_WEIGHT * np.abs(rnea).max(), friction)
     return friction
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from ftforce.core.faults import FaultSet
 
+_LARGEST = 1e150  # N·m: sums and squares stay finite
 _SMALLEST = float(np.finfo(np.float64).tiny)
 
 
@@ -101,7 +102,7 @@ def checked_limits(limits: ArrayLike, name: str) -> Vector:
     Raises
     ------
     InputError
-        The limits are not a vector of positive numbers.
+        The limits are not a vector of positive numbers, or too large.
     """
     values = as_floats(limits, name)
     if values.ndim != 1:
@@ -109,6 +110,8 @@ def checked_limits(limits: ArrayLike, name: str) -> Vector:
     numbers = values.tolist()  # faster than NumPy for a few joints; NaN passes the comparison
     if any(x <= 0.0 for x in numbers):
         raise InputError(f"{name} must be positive, NaN where unknown; got {numbers}")
+    if any(_LARGEST < x < math.inf for x in numbers):
+        raise InputError(f"{name} contain numbers too large to compute with; got {numbers}")
     if math.inf in numbers:
         values[np.isinf(values)] = np.nan
     return values

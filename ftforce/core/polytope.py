@@ -26,6 +26,7 @@ _MAX_INTERSECTIONS = 2_000_000  # plane intersections; a few seconds and 500 MB
 _CHUNK = 20_000
 _NEAR = 1e-9  # of a limit: smaller violations are tolerated
 _AT_BOUND = 1e-7  # of a limit: a torque closer than this is at its limit
+_ROUNDING = 1e-14  # of a point's distance from 0: rounding error of the torques there
 _PARALLEL = 1e-12  # of the largest determinant: below it, planes count as parallel
 
 
@@ -124,8 +125,9 @@ def _limited_space(A: Matrix, rtol: float) -> tuple[Matrix, Matrix]:
 def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
     """Return the distinct vertices of ``lower ≤ A z ≤ upper`` and the bounds active at each.
 
-    The rows of A are unit vectors. Distances to bounds are relative to each limit; whether planes
-    are parallel is decided relative to the strongest rows in each direction.
+    The rows of A are unit vectors. Tolerances are relative to each limit, plus rounding error,
+    which may exceed the limit; whether planes are parallel is decided relative to the strongest
+    rows in each direction.
     """
     k, d = A.shape
     if d == 0:
@@ -138,6 +140,7 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
     sides = np.array(list(product((False, True), repeat=d)))
     evened = np.linalg.svd(A, full_matrices=False)[0]
     size = np.linalg.norm(evened, axis=1)
+    limit = 0.5 * (upper - lower)
     found: list[Matrix] = []
     for chosen in _chunks(k, d):
         volume = np.abs(np.linalg.det(evened[chosen]))
@@ -146,11 +149,11 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
         points = np.linalg.solve(A[rows], bounds.transpose(1, 2, 0)).transpose(0, 2, 1)
         points = points.reshape(-1, d)
         above, below, rounding = _distances(points, A, lower, upper)
-        inside = (np.minimum(above, below) >= -_NEAR - rounding).all(axis=1)
+        inside = (np.minimum(above, below) >= -_NEAR * limit - rounding).all(axis=1)
         found.append(points[inside])
     points = np.concatenate(found)
     above, below, rounding = _distances(points, A, lower, upper)
-    near = _AT_BOUND + 100.0 * rounding
+    near = _AT_BOUND * limit + 100.0 * rounding
     # More than d planes may meet in one vertex, which is then found repeatedly.
     at_bounds, first = np.unique(
         np.hstack([below <= near, above <= near]), axis=0, return_index=True
@@ -161,11 +164,10 @@ def _corners(A: Matrix, lower: Vector, upper: Vector) -> tuple[Matrix, _Sides]:
 def _distances(
     points: Matrix, A: Matrix, lower: Vector, upper: Vector
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Return distances above lower bounds, below upper ones, and rounding, relative to limits."""
-    half = 0.5 * (upper - lower)
+    """Return distances above lower bounds and below upper ones, and their rounding errors."""
     torque = points @ A.T
-    rounding = 1e-15 * np.linalg.norm(points, axis=1)[:, None] / half
-    return (torque - lower) / half, (upper - torque) / half, rounding
+    size: Matrix = np.linalg.norm(points, axis=1)[:, None]
+    return torque - lower, upper - torque, _ROUNDING * size
 
 
 def _within_their_plane(corners: Matrix, A: Matrix, at_bounds: _Sides) -> Matrix:

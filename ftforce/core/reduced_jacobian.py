@@ -11,12 +11,20 @@ Columns too short to balance anything do not count: there the friction of the jo
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import Mask, Matrix, Vector, as_floats, check_finite, norm, read_only
+from ftforce.core.arrays import (
+    Mask,
+    Matrix,
+    Vector,
+    as_floats,
+    check_finite,
+    is_number,
+    norm,
+    read_only,
+)
 from ftforce.core.svd import Svd
 from ftforce.errors import DimensionError, InputError
 
@@ -278,7 +286,10 @@ def check_mask(joints: ArrayLike, n: int, name: str) -> Mask:
     InputError
         The mask is not boolean or does not have n entries.
     """
-    mask = np.array(joints)
+    try:
+        mask = np.array(joints)
+    except ValueError:  # a ragged list
+        mask = np.array(None)
     if mask.dtype != np.bool_:
         raise InputError(
             f"{name} must be a boolean mask of shape ({n},), one entry per column of J, "
@@ -304,7 +315,7 @@ def check_tolerances(rtol: float, wary: float = BORDERLINE_RTOL) -> None:
     InputError
         Unless ``1e-14 ≤ rtol ≤ wary < 1``.
     """
-    if not (math.isfinite(rtol) and 1e-14 <= rtol < 1.0):
+    if not (is_number(rtol) and 1e-14 <= rtol < 1.0):
         raise InputError(f"rtol must lie between 1e-14 and 1, got {rtol}")
-    if not (math.isfinite(wary) and rtol <= wary < 1.0):
-        raise InputError(f"wary must lie between rtol = {rtol:g} and 1, got {wary}")
+    if not (is_number(wary) and rtol <= wary < 1.0):
+        raise InputError(f"wary must lie between rtol = {float(rtol):g} and 1, got {wary}")

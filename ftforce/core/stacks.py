@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _CLEAR = 1.0 + 1e-6  # by which a singular value exceeds all tolerances
 _LOST = 0.5  # of the rank tolerance: below it a direction is lost
 LEAST_MARGIN = 1e-3  # K Kᵀ does not determine a smaller σ_min/σ_max accurately enough
-_LEAST_RTOL = 1e-9  # nor do they, and LAPACK, decide a finer rank tolerance
+LEAST_RTOL = 1e-9  # nor do they, and LAPACK, decide a finer rank tolerance
 
 
 class Cells(NamedTuple):
@@ -42,6 +42,12 @@ class Cells(NamedTuple):
         The lost share of the direction, ‖(I - K K†) d‖ / ‖d‖, shape (N, S); 0 without a direction.
     scale :
         σ_max(J), shape (N,).
+    healthy_margin :
+        σ_min(J)/σ_max(J), shape (N,); NaN where J itself may lack rank.
+    rho :
+        ρ = w(K)/w(J), shape (N, S).
+    rank_lost :
+        rank(J) - rank(K), shape (N, S).
     """
 
     certain: Mask
@@ -50,6 +56,9 @@ class Cells(NamedTuple):
     jump: NDArray[np.float64]
     lost: Matrix
     scale: Vector
+    healthy_margin: Vector
+    rho: Matrix
+    rank_lost: NDArray[np.int8]
 
 
 def cells_of(
@@ -60,6 +69,7 @@ def cells_of(
     *,
     rtol: float,
     wary: float,
+    asks_weakest: bool = True,
 ) -> Cells:
     """Return margins, verdicts and force jumps wherever they are certain.
 
@@ -75,17 +85,20 @@ def cells_of(
         Weighted direction of the capability, shape (m,); ``None`` for the weakest.
     rtol, wary :
         Rank tolerance, and largest tolerance considered for a borderline verdict.
+    asks_weakest :
+        Whether cells without a direction have to be certain about the weakest one.
     """
     K = J[:, None] * ~locked[:, None]  # eq. (25), (26); (N, S, m, n)
     whole = np.linalg.eigvalsh(J @ J.swapaxes(1, 2))
     scale = np.sqrt(np.maximum(whole[:, -1], 0.0))
     clear = max(wary, LEAST_MARGIN) * _CLEAR
-    sound = (whole[:, 0] > (clear * scale) ** 2) & (rtol >= _LEAST_RTOL)
-    least = np.linalg.eigvalsh(K @ K.swapaxes(2, 3))[..., 0]
+    sound = (whole[:, 0] > (clear * scale) ** 2) & (rtol >= LEAST_RTOL)
+    damaged = np.linalg.eigvalsh(K @ K.swapaxes(2, 3))
     sizes = np.where(sound, scale, np.inf)[:, None]
-    margin = np.sqrt(np.maximum(least, 0.0)) / sizes
+    margin = np.sqrt(np.maximum(damaged[..., 0], 0.0)) / sizes
     certain = margin > clear  # no direction is lost at any tolerance
     shape = certain.shape
+    w = np.sqrt(np.where(sound[:, None], whole, 1.0).prod(axis=1))  # w(J) = √det J Jᵀ
     found = Cells(
         certain,
         np.where(certain, margin, np.nan),
@@ -93,10 +106,16 @@ def cells_of(
         np.zeros((*shape, J.shape[1])),
         np.zeros(shape),
         scale,
+        np.where(sound, np.sqrt(np.maximum(whole[:, 0], 0.0)), np.nan) / sizes[:, 0],
+        np.sqrt(np.where(certain, damaged.prod(axis=2), np.nan)) / w[:, None],
+        np.zeros(shape, dtype=np.int8),
     )
     rows = np.nonzero(sound[:, None] & (margin < LEAST_MARGIN))
     if len(rows[0]):
         _fill_lost(found, rows, K[rows], F=F, direction=direction, rtol=rtol, clear=clear)
+        found.rho[rows] /= w[rows[0]]
+        if asks_weakest and direction is None:
+            found.certain[rows] = False  # it is a lost one; its sign is a convention
     return found
 
 
@@ -110,7 +129,7 @@ def _fill_lost(
     rtol: float,
     clear: float,
 ) -> None:
-    """Complete cells in which directions are lost at every tolerance, in place."""
+    """Complete cells in which directions are lost at every tolerance, in place; their ρ is w(K)."""
     U, s, _ = np.linalg.svd(K)
     scale = cells.scale[rows[0]][:, None]
     s = np.pad(s, ((0, 0), (0, U.shape[1] - s.shape[1]))) / scale
@@ -124,9 +143,7 @@ def _fill_lost(
         code[relative < _LOST * rtol] = CODES[Verdict.TOLERATED]
         certain &= (relative < _LOST * rtol) | (relative > clear)
         cells.jump[rows] = np.einsum("cmr,cr->cm", U, inside)  # eq. (33), (40)
-    if direction is None:
-        certain[:] = False  # the weakest direction is a lost one; its sign is a convention
-    else:
+    if direction is not None:
         beyond = np.linalg.norm(np.where(lost, direction @ U, 0.0), axis=1)
         beyond /= np.linalg.norm(direction)
         certain &= (beyond < _LOST * rtol) | (beyond > clear)
@@ -134,6 +151,8 @@ def _fill_lost(
     cells.certain[rows] = certain
     cells.margin[rows] = np.where(certain, s[:, -1], np.nan)
     cells.verdict[rows] = code
+    cells.rho[rows] = (s * scale).prod(axis=1)
+    cells.rank_lost[rows] = lost.sum(axis=1)
 
 
 def reach_of(
@@ -144,6 +163,7 @@ def reach_of(
     direction: Vector | None,
     cells: Cells,
     rtol: float,
+    within: tuple[Matrix, Matrix] | None = None,
 ) -> tuple[Matrix, Matrix]:
     """Return the largest s for which s·d can be commanded, and held, by the ratio test of `reach`.
 
@@ -162,6 +182,8 @@ def reach_of(
         The answers for the same postures and sets.
     rtol :
         Rank tolerance.
+    within :
+        Range of s that free-swinging joints bear, each of shape (N, S); ``None`` for any s ≥ 0.
 
     Returns
     -------
@@ -185,6 +207,8 @@ def reach_of(
     counts = known & loaded
     minimum = np.where(counts, np.minimum(one, other), -np.inf).max(axis=2, initial=0.0)
     maximum = np.where(counts, np.maximum(one, other), np.inf).min(axis=2, initial=np.inf)
+    if within is not None:
+        minimum, maximum = np.maximum(minimum, within[0]), np.minimum(maximum, within[1])
     commanded = np.where(cells.lost > rtol, np.minimum(maximum, 0.0), maximum)  # F' in range(K)
     overloaded = (known & ~loaded & ((lower > 0.0) | (upper < 0.0))).any(axis=2)
     return (

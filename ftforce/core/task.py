@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.core.arrays import Matrix, Vector, as_vector, is_number, read_only
+from ftforce.errors import InputError, UnknownNameError, check_word
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -60,19 +60,16 @@ class Task:
             Components are missing, unknown or repeated, the axes are unknown, or the length is out
             of range.
         """
+        if not isinstance(self.components, tuple):
+            raise InputError(f"the task needs a tuple of components, got {self.components!r}")
         for name in self.components:
-            if name not in COMPONENTS:
+            if not isinstance(name, str) or name not in COMPONENTS:
                 raise UnknownNameError("task component", name, (*_SHORTHANDS, *COMPONENTS))
         if not self.components or len(set(self.components)) < len(self.components):
             given = ",".join(self.components)
             raise InputError(f"the task {given!r} must have one or more components, each only once")
-        if self.axes not in AXES:
-            raise UnknownNameError("axes", str(self.axes), AXES)
-        if not _SHORTEST <= self.length <= _LONGEST:  # also rejects NaN
-            raise InputError(
-                f"the characteristic length must lie between {_SHORTEST:g} and {_LONGEST:g} m, "
-                f"got {self.length}"
-            )
+        check_word("axes", self.axes, AXES)
+        _checked_length(self.length)
 
     @classmethod
     def parse(
@@ -100,7 +97,7 @@ class Task:
         """
         if isinstance(task, Task):
             return task
-        length = DEFAULT_LENGTH if length is None else float(length)
+        length = DEFAULT_LENGTH if length is None else _checked_length(length)
         if isinstance(task, str) and isinstance(axes, str):
             return _parsed(task, axes, length)
         return cls._of_words(task.split(",") if isinstance(task, str) else task, axes, length)
@@ -108,7 +105,7 @@ class Task:
     @classmethod
     def _of_words(cls, words: Iterable[str], axes: Axes, length: float) -> Task:
         names: list[str] = []
-        for word in words:
+        for word in words if np.iterable(words) else [words]:
             if not isinstance(word, str):
                 raise UnknownNameError("task component", word, (*_SHORTHANDS, *COMPONENTS))
             names += _SHORTHANDS.get(word.strip().lower(), (word.strip().lower(),))
@@ -257,6 +254,15 @@ class Task:
             if components == self.components:
                 return word
         return ",".join(self.components)
+
+
+def _checked_length(length: float) -> float:
+    if not (is_number(length) and _SHORTEST <= length <= _LONGEST):
+        raise InputError(
+            f"the characteristic length must lie between {_SHORTEST:g} and {_LONGEST:g} m, "
+            f"got {length}"
+        )
+    return float(length)
 
 
 @lru_cache(maxsize=64)  # a task and its weights are the same for millions of postures

@@ -132,7 +132,7 @@ def text_of(
             flaw = f"is neither UTF-8 nor {encoding}, as it declares (byte {problem.start})"
     if not flaw and "\0" in text:
         flaw = "is a binary file"
-    if not flaw and not text.strip():
+    if not flaw and (not text or text.isspace()):  # strip() would copy it
         flaw = "is empty"
     if flaw:
         raise error(path, f"{flaw}; expected {kind}")
@@ -298,6 +298,17 @@ def write_whole(path: str | PathLike[str], content: str | bytes) -> Path:
         reason = getattr(problem, "strerror", None) or str(problem)
         raise OutputError(path, f"cannot be written ({reason})") from None
     return Path(path)
+
+
+def is_folder(path: str | PathLike[str]) -> bool:
+    """Return whether a path is a folder; ``False`` too if it is too long, or in a closed one.
+
+    Parameters
+    ----------
+    path :
+        The path, of which ``Path.is_dir`` may raise an error.
+    """
+    return os.path.isdir(path)  # noqa: PTH112
 
 
 def check_writable(path: str | PathLike[str]) -> None:

@@ -235,6 +235,8 @@ SWEEP = (
         get=lambda sweep: _ranked(sweep.joint_ranks, sweep.joints),
         parts=(_RANK, *under("one", _JOINT))),
     Field("stored", "path of the Zarr group; `null` in memory", get="path"),
+    Field("computed_with", "`kernels`, the compiled ones, or `numpy`, with the same counts",
+        get="setting.computed_with"),
     replace(parts.SUMMARY, get=sweep_sentence),
     parts.WARNINGS,
 )

@@ -60,8 +60,12 @@ class Payload:
             The mass is negative, or the offset is not three numbers, or a number is not finite or
             too large.
         """
-        if isinstance(mass, bool) or not isinstance(mass, (int, float, np.number)):
+        if isinstance(mass, bool) or not isinstance(mass, (int, float, np.floating, np.integer)):
             raise InputError(f"the payload needs a mass in kg, got {mass!r}")
+        try:
+            mass = float(mass)
+        except OverflowError:  # an integer that no float holds
+            mass = math.inf
         if not (math.isfinite(mass) and mass >= 0.0):
             raise InputError(f"the payload's mass must be 0 kg or more, got {mass:g}")
         place = as_vector(offset, 3, "the payload's position", "x, y, z in m")
@@ -70,7 +74,7 @@ class Payload:
                 f"the payload must not exceed {LARGEST_NUMBER:g} kg or lie farther than "
                 f"{LARGEST_NUMBER:g} m from the tip, got {mass:g} kg at {place} m"
             )
-        return cls(float(mass), place)
+        return cls(mass, place)
 
     def __str__(self) -> str:
         """Return the mass, and the position if it is not the tip."""

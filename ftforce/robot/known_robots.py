@@ -113,7 +113,8 @@ def files_of(source: str | os.PathLike[str]) -> tuple[Path, ...]:
         known = known_robots().get(str(source))
         found = (known.urdf, known.srdf) if known else ()
         return tuple(path for path in found if path is not None)
-    return Path(source), Path(source).with_suffix(".srdf")
+    path = Path(source)
+    return (path, path.with_suffix(".srdf")) if path.name else (path,)  # "." and "/" have none
 
 
 def _known(name: str, entry: dict[str, Any]) -> KnownRobot:

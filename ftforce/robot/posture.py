@@ -15,7 +15,7 @@ import numpy as np
 
 from ftforce.core.arrays import Matrix, Vector, as_vector, read_only
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
-from ftforce.errors import DimensionError, InputError, UnknownNameError
+from ftforce.errors import DimensionError, InputError, check_word
 from ftforce.robot.kinematics import frame_jacobian, task_jacobian
 from ftforce.robot.mounting import Mounting
 from ftforce.robot.robot import BUILT_IN_POSTURES
@@ -118,6 +118,7 @@ def _in_radians(robot: Robot, q: Vector) -> Vector:
 
 
 def _named(robot: Robot, name: str) -> Posture:
+    check_word("posture", name, [*robot.postures, *BUILT_IN_POSTURES])
     if name in robot.postures:
         return _checked(robot, robot.postures[name], f"posture '{name}'")
     if name == "mid-range":
@@ -128,9 +129,7 @@ def _named(robot: Robot, name: str) -> Posture:
         return _bent(robot) or _checked(
             robot, mid_range(robot), "mid-range (no bent posture helps)"
         )
-    if name == "sample":
-        return _sample(robot)
-    raise UnknownNameError("posture", name, [*robot.postures, *BUILT_IN_POSTURES])
+    return _sample(robot)
 
 
 def usable_posture(robot: Robot, problem: Problem) -> tuple[str | None, list[str]]:

@@ -431,5 +431,5 @@ def require_robot(robot: object) -> None:
     given = f"an array of shape {shape}" if shape is not None else f"{type(robot).__name__}"
     raise InputError(
         f"a robot is needed, as of ftforce.load_robot('panda'), got {given}; for a Jacobian from "
-        "any library, use ftforce.remap(J, tau, locked)"
+        "any library, use ftforce.remap(J, tau, locked) or ftforce.Remapper(m=3, n=7, faults=...)"
     )

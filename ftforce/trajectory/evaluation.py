@@ -8,7 +8,7 @@ were healthy; the resulting tip force follows from the mechanics.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,8 @@ from ftforce.trajectory.history import MOTIONS, QUANTITIES, SCALARS, Run, width
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
 
     from ftforce.analysis.question import Question
     from ftforce.core.arrays import Mask, Matrix
@@ -151,6 +153,9 @@ def run_of(
     is_static :
         Whether velocities and accelerations are left out of the torques.
     """
+    if same is not None and not any(phase.actual for phase in phases):
+        tick(len(times))
+        return same
     run = _empty_run(case, motion)
     rows = [int(np.searchsorted(times, phase.start)) for phase in phases] + [len(times)]
     for phase, first, last in zip(phases, rows, rows[1:], strict=False):
@@ -170,7 +175,15 @@ def run_of(
                 tick((done - 1) % _CHUNK + 1)
         _finish(run, slice(first, last), case, reference, actual)
     _without_sign_changes(run.orientation)
-    return Run(*(read_only(getattr(run, name)) for name in QUANTITIES))
+    return Run(*(_compact(getattr(run, name)) for name in QUANTITIES))
+
+
+def _compact(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, read-only; if all its rows are the same, they share memory."""
+    bits = array.view(f"i{array.itemsize}")  # NaN, and the sign of 0, count too
+    if len(array) and (bits == bits[0]).all():
+        return np.broadcast_to(array[:1].copy(), array.shape)
+    return read_only(array)
 
 
 def _empty_run(case: Question, motion: Motion) -> Run:

@@ -97,7 +97,7 @@ class Setting(CarriedPayload):
     events :
         The faults.
     delay :
-        Time from a fault until the remap takes effect, s.
+        Time from a fault until the remap takes effect, s; infinite without a remap.
     limits :
         Source of the torque limits in force; ``none`` if none.
     effort :

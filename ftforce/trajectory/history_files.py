@@ -14,7 +14,7 @@ import io
 import json
 import math
 from dataclasses import asdict
-from itertools import chain, islice
+from itertools import chain, islice, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -349,13 +349,16 @@ def _from_table(setting: Setting, names: list[str], table: dict[str, Any]) -> Hi
 
 def _csv_bytes(history: History) -> bytes:
     table = _table(history)
-    cells = [list(map(_cell, column.tolist())) for column in table.values()]
-    about = [_about(history), *[""] * (len(cells[0]) - 1)]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*table, _ABOUT])
-    writer.writerows(zip(*cells, about, strict=True))
-    return text.getvalue().encode()
+    found, about = io.BytesIO(), chain([_about(history)], repeat(""))
+    with io.TextIOWrapper(found, "utf-8", newline="") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([*table, _ABOUT])
+        for start in range(0, len(table["run"]), _ROWS):
+            rows = (column[start : start + _ROWS].tolist() for column in table.values())
+            cells = (map(_cell, column) for column in rows)
+            writer.writerows(zip(*cells, about, strict=False))
+        text.flush()
+        return found.getvalue()
 
 
 def _cell(value: Any) -> Any:

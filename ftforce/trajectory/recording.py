@@ -18,6 +18,7 @@ from ftforce.errors import DimensionError, InputError, TrajectoryError, listed, 
 from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
 from ftforce.io.text import read_text, shortened
 from ftforce.robot.posture import looks_like_degrees
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -101,6 +102,7 @@ class Recording:
             Shapes do not match, times do not increase, there is a gap, or an angle jumps by a turn
             and leaves its limits when it is unwrapped.
         """
+        require_robot(robot)
         times = as_floats(t, "t")
         if times.ndim != 1 or len(times) < 4:
             raise InputError(
@@ -403,7 +405,7 @@ def _unwrapped(
     """
     if looks_like_degrees(robot, q):
         return q, ()  # a warning says so
-    found, words = q.copy(), []
+    found, words = {}, []
     for i in np.flatnonzero(np.ptp(q, axis=0) > np.pi).tolist():
         joint, jumps = robot.joints[i], np.abs(np.diff(q[:, i]))
         jumps[jumps <= (joint.velocity or 0.0) * _FASTER * np.diff(t)] = 0.0
@@ -419,12 +421,15 @@ def _unwrapped(
                 f"turns; as a wrapped angle it would leave its limits, {joint.lower:g} to "
                 f"{joint.upper:g} rad"
             )
-        found[:, i] = unwrapped
+        found[i] = unwrapped
         times = "" if len(rows) == 1 else f"{len(rows)} times, first "
         words.append(f"{joint.name} ({times}at {where})")
     if not words:
         return q, ()
-    return read_only(found), (f"angles that jump by a turn were unwrapped: {', '.join(words)}",)
+    q = q.copy()
+    for i, unwrapped in found.items():
+        q[:, i] = unwrapped
+    return read_only(q), (f"angles that jump by a turn were unwrapped: {', '.join(words)}",)
 
 
 def _inside(joint: Joint, x: Vector) -> Vector | None:

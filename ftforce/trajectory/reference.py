@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.recording import Recording
 
+_AT_ONCE = 4096  # instants of a recording, whose splines are evaluated together
+
 
 class Target(NamedTuple):
     """Reference of the tip at one instant, in root axes.
@@ -86,6 +88,15 @@ class ReferenceTrajectory(Protocol):
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s."""
 
+    def tip(self, t: Vector) -> tuple[Matrix, Matrix]:
+        """Return positions, m, and velocities, m/s, of the tip at times ``t``, shape (N, 3).
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
+
     def motion(self, t: Vector) -> Motion | None:
         """Return the joint motion at times ``t``; ``None`` if only the tip path is prescribed.
 
@@ -119,6 +130,19 @@ class PathReference:
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s; the nominal joint velocity is zero."""
         return Target(*leg_at(self._legs, t).at(t), self._nominal_velocity)
+
+    def tip(self, t: Vector) -> tuple[Matrix, Matrix]:
+        """Return positions, m, and velocities, m/s, of the tip at times ``t``, shape (N, 3).
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
+        x, x_dot = np.empty((2, len(t), 3))
+        for i, time in enumerate(t.tolist()):
+            x[i], x_dot[i], _ = self.at(time)
+        return x, x_dot
 
     def motion(self, t: Vector) -> None:
         """Return ``None``: inverse kinematics determines the motion."""
@@ -171,14 +195,30 @@ class RecordedReference:
     @cached_property
     def top_speed(self) -> float:
         """Largest tip speed at the samples, m/s."""
-        speeds = (np.linalg.norm(self.at(time).x_dot) for time in self._t.tolist())
-        return float(max(speeds))
+        return float(max(map(np.linalg.norm, self.tip(self._t)[1])))
 
     def at(self, t: float) -> Target:
         """Return the target at time ``t``, s, from forward kinematics of the recorded motion."""
         q, v = self._q(t), self._derivative(t, 1)
         _, x, J = tip_pose_and_jacobian(self._robot, q)
         return Target(x, J[:3].dot(v), v)
+
+    def tip(self, t: Vector) -> tuple[Matrix, Matrix]:
+        """Return positions, m, and velocities, m/s, of the tip at times ``t``, shape (N, 3).
+
+        Parameters
+        ----------
+        t :
+            Times, s, shape (N,).
+        """
+        x, x_dot = np.empty((2, len(t), 3))
+        for start in range(0, len(t), _AT_ONCE):
+            times = t[start : start + _AT_ONCE]
+            motion = zip(self._q(times), self._derivative(times, 1), strict=True)
+            for i, (q, v) in enumerate(motion, start):
+                _, x[i], J = tip_pose_and_jacobian(self._robot, q)
+                x_dot[i] = J[:3].dot(v)
+        return x, x_dot
 
     def motion(self, t: Vector) -> Motion:
         """Return the recorded joint motion at times ``t``.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,7 +27,15 @@ from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture
 from ftforce.trajectory.evaluation import TipPath, run_of
 from ftforce.trajectory.fault_events import Events, FaultEvent, Phase, joined, phases, read_events
-from ftforce.trajectory.history import EventReport, History, JointInfo, Run, Setting
+from ftforce.trajectory.history import (
+    QUANTITIES,
+    EventReport,
+    History,
+    JointInfo,
+    Run,
+    Setting,
+    width,
+)
 from ftforce.trajectory.motion import State, advance
 from ftforce.trajectory.start import Start, start_of
 from ftforce.trajectory.warnings import history_warnings, noise_warnings
@@ -45,6 +55,7 @@ if TYPE_CHECKING:
 
 _LINEAR = Task(axes="world")  # linear tip velocity, in root axes
 NEVER = math.inf
+_LARGE = 1e9  # bytes of memory: histories that take more are announced
 
 
 def simulate(
@@ -124,6 +135,9 @@ def simulate(
         An argument is invalid; the message says what is expected.
     TrajectoryError, LimitsError
         A file cannot be read or does not fit the robot.
+    MemoryError
+        The machine has less memory than the history takes: about 750 B for each run and instant of
+        an arm with seven joints.
 
     Examples
     --------
@@ -200,8 +214,11 @@ def history_of(
     InputError
         A fault comes after the end of the trajectory, or the healthy arm cannot exert the force at
         any instant of it.
+    MemoryError
+        The machine has less memory than the history takes.
     """
     _check_times(events, start)
+    _check_memory(question, len(start.times), 3 if delay < NEVER else 2)
     # An instant of a run counts for its motion and its evaluation.
     tick = counted(progress, 2 * len(start.times) * (3 if delay < NEVER else 2))
     scene = _Scene(question, start, events, _tip_path(start), tick)
@@ -218,8 +235,8 @@ def history_of(
         history = replace(history, setting=replace(history.setting, events=reports))
     found = history_warnings(question, joined(events), history, is_static=start.is_static)
     noisy = noise_warnings(question, start, healthy)
-    warnings = (*start.warnings, *noisy, *found)
-    return replace(history, setting=replace(history.setting, warnings=warnings))
+    said = (*start.warnings, *noisy, *found)
+    return replace(history, setting=replace(history.setting, warnings=said))
 
 
 def _has_nothing_to_keep(question: Question, healthy: Run) -> bool:
@@ -276,9 +293,8 @@ def _runs(scene: _Scene, delay: float) -> tuple[Run, Run, Run | None, Mapping[fl
 
 
 def _tip_path(start: Start) -> TipPath:
-    targets = [start.reference.at(t) for t in start.times.tolist()]
-    x, x_dot = (np.array([target[i] for target in targets]) for i in range(2))
-    return TipPath(read_only(x), read_only(x_dot), start.reference.orientation)
+    x, x_dot = map(read_only, start.reference.tip(start.times))
+    return TipPath(x, x_dot, start.reference.orientation)
 
 
 def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
@@ -288,6 +304,34 @@ def _check_times(events: Sequence[FaultEvent], start: Start) -> None:
             raise InputError(
                 f"the fault at {event.time:g} s comes after the end of the trajectory, {last:g} s"
             )
+
+
+def _check_memory(question: Question, instants: int, runs: int) -> None:
+    """Say how much memory a long history takes, before the work begins.
+
+    Raises
+    ------
+    MemoryError
+        The machine has less.
+    """
+    n, m = question.robot.n, question.task.m
+    size = 8 * instants * runs * sum(width(name, n, m) or 1 for name in QUANTITIES)
+    words = (
+        f"the history of {instants:,} instants takes about {size / 1e9:.1f} GB of memory; a lower "
+        "rate (--rate) takes less"
+    )
+    if size > _memory():
+        raise MemoryError(words)
+    if size > _LARGE:
+        warnings.warn(words, stacklevel=2)
+
+
+def _memory() -> float:
+    """Return the size of the machine's memory, bytes; infinite where it is not told."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return math.inf
 
 
 def _event_report(

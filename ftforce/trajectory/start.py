@@ -116,14 +116,10 @@ def start_of(
         raise InputError(f"the rate in samples per second must be positive, got {rate!r}")
     given = trajectory
     if isinstance(given, (str, PathLike)):
-        sheet = Sheet.read(given)
-        if sheet.holds_points:
-            if speed is None:
-                raise InputError(f"{sheet.path} contains waypoints; give a speed in m/s (--speed)")
-            given = Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
+        given = _from_file(robot, given, speed, max_gap, keep_orientation=keep_orientation)
+        if isinstance(given, Path):
             speed, keep_orientation = None, False
         else:
-            given = recording_of(robot, sheet, max_gap)
             max_gap = None
     if speed is not None or keep_orientation or max_gap is not None:
         raise InputError(
@@ -142,6 +138,22 @@ def start_of(
         raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
     start = _along(robot, given, choose_posture(robot, q, posture, problem=problem), rate or _RATE)
     return start._replace(is_static=static, notes=(_STATIC,) * static)
+
+
+def _from_file(
+    robot: Robot,
+    path: str | PathLike[str],
+    speed: float | None,
+    max_gap: float | None,
+    *,
+    keep_orientation: bool,
+) -> Path | Recording:
+    sheet = Sheet.read(path)
+    if not sheet.holds_points:
+        return recording_of(robot, sheet, max_gap)
+    if speed is None:
+        raise InputError(f"{sheet.path} contains waypoints; give a speed in m/s (--speed)")
+    return Path.through(sheet.points(), speed=speed, keep_orientation=keep_orientation)
 
 
 def _spacing(smooth: Smooth, recording: Recording) -> float | None:

@@ -29,6 +29,7 @@ ORIENTED = 1e-5  # rad: the same for the orientation
 _SLACK = 1e-6  # rad, m, or relative: limits in the URDF are rounded
 _INSTANTS = 50  # at which the effect of noise is estimated
 _NOISY = np.array([0.01, 0.005])  # of the largest torque: noise that is reported, and at the ends
+_AT_ONCE = 4096  # instants
 _STEP = 0.05  # of the largest speed: unexplained velocity step that is reported
 
 
@@ -55,8 +56,9 @@ def history_warnings(
     healthy, t = history.healthy, history.t
     yield from off_path(t, healthy.path_error_norm, healthy.orientation_error_norm)
     yield from force_warnings(t, history.setting.task, unsupported(history))
-    q = np.vstack([run.q[run.until_fall] for run in history.runs.values()])
-    v = np.vstack([run.v[run.until_fall] for run in history.runs.values()])
+    parts = [(run, run.until_fall) for run in history.runs.values()]
+    q = np.concatenate([_extremes(run.q[part]) for run, part in parts])
+    v = np.concatenate([_extremes(run.v[part]) for run, part in parts])
     yield from limit_warnings(robot, q, v)
     if not is_static:
         yield from _steps(history)
@@ -70,6 +72,11 @@ def history_warnings(
     yield from unjudged(robot, faults, limits)
     if limits is None:
         yield from _beyond_effort(robot, history)
+
+
+def _extremes(x: Matrix) -> Matrix:
+    """Return the least and the largest value of each column, shape (2, n)."""
+    return np.array([x.min(axis=0), x.max(axis=0)])
 
 
 def off_path(t: Vector, error: Vector, turn: Vector) -> Iterator[str]:
@@ -207,12 +214,15 @@ def _steps(history: History) -> Iterator[str]:
     """Warn about velocity steps without a fault: they would need infinite acceleration."""
     run, t, setting = history.answer, history.t, history.setting
     v, a = run.v[run.until_fall], run.a[run.until_fall]
-    off = np.abs(np.diff(v, axis=0) - 0.5 * np.diff(t[: len(v)])[:, None] * (a[1:] + a[:-1]))
+    sizes = np.zeros(len(v) - 1)
+    for start in range(0, len(sizes), _AT_ONCE):
+        here = slice(start, start + _AT_ONCE + 1)
+        by_a = 0.5 * np.diff(t[: len(v)][here])[:, None] * (a[here][1:] + a[here][:-1])
+        sizes[here][:_AT_ONCE] = np.abs(np.diff(v[here], axis=0) - by_a).max(axis=1)
     for event in setting.events:  # steps are expected here
         for time in (event.time, event.time + setting.delay):
-            off[max(int(np.searchsorted(t, time)) - 1, 0) :][:1] = 0.0
-    sizes = off.max(axis=1, initial=0.0)
-    if len(sizes) and sizes.max() > _STEP * np.abs(v).max() > 0.0:
+            sizes[max(int(np.searchsorted(t, time)) - 1, 0) :][:1] = 0.0
+    if len(sizes) and sizes.max() > _STEP * np.abs(_extremes(v)).max() > 0.0:
         yield (
             f"joint velocities change abruptly at {t[int(sizes.argmax())]:g} s (a limit, a "
             "singularity or a low sampling rate): accelerations and torques there are unreliable"

@@ -16,8 +16,10 @@ import pytest
 
 import ftforce
 from effort import QUICK, rounds
+from ftforce.batch.numpy_path import NumpyEvaluator
 from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.batch.postures.drawn import Drawn
+from ftforce.batch.warmup import warmup
 from ftforce.core.faults import FaultMode, fault_sets
 from ftforce.core.task import Task
 
@@ -167,6 +169,29 @@ def test_other_questions(benchmark, arm, q, words, options):
     assert block.verdict.shape[1] == K, words
 
 
+GIVEN = "whole sweeps of given postures of the Panda, 7 sets, force, with summary; one thread, ms"
+
+
+@pytest.mark.benchmark(group=GIVEN)
+@pytest.mark.parametrize("count", [10_000, 400_000])
+def test_given_postures(benchmark, arm, count):
+    given = Drawn.of(arm, count, "uniform").block(0, count)
+    warmup(["force"])
+    options = {"force": FORCE, "limits": "none", "threads": 1}
+    result = benchmark.pedantic(
+        ftforce.sweep, (arm, given), options, rounds=rounds(20), warmup_rounds=1
+    )
+    assert result.done == count
+
+
+@pytest.mark.benchmark(group=OTHER)
+@pytest.mark.parametrize("mode", ["locked", "free"])
+def test_by_numpy(benchmark, arm, q, mode):
+    plan = evaluator(arm, "force", FORCE, mode=mode).plan
+    block = benchmark(NumpyEvaluator(plan), q)
+    assert block.verdict.shape[1] == K
+
+
 @pytest.mark.benchmark(group=WHOLE)
 @pytest.mark.parametrize("threads", [1, 2])
 def test_whole_sweep(benchmark, arm, threads):
@@ -214,23 +239,32 @@ import ftforce, numba, xarray, zarr, scipy.stats
 import ftforce.batch.sweep, ftforce.batch.store, ftforce.batch.runner
 arm = ftforce.load_robot("panda")
 """
-FIRST_CALLS = ("imports", "warm") if QUICK else ("imports", "warm", "cold")
-FIRST = "ftforce.sweep(arm, n=1000, force=[80, 50, 10], limits='none')"
+FIRST_CALLS = ("imports", "fresh", "warm") if QUICK else ("imports", "fresh", "warm", "cold")
+FIRST = "ftforce.sweep(arm, n=20_000, force=[80, 50, 10], limits='none')"
+COMPILE = "from ftforce.batch.warmup import warmup; warmup(['force'])"
+PROGRAMS = {"imports": "", "fresh": FIRST, "warm": FIRST, "cold": COMPILE}
 
 
-@pytest.mark.benchmark(group="a process: imports, and a first sweep with a cold and a warm cache")
+@pytest.mark.benchmark(
+    group="a process: imports; a first sweep on a fresh installation (NumPy) and with compiled "
+    "kernels; and the compilation of the kernels for one kind of question"
+)
 @pytest.mark.parametrize("what", FIRST_CALLS)
 def test_first_call(benchmark, tmp_path, what):
     folders = iter(tmp_path / str(i) for i in range(100))
     kept = tmp_path / "kept"
 
     def run():
-        cache = next(folders) if what == "cold" else kept
-        program = IMPORTS if what == "imports" else IMPORTS + FIRST
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-        subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+        cache = kept if what == "warm" else next(folders)
+        in_process(IMPORTS + PROGRAMS[what], cache)
         return cache
 
+    def in_process(program, cache):
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+        subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+
+    if what == "warm":
+        in_process(IMPORTS + COMPILE, kept)
     count = 1 if what == "cold" else rounds(5)
     cache = benchmark.pedantic(run, rounds=count, warmup_rounds=1 if what == "warm" else 0)
-    assert what == "imports" or any(cache.rglob("*.nbc"))
+    assert any(cache.rglob("*.nbc")) == (what in {"warm", "cold"})

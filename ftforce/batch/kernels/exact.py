@@ -2,7 +2,7 @@
 
 One-sided Jacobi rotations compute small singular values to high relative accuracy (Demmel and
 Veselić 1992), on which the ranks are decided. The rest reimplements `reduced_jacobian`, `measures`,
-`verdict` and `feasible_forces` of `ftforce.core` on arrays, without limits on the force.
+`verdict`, `feasible_forces` and `bounded_remap` of `ftforce.core` on arrays.
 """
 
 from __future__ import annotations
@@ -371,8 +371,8 @@ def lever_of(scratch, k, x):
 
 
 @inner
-def is_borne(scratch, free, after, rtol, wary):
-    """Return whether friction bears the force F̂ as it is (`Bearings.bears`).
+def is_borne(scratch, free, limit, after, rtol, wary):
+    """Return whether friction bears the force F̂ as it is (`Bearings.bears`), within the limits.
 
     Parameters
     ----------
@@ -380,6 +380,8 @@ def is_borne(scratch, free, after, rtol, wary):
         Workspace, with K decomposed.
     free :
         True at the free-swinging joints, shape (n,).
+    limit :
+        Largest torques, NaN where unknown, shape (n,); ``None`` for no limits.
     after :
         Rank of K.
     rtol, wary :
@@ -387,6 +389,12 @@ def is_borne(scratch, free, after, rtol, wary):
     """
     F, total = scratch.F, norm(scratch.rnea)
     size = norm(F)
+    if limit is not None:
+        for k in range(free.size):
+            lever = lever_of(scratch, k, F)
+            torque = scratch.rnea[k] + (lever if abs(lever) > rtol * scratch.s[0] * size else 0.0)
+            if limit[k] > 0.0 and abs(torque) > limit[k]:
+                return False
     for k in range(free.size):
         if free[k]:
             lever, weight = lever_of(scratch, k, F), _weight_of(scratch, k, total)
@@ -423,10 +431,10 @@ def beyond_of(scratch, after, x):
 
 
 @inner
-def hold(scratch, free, after, ideal, rtol, wary):
+def hold(scratch, free, limit, after, ideal, rtol, wary):
     """Store in ``jump`` how far the closest force that can be held is from F̂, if there is one.
 
-    As `ftforce.core.bounded_remap.nearest_force` without limits, for joints that are balanced.
+    As `ftforce.core.bounded_remap.nearest_force`, for joints that are balanced.
 
     Parameters
     ----------
@@ -434,6 +442,9 @@ def hold(scratch, free, after, ideal, rtol, wary):
         Workspace, with K decomposed.
     free :
         True at the free-swinging joints, shape (n,).
+    limit :
+        Largest torques, NaN where unknown and 0 at free-swinging joints, shape (n,); ``None`` for
+        no limits.
     after :
         Rank of K.
     ideal :
@@ -442,7 +453,7 @@ def hold(scratch, free, after, ideal, rtol, wary):
         Relative tolerances of the rank and of the borderline verdict.
     """
     m, F, jump = scratch.F.size, scratch.F, scratch.jump
-    if not ideal and is_borne(scratch, free, after, rtol, wary):
+    if not ideal and is_borne(scratch, free, limit, after, rtol, wary):
         for i in range(m):
             jump[i] = 0.0
         return True
@@ -450,19 +461,24 @@ def hold(scratch, free, after, ideal, rtol, wary):
     count = 0
     for k in range(free.size):
         count += 1 if free[k] else 0
-    if ideal or count == scratch.rank[1]:
+    has_friction = not ideal and count > scratch.rank[1]
+    if limit is None and not has_friction:
         return True
     total, within, work = norm(scratch.rnea), True, scratch.slabs
     for k in range(free.size):
-        work.width[k] = -1.0
-        if free[k]:
+        most, weight = -1.0, scratch.rnea[k]
+        if limit is not None:  # noqa: SIM102 # numba leaves it out where it is None
+            if limit[k] > 0.0:
+                most = limit[k]
+        if free[k] and has_friction:
             most, weight = max(scratch.friction[k], rtol * total), _weight_of(scratch, k, total)
+        work.width[k] = most
+        if most >= 0.0:
             torque = weight + lever_of(scratch, k, F) - lever_of(scratch, k, jump)
             within &= abs(torque) <= most
             project(scratch.V, 0, after, scratch.J[:, k], scratch.projected)
             for i in range(m):
                 work.rows[i, k] = scratch.projected[i]
-            work.width[k] = most
             work.middle[k] = -weight - lever_of(scratch, k, scratch.F0)
     if within:
         return True
@@ -500,8 +516,14 @@ def _losing_tolerance(s, scale):
 
 
 @inner
-def _verdict_of(accepted, rejected):
-    """Return the verdict, given whether any tolerance accepts and any rejects the fault set."""
+def verdict_of(accepted, rejected):
+    """Return the verdict, given whether any tolerance accepts and any rejects the fault set.
+
+    Parameters
+    ----------
+    accepted, rejected :
+        Whether there is such a tolerance.
+    """
     if accepted and rejected:
         return BORDERLINE
     return TOLERATED if accepted else NOT_TOLERATED
@@ -526,7 +548,7 @@ def judge_locked(scratch, has_force, rtol, wary):
     if not has_force:
         kept = rank_of(s, rtol * scale) >= scratch.rank[0]
         kept_at_wary = rank_of(s, wary * scale) >= scratch.rank[0]
-        return _verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
+        return verdict_of(kept or kept_at_wary, not (kept and kept_at_wary))
     size = norm(scratch.F)
     if size == 0.0:
         return TOLERATED
@@ -542,7 +564,7 @@ def judge_locked(scratch, has_force, rtol, wary):
         accepted |= jump <= start or jump <= end
         rejected |= not (jump <= start and jump <= end)
         if ends:
-            return _verdict_of(accepted, rejected)
+            return verdict_of(accepted, rejected)
         start = end
         while rank > 0 and s[rank - 1] <= start * scale:
             rank -= 1
@@ -559,8 +581,39 @@ def _share(scratch, i, size):
 
 
 @inner
-def judge_free(scratch, locked, free, friction, rtol, wary, has_force):
-    """Return the verdict with free-swinging joints (`ftforce.core.verdict.judge` without limits).
+def reduce(scratch, locked, free, ideal, wary, tolerance):
+    """Set K, and what `project_out_free` stores, for a tolerance; return what that returns.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace with J and the gravity torques.
+    locked, free :
+        True at the locked, and at the free-swinging joints, shape (n,).
+    ideal :
+        Whether the latter have no friction.
+    wary :
+        Relative tolerance of the borderline verdict.
+    tolerance :
+        Relative tolerance of the rank.
+    """
+    scale, has_free = scratch.s[0], False
+    reduce_columns(scratch.J, locked, scratch.K)
+    for k in range(free.size):
+        has_free |= free[k]
+        scratch.residual[k] = 0.0
+    for i in range(scratch.F0.size):
+        scratch.F0[i] = 0.0
+    scratch.rank[1] = 0
+    if not has_free:
+        return math.inf
+    shortest = (tolerance if ideal else wary) * scale
+    return project_out_free(scratch, free, shortest, tolerance * scale)
+
+
+@inner
+def judge_free(scratch, locked, free, limit, friction, rtol, wary, has_force):
+    """Return the verdict with free-swinging joints and limits (`ftforce.core.verdict.judge`).
 
     Reevaluated at every change of rank, since K changes when the column of an ideal free joint is
     treated as zero. Overwrites K, its decomposition, F0 and ΔF.
@@ -571,6 +624,8 @@ def judge_free(scratch, locked, free, friction, rtol, wary, has_force):
         Workspace with J decomposed, and with the friction of the joints.
     locked, free :
         True at the locked, and at the free-swinging joints, shape (n,).
+    limit :
+        As in `hold`.
     friction :
         As given, NaN where unknown, shape (n,).
     rtol, wary :
@@ -582,14 +637,13 @@ def judge_free(scratch, locked, free, friction, rtol, wary, has_force):
     ideal = is_ideal(friction, free)
     accepted, rejected, start = False, False, rtol
     while True:
-        reduce_columns(scratch.J, locked, scratch.K)
-        nearest = project_out_free(scratch, free, (start if ideal else wary) * scale, start * scale)
+        nearest = reduce(scratch, locked, free, ideal, wary, start)
         nearest = nearest if ideal else math.inf  # friction does not depend on the tolerance
         decompose(scratch.K, scratch.V, scratch.t)
         after = rank_of(scratch.t, start * scale)
         jump = math.inf
-        if hold(scratch, free, after, ideal, rtol, wary):
-            jump = _relative_jump(scratch, scale)
+        if hold(scratch, free, limit, after, ideal, rtol, wary):
+            jump = relative_jump(scratch, scale)
         if not has_force and after < rank:
             jump = math.inf  # a direction is lost
         for i in range(scratch.s.size):
@@ -602,13 +656,21 @@ def judge_free(scratch, locked, free, friction, rtol, wary, has_force):
         accepted |= at_start or at_end
         rejected |= not (at_start and at_end)
         if ends:
-            return _verdict_of(accepted, rejected)
+            return verdict_of(accepted, rejected)
         start = end
 
 
 @inner
-def _relative_jump(scratch, scale):
-    """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight."""
+def relative_jump(scratch, scale):
+    """Return ‖ΔF‖/‖F̂‖; without a force, the required support relative to the weight.
+
+    Parameters
+    ----------
+    scratch :
+        Workspace.
+    scale :
+        σ_max(J).
+    """
     jump, size, weight = norm(scratch.jump), norm(scratch.F), norm(scratch.rnea)
     if jump == 0.0:
         return 0.0

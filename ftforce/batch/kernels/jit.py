@@ -1,5 +1,8 @@
 """Compilation of kernels: once per machine, cached on disk, releasing the GIL.
 
+What only kernels call is neither optimized nor turned into machine code by itself, but only as a
+part of the kernels (`ftforce.batch.kernels.pipeline`): half of the time of compilation.
+
 Numba's cache tracks only the file of a kernel, so a kernel that calls others in another file would
 keep using stale code, and give wrong results. Cache entries are therefore keyed by the content of
 all files of this package, and of nothing else in ftforce.
@@ -18,6 +21,8 @@ import numba
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
+from ftforce.batch.kernels.pipeline import LOOP, PART, WHOLE
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -31,9 +36,11 @@ UNKNOWN_CACHE = (
 
 
 NO_CACHE = (
-    "no folder for compiled kernels can be written, so every run compiles them again, for up to "
-    "half a minute; name one in NUMBA_CACHE_DIR"
+    "no folder for compiled kernels can be written, so every run compiles them again, for ten "
+    "seconds and more; name one in NUMBA_CACHE_DIR"
 )
+_COMMON = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, "no_cfunc_wrapper": True}
+_ONLY_CALLED = {"no_cpython_wrapper": True, "_nrt": False}
 _DIGEST = 32  # bytes of SHA-256
 
 
@@ -48,7 +55,7 @@ def kernel(function: Callable[..., Any], **options: bool) -> Any:
         Further options of numba's `njit`.
     """
     compile_: Any = njit  # its type annotations lack some options
-    common = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, **options}
+    common = {**_COMMON, **WHOLE, **options}
     try:
         compiled = compile_(function, cache=True, **common)
     except RuntimeError:  # numba found no folder that can be written
@@ -80,8 +87,33 @@ def compile_now(function: Callable[..., Any], signature: Any, **options: bool) -
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile a function that only kernels call: no Python wrapper, which takes time to compile."""
-    return kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False)
+    """Compile a function that only kernels call, as a part of them.
+
+    It needs no Python wrapper, which takes time to compile, and no place in the cache: the kernels
+    contain it.
+
+    Parameters
+    ----------
+    function :
+        What to compile.
+    """
+    compile_: Any = njit
+    return compile_(function, **_COMMON, **PART, **_ONLY_CALLED)
+
+
+def inner_loop(function: Callable[..., Any]) -> Any:
+    """Compile a function like `inner`, but optimize it by itself first.
+
+    Loops over lanes of many arrays are vectorized only where the compiler can tell which of them
+    overlap, which within a whole kernel it cannot.
+
+    Parameters
+    ----------
+    function :
+        What to compile.
+    """
+    compile_: Any = njit
+    return compile_(function, **_COMMON, **LOOP, **_ONLY_CALLED)
 
 
 def _warn_once(text: str) -> None:
@@ -111,12 +143,26 @@ def _is_keyed(compiled: Any) -> bool:
 
 
 def _verified(base: Any) -> Any:
-    """Return numba's class of cache files with a digest: damaged machine code is never run."""
+    """Return numba's class of cache files with digests: only what was compiled for a call is run.
+
+    Numba counts the files of a kernel, one for each signature, so two processes that compile at
+    once may use one name for different signatures.
+    """
 
     class Verified(base):  # type: ignore[misc]
         def save(self, key: Any, data: Any) -> None:
             with suppress(OSError):  # a full disk: the kernel is compiled, it is only not kept
-                super().save(key, data)
+                super().save(key, (self._meaning(key), data))
+
+        def load(self, key: Any) -> Any:
+            # The index may already name a file that an older version, or another process, wrote.
+            match super().load(key):
+                case (meaning, data) if meaning == self._meaning(key):
+                    return data
+            return None
+
+        def _meaning(self, key: Any) -> str:
+            return f"{self._index_name} {self._version} {key}"
 
         def _dump(self, obj: Any) -> bytes:
             content: bytes = super()._dump(obj)  # a pickle, which knows where it ends
@@ -132,8 +178,12 @@ def _verified(base: Any) -> Any:
                 return {}
 
         def _load_data(self, name: str) -> Any:
-            _check(Path(self._data_path(name)).read_bytes())
-            return super()._load_data(name)
+            content = Path(self._data_path(name)).read_bytes()
+            _check(content)
+            try:
+                return pickle.loads(content)
+            except Exception as problem:  # whatever a pickle of another version raises
+                raise OSError("of another version") from problem
 
     return Verified
 

@@ -266,15 +266,14 @@ def _evaluate_free(locked, free, question, s, at, scratch, answers):
     answers.verdict[s, at] = NOT_TOLERATED
     if _has_force_to_keep(scratch, has_force):
         answers.verdict[s, at] = exact.judge_free(
-            scratch, locked, free, friction, rtol, wary, has_force
+            scratch, locked, free, None, friction, rtol, wary, has_force
         )
     ideal = exact.is_ideal(friction, free)
-    exact.reduce_columns(scratch.J, locked, scratch.K)
-    exact.project_out_free(scratch, free, (rtol if ideal else wary) * scale, rtol * scale)
+    exact.reduce(scratch, locked, free, ideal, wary, rtol)
     exact.decompose(scratch.K, scratch.V, scratch.t)
     after = exact.rank_of(scratch.t, rtol * scale)
     balanced = exact.is_balanced(scratch, free, ideal, rtol)
-    stands = balanced and exact.hold(scratch, free, after, ideal, rtol, wary)
+    stands = balanced and exact.hold(scratch, free, None, after, ideal, rtol, wary)
     _write_results(locked, free, question, s, at, after, ideal, balanced, stands, scratch, answers)
 
 

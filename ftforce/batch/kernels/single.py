@@ -11,7 +11,8 @@ Nothing here allocates: it is compiled without numba's allocator, so that it can
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from numba import boolean, float64, int64, types
 
@@ -52,8 +53,9 @@ class _Posture(NamedTuple):
 
 
 def answer(
-    is_force, tree, body, task, locked, free, failed,
-    frame, matrix, square, vector, side, line, torque, force, number, code, q, given,
+    is_force, tree, body, task, locked, free, limit, failed,
+    frame, matrix, square, vector, side, line, torque, force, number, code,
+    rnea, jacobian, q, given,
 ):  # fmt: skip
     """Evaluate one posture; return `DONE`, or `MALFORMED` without touching any output.
 
@@ -63,17 +65,20 @@ def answer(
         Whether a force is given, rather than torques.
     tree :
         For every joint its parent (-1 for the root), its driver, whether it is prismatic and
-        whether it moves the tip; then the tip's parent, whether the rows are in tip axes and
-        whether gravity torques are needed; (E + 1, 4).
+        whether it moves the tip; then the tip's parent and whether the rows are in tip axes;
+        (E + 1, 4). ``None`` if Jacobians are given.
     body :
         Placement, ratio, offset, mass, centre and gain of every joint (`layout`); then the
-        tip's placement and gravity, (E + 1, BODY).
+        tip's placement and gravity, (E + 1, BODY); or ``None``.
     task :
         Rows of the frame Jacobian, their weights, the two tolerances, the friction of each joint,
         NaN where unknown, and for each joint the entries up to which its column is rounding,
         (4 + n, max(m, n, 2)).
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
+    limit :
+        Largest torques with each set, NaN where unknown and 0 at free-swinging joints, (S, n);
+        ``None`` if all sets only lock joints, without limits: then nothing else is compiled.
     failed :
         1 at the locked joints, SET_LANES sets at a time, (S / SET_LANES, n, SET_LANES).
     frame, matrix, square, vector, side, line :
@@ -86,29 +91,42 @@ def answer(
     number, code :
         Outputs: margin, σ_min, and the norms of the jump's forces and moments, (4, S); verdict and
         lost ranks, with a row of workspace, (3, max(S, 2)).
+    rnea, jacobian :
+        Torques for weight and motion, (n,), and the weighted Jacobian, (m, n); or ``None``.
     q :
-        Joint positions, rad or m, (n,).
+        Otherwise joint positions, rad or m, (n,).
     given :
         Force in the task's axes, unweighted, (m,); or torques (n,).
     """
     m, n, sets = matrix.shape[1], matrix.shape[2], locked.shape[0]
-    if q.size != n or given.size != (m if is_force else n) or not _is_valid(q, given):
+    if given.size != (m if is_force else n) or not _is_valid(given):
         return MALFORMED
-    _place(tree, body, q, frame)
-    _task_jacobian(tree, body, task, frame, matrix[0])
-    _drop_noise(task[4:], matrix[0])
-    if tree[tree.shape[0] - 1, 2]:
-        _weight_torque(tree, body, frame, torque[0])
+    # What depends on arguments that are None is left out of the compiled code.
+    if jacobian is not None:
+        if jacobian.shape[0] != m or jacobian.shape[1] != n or rnea.size != n:
+            return MALFORMED
+        if not (_is_valid(rnea) and _are_valid(jacobian)):
+            return MALFORMED
+        _load(rnea, jacobian, torque[0], matrix[0])
+    if q is not None:
+        if q.size != n or not _is_valid(q):
+            return MALFORMED
+        _place(tree, body, q, frame)
+        _task_jacobian(tree, body, task, frame, matrix[0])
+        _drop_noise(task[4:], matrix[0])
+        if limit is not None:
+            _weight_torque(tree, body, frame, torque[0])
     work = slabs.Slabs(
         matrix[3], torque[4], torque[5], square[4], vector[7], vector[8], vector[9], vector[10],
         vector[11],
     )  # fmt: skip
+    if limit is not None:
+        exact.friction_under_weight(task[3, :n], torque[0], torque[3])
     scratch = exact.Scratch(
         code[2], work, matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2], torque[3],
         square[3], vector[6],
     )  # fmt: skip
-    exact.friction_under_weight(task[3, :n], torque[0], torque[3])
     posture = _Posture(scratch, square[2], task, torque[6], force[0])
     has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[TORQUES - 1])
     clear = max(task[2, 1], _MIN_MARGIN) * GUARD_BAND
@@ -118,30 +136,60 @@ def answer(
         if is_clear and at % SET_LANES == 0:
             _margins(posture, failed[at // SET_LANES], side, line, line[8])
         margin = line[8, at % SET_LANES] if is_clear else 0.0
-        if margin > clear and not _any_true(free[at]):
+        number[0, at] = margin
+        number[1, at] = margin * scratch.s[0]
+        code[1, at] = 0
+        keeps_rank, is_open = margin > clear, True
+        if limit is not None:
+            if keeps_rank and not _any_true(free[at]):
+                keeps_rank = _is_within(posture, limit[at])
+                if not keeps_rank:
+                    _limit_force(posture, locked[at], limit[at], at, code, U, after, jump)
+                    is_open = False
+            elif _any_true(free[at]) or _any_known(limit[at]):
+                _settle_bounded(
+                    posture, locked[at], free[at], limit[at], at, number, code, U, after, jump
+                )
+                keeps_rank, is_open = False, False
+        if keeps_rank:
             _write_unchanged(posture, locked[at], U, after, jump)
-            number[0, at] = margin
-            number[1, at] = margin * scratch.s[0]
             number[2, at] = 0.0
             number[3, at] = 0.0
             code[0, at] = TOLERATED
-            code[1, at] = 0
-        else:
-            _settle_set(posture, locked[at], free[at], at, number, code, U, after, jump)
-            if not has_force_to_keep:
-                code[0, at] = NOT_TOLERATED
+            continue
+        if is_open:
+            _settle_locked(posture, locked[at], at, number, code, U, after, jump)
+        number[2, at], number[3, at] = _norms(task, jump)
+        if not has_force_to_keep:
+            code[0, at] = NOT_TOLERATED
     return DONE
 
 
 @inner
-def _is_valid(q, given):
+def _is_valid(x):
     """Return whether all numbers are finite, and small enough not to overflow."""
     size = 0.0
-    for i in range(q.size):
-        size += q[i] * q[i]
-    for i in range(given.size):
-        size += given[i] * given[i]
+    for i in range(x.size):
+        size += x[i] * x[i]
     return size <= _MAX_SQUARE
+
+
+@inner
+def _are_valid(J):
+    """Return whether all rows are valid."""
+    found = True
+    for i in range(J.shape[0]):
+        found &= _is_valid(J[i])
+    return found
+
+
+@inner
+def _load(rnea, jacobian, weight, J):
+    """Copy what is given for a posture."""
+    for k in range(rnea.size):
+        weight[k] = rnea[k]
+        for i in range(J.shape[0]):
+            J[i, k] = jacobian[i, k]
 
 
 @inner
@@ -150,6 +198,15 @@ def _any_true(mask):
     found = False
     for k in range(mask.size):
         found |= mask[k]
+    return found
+
+
+@inner
+def _any_known(limit):
+    """Return whether any limit is known."""
+    found = False
+    for k in range(limit.size):
+        found |= limit[k] > 0.0
     return found
 
 
@@ -482,52 +539,102 @@ def smallest(A, line, x):
 
 
 @inner
-def _settle_set(posture, locked, free, at, number, code, U, after, jump):
-    """Evaluate a set by the singular values of K, like the module `settle`."""
-    scratch, has_free, task = posture.scratch, _any_true(free), posture.task
-    rtol, wary, s, t = task[2, 0], task[2, 1], scratch.s, scratch.t
-    friction = task[3, : U.size]
-    ideal = exact.is_ideal(friction, free)
-    verdict, stands = TOLERATED, True
-    if has_free:
-        verdict = exact.judge_free(scratch, locked, free, friction, rtol, wary, True)
+def _settle_locked(posture, locked, at, number, code, U, after, jump):
+    """Evaluate a set of locked joints by the singular values of K, like the module `settle`."""
+    scratch, rtol, wary = posture.scratch, posture.task[2, 0], posture.task[2, 1]
     exact.reduce_columns(scratch.J, locked, scratch.K)  # eq. (25), (26)
-    scratch.rank[1] = 0
-    if has_free:
-        exact.project_out_free(scratch, free, (rtol if ideal else wary) * s[0], rtol * s[0])
-    exact.decompose(scratch.K, scratch.V, t)
-    rank = exact.rank_of(t, rtol * s[0])
-    if has_free:
-        stands = exact.is_balanced(scratch, free, ideal, rtol)
-        stands = stands and exact.hold(scratch, free, rank, ideal, rtol, wary)
-    else:
-        verdict = exact.judge_locked(scratch, True, rtol, wary)
-        for i in range(t.size):
-            scratch.F0[i] = 0.0
-        exact.lose(scratch, rank)
-    m = t.size
-    code[0, at] = verdict
-    code[1, at] = scratch.rank[0] - rank
-    number[0, at] = t[m - 1] / s[0] if s[0] > 0.0 else 0.0
-    number[1, at] = t[m - 1]
-    if not stands:  # the arm cannot be held in static equilibrium
-        for k in range(U.size):
-            U[k] = math.nan
-        for i in range(m):
-            after[i] = math.nan
-            jump[i] = math.nan
-    elif exact.norm(scratch.jump) == 0.0:
+    exact.decompose(scratch.K, scratch.V, scratch.t)
+    code[0, at] = exact.judge_locked(scratch, True, rtol, wary)
+    for i in range(after.size):
+        scratch.F0[i] = 0.0
+    rank = exact.rank_of(scratch.t, rtol * scratch.s[0])
+    exact.lose(scratch, rank)
+    _write_margin(scratch, rank, at, number, code)
+    if exact.norm(scratch.jump) == 0.0:
         _write_unchanged(posture, locked, U, after, jump)
     else:
-        _write_jump(posture, locked, has_free, U, after, jump)
-    number[2, at], number[3, at] = _norms(posture.task, jump)
+        _write_jump(posture, locked, False, U, after, jump)
 
 
 @inner
-def _write_jump(posture, locked, has_free, U, after, jump):
+def _settle_bounded(posture, locked, free, limit, at, number, code, U, after, jump):
+    """Evaluate a set with free-swinging joints or limits by singular values of K."""
+    scratch, task = posture.scratch, posture.task
+    rtol, wary, friction = task[2, 0], task[2, 1], task[3, : U.size]
+    code[0, at] = exact.judge_free(scratch, locked, free, limit, friction, rtol, wary, True)
+    ideal = exact.is_ideal(friction, free)
+    exact.reduce(scratch, locked, free, ideal, wary, rtol)
+    exact.decompose(scratch.K, scratch.V, scratch.t)
+    rank = exact.rank_of(scratch.t, rtol * scratch.s[0])
+    stands = exact.is_balanced(scratch, free, ideal, rtol)
+    stands = stands and exact.hold(scratch, free, limit, rank, ideal, rtol, wary)
+    _write_margin(scratch, rank, at, number, code)
+    _write_held(posture, locked, stands, U, after, jump)
+
+
+@inner
+def _limit_force(posture, locked, limit, at, code, U, after, jump):
+    """Evaluate a set that loses no direction, but whose torques exceed limits.
+
+    The force closest to F̂ within them is sought among all forces, since K K† = I.
+    """
+    scratch, rtol, wary = posture.scratch, posture.task[2, 0], posture.task[2, 1]
+    work, lost = scratch.slabs, scratch.jump
+    for k in range(limit.size):
+        work.width[k] = limit[k] if limit[k] > 0.0 else -1.0
+        work.middle[k] = -scratch.rnea[k]
+        for i in range(lost.size):
+            work.rows[i, k] = scratch.J[i, k]
+    for i in range(lost.size):
+        lost[i] = scratch.F[i]
+    stands = slabs.nearest(work, lost, rtol * scratch.s[0])
+    for i in range(lost.size):
+        lost[i] = scratch.F[i] - lost[i]
+    relative = exact.relative_jump(scratch, scratch.s[0]) if stands else math.inf
+    code[0, at] = exact.verdict_of(relative <= wary, not relative <= rtol)
+    _write_held(posture, locked, stands, U, after, jump)
+
+
+@inner
+def _is_within(posture, limit):
+    """Return whether the torques that exert F̂ and carry the weight are within the limits."""
+    found = True
+    for k in range(limit.size):
+        torque = posture.carried[k] + posture.scratch.rnea[k]
+        found &= not (limit[k] > 0.0 and abs(torque) > limit[k])
+    return found
+
+
+@inner
+def _write_margin(scratch, rank, at, number, code):
+    """Write σ_min of K, decomposed, and how many ranks it lacks."""
+    m = scratch.t.size
+    code[1, at] = scratch.rank[0] - rank
+    number[0, at] = scratch.t[m - 1] / scratch.s[0] if scratch.s[0] > 0.0 else 0.0
+    number[1, at] = scratch.t[m - 1]
+
+
+@inner
+def _write_held(posture, locked, stands, U, after, jump):
+    """Write the force closest to F̂ that can be held; NaN if the arm cannot stand still."""
+    if not stands:
+        for k in range(U.size):
+            U[k] = math.nan
+        for i in range(after.size):
+            after[i] = math.nan
+            jump[i] = math.nan
+    elif exact.norm(posture.scratch.jump) == 0.0:
+        _write_unchanged(posture, locked, U, after, jump)
+    else:
+        _write_jump(posture, locked, True, U, after, jump)
+
+
+@inner
+def _write_jump(posture, locked, changes, U, after, jump):
     """Write the jump ΔF, and U.
 
-    Locked joints leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints do not.
+    Locked joints alone leave the other torques unchanged, U = ᔆJᵀ F̂; free-swinging joints and
+    limits do not.
     """
     scratch = posture.scratch
     J, lost = scratch.J, scratch.jump
@@ -536,7 +643,7 @@ def _write_jump(posture, locked, has_free, U, after, jump):
         after[i] = posture.before[i] - jump[i]
     for k in range(U.size):
         U[k] = posture.carried[k]
-        if has_free:
+        if changes:
             for i in range(lost.size):
                 U[k] -= J[i, k] * lost[i]
         if locked[k]:
@@ -556,13 +663,32 @@ def _norms(task, jump):
 
 
 _VECTOR = types.Array(float64, 1, "A", readonly=True)  # accepts strided and read-only ones
+_GIVEN_MATRIX = types.Array(float64, 2, "A", readonly=True)
 _MASK, _INTEGERS = types.Array(boolean, 2, "C"), types.Array(int64, 2, "C")
 _MATRIX, _CUBE = types.Array(float64, 2, "C"), types.Array(float64, 3, "C")
-_TYPES = int64(
-    boolean, _INTEGERS, _MATRIX, _MATRIX, _MASK, _MASK, _CUBE,
-    _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX, _MATRIX, _MATRIX, _MATRIX, _INTEGERS,
-    _VECTOR, _VECTOR,
-)  # fmt: skip
-# The GIL is not released: reacquiring it can take longer than the call. One explicit signature, so
-# that nothing is ever compiled inside a control loop.
-answer = compile_now(answer, _TYPES, nogil=False, _nrt=False)
+
+
+@cache
+def compiled(takes_jacobian, has_limits):
+    """Return `answer`, compiled for one kind of arguments; what they do not need is left out.
+
+    The GIL is not released: reacquiring it can take longer than the call. One explicit signature,
+    so that nothing is ever compiled inside a control loop.
+
+    Parameters
+    ----------
+    takes_jacobian :
+        Whether it takes Jacobians, rather than postures.
+    has_limits :
+        Whether ``limit`` is given.
+    """
+    place = (types.none, types.none) if takes_jacobian else (_INTEGERS, _MATRIX)
+    given: Any = (types.none, types.none, _VECTOR)
+    if takes_jacobian:
+        given = (_VECTOR, _GIVEN_MATRIX, types.none)
+    signature = int64(
+        boolean, *place, _MATRIX, _MASK, _MASK, _MATRIX if has_limits else types.none, _CUBE,
+        types.none if takes_jacobian else _MATRIX, _CUBE, _CUBE, _MATRIX, _CUBE, _MATRIX,
+        _MATRIX, _MATRIX, _MATRIX, _INTEGERS, *given, _VECTOR,
+    )  # fmt: skip
+    return compile_now(answer, signature, nogil=False, _nrt=False)

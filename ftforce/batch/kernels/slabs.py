@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _STEPS = 100  # most constraints added; a handful is usual
 _INSIDE = 1e-12  # relative: a point is in a slab up to rounding
+_ROUNDING = 1e-14  # of the given point, in all points found from it
 _DEPENDENT = 1e-12  # relative squared distance of a row from the span of the active ones
 
 
@@ -59,14 +60,17 @@ def nearest(work, z, least):
     least :
         Rows of at most this length count as zero.
     """
-    count = 0
+    count, given = 0, 0.0
+    for i in range(z.size):
+        given += z[i] * z[i]
+    given = math.sqrt(given)
     for k in range(work.width.size):
         if work.width[k] >= 0.0 and _length(work, k) <= least:
             if abs(work.middle[k]) > work.width[k]:
                 return False
             work.width[k] = -1.0
     for _ in range(_STEPS):
-        k, side = _most_violated(work, z)
+        k, side = _most_violated(work, z, given, count)
         if k < 0:
             return True
         count = _add(work, z, k, side, count)
@@ -94,8 +98,12 @@ def _along(work, k, z):
 
 
 @inner
-def _most_violated(work, z):
-    """Return the slab that z is farthest outside of, and the side; -1 if it is inside all."""
+def _most_violated(work, z, given, count):
+    """Return the slab that z is farthest outside of, and the side; -1 if it is inside all.
+
+    The given point, from which z was found, had the length ``given``. On the planes of the
+    ``count`` active slabs z lies, up to rounding.
+    """
     size = 0.0
     for i in range(z.size):
         size += z[i] * z[i]
@@ -106,7 +114,9 @@ def _most_violated(work, z):
             continue
         length, off = _length(work, k), _along(work, k, z) - work.middle[k]
         rounding = _INSIDE * (length * size + abs(work.middle[k]) + work.width[k])
-        beyond = (abs(off) - work.width[k] - rounding) / length
+        beyond = (abs(off) - work.width[k] - rounding) / length - _ROUNDING * given
+        for a in range(count):
+            beyond = 0.0 if work.which[a] == k else beyond
         if beyond > worst:
             worst, found, side = beyond, k, (1.0 if off > 0.0 else -1.0)
     return found, side

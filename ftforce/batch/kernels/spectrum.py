@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from ftforce.batch.kernels.jit import inner
+from ftforce.batch.kernels.jit import inner, inner_loop
 from ftforce.batch.kernels.layout import LANES, aligned_arrays
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def decompose(J, svd):
                 svd.W[i, r, b] *= over[b]
 
 
-@inner
+@inner_loop
 def _square_norm(row, total):
     """Set total = ‖row‖², row of shape (k, LANES)."""
     for b in range(LANES):
@@ -119,7 +119,7 @@ def _orthonormalize(J, svd):
                 row[k, b] *= along[b]
 
 
-@inner
+@inner_loop
 def _remove_component(unit, row, along):
     """Remove the component along a unit vector from a row, (n, LANES); its length is (LANES,)."""
     for b in range(LANES):
@@ -159,7 +159,7 @@ def _rotate(svd):
                 _rotate_rows(W[i], W[j], svd.b, svd.c)
 
 
-@inner
+@inner_loop
 def _find_rotation(x, y, longer, shorter, svd):
     """Compute the rotation that makes two rows orthogonal, and the first one the longer."""
     fails, active, cosine, sine = svd.fails, svd.a, svd.b, svd.c
@@ -182,14 +182,16 @@ def _find_rotation(x, y, longer, shorter, svd):
         large, small = 1.0 - p * twice, q * twice  # 1 and 0 if no rotation is needed
         change = c * up * length * over  # of the squares, c tan θ
         swaps = gap * active[b] < 0.0
-        fails[b] = 1.0 if c * c > _CONVERGED * (first * second) else fails[b]
+        # After a swap, some pair of rows has not met in this sweep.
+        is_last = (c * c <= _CONVERGED * (first * second)) & (not swaps)
+        fails[b] = fails[b] if is_last else 1.0
         cosine[b] = abs(small) if swaps else large
         sine[b] = math.copysign(large, c) if swaps else small
         longer[b] = max(first, second) + change
         shorter[b] = max(min(first, second) - change, 0.0)
 
 
-@inner
+@inner_loop
 def _rotate_rows(x, y, cosine, sine):
     """Rotate two rows in their plane."""
     for k in range(x.shape[0]):

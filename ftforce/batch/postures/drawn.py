@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ftforce.batch.postures.postures import checked_block, digest_of, ranges_of, whole_number
-from ftforce.errors import InputError, UnknownNameError
+from ftforce.errors import InputError, check_word
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
@@ -213,8 +213,7 @@ class Drawn:
         >>> postures.block(700_000, 700_002).shape
         (2, 5)
         """
-        if method not in _METHODS:
-            raise UnknownNameError("sampling method", method, _METHODS)
+        check_word("sampling method", method, _METHODS)
         number = whole_number(count, "the number of postures", 1)
         _check_seed(seed)
         if method == "sobol" and number > _MAX_SOBOL:

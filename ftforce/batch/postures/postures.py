@@ -15,6 +15,7 @@ import numpy as np
 
 from ftforce.core.arrays import as_floats, check_finite, is_number, read_only
 from ftforce.errors import InputError
+from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -172,6 +173,7 @@ class Grid:
         >>> print(Grid.of(ftforce.load_robot("dh5"), [1, 3, 3, 3, 1]))
         27 postures on a grid of 1 x 3 x 3 x 3 x 1
         """
+        require_robot(robot)
         given = counts if np.iterable(counts) else [counts] * robot.n
         numbers = tuple(
             whole_number(count, "the number of positions of a joint", 1) for count in given

@@ -83,9 +83,13 @@ def read_manifest(path: Path, error: type[FileError]) -> Manifest:
     FileError
         As ``error``: the folder holds no sweep, one of another format, or a damaged manifest.
     """
-    if not path.exists():
+    try:
+        is_there, is_ours = path.exists(), (path / MANIFEST).exists()
+    except OSError as problem:  # such as a name that is too long, or a closed folder
+        raise error(path, f"cannot be read ({problem.strerror}); expected {EXPECTED}") from None
+    if not is_there:
         raise error(path, f"no such folder; expected {EXPECTED}")
-    if not (path / MANIFEST).exists():
+    if not is_ours:
         raise error(path, _without_manifest(path))
     try:
         data = read_regular(path, MANIFEST)

@@ -27,9 +27,11 @@ from ftforce.errors import SweepError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
     from zarr.abc.store import ByteRequest
     from zarr.core.buffer import Buffer, BufferPrototype
 
+    from ftforce.batch.result import SweepSetting
     from ftforce.batch.store.manifest import Files
 
 _CONSOLIDATED = ".zmetadata"
@@ -197,3 +199,28 @@ def open_dataset(store: Any, *, is_complete: bool) -> xr.Dataset:
     for one in codes.values():
         one.attrs = {**data["verdict_code"].attrs, **one.attrs, **variables.VERDICT_CODES}
     return data.assign(codes)
+
+
+def with_samples(
+    data: xr.Dataset, samples: dict[str, NDArray[Any]], setting: SweepSetting
+) -> xr.Dataset:
+    """Return a dataset with samples that were never stored, as if it had been opened with them.
+
+    Parameters
+    ----------
+    data :
+        The dataset without samples.
+    samples :
+        The samples by name, not copied.
+    setting :
+        The setting of the sweep.
+    """
+    found = {}
+    for name, values in samples.items():
+        dimensions, attributes = variables.sample(name, setting)
+        about = dict(attributes)
+        if name in variables.VERDICTS:
+            about |= variables.VERDICT_CODES
+        encoding = {"coordinates": about.pop("coordinates")} if "coordinates" in about else {}
+        found[name] = xr.Variable(dimensions, values, about, encoding)
+    return data.assign(found)

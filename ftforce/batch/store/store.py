@@ -20,11 +20,12 @@ written by 3.1.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from contextlib import suppress
-from dataclasses import fields
-from functools import partial
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -52,7 +53,7 @@ from ftforce.errors import FtforceError, OutputError, SweepError
 from ftforce.io.npz import read_npz
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
     from os import PathLike
 
     from filelock import FileLock
@@ -68,23 +69,55 @@ _PROGRESS = ".progress.npz"
 _ATTRIBUTES, _CONSOLIDATED = ".zattrs", ".zmetadata"
 _ARRAYS = "arrays"  # key in the identity: digest of all kernel inputs
 _DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error message
+# Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
+_NOT_IDENTIFYING = (
+    *("postures", "count", "is_random", "implausible"),
+    *("tip_source", "other_tips", "payload_mass", "payload_offset", "computed_with"),
+)
 
 
-class SweepRequest(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class SweepRequest:
     """A requested sweep.
 
     Attributes
     ----------
     job, setting, sets :
         Job, setting and fault sets.
-    identity :
-        Everything the output depends on, in JSON form.
     """
 
     job: Job
     setting: SweepSetting
     sets: tuple[FaultSet, ...]
-    identity: dict[str, Any]
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """Everything the output depends on, in JSON form."""
+        plain = self.setting.to_dict()
+        for name in _NOT_IDENTIFYING:
+            del plain[name]
+        plan = self.job.plan
+        arrays = [*plan.mechanism, *plan.faults, *plan.question]
+        content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+        same = {
+            **plain,
+            "postures": self.job.postures.identity(),
+            "cell": self.job.workspace.edge,
+            _ARRAYS: hashlib.sha256(content).hexdigest()[:16],
+        }
+        found: dict[str, Any] = json.loads(json.dumps(same))
+        return found
+
+    def computed_with(self, name: str) -> SweepRequest:
+        """Return the same sweep, computed with ``kernels`` or ``numpy``.
+
+        Parameters
+        ----------
+        name :
+            Which of them.
+        """
+        job = replace(self.job, uses_numpy=name == "numpy")
+        return replace(self, job=job, setting=replace(self.setting, computed_with=name))
 
 
 class Progress(NamedTuple):
@@ -122,12 +155,8 @@ class OpenStore(NamedTuple):
         The requested sweep.
     path :
         The folder; ``None`` in memory.
-    store :
-        Zarr store: a path, or memory.
-    tree :
-        Contents of the group, if in memory.
     arrays :
-        Names of the sample arrays and, if in memory, the Zarr arrays.
+        Names of the sample arrays; in memory, those written so far.
     progress :
         The finished chunks.
     lock :
@@ -136,8 +165,6 @@ class OpenStore(NamedTuple):
 
     request: SweepRequest
     path: Path | None
-    store: Any
-    tree: Tree
     arrays: dict[str, Any]
     progress: Progress
     lock: FileLock | None
@@ -163,7 +190,11 @@ class OpenStore(NamedTuple):
             self.lock.release()
 
 
-def create(path: Path | None, request: SweepRequest) -> OpenStore:
+def create(
+    path: Path | None,
+    request: SweepRequest,
+    choose: Callable[[SweepRequest], SweepRequest] = lambda request: request,
+) -> OpenStore:
     """Create an empty sweep, or resume an existing one; close it with `OpenStore.close`.
 
     Parameters
@@ -172,6 +203,8 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         Path of the Zarr group; ``None`` for memory.
     request :
         The requested sweep.
+    choose :
+        Chooses what a new sweep is computed with.
 
     Raises
     ------
@@ -179,7 +212,7 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         The folder contains something else, is being written by another process, or is not writable.
     """
     if path is None:
-        return _opened(request, None, _tree(request), _none_done(request.job), None)
+        return OpenStore(choose(request), None, {}, _none_done(request.job), None)
     if not _must_create(path) and (opened := _open_complete(request, path)) is not None:
         return opened
     lock = folder.lock(path)
@@ -188,17 +221,22 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
         if _must_create(path):
             with disk_errors(path):
                 folder.clear(path, _known_names())
+            request = choose(request)
             progress = _none_done(request.job)
         elif (opened := _open_complete(request, path)) is not None:
             lock.release()
             return opened
         else:
+            # As it was begun: the last digits of what is computed in two ways may differ.
+            begun = read_manifest(path, SweepError).about["setting"]
+            request = request.computed_with(begun.get("computed_with", "kernels"))
             progress = _resumed(request, path)
         with disk_errors(path):
             folder.remove_partial(path)
             if not progress.done.all():  # otherwise `finish` does
                 _write_tree(path, request, _tree(request))
-        return _opened(request, path, {}, progress, lock)
+        names = dict.fromkeys(_sample_names(request.job))
+        return OpenStore(request, path, names, progress, lock)
     except BaseException:
         lock.release()
         raise
@@ -206,21 +244,6 @@ def create(path: Path | None, request: SweepRequest) -> OpenStore:
 
 def _none_done(job: Job) -> Progress:
     return Progress.none(job.empty_summary(), job.chunks)
-
-
-def _opened(
-    request: SweepRequest, path: Path | None, tree: Tree, progress: Progress, lock: Any
-) -> OpenStore:
-    import zarr
-    from zarr.storage import MemoryStore
-
-    arrays: dict[str, Any] = dict.fromkeys(_sample_names(request.job))
-    store: Any = str(path)
-    if path is None:
-        store = MemoryStore(tree)
-        group = zarr.open_group(store, mode="r+", zarr_format=2)
-        arrays = {name: group[name] for name in arrays}
-    return OpenStore(request, path, store, tree, arrays, progress, lock)
 
 
 def _open_complete(request: SweepRequest, path: Path) -> OpenStore | None:
@@ -239,7 +262,7 @@ def _open_complete(request: SweepRequest, path: Path) -> OpenStore | None:
     summary = _stored_summary(path, manifest)
     done = np.ones(request.job.chunks, np.bool_)
     progress = Progress(summary, done, ~done, manifest.files)
-    return OpenStore(request, path, str(path), {}, {}, progress, None)
+    return OpenStore(request, path, {}, progress, None)
 
 
 def _resumed(request: SweepRequest, path: Path) -> Progress:
@@ -347,11 +370,15 @@ def _sample_names(job: Job) -> list[str]:
 
 def _sample_of_one(job: Job) -> dict[str, NDArray[Any]]:
     """Return the samples of one posture, as a template of names, types and shapes."""
+    from ftforce.batch.numpy_path import NumpyEvaluator  # which compiles nothing
+
     q = job.postures.block(0, 1)
-    return samples_of(q, job.plan.evaluator()(q), job.keep)
+    return samples_of(q, NumpyEvaluator(job.plan)(q), job.keep)
 
 
-def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
+def _tree(
+    request: SweepRequest, summary: Summary | None = None, *, has_samples: bool = True
+) -> Tree:
     """Return keys and contents of the Zarr group, without the samples.
 
     Parameters
@@ -360,15 +387,17 @@ def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
         The requested sweep.
     summary :
         Summary of the complete sweep; ``None`` if it is not complete.
+    has_samples :
+        Whether the group has arrays for the samples, if the sweep keeps any.
     """
     import zarr
     from zarr.storage import MemoryStore
 
-    job, setting, _, _ = request
+    job, setting = request.job, request.setting
     tree: Tree = {}
     store = MemoryStore(tree)
     group = zarr.open_group(store, mode="w", zarr_format=2)
-    if job.keep != "summary":
+    if has_samples and job.keep != "summary":
         for name, values in _sample_of_one(job).items():
             shape = (job.postures.count, *values.shape[1:])
             _create(group, name, (shape, values.dtype), variables.sample(name, setting), job)
@@ -385,8 +414,8 @@ def _tree(request: SweepRequest, summary: Summary | None = None) -> Tree:
 
 
 def _coordinates(request: SweepRequest) -> dict[str, Any]:
-    job, setting, sets, _ = request
-    return variables.coordinates(setting, sets, job.bins, job.workspace)
+    job = request.job
+    return variables.coordinates(request.setting, request.sets, job.bins, job.workspace)
 
 
 def _create(group: Any, name: str, content: Any, variable: Any, job: Job | None = None) -> None:
@@ -437,14 +466,14 @@ def _write_tree(
         The files of its samples if it is complete.
     """
     contents = {key: tree[key].to_bytes() for key in tree}
-    job, setting, sets, identity = request
+    job = request.job
     about = variables.description(
-        setting,
-        sets,
+        request.setting,
+        request.sets,
         job.bins,
         job.workspace,
         version=FORMAT,
-        identity=identity,
+        identity=request.identity,
         complete=samples is not None,
     )
     files = {**(samples or {}), **{key: digest_of(data) for key, data in contents.items()}}
@@ -474,9 +503,12 @@ def write_samples(opened: OpenStore, index: int, samples: dict[str, NDArray[Any]
     """
     if opened.path is not None:
         return _write(opened.path, opened.request.job, index, samples)
-    start, stop = opened.request.job.range(index)
+    job, arrays = opened.request.job, opened.arrays
+    start, stop = job.range(index)
     for name, values in samples.items():
-        opened.arrays[name][start:stop] = _stored_form(name, values)
+        if name not in arrays:  # two threads may get here: the array of one of them is kept
+            arrays.setdefault(name, np.empty((job.postures.count, *values.shape[1:]), values.dtype))
+        arrays[name][start:stop] = values
     return {}
 
 
@@ -555,11 +587,10 @@ def finish(opened: OpenStore) -> None:
     OutputError
         A file cannot be written.
     """
+    if opened.path is None:
+        return
     save_progress(opened)  # if killed after this, no chunk is repeated
     tree = _tree(opened.request, opened.summary)
-    if opened.path is None:
-        opened.tree.update(tree)
-        return
     with disk_errors(opened.path):
         _write_tree(opened.path, opened.request, tree, opened.progress.files)
         _clean_up(opened.path)
@@ -627,20 +658,37 @@ def _needs_zarr() -> None:
         ) from None
 
 
-def dataset_of(store: Any) -> Any:
-    """Return all arrays of a store as an xarray Dataset, loaded lazily.
+def opening_of(opened: OpenStore) -> Callable[[], Any]:
+    """Return a function that returns all arrays of a complete sweep as an xarray Dataset."""
+    if opened.path is not None:
+        return partial(dataset_of, str(opened.path))
+    return partial(_dataset_in_memory, opened.request, opened.summary, opened.arrays)
+
+
+def _dataset_in_memory(
+    request: SweepRequest, summary: Summary, samples: dict[str, NDArray[Any]]
+) -> Any:
+    """Return what `dataset_of` returns of the same sweep on disk; the samples are not copied."""
+    from zarr.storage import MemoryStore
+
+    from ftforce.batch.store.reading import open_dataset, with_samples
+
+    store = MemoryStore(_tree(request, summary, has_samples=False))
+    return with_samples(open_dataset(store, is_complete=True), samples, request.setting)
+
+
+def dataset_of(store: str) -> Any:
+    """Return all arrays of a stored sweep as an xarray Dataset, loaded lazily.
 
     Verdicts are indices of `ftforce.core.verdict.VERDICTS`, which they are not in the store.
 
     Parameters
     ----------
     store :
-        Path of the folder, or a store in memory.
+        Path of the folder.
     """
     from ftforce.batch.store.reading import open_dataset
 
-    if not isinstance(store, str):
-        return open_dataset(store, is_complete=True)
     path = Path(store)
     manifest = read_manifest(path, SweepError)
     return open_dataset(_checked_store(path, manifest), is_complete=manifest.is_complete)

@@ -13,6 +13,8 @@ from ftforce.core.arrays import as_vector, is_number, read_only
 from ftforce.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from ftforce.core.arrays import Matrix, Vector
@@ -132,7 +134,7 @@ class Workspace:
         """Number of cells."""
         return math.prod(self.shape)
 
-    def index(self, tip: Matrix) -> tuple[Counts, int]:
+    def index(self, tip: Matrix, locate: Callable[..., int]) -> tuple[Counts, int]:
         """Return the cell index of each position, shape (k,), and how many lie outside the grid.
 
         Cells are numbered with z varying fastest. Positions on or beyond the border, or NaN, are
@@ -142,9 +144,9 @@ class Workspace:
         ----------
         tip :
             Positions in root axes, m, shape (k, 3).
+        locate :
+            The function that finds the cells: ``locate`` of the counting functions, or compiled.
         """
-        from ftforce.batch.kernels.counting import locate
-
         cell = np.empty(len(tip), np.int64)
         origin, shape = np.array(self.origin), np.array(self.shape)
         return cell, int(locate(np.ascontiguousarray(tip), origin, self.edge, shape, cell))

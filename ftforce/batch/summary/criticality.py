@@ -31,9 +31,9 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     value :
-        Share or quantile, in the unit of the counted quantity.
+        Share or quantile, in the unit of the counted quantity; infinite beyond the last bin.
     low, high :
-        Ends of the interval.
+        Ends of the interval; infinite beyond the last bin of a histogram.
     """
 
     value: float

@@ -26,21 +26,26 @@ if TYPE_CHECKING:
 _MEASURES = ("rank_lost", "margin", "rho", "jump", "capability")
 
 
-def _add_block(summary: Summary, block: Block, start: int) -> None:
+def _add_block(summary: Summary, block: Block, start: int, *, compiled: bool) -> None:
     """Add a block of postures, in place.
 
     Parameters
     ----------
-    summary, block, start :
+    summary, block, start, compiled :
         The summary, and the arguments of `Summary.add`.
     """
+    count: Any  # the same functions, compiled or not
+    if compiled:
+        from ftforce.batch.kernels import counting as count
+    else:
+        from ftforce.batch.summary import counting as count
     _check(summary, block)
     k = len(block.tip)
     summary.postures[...] += k
     if k:
-        _add_healthy(summary, block)
-        _add_verdicts(summary, block)
-        _add_measures(summary, block, start)
+        _add_healthy(summary, block, count)
+        _add_verdicts(summary, block, count)
+        _add_measures(summary, block, start, count)
 
 
 def _check(summary: Summary, block: Block) -> None:
@@ -63,24 +68,20 @@ def _check(summary: Summary, block: Block) -> None:
             raise InputError(f"{name} of the block: expected values from 0 to {end - 1}")
 
 
-def _add_healthy(summary: Summary, block: Block) -> None:
-    from ftforce.batch.kernels.counting import count_codes, count_linear
-
-    count_codes(np.ascontiguousarray(block.rank)[None], summary.healthy_rank[None])
+def _add_healthy(summary: Summary, block: Block, count: Any) -> None:
+    count.count_codes(np.ascontiguousarray(block.rank)[None], summary.healthy_rank[None])
     margin = np.ascontiguousarray(block.healthy_margin)[None]
     unknown = summary.healthy_unknown.reshape(1)  # a view
-    count_linear(margin, 1.0, LINEAR_BINS, summary.healthy_margin[None], unknown)
+    count.count_linear(margin, 1.0, LINEAR_BINS, summary.healthy_margin[None], unknown)
 
 
-def _add_verdicts(summary: Summary, block: Block) -> None:
-    from ftforce.batch.kernels.counting import count_cells, count_codes
-
+def _add_verdicts(summary: Summary, block: Block, count: Any) -> None:
     verdict = np.ascontiguousarray(block.verdict)
-    count_codes(verdict, summary.verdicts)
-    count_codes(np.ascontiguousarray(block.rank_lost), summary.rank_lost)
-    cell, outside = summary.workspace.index(block.tip)
+    count.count_codes(verdict, summary.verdicts)
+    count.count_codes(np.ascontiguousarray(block.rank_lost), summary.rank_lost)
+    cell, outside = summary.workspace.index(block.tip, count.locate)
     summary.outside[...] += outside
-    count_cells(
+    count.count_cells(
         cell,
         verdict,
         np.ascontiguousarray(block.margin),
@@ -95,35 +96,28 @@ def _add_verdicts(summary: Summary, block: Block) -> None:
     )
 
 
-def _add_measures(summary: Summary, block: Block, start: int) -> None:
-    from ftforce.batch.kernels.counting import count_linear
-
+def _add_measures(summary: Summary, block: Block, start: int, count: Any) -> None:
     for name, extreme in (("margin", "min_margin"), ("rho", "min_rho"), ("jump", "max_jump")):
         if (counts := getattr(summary, name)) is None:
             continue
         values = np.ascontiguousarray(getattr(block, name))
         largest = summary.bins.force if name == "jump" else 1.0
         unknown = getattr(summary, f"{name}_unknown")
-        count_linear(values, largest, LINEAR_BINS, counts, unknown)
+        count.count_linear(values, largest, LINEAR_BINS, counts, unknown)
         _update_extreme(summary, extreme, values, start)
     if summary.capability is not None and block.capability is not None:
-        _add_capability(summary, np.ascontiguousarray(block.capability))
+        _add_capability(summary, np.ascontiguousarray(block.capability), count)
         _update_extreme(summary, "min_capability", block.capability, start)
 
 
-def _add_capability(summary: Summary, values: Matrix) -> None:
-    from ftforce.batch.kernels.counting import count_logarithmic, leading_bits
-
-    edges, lookup = summary.bins.capability, summary.bins.capability_lookup
-    count_logarithmic(
-        values,
-        leading_bits(values),
-        edges,
-        lookup,
-        summary.capability,
-        summary.capability_unlimited,
-        summary.capability_unknown,
-    )
+def _add_capability(summary: Summary, values: Matrix, count: Any) -> None:
+    bins, edges = summary.bins, summary.bins.capability
+    outside = summary.capability_unlimited, summary.capability_unknown
+    if hasattr(count, "leading_bits"):  # compiled
+        found = count.leading_bits(values), edges, bins.capability_lookup
+        count.count_logarithmic(values, *found, summary.capability, *outside)
+    else:
+        count.count_logarithmic(values, edges, summary.capability, *outside)
 
 
 def _update_extreme(summary: Summary, name: str, values: Matrix, start: int) -> None:
@@ -250,7 +244,7 @@ class Summary:
         """Number of fault sets."""
         return len(self.verdicts)
 
-    def add(self, block: Block, start: int) -> None:
+    def add(self, block: Block, start: int, *, compiled: bool = True) -> None:
         """Add a block of postures, in place.
 
         Parameters
@@ -259,13 +253,15 @@ class Summary:
             Results for k postures and S sets, with jumps and capabilities if the bins have them.
         start :
             Index of its first posture in the whole sweep, from 0.
+        compiled :
+            Whether compiled kernels count, or NumPy, with the same result.
 
         Raises
         ------
         InputError
             The number of sets differs, jumps or capabilities are missing, or a code is invalid.
         """
-        _add_block(self, block, start)
+        _add_block(self, block, start, compiled=compiled)
 
     def merge(self, other: Summary) -> None:
         """Add the postures of another summary, in place; the order of merging does not matter.

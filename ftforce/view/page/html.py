@@ -8,13 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ftforce.errors import FtforceError
-from ftforce.view import NEEDS_EXTRA
-
-try:
-    from markupsafe import Markup, escape
-except ImportError:
-    raise FtforceError(NEEDS_EXTRA) from None
+from markupsafe import Markup, escape
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -1,0 +1,195 @@
+"""Which kernels are compiled already, and whether a sweep should wait for those that are not.
+
+Numba knows, but importing it takes half a second. A record beside its cache therefore names the
+kinds of question whose kernels are compiled, and how long that took.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import time
+from collections import defaultdict
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ftforce.batch.job import Job
+    from ftforce.batch.plan import Plan
+
+CAPABILITY = "-capability"
+PATIENCE = 4.0
+"""Time, s, that an evaluation with NumPy may take before compiling the kernels is worthwhile."""
+_TOTAL_PATIENCE = 15.0  # s, of all questions of a kind in a process
+_USUAL_SECONDS = 15.0  # of compilation, where it is not known
+_TRIED = (16, 512)  # postures whose evaluation by NumPy is timed: a few, and then some more
+_WARM_UP = 4096  # postures, so many that some are left to the accurate kernels
+_RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation took, s
+_KERNELS = Path(__file__).parent / "kernels"
+
+_ready: set[str] = set()  # kinds whose kernels this process has used
+_spent: defaultdict[str, float] = defaultdict(
+    float
+)  # time, s, that this process has left to NumPy, by kind
+
+
+def kind_of(plan: Plan) -> str:
+    """Return the kind of a question: those of one kind use the same kernels."""
+    rows = "three" if plan.question.rows.size == 3 else "other"
+    free = "-free" if plan.faults.has_free.any() else ""
+    return f"{rows}{free}{CAPABILITY if plan.question.direction.size else ''}"
+
+
+def is_ready(plan: Plan) -> bool:
+    """Return whether the kernels of a plan are compiled, or will not be."""
+    kind = kind_of(plan)
+    is_interpreted = os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"", "0"}
+    return is_interpreted or kind in _ready or (_key(), kind) in _recorded()
+
+
+def prepared(job: Job) -> Job:
+    """Return a job that evaluates its postures with NumPy if that is faster than compiling.
+
+    Parameters
+    ----------
+    job :
+        The job; that of a sweep which is resumed stays as it is.
+    """
+    if is_ready(job.plan):
+        return job
+    numpy_job, kind = replace(job, uses_numpy=True), kind_of(job.plan)
+    seconds = _numpy_seconds(numpy_job)
+    if seconds > PATIENCE or seconds + _spent[kind] > _TOTAL_PATIENCE:
+        return job
+    _spent[kind] += seconds
+    return numpy_job
+
+
+def compile_kernels(job: Job) -> None:
+    """Compile the kernels of a job now, and say so, unless that has been done or is not needed.
+
+    Parameters
+    ----------
+    job :
+        The job.
+    """
+    kind = kind_of(job.plan)
+    if job.uses_numpy or kind in _ready:
+        return
+    if is_ready(job.plan):
+        _ready.add(kind)
+        return
+    last = [seconds for (_, other), seconds in _recorded().items() if other == kind]
+    _say(
+        "compiling the kernels for this kind of question, once per installation: about "
+        f"{max(last, default=_USUAL_SECONDS):.0f} s"
+    )
+    load_kernels(job)
+
+
+def load_kernels(job: Job) -> None:
+    """Compile the kernels of a job, or load those that are compiled.
+
+    Parameters
+    ----------
+    job :
+        The job.
+    """
+    kind, was_ready, start = kind_of(job.plan), is_ready(job.plan), time.monotonic()
+    q = job.postures.block(0, min(_WARM_UP, job.postures.count))
+    job.empty_summary().add(job.evaluator(q), 0)
+    if not was_ready:
+        _record(kind, time.monotonic() - start)
+
+
+def _record(kind: str, seconds: float) -> None:
+    """Record that the kernels of a kind are compiled; if that fails, this process knows.
+
+    Parameters
+    ----------
+    kind :
+        The kind of question; what computes a capability computes all else too.
+    seconds :
+        Time that it took, s.
+    """
+    kinds = {kind, kind.removesuffix(CAPABILITY)}
+    _ready.update(kinds)
+    for folder in _folders():
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            for one in kinds:
+                file = folder / _RECORD.format(key=_key(), kind=one)
+                file.write_text(f"{seconds:.1f}")
+            break
+    _recorded.cache_clear()
+
+
+def _numpy_seconds(job: Job) -> float:
+    """Return the time that all postures of a job take with NumPy, s, from a few of them."""
+    count, seconds = job.postures.count, 0.0
+    job.evaluator(job.postures.block(0, 1))  # what is imported and allocated only once
+    for tried in _TRIED:
+        q = job.postures.block(0, min(tried, count))
+        start = time.perf_counter()
+        job.evaluator(q)
+        seconds = (time.perf_counter() - start) * count / len(q)
+        if seconds > 10.0 * PATIENCE:  # more than what a call costs explains
+            break
+    return seconds
+
+
+def _say(text: str) -> None:
+    """Say something to whoever waits at a terminal."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print(text, file=sys.stderr, flush=True)
+
+
+def _folders() -> Iterator[Path]:
+    """Yield the folders in which numba may keep what it compiles, as it chooses them."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(given)
+        return
+    yield _KERNELS / "__pycache__"
+    with suppress(RuntimeError):  # no home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
+
+
+@cache
+def _recorded() -> dict[tuple[str, str], float]:
+    """Return the time that compilation took, s, by state of the kernels and kind of question."""
+    found = {}
+    for folder in _folders():
+        is_used = os.access(folder, os.W_OK)  # numba reads only where it can write
+        if not is_used or next(folder.rglob("*.nbi"), None) is None:  # or the cache was removed
+            continue
+        for file in folder.glob(_RECORD.format(key="*", kind="*")):
+            with suppress(OSError, ValueError):
+                _, key, kind, _ = file.name.split(".")
+                found[key, kind] = float(file.read_text())
+    return found
+
+
+@cache
+def _key() -> str:
+    """Return a digest of all that a compiled kernel depends on."""
+    parts = [sys.version, platform.machine(), _processor()]
+    with suppress(PackageNotFoundError):
+        parts.append(version("numba"))
+    content = b"\0".join(file.read_bytes() for file in sorted(_KERNELS.glob("*.py")))
+    return hashlib.sha256(content + "\0".join(parts).encode()).hexdigest()[:16]
+
+
+def _processor() -> str:
+    """Return model and abilities of the processor."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+        return "\n".join(line for line in lines if line.startswith(("model name", "flags")))
+    return platform.processor()
