@@ -167,7 +167,9 @@ def _description(
         from ftforce.robot.formats.dh_to_urdf import to_srdf  # not needed for a URDF
 
         return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source)
-    beside = Path(tree.path.removesuffix(".xacro")).with_suffix(".srdf")
+    from ftforce.robot.known_robots import srdf_beside
+
+    beside = srdf_beside(Path(tree.path))
     return tree, read_srdf(beside) if os.path.lexists(beside) else Srdf()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Mapping
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
@@ -18,7 +19,7 @@ from ftforce.io.text import read_text
 from ftforce.io.xml_text import parse_xml
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator
     from xml.dom.minidom import Document
     from xml.etree.ElementTree import Element
 
@@ -62,11 +63,18 @@ class XacroOptions(NamedTuple):
         Raises
         ------
         InputError
-            A folder does not exist.
+            A folder does not exist, or the arguments have no names.
         """
         if isinstance(package_path, (str, PathLike)):
             package_path = [package_path]
-        folders = tuple(Path(folder) for folder in package_path or ())
+        try:
+            folders = tuple(Path(folder) for folder in package_path or ())
+        except TypeError:
+            raise InputError(
+                f"the package path is a folder or several, got {package_path!r}"
+            ) from None
+        if not (args is None or isinstance(args, Mapping)):
+            raise InputError(f"args are those of a xacro file, {{name: value}}, got {args!r}")
         for folder in folders:
             if not folder.is_dir():
                 raise InputError(f"the package path {printable(folder)} is not a folder")
