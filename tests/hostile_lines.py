@@ -45,6 +45,7 @@ def write_inputs(folder: Path) -> None:
         "friction.csv": "joint,friction\n" + "".join(f"{x},0.1\n" for x in NAMES),
         "cut.urdf": DH5.read_text()[:900],
         "cut.toml": DH5.with_suffix(".toml").read_text()[:300],
+        "arm.urdf.xacro": DH5.read_text().replace('name="dh5"', 'name="$(arg name)"', 1),
         "empty.csv": "",
         "empty.urdf": "",
         "bad.json": '{"a": NaN',
@@ -85,7 +86,17 @@ WRONG = (
 )
 VECTORS = ("1,0,0", "0,0,-5", "0.3,-2,1e-3", "0,0,0", "1 2 3", "1e-9,0,0", "1,2,3,4,5", "1,2", "5")
 JOINTS = ("1", "2,4", "joint3", "1,2,3,4,5", "5,joint1", "9", "joint", "1,1", "0")
-ROBOTS = ("arm.urdf", "arm.urdf", "arm.toml", "link.urdf", "dh5", "dh5", "panda", "ur5")
+ROBOTS = (
+    "arm.urdf.xacro",
+    "arm.urdf",
+    "arm.urdf",
+    "arm.toml",
+    "link.urdf",
+    "dh5",
+    "dh5",
+    "panda",
+    "ur5",
+)
 ENDINGS = ("json", "csv", "txt", "svg", "html", "npz", "parquet", "zarr", "png", "", "json.bak")
 OUT = tuple(f"out.{ending}" for ending in ENDINGS)
 READ = "<a file that the line reads>"
@@ -117,6 +128,8 @@ VALUES: dict[str, tuple[str, ...]] = {
     "axes": ("tool", "world", "tip"),
     "base": ("base", "link1", "nowhere"),
     "tip": ("tool", "link3", "nowhere"),
+    "args": ("name=arm", "length:=2", "name"),
+    "package_path": (".", "folder", "nowhere"),
     "rtol": ("1e-6", "1e-3", "1e-9", "2", "0"),
     "wary": ("1e-2", "0.5", "1e-9"),
     "length": NUMBERS,

@@ -141,7 +141,7 @@ def remove(paths, folder):
 
 def test_the_lines_reach_every_command_and_option():
     for name, command in hostile_lines.commands().items():
-        words = {word for number in range(600) for word in hostile_lines.draw(number, name)}
+        words = {word for number in range(1200) for word in hostile_lines.draw(number, name)}
         options = {parameter.opts[0] for parameter in command.params if parameter.opts}
         assert {o for o in options if o.startswith("--")} - words <= {"--help", "--debug"}, name
 

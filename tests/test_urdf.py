@@ -3,11 +3,9 @@
 import math
 import os
 import re
-import shlex
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -212,9 +210,7 @@ def test_megabytes_are_read(read):
 
 # ---- what is refused -------------------------------------------------------------------------
 
-XACRO = (
-    r"is a xacro file; expand it to a URDF first: `xacro \S+/arm\.urdf\S* -o arm-expanded\.urdf`"
-)
+XACRO = r"a \.urdf is never evaluated; a xacro file needs a name that ends in \.xacro"
 ROBOT = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LOOSE = (link("base"), link("l1"))
 
@@ -375,32 +371,6 @@ def test_malformed_files(tmp_path, urdf, message):
     assert caught.value.path == str(tmp_path / "arm.urdf")
     assert "\n" not in str(caught.value)
     assert len(caught.value.reason) < 300
-
-
-def test_a_xacro_is_known_by_its_name_too(read):
-    with pytest.raises(URDFError, match=XACRO):
-        read(arm(), "arm.urdf.xacro")
-
-
-def command_in(error):
-    return re.search("`(.*)`", str(error))[1]
-
-
-@pytest.mark.parametrize("name", ["arm.urdf", "arm.xacro", "arm.urdf.xacro", "my arm.urdf"])
-def test_expanding_a_xacro_as_advised_overwrites_nothing(tmp_path, monkeypatch, name):
-    """`xacro arm.urdf > arm.urdf` would empty the file before xacro reads it."""
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path, f'{ROBOT}<xacro:include filename="a"/></robot>', name=name)
-    stem = name.partition(".")[0]
-    for _ in range(3):
-        with pytest.raises(URDFError) as caught:
-            load_robot(Path(name))
-        words = shlex.split(command_in(caught.value))
-        assert words[:3] == ["xacro", name, "-o"]
-        new = tmp_path / words[3]
-        assert new.name.startswith(f"{stem}-expanded")
-        assert not new.exists()
-        new.touch()
 
 
 # ---- what is taken although it is malformed -------------------------------------------------

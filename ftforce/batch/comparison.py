@@ -129,6 +129,8 @@ def compare(
     enough: float = _ENOUGH,
     tip: str | None = None,
     base: str | None = None,
+    args: Mapping[str, object] | None = None,
+    package_path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -156,8 +158,8 @@ def compare(
         Edge length of the workspace cells, m; default a tenth of each arm's longest reach.
     enough :
         Share of a cell's postures that must tolerate every set for the cell to survive.
-    tip, base :
-        Tip and base links of the arms loaded here; default each robot's own.
+    tip, base, args, package_path :
+        As in `ftforce.load_robot`, for all arms loaded here.
     threads :
         Number of threads; default one per processor.
     progress :
@@ -187,9 +189,9 @@ def compare(
          "joint_length": joint_length, "axes": axes, "rtol": rtol, "wary": wary},
         {"cell": cell},
     )  # fmt: skip
-    entries = _named(_loaded(arms, tip, base))
+    loading = {"tip": tip, "base": base, "args": args, "package_path": package_path}
+    entries = _named(_loaded(arms, loading))
     stored = [one for one in entries if isinstance(one.arm, Sweep)]
-    loading = {"tip": tip, "base": base}
     unused = [*asked.names, *(key for key, value in loading.items() if value is not None)]
     if len(stored) == len(entries) and unused:
         raise InputError(
@@ -200,22 +202,22 @@ def compare(
     return Comparison(_ranked(reports), float(enough), _warnings(reports))
 
 
-def _loaded(arms: Iterable[Arm] | Mapping[str, Arm], tip: str | None, base: str | None) -> Any:
+def _loaded(arms: Iterable[Arm] | Mapping[str, Arm], loading: dict[str, Any]) -> Any:
     if isinstance(arms, (str, os.PathLike, Robot, Sweep)):
         raise InputError("compare needs two or more arms in a list, got a single one")
     pairs = arms.items() if isinstance(arms, Mapping) else ((None, arm) for arm in arms)
-    entries = [_entry(name, arm, tip, base) for name, arm in pairs]
+    entries = [_entry(name, arm, loading) for name, arm in pairs]
     if len(entries) < 2:
         raise InputError(f"a comparison needs two arms or more, got {len(entries)}")
     return entries
 
 
-def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _Entry:
+def _entry(name: str | None, given: Any, loading: dict[str, Any]) -> _Entry:
     """Load an arm, and note what distinguishes it from others of the same name."""
     found, hints = given, tuple[str, ...]()
     if isinstance(given, (str, os.PathLike)):
         hints = (printable(Path(given).name), printable(given))
-        found = _read(given, tip, base)
+        found = _read(given, loading)
     if isinstance(found, Robot):
         return _Entry(name or found.name, hints or (found.tip, printable(found.path)), found)
     if isinstance(found, Sweep):
@@ -228,7 +230,7 @@ def _entry(name: str | None, given: Any, tip: str | None, base: str | None) -> _
     )
 
 
-def _read(given: str | os.PathLike[str], tip: str | None, base: str | None) -> Robot | Sweep:
+def _read(given: str | os.PathLike[str], loading: dict[str, Any]) -> Robot | Sweep:
     path = Path(given)
     if path.suffix == ".zarr" or (is_folder(path) and not _is_known(given)):
         from ftforce.batch.store.store import open_sweep
@@ -239,7 +241,7 @@ def _read(given: str | os.PathLike[str], tip: str | None, base: str | None) -> R
         return sweep
     from ftforce.robot.load import load_robot
 
-    return load_robot(given, tip=tip, base=base)
+    return load_robot(given, **loading)
 
 
 def _is_known(given: object) -> bool:

@@ -40,7 +40,8 @@ RobotArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="A URDF, a DH table (.toml), or a known name such as panda (see `ftforce robots`).",
+        help="A URDF, a xacro file (.xacro), a DH table (.toml), or a known name such as panda "
+        "(see `ftforce robots`).",
     ),
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
@@ -102,6 +103,31 @@ class ChainOptions(Group):
         str | None,
         typer.Option(metavar="LINK", help="Tip link.", show_default="the robot's own"),
     ] = None
+    args: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--arg",
+            metavar="NAME=VALUE",
+            help="Argument of a xacro file; repeat it for more.",
+        ),
+    ] = None
+    package_path: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Where a xacro file's $(find PACKAGE) looks, at or below DIR; repeat it for more.",
+        ),
+    ] = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the options as arguments of `ftforce.load_robot`.
+
+        Raises
+        ------
+        BadParameter
+            An argument of a xacro file is malformed.
+        """
+        return {**vars(self), "args": None if self.args is None else dict(map(_pair, self.args))}
 
     def load(self, robot: str, posture: str | None = None) -> "Robot":
         """Load a robot with this chain.
@@ -115,7 +141,14 @@ class ChainOptions(Group):
         """
         from ftforce.robot.load import load_robot
 
-        return load_robot(robot, tip=self.tip, base=self.base, posture=posture)
+        return load_robot(robot, posture=posture, **self.arguments())
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, separator, value = text.replace(":=", "=", 1).partition("=")
+    if not (name.strip() and separator):
+        raise typer.BadParameter(f"--arg needs NAME=VALUE, got {printable(text)!r}")
+    return name.strip(), value
 
 
 @dataclass(frozen=True)

@@ -112,6 +112,7 @@ def view(
         raise typer.BadParameter("--at requires --history")
     _check_outputs(export, screenshot)
     from ftforce.analysis.question import Question
+    from ftforce.robot.formats.xacro import XacroOptions
     from ftforce.view.model.state import Origin, initial_state
     from ftforce.view.session import Session
 
@@ -122,7 +123,14 @@ def view(
         faults=fault_options.of(arm),
         **merged(load, motion, weight, limits, friction, task_options, tolerances),
     ).placed(posture_options.of(arm))
-    origin = Origin(robot, chain.base, chain.tip, posture, note=_note(arm, robot, chain, posture))
+    origin = Origin(
+        robot,
+        chain.base,
+        chain.tip,
+        posture,
+        XacroOptions.of(chain.arguments()["args"], chain.package_path),
+        _note(arm, robot, chain, posture),
+    )
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None
     if history is not None:

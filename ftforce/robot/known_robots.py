@@ -114,7 +114,19 @@ def files_of(source: str | os.PathLike[str]) -> tuple[Path, ...]:
         found = (known.urdf, known.srdf) if known else ()
         return tuple(path for path in found if path is not None)
     path = Path(source)
-    return (path, path.with_suffix(".srdf")) if path.name else (path,)  # "." and "/" have none
+    return (path, srdf_beside(path)) if path.name else (path,)  # "." and "/" have none
+
+
+def srdf_beside(path: Path) -> Path:
+    """Return where the SRDF of a robot description is looked for: ``arm.srdf`` for ``arm.urdf``.
+
+    Parameters
+    ----------
+    path :
+        The URDF, xacro file (``arm.urdf.xacro``) or DH table.
+    """
+    name = path.name.removesuffix(".xacro")
+    return path.with_name(name or path.name).with_suffix(".srdf")
 
 
 def _known(name: str, entry: dict[str, Any]) -> KnownRobot:

@@ -20,7 +20,8 @@ from ftforce.errors import InputError, UnknownNameError, URDFError, listed
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.tree import HELD, MOVING
-from ftforce.robot.formats.urdf import read_urdf
+from ftforce.robot.formats.urdf import read_urdf, robot_element
+from ftforce.robot.formats.xacro import PLAIN, XacroOptions
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
 from ftforce.robot.posture import SINGULAR, is_singular_for, usable_posture
@@ -29,7 +30,7 @@ from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
 from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
     from ftforce.robot.known_robots import KnownRobot
@@ -49,14 +50,17 @@ def load_robot(
     tip: str | None = None,
     base: str | None = None,
     posture: str | None = None,
+    args: Mapping[str, object] | None = None,
+    package_path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
 ) -> Robot:
     """Load the kinematic chain of a robot from base to tip.
 
     Parameters
     ----------
     source :
-        Path of a URDF or a DH table (.toml), or name of a known robot (``ftforce robots`` lists
-        them). An SRDF of the same name as the URDF, in the same folder, is also read.
+        Path of a URDF, a xacro file (.xacro) or a DH table (.toml), or name of a known robot
+        (``ftforce robots`` lists them). An SRDF of the same name as the URDF, in the same folder,
+        is also read. A xacro file is a program: expand only files that you trust.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the tool frame at the end of the arm (see the guide on chain and posture).
@@ -65,6 +69,10 @@ def load_robot(
     posture :
         Named posture at which the joints outside the chain are fixed. Default: the posture that is
         analysed by default.
+    args :
+        Values for the ``<xacro:arg>`` of a xacro file, by name.
+    package_path :
+        Folders at or below which its ``$(find package)`` looks for packages.
 
     Returns
     -------
@@ -74,8 +82,8 @@ def load_robot(
     Raises
     ------
     FileError
-        The URDF, SRDF or DH table cannot be read, or the chain is malformed. What is malformed
-        outside the chain becomes a note.
+        The URDF, xacro file, SRDF or DH table cannot be read, or the chain is malformed. What is
+        malformed outside the chain becomes a note.
     InputError
         The robot, tip, base or posture is unknown, the tip is ambiguous, or no joint moves it.
 
@@ -85,7 +93,10 @@ def load_robot(
     <Robot 'panda': 7 joints, 'panda_link0' → 'panda_hand_tcp'>
     """
     known = _known(source)
-    tree, srdf = _description(source, known)
+    options = XacroOptions.of(args, package_path)
+    if known is not None and options != PLAIN:
+        raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
+    tree, srdf = _description(source, known, options)
     chain = _chain(tree, srdf, known, tip, base)
     states = _states(chain, srdf, known)
     postures, notes = _postures(chain, states)
@@ -120,6 +131,7 @@ def load_robot(
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         mass=mass,
         _remarks=(*_chain_notes(chain, srdf, known), *notes),
+        _read_description=partial(robot_element, tree.path, options),
         _find_tips=partial(_tips, tree, chain),
         _find_implausible=partial(implausible_numbers, chain, joints, mass),
     )
@@ -144,16 +156,20 @@ def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
     return find_robot(str(source)) if is_name(source) else None
 
 
-def _description(source: str | os.PathLike[str], known: KnownRobot | None) -> tuple[UrdfTree, Srdf]:
+def _description(
+    source: str | os.PathLike[str], known: KnownRobot | None, options: XacroOptions
+) -> tuple[UrdfTree, Srdf]:
     """Return the contents of URDF and SRDF; those of a DH table are generated."""
     if known is not None:
         return read_urdf(known.urdf), read_srdf(known.srdf) if known.srdf else Srdf()
-    tree = read_urdf(source)
+    tree = read_urdf(source, options)
     if is_dh_table(source):
         from ftforce.robot.formats.dh_to_urdf import to_srdf  # not needed for a URDF
 
         return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source)
-    beside = Path(tree.path).with_suffix(".srdf")
+    from ftforce.robot.known_robots import srdf_beside
+
+    beside = srdf_beside(Path(tree.path))
     return tree, read_srdf(beside) if os.path.lexists(beside) else Srdf()
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pinocchio as pin
     from numpy.typing import ArrayLike
 
+    from ftforce.io.xml_text import XmlFile
     from ftforce.robot.coordinates import Coordinates
 
 BUILT_IN_POSTURES = ("mid-range", "zero", "bent", "sample")
@@ -160,6 +161,7 @@ class Robot(Displayed):
     fixed: frozenset[str]
     mass: float
     _remarks: tuple[str, ...]
+    _read_description: Callable[[], XmlFile]
     _find_tips: Callable[[], Mapping[str, int]]
     _find_implausible: Callable[[], Implausible]
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
@@ -183,6 +185,16 @@ class Robot(Displayed):
     def notes(self) -> tuple[str, ...]:
         """Remarks for the user, on corrected limits, unusable postures and implausible numbers."""
         return (*self._remarks, *self.implausible.all())
+
+    def description(self) -> XmlFile:
+        """Return the root element of the URDF, read or generated again, for its geometry.
+
+        Raises
+        ------
+        FileError
+            The file can no longer be read.
+        """
+        return self._read_description()
 
     @cached_property
     def names(self) -> tuple[str, ...]:

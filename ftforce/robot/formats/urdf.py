@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
 
-from ftforce.errors import URDFError, listed, printable
+from ftforce.errors import InputError, URDFError, listed, printable
 from ftforce.io.text import LARGEST_NUMBER, check_name, read_numbers
 from ftforce.io.xml_text import XmlFile, read_xml
 from ftforce.robot.formats.dh import is_dh_table, read_dh_table
@@ -26,6 +25,7 @@ from ftforce.robot.formats.tree import (
     build_tree,
     did_you_mean,
 )
+from ftforce.robot.formats.xacro import PLAIN, XacroOptions, expand, is_xacro
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -42,6 +42,10 @@ _SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3: Numbers = (0.0, 0.0, 0.0)
 _X: Numbers = (1.0, 0.0, 0.0)  # default axis of the URDF format
+_NEVER_EVALUATED = (
+    "contains xacro that is not expanded, and a .urdf is never evaluated; a xacro file needs a "
+    "name that ends in .xacro"
+)
 _DEFINITIONS = frozenset({"property", "arg", "macro"})  # xacro elements that add no parts
 _Body: TypeAlias = "tuple[float | None, Numbers, Numbers, Numbers]"
 _NO_BODY: _Body = (None, _ZERO3, _ZERO3, _ZERO3 + _ZERO3)
@@ -50,24 +54,23 @@ _Part = TypeVar("_Part")
 _Given = ParamSpec("_Given")
 
 
-def read_urdf(path: str | PathLike[str]) -> UrdfTree:
-    """Read and check a URDF, or that of a DH table.
+def read_urdf(path: str | PathLike[str], options: XacroOptions = PLAIN) -> UrdfTree:
+    """Read and check a URDF, or that of a DH table or a xacro file.
 
     Flaws of single links and joints are recorded in the tree, with stand-ins for what is
     malformed: whether they matter depends on the chain.
 
     Parameters
     ----------
-    path :
-        The file.
+    path, options :
+        As in `robot_element`.
 
     Raises
     ------
     FileError
-        The file cannot be read, is neither a URDF nor a DH table, or does not describe a tree of
-        links and joints.
+        The file cannot be read, is none of these, or does not describe a tree of links and joints.
     """
-    found = robot_element(path)
+    found = robot_element(path, options)
     return _tree_of(found.root, path, found.notes)
 
 
@@ -101,32 +104,51 @@ def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()
     return interpret_limits(tree)
 
 
-def robot_element(path: str | PathLike[str]) -> XmlFile:
+def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> XmlFile:
     """Return the root element of a URDF, ``<robot>``, and remarks on the file.
 
-    That of a DH table (.toml) is generated.
+    That of a DH table (.toml) is generated, a xacro file (.xacro) is expanded.
+
+    Parameters
+    ----------
+    path :
+        The file.
+    options :
+        What a xacro file needs besides itself.
 
     Raises
     ------
     FileError
-        The file cannot be read, or is neither a URDF nor a DH table.
+        The file cannot be read, or is none of these.
+    InputError
+        There are options, but the file is not a xacro file.
     """
+    if is_xacro(path):
+        return XmlFile(_checked_root(expand(path, options), path), ())
+    if options != PLAIN:
+        raise InputError(
+            f"{printable(path)} is not a xacro file (*.xacro), so it takes neither arguments nor a "
+            "package path"
+        )
     if is_dh_table(path):
         from ftforce.robot.formats.dh_to_urdf import to_urdf  # imports yourdfpy
 
         return XmlFile(ElementTree.fromstring(to_urdf(read_dh_table(path))), ())
-    found = read_xml(path, URDFError, "a URDF")
-    root, notes = found
+    root, notes = read_xml(path, URDFError, "a URDF")
     generators, leftovers, has_expressions = _xacro_parts(root)
     is_unused = leftovers and not has_expressions and root.find("link") is not None
-    if generators or (leftovers and not is_unused) or str(path).endswith(".xacro"):
-        raise URDFError(path, _expand_first(path))
-    if root.tag != "robot":
-        raise URDFError(path, f"is not a URDF: its root element is <{root.tag}>, not <robot>")
+    if generators or (leftovers and not is_unused):
+        raise URDFError(path, _NEVER_EVALUATED)
     if leftovers:
         names = listed(f"<xacro:{name}>" for name in sorted(leftovers))
         notes = (*notes, f"remains of xacro are ignored: {names}")
-    return XmlFile(root, notes)
+    return XmlFile(_checked_root(root, path), notes)
+
+
+def _checked_root(root: Element, path: str | PathLike[str]) -> Element:
+    if root.tag != "robot":
+        raise URDFError(path, f"is not a URDF: its root element is <{root.tag}>, not <robot>")
+    return root
 
 
 def _xacro_parts(root: Element) -> tuple[set[str], set[str], bool]:
@@ -153,19 +175,6 @@ def _xacro_name(tag: str) -> str:
     """Return the name of a xacro element without its prefix; empty for other elements."""
     space, _, name = tag[1:].rpartition("}") if tag.startswith("{") else tag.rpartition(":")
     return name if "xacro" in space else ""
-
-
-def _expand_first(path: str | PathLike[str]) -> str:
-    """Return the advice for a xacro file: a command that writes to a file that is not there."""
-    name = Path(path).name.removesuffix(".xacro").removesuffix(".urdf")
-    new = f"{name}-expanded.urdf"
-    while Path(new).exists():
-        new = f"{new.removesuffix('.urdf')}-2.urdf"
-    command = f"xacro {shlex.quote(printable(path))} -o {shlex.quote(printable(new))}"
-    return (
-        f"is a xacro file; expand it to a URDF first: `{command}` (pip install xacro, or any ROS "
-        "installation)"
-    )
 
 
 class _Reader:

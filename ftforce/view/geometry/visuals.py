@@ -70,15 +70,22 @@ class Visuals(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_visuals(path: str | os.PathLike[str]) -> Visuals:
+def read_visuals(path: str | os.PathLike[str], root: Element | None = None) -> Visuals:
     """Read the shapes of a URDF's links.
+
+    Parameters
+    ----------
+    path :
+        The file.
+    root :
+        Its root element, if it is known or must be generated.
 
     Raises
     ------
     FileError
-        The file cannot be read, or is neither a URDF nor a DH table.
+        The file cannot be read, or is not a robot description.
     """
-    root = robot_element(path).root
+    root = robot_element(path).root if root is None else root
     shapes: list[Visual] = []
     notes: list[str] = []
     for link, element in _elements(root):

@@ -18,6 +18,7 @@ from ftforce.core.joint_scale import DEFAULT_JOINT_LENGTH, JointScale
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.task import COMPONENTS, DEFAULT_LENGTH, Task
 from ftforce.errors import InputError, UnknownNameError
+from ftforce.robot.formats.xacro import PLAIN, XacroOptions
 from ftforce.robot.posture import Posture, choose_posture
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class Origin(NamedTuple):
         Base and tip links; ``None`` if not given.
     posture :
         Named posture with which the robot was loaded; ``None`` for its default.
+    xacro :
+        What a xacro file was given.
     note :
         Why the command line may give a different answer; empty if it does not.
     """
@@ -57,6 +60,7 @@ class Origin(NamedTuple):
     base: str | None = None
     tip: str | None = None
     posture: str | None = None
+    xacro: XacroOptions = PLAIN
     note: str = ""
 
 
@@ -434,7 +438,9 @@ def command_line(robot: Robot, state: State) -> str:
     }
     # As `--option=value`, since a value may begin with a minus sign.
     given = (f"--{option}={value}" for option, value in options.items() if value)
-    return shlex.join(["ftforce", "analyze", _argument(origin.robot), *given])
+    words = [word for name, value in origin.xacro.args for word in ("--arg", f"{name}={value}")]
+    words += [word for one in origin.xacro.packages for word in ("--package-path", str(one))]
+    return shlex.join(["ftforce", "analyze", _argument(origin.robot), *words, *given])
 
 
 def _has_default_posture(robot: Robot, state: State) -> bool:
