@@ -44,7 +44,7 @@ default_role = "py:obj"
 nitpick_ignore_regex = [
     (r"py:.*", r"(numpy|np|pin|pinocchio|rich|collections|os|pathlib|typing|enum|threading)\..*"),
     (r"py:.*", r"Any|ArrayLike|Callable|Iterable|Iterator|Mapping|Path|PathLike|Sequence"),
-    (r"py:.*", r"RenderableType|StrEnum|Protocol|NamedTuple|NDArray|ndarray"),
+    (r"py:.*", r"Element|XmlFile|RenderableType|StrEnum|Protocol|NamedTuple|NDArray|ndarray"),
     (r"py:.*", r"'.*'"),
     (r"py:.*", r"Vector|Matrix|Mask|Axes|Convention|JointType|Solid|Document|Row|Indices"),
     (

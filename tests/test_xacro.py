@@ -95,10 +95,10 @@ def test_packages_without_package_xml_are_known_by_their_folders(workspace, xacr
 
 def test_meshes_of_packages_are_found(workspace, xacro):
     robot = load_robot(xacro, package_path=workspace)
-    shapes = read_visuals(robot.path, robot.description().root).shapes
+    shapes = read_visuals(robot.path, robot.description()).shapes
     assert {one.path for one in shapes} == {workspace / "segments" / "rod.stl"}
     again = pickle.loads(pickle.dumps(robot))
-    assert again.description().root.find("link").get("name") == "base"
+    assert again.description().find("link").get("name") == "base"
 
 
 def test_an_srdf_beside_it_is_read(workspace, xacro):

@@ -19,6 +19,7 @@ from ftforce.io.text import split_items
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
+    from xml.etree.ElementTree import Element
 
     import pinocchio as pin
     from numpy.typing import ArrayLike
@@ -186,7 +187,7 @@ class Robot(Displayed):
         """Remarks for the user, on corrected limits, unusable postures and implausible numbers."""
         return (*self._remarks, *self.implausible.all())
 
-    def description(self) -> XmlFile:
+    def description(self) -> Element:
         """Return the root element of the URDF, read or generated again, for its geometry.
 
         Raises
@@ -194,7 +195,7 @@ class Robot(Displayed):
         FileError
             The file can no longer be read.
         """
-        return self._read_description()
+        return self._read_description().root
 
     @cached_property
     def names(self) -> tuple[str, ...]:

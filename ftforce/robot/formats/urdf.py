@@ -62,8 +62,10 @@ def read_urdf(path: str | PathLike[str], options: XacroOptions = PLAIN) -> UrdfT
 
     Parameters
     ----------
-    path, options :
-        As in `robot_element`.
+    path :
+        The file.
+    options :
+        What a xacro file needs besides itself.
 
     Raises
     ------

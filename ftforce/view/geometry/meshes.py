@@ -100,7 +100,7 @@ def load_geometry(robot: Robot) -> Geometry:
         their joint to the next, as are all links of an arm without visuals.
     """
     try:
-        visuals = read_visuals(robot.path, robot.description().root)
+        visuals = read_visuals(robot.path, robot.description())
     except FtforceError as problem:
         visuals = Visuals((), (f"the visual geometry cannot be read: {problem}",))
     pieces, without_mesh, notes = _pieces(robot, visuals.shapes)
