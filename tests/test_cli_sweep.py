@@ -188,3 +188,10 @@ def test_the_bar_shows_rate_and_time_left(monkeypatch, capsys):
     assert shown[-1] == "stop"
     assert shown[-2]["completed"] == 3000
     assert shown[-2]["rate"] == "1,000 postures/s"
+
+
+def test_a_name_that_is_too_long_is_refused_in_one_line(tmp_path):
+    said = run(*SMALL, "--output", str(tmp_path / f"{'x' * 300}.zarr"), status=1).stderr
+    assert said.startswith("error: ")
+    assert "cannot be written" in said
+    assert said.count("\n") == 1

@@ -142,3 +142,18 @@ def test_all_sets_come_once_and_small_ones_first(n, largest):
 def test_no_set_is_larger_than_the_arm():
     assert [str(faults) for faults in fault_sets(2, 5)] == ["{1}", "{2}", "{1, 2}"]
     assert count_fault_sets(2, 5) == 3
+
+
+def test_a_fault_set_keeps_what_any_iterable_holds():
+    one, other = Fault(1), Fault(3)
+    expected = FaultSet((one, other))
+    for given in ([one, other], iter([one, other]), (fault for fault in (other, one))):
+        found = FaultSet(given)
+        assert (found, hash(found)) == (expected, hash(expected))
+    assert FaultSet([]) == FaultSet()
+
+
+@pytest.mark.parametrize("given", [0, None, "", "1", 1, [1]])
+def test_what_is_no_fault_never_means_that_nothing_failed(given):
+    with pytest.raises(InputError, match="a fault set needs faults"):
+        FaultSet(given)

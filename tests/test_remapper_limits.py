@@ -123,7 +123,8 @@ def test_verdicts_and_torques_of_the_array_core():
         m, n = int(rng.integers(1, 7)), int(rng.integers(1, 10))
         sets, friction = draw_sets(rng, n), float(rng.choice([0.0, math.nan, 0.05]))
         limits, brakes = 10.0 ** rng.uniform(-1.0, 1.5, (2, n))
-        limits[rng.random(n) < 0.2] = np.nan
+        is_weak = np.isin(np.arange(n), [joint for one in sets for joint in one.in_mode(WEAK)])
+        limits[(rng.random(n) < 0.2) & ~is_weak] = np.nan
         brakes[rng.random(n) < 0.5] = np.nan
         known = Limits.of(limits, brakes)
         remapper = Remapper(m=m, n=n, faults=sets, limits=known, friction=friction)
@@ -346,6 +347,13 @@ def test_copies_of_a_remapper_of_jacobians():
         ({"m": 3, "n": 7, "friction": np.ones(6)}, "friction"),
         ({"m": 3, "n": 7, "friction": -1.0}, "negative"),
         ({"m": 3, "n": 7, "faults": FaultSet((Fault(1, WEAK, 0.5),))}, "need torque limits"),
+        (
+            {"m": 1, "n": 2, "faults": FaultSet((Fault(0, WEAK, 0.5),)), "limits": [math.nan, 5]},
+            "need torque limits",
+        ),
+        ({"m": 3, "n": 7, "faults": [[True, 2]]}, "numbered from 1 to 7"),
+        ({"m": 3, "n": 7, "limits": "urdf"}, "without a robot, limits are numbers"),
+        ({"m": 3, "n": 7, "payload": "force"}, "payload needs a robot"),
     ],
 )
 def test_remappers_of_jacobians_that_are_none(options, words):
@@ -355,7 +363,7 @@ def test_remappers_of_jacobians_that_are_none(options, words):
 
 def test_calls_that_are_refused():
     robot = load_robot("panda")
-    with pytest.raises(InputError, match="m and n are for Jacobians"):
+    with pytest.raises(InputError, match="m and n describe Jacobians"):
         Remapper(robot, m=3, n=7)
     with pytest.raises(InputError, match="rnea goes with a Jacobian"):
         Remapper(robot)(np.zeros(7), np.ones(7), rnea=np.ones(7))
@@ -384,3 +392,9 @@ def test_calls_that_are_refused():
     np.testing.assert_array_equal(remapper.result.U, kept.U)
     np.testing.assert_array_equal(remapper(J.tolist(), tau.astype(int)).U, kept.U)
     np.testing.assert_array_equal(remapper(np.asfortranarray(J), tau, rnea=[0] * 7).U, kept.U)
+
+
+def test_before_the_first_call_nothing_is_tolerated():
+    result = Remapper(m=1, n=2).result
+    assert result.verdicts == (Verdict.NOT_TOLERATED,) * 2
+    assert np.isnan(result.U).all()

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,9 +37,8 @@ _RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation 
 _KERNELS = Path(__file__).parent / "kernels"
 
 _ready: set[str] = set()  # kinds whose kernels this process has used
-_spent: defaultdict[str, float] = defaultdict(
-    float
-)  # time, s, that this process has left to NumPy, by kind
+# Time, s, that this process has left to NumPy, by kind.
+_spent: defaultdict[str, float] = defaultdict(float)
 
 
 def kind_of(plan: Plan) -> str:
@@ -136,6 +136,11 @@ def load_kernels(job: Job) -> None:
         _record(kind, time.monotonic() - start)
 
 
+def are_kept() -> bool:
+    """Return whether what this process compiled is kept for others."""
+    return not _ready or any((_key(), kind) in _recorded() for kind in _ready)
+
+
 def _record(kind: str, seconds: float) -> None:
     """Record that the kernels of a kind are compiled; if that fails, this process knows.
 
@@ -173,7 +178,7 @@ def _numpy_seconds(job: Job) -> float:
 
 
 def _say(text: str) -> None:
-    """Say something to whoever waits at a terminal or in a notebook."""
+    """Print a message to stderr if that is a terminal or a notebook."""
     if sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules):
         print(text, file=sys.stderr, flush=True)
 
@@ -185,7 +190,9 @@ def _folders() -> Iterator[Path]:
         return
     yield _KERNELS / "__pycache__"
     with suppress(RuntimeError):  # no home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
+        usual = "Library/Caches" if sys.platform == "darwin" else ".cache"
+        given = "" if sys.platform == "darwin" else os.environ.get("XDG_CACHE_HOME", "")
+        yield Path(given or Path.home() / usual) / "numba"
 
 
 @cache
@@ -194,7 +201,10 @@ def _recorded() -> dict[tuple[str, str], float]:
     found = {}
     for folder in _folders():
         is_used = os.access(folder, os.W_OK)  # numba reads only where it can write
-        if not is_used or next(folder.rglob("*.nbi"), None) is None:  # or the cache was removed
+        # Numba has folders of their own for each package in those that several share.
+        patterns = ("*.nbi", f"{_KERNELS.name}_*/*.nbi")
+        cached = chain.from_iterable(map(folder.glob, patterns))
+        if not is_used or next(cached, None) is None:  # or the cache was removed
             continue
         for file in folder.glob(_RECORD.format(key="*", kind="*")):
             with suppress(OSError, ValueError):
@@ -207,6 +217,7 @@ def _recorded() -> dict[tuple[str, str], float]:
 def _key() -> str:
     """Return a digest of all that a compiled kernel depends on."""
     parts = [sys.version, platform.machine(), _processor()]
+    parts += [os.environ.get(f"NUMBA_CPU_{name}", "") for name in ("NAME", "FEATURES")]
     with suppress(PackageNotFoundError):
         parts.append(version("numba"))
     content = b"\0".join(file.read_bytes() for file in sorted(_KERNELS.glob("*.py")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
+from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +18,7 @@ from ftforce.core.arrays import Matrix, Vector, as_floats, as_vector, check_fini
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.limits import Limits
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
-from ftforce.core.verdict import VERDICTS
+from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import DimensionError, FtforceError, InputError
 from ftforce.robot.robot import require_robot
 
@@ -29,13 +30,13 @@ if TYPE_CHECKING:
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.batch.kernels.layout import Faults, Integers
     from ftforce.core.task import Axes, Task
-    from ftforce.core.verdict import Verdict
     from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
 FaultSets: TypeAlias = "int | FaultSet | Iterable[FaultSet | Joints]"
 
 _FLOAT = np.dtype(np.float64)
+_USUAL = {"task": "force", "axes": "tool"}  # defaults of arguments that need a robot
 
 
 class JacobianQuestion(NamedTuple):
@@ -70,7 +71,7 @@ class JacobianQuestion(NamedTuple):
         friction: object,
         rtol: float,
         wary: float,
-        **of_robots: object,
+        **robot_only: object,
     ) -> JacobianQuestion:
         """Return the question that the arguments of `Remapper` ask without a robot.
 
@@ -78,7 +79,7 @@ class JacobianQuestion(NamedTuple):
         ----------
         m, n, limits, friction, rtol, wary :
             As in `Remapper`.
-        **of_robots :
+        **robot_only :
             What only a robot can have; ``None`` or its default.
 
         Raises
@@ -93,8 +94,8 @@ class JacobianQuestion(NamedTuple):
                     "a Remapper needs a robot, or the shape of the Jacobians it will be called "
                     f"with, Remapper(m=3, n=7, faults=...); got {name}={size!r}"
                 )
-        for name, value in of_robots.items():
-            if value is not None and not (isinstance(value, str) and value in {"force", "tool"}):
+        for name, value in robot_only.items():
+            if value is not None and not (isinstance(value, str) and value == _USUAL.get(name)):
                 raise InputError(
                     f"{name} needs a robot; without one the Jacobian says what the task is, and "
                     "its rows (and columns) are weighted by you, see docs/guides/array-core"
@@ -119,6 +120,11 @@ def _given_limits(limits: object, n: int) -> Limits | None:
     """Return torque limits from an array, or as they are."""
     if limits is None:
         return None
+    if isinstance(limits, (str, PathLike)):
+        raise InputError(
+            "without a robot, limits are numbers, one per column of J, or "
+            f"ftforce.core.limits.Limits, got {limits!r}"
+        )
     known = limits if isinstance(limits, Limits) else Limits.of(limits)  # type: ignore[arg-type]
     if len(known.effort) != n:
         raise DimensionError("limits", (n,), known.effort.shape, "one per column of J")
@@ -161,8 +167,10 @@ class Remapped(NamedTuple):
         ΔF, ``force_before`` minus ``force_after``, shape (S, m).
     jump_norm :
         Norm of the force components of the jump, N, shape (S,); ``None`` if the task has none.
+        Without a robot, the norm over all rows, in their unit.
     moment_jump_norm :
-        Norm of its moment components, N·m, shape (S,); ``None`` if the task has none.
+        Norm of its moment components, N·m, shape (S,); ``None`` if the task has none, and without a
+        robot.
     margin :
         σ_min(K)/σ_max(J), shape (S,).
     sigma_min :
@@ -309,7 +317,9 @@ class Remapper:
             return
         require_robot(robot)
         if m is not None or n is not None:
-            raise InputError("m and n are for Jacobians; with a robot, the task and the arm say")
+            raise InputError(
+                "m and n describe Jacobians; with a robot they follow from task and arm"
+            )
         question = Question.parse(
             robot,
             gravity=gravity,
@@ -381,7 +391,7 @@ class Remapper:
 
     @property
     def result(self) -> Remapped:
-        """Result of the last successful call."""
+        """Result of the last successful call; before the first one, NaN and *not tolerated*."""
         return self._result
 
     def __call__(
@@ -565,7 +575,8 @@ def _columns(n: int, joints: Any) -> tuple[int, ...]:
             raise InputError(f"a joint mask needs {n} entries, one per joint, got {len(given)}")
         return tuple(i for i, failed in enumerate(given) if failed)
     for joint in given:
-        if not isinstance(joint, (int, np.integer)) or not 1 <= joint <= n:
+        is_number = isinstance(joint, (int, np.integer)) and not isinstance(joint, bool)
+        if not is_number or not 1 <= joint <= n:
             raise InputError(
                 f"the columns of a Jacobian are numbered from 1 to {n} and have no names, "
                 f"got joint {joint!r}"
@@ -611,13 +622,14 @@ def _arm_of_jacobian(asked: JacobianQuestion, sets: tuple[FaultSet, ...]) -> _Ar
     Raises
     ------
     InputError
-        A joint is weak, and there are no limits.
+        A joint is weak, and its torque limit is unknown.
     """
     m, n, limits = asked.m, asked.n, asked.limits
-    for one in sets:
-        if limits is None and len(one.in_mode(FaultMode.WEAK)) > len(_freed(one)):
-            raise InputError(f"the set {one} has weak joints, which need torque limits: limits=...")
     faults = faults_of(sets, n)
+    for one in sets:
+        weak = set(one.in_mode(FaultMode.WEAK)) - set(_freed(one))
+        if any(limits is None or np.isnan(limits.effort[joint]) for joint in weak):
+            raise InputError(f"the set {one} has weak joints, which need torque limits: limits=...")
     task = np.zeros((4 + n, max(m, n, 2)))
     task[1], task[2, :2], task[3, :n] = 1.0, (asked.rtol, asked.wary), asked.friction
     limit = None
@@ -725,7 +737,7 @@ def _workspace(arm: _Arm) -> tuple[tuple[NDArray[Any] | None, ...], Remapped, ND
     torque[0] = 0.0  # gravity torques, unless the kernel computes them
     force = np.full((1 + 2 * sets, m), np.nan)
     number = np.full((4, sets), np.nan)
-    code = np.full((3, max(sets, 2)), len(VERDICTS), dtype=np.int64)
+    code = np.full((3, max(sets, 2)), CODES[Verdict.NOT_TOLERATED], dtype=np.int64)
     work = (
         np.zeros((arm.joints + 1, single.FRAME)) if arm.joints else None,
         np.zeros((single.MATRICES, m, n)),

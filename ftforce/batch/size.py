@@ -11,6 +11,7 @@ import numpy as np
 
 from ftforce.batch.job import samples_of
 from ftforce.batch.plan import as_block, empty_answers
+from ftforce.batch.store.folder import disk_errors
 from ftforce.errors import OutputError, printable
 
 if TYPE_CHECKING:
@@ -45,8 +46,9 @@ def check_room(request: SweepRequest, path: Path) -> None:
     other = "all" if keep == "worst" else "worst"
     takes = f"about {_in_words(size)}"
     would = f"--keep {other} would be {_in_words(samples_size(request, other))}"
-    folder = next(one for one in Path(path).absolute().parents if one.exists())
-    free = shutil.disk_usage(folder).free
+    with disk_errors(path):
+        folder = next(one for one in Path(path).absolute().parents if one.exists())
+        free = shutil.disk_usage(folder).free
     if free < size:
         raise OutputError(
             path,
@@ -91,5 +93,6 @@ def samples_size(request: SweepRequest, keep: str) -> float:
 
 def _in_words(size: float) -> str:
     """Format a number of bytes with two digits."""
+    size = float(f"{size:.2g}")
     scale, unit = next(one for one in _UNITS if size >= one[0] or one[0] == 1.0)
-    return f"{float(f'{size / scale:.2g}'):g} {unit}"
+    return f"{size / scale:g} {unit}"

@@ -475,7 +475,7 @@ def run_request(
         is_faster = isinstance(runner, InThreads) and prepared(request.job).uses_numpy
         return request.computed_with("numpy") if is_faster else request
 
-    if path is not None and not path.exists():
+    if path is not None and store.must_create(path):
         check_room(request, path)
     with closing(store.create(path, request, choose)) as opened:
         if not opened.is_complete:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.analysis.question import AllFaultSets
-from ftforce.batch.compiled import load_kernels
+from ftforce.batch.compiled import are_kept, load_kernels
 from ftforce.batch.postures.postures import Listed
 from ftforce.batch.sweep import request_of, sweep_question
-from ftforce.errors import UnknownNameError
+from ftforce.errors import FtforceError, UnknownNameError
 from ftforce.robot.load import load_robot
 
 if TYPE_CHECKING:
@@ -54,13 +54,14 @@ def warmup(
     Raises
     ------
     UnknownNameError
-        There is no kernel of that name.
+        There is no group of kernels of that name.
     FtforceError
-        The extra ``sweep`` is not installed.
+        The extra ``sweep`` is not installed, or no folder can keep what is compiled.
     """
+    kernels = [kernels] if isinstance(kernels, str) else kernels
     for name in kernels:
         if name not in KERNELS:
-            raise UnknownNameError("kernel", name, KERNELS)
+            raise UnknownNameError("group of kernels", name, KERNELS)
     found = {}
     for name in kernels:
         start = time.monotonic()
@@ -68,6 +69,11 @@ def warmup(
         found[name] = time.monotonic() - start
         if report is not None:
             report(name, found[name])
+    if not are_kept():
+        raise FtforceError(
+            "the kernels are compiled, but no folder can keep them: name one that can be written "
+            "in NUMBA_CACHE_DIR"
+        )
     return found
 
 

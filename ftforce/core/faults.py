@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ftforce.core.arrays import Mask, Vector, read_only
 from ftforce.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
 
 class FaultMode(StrEnum):
@@ -119,12 +120,15 @@ class FaultSet:
         InputError
             Something is not a fault, a joint fails twice, or an index is negative.
         """
-        if not self.faults:
-            return
+        given: object = self.faults
         try:
+            if type(given) is not tuple:
+                object.__setattr__(self, "faults", _as_tuple(given))
             joints = [fault.joint for fault in self.faults]
         except (AttributeError, TypeError):
-            raise InputError(f"a fault set needs faults, got {self.faults!r}") from None
+            raise InputError(f"a fault set needs faults, got {given!r}") from None
+        if not joints:
+            return
         if joints != sorted(joints):
             object.__setattr__(self, "faults", tuple(sorted(self.faults, key=_joint_of)))
         if min(joints) < 0:
@@ -290,6 +294,13 @@ def _is_share(factor: float) -> bool:
 
 def _is_index(joint: object) -> bool:
     return joint.__class__ is int or isinstance(joint, np.integer)
+
+
+def _as_tuple(faults: object) -> tuple[Any, ...]:
+    """Return what a list or a generator holds; an empty text is not an empty list."""
+    if isinstance(faults, str) or not isinstance(faults, Iterable):
+        raise TypeError
+    return tuple(faults)
 
 
 def _joint_of(fault: Fault) -> int:

@@ -33,15 +33,17 @@ UNKNOWN_CACHE = (
     f"the cache format of numba {numba.__version__} is unknown to ftforce; "
     "kernels are recompiled in every process"
 )
-
-
 NO_CACHE = (
-    "no folder for compiled kernels can be written, so every run compiles them again, for ten "
-    "seconds and more; name one in NUMBA_CACHE_DIR"
+    "no folder for compiled kernels can be written, so every run compiles them again, which takes "
+    "ten seconds or more; name one in NUMBA_CACHE_DIR"
 )
 _COMMON = {"nogil": True, "error_model": "numpy", "fastmath": _FUSED, "no_cfunc_wrapper": True}
 _ONLY_CALLED = {"no_cpython_wrapper": True, "_nrt": False}
 _DIGEST = 32  # bytes of SHA-256
+_USED_OF_CACHE = (
+    *("_source_stamp", "_version", "_index_name", "_index_path", "_data_path"),
+    *("_dump", "_load_index", "_load_data"),
+)
 
 
 def kernel(function: Callable[..., Any], **options: bool) -> Any:
@@ -132,7 +134,7 @@ def _is_keyed(compiled: Any) -> bool:
     Relies on private attributes, tested with numba 0.61 to 0.68.
     """
     cache: Any = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if not (hasattr(cache, "_source_stamp") and hasattr(cache, "_version")):
+    if not all(hasattr(cache, name) for name in _USED_OF_CACHE):
         return False
     cache.__class__ = _verified(type(cache))
     cache._source_stamp = _STATE

@@ -213,12 +213,12 @@ def create(
     """
     if path is None:
         return OpenStore(choose(request), None, {}, _none_done(request.job), None)
-    if not _must_create(path) and (opened := _open_complete(request, path)) is not None:
+    if not must_create(path) and (opened := _open_complete(request, path)) is not None:
         return opened
     lock = folder.lock(path)
     try:
         # Checked again, now that the folder is locked.
-        if _must_create(path):
+        if must_create(path):
             with disk_errors(path):
                 folder.clear(path, _known_names())
             request = choose(request)
@@ -298,8 +298,19 @@ def _clean_up(path: Path) -> None:
     (path / folder.LOCK).unlink(missing_ok=True)
 
 
-def _must_create(path: Path) -> bool:
-    """Return whether a folder must be created: it is missing, empty, or left incomplete."""
+def must_create(path: Path) -> bool:
+    """Return whether a folder must be created: it is missing, empty, or left incomplete.
+
+    Parameters
+    ----------
+    path :
+        The folder.
+
+    Raises
+    ------
+    OutputError
+        It cannot be looked at.
+    """
     with disk_errors(path):
         if not path.exists():
             return True
