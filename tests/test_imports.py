@@ -48,6 +48,7 @@ def test_commands_load_nothing_heavy():
     for loaded in modules:
         assert "pinocchio" in loaded
         assert not loaded & {*HEAVY, "ssl", "importlib.metadata._meta", "ftforce.report.files"}
+    assert not modules[0] & {"ftforce.robot.formats.dh", "ftforce.analysis.capability"}
 
 
 def test_the_public_names_are_there():

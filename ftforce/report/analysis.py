@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.analysis.capability import capability_of
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ftforce.analysis.analyze import Analysis
+    from ftforce.analysis.capability import Capability
     from ftforce.core.arrays import Vector
     from ftforce.core.changes import ForceChange, TorqueChange
     from ftforce.core.faults import FaultSet
@@ -288,6 +288,12 @@ class _UnitForce(NamedTuple):
     faults: FaultSet
 
 
+def _capability(analysis: Analysis) -> Capability | None:
+    from ftforce.analysis.capability import capability_of  # only documents need it
+
+    return None if analysis.limits is None else capability_of(analysis)
+
+
 def _unit_forces(analysis: Analysis) -> list[_UnitForce]:
     pairs = zip(analysis.task.components, analysis.unit_forces, strict=False)
     return [_UnitForce(name, *changes, analysis.faults) for name, changes in pairs]
@@ -407,7 +413,7 @@ ANALYSIS = (
     Field("standing", "static equilibrium", get=whole, parts=_STANDING),
     Field("capability", "with limits: keys as `capability` of a [capability](#capability); "
         "otherwise `null`", shape="as of a capability",
-        get=lambda analysis: None if analysis.limits is None else capability_of(analysis),
+        get=_capability,
         parts=parts.CAPABILITY),
     Field("residuals", "relative residuals of the equations that the result must satisfy: "
         "`balance`, `orthogonality`, `uncommandable`, `statics`, `unchanged` "

@@ -18,9 +18,8 @@ from ftforce.core.arrays import Vector, read_only
 from ftforce.core.task import Task
 from ftforce.errors import InputError, UnknownNameError, URDFError, listed
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
-from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.tree import HELD, MOVING
-from ftforce.robot.formats.urdf import read_urdf, robot_element
+from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element
 from ftforce.robot.formats.xacro import PLAIN, XacroOptions
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
@@ -164,7 +163,8 @@ def _description(
         return read_urdf(known.urdf), read_srdf(known.srdf) if known.srdf else Srdf()
     tree = read_urdf(source, options)
     if is_dh_table(source):
-        from ftforce.robot.formats.dh_to_urdf import to_srdf  # not needed for a URDF
+        from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
+        from ftforce.robot.formats.dh_to_urdf import to_srdf
 
         return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source)
     from ftforce.robot.known_robots import srdf_beside

@@ -8,7 +8,6 @@ raise ``InputError`` when a row, mass model or table is constructed. Conversion 
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections import Counter
 from contextlib import contextmanager
@@ -322,11 +321,6 @@ def read_dh_table(path: str | PathLike[str]) -> DHTable:
         return DHTable(**_arguments_of_table(text), source=Path(path))
     except InputError as error:
         raise DHTableError(path, str(error)) from None
-
-
-def is_dh_table(path: object) -> bool:
-    """Return whether a path is that of a DH table, by its extension, ``.toml``."""
-    return isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".toml"
 
 
 def _arguments_of_table(text: str) -> dict[str, Any]:

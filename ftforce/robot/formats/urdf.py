@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
@@ -11,7 +12,6 @@ from xml.etree import ElementTree
 from ftforce.errors import InputError, URDFError, listed, printable
 from ftforce.io.text import LARGEST_NUMBER, check_name, read_numbers
 from ftforce.io.xml_text import XmlFile, read_xml
-from ftforce.robot.formats.dh import is_dh_table, read_dh_table
 from ftforce.robot.formats.held import interpret_limits
 from ftforce.robot.formats.tree import (
     JOINT_TYPES,
@@ -106,6 +106,11 @@ def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()
     return interpret_limits(tree)
 
 
+def is_dh_table(path: object) -> bool:
+    """Return whether a path is that of a DH table, by its extension, ``.toml``."""
+    return isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() == ".toml"
+
+
 def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> XmlFile:
     """Return the root element of a URDF, ``<robot>``, and remarks on the file.
 
@@ -133,7 +138,8 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
             "package path"
         )
     if is_dh_table(path):
-        from ftforce.robot.formats.dh_to_urdf import to_urdf  # imports yourdfpy
+        from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
+        from ftforce.robot.formats.dh_to_urdf import to_urdf
 
         return XmlFile(ElementTree.fromstring(to_urdf(read_dh_table(path))), ())
     root, notes = read_xml(path, URDFError, "a URDF")
