@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 INPUTS = {
     "robot": "the robot",
     "robots": "a robot",
+    "package_path": "a package",
     "table": "the DH table",
     "trajectory": "the trajectory",
     "postures": "the postures",

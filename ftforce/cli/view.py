@@ -128,8 +128,8 @@ def view(
         chain.base,
         chain.tip,
         posture,
-        XacroOptions.of(chain.arguments()["args"], chain.package_path),
         _note(arm, robot, chain, posture),
+        XacroOptions.of(chain.arguments()["args"], chain.package_path),
     )
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None

@@ -50,18 +50,18 @@ class Origin(NamedTuple):
         Base and tip links; ``None`` if not given.
     posture :
         Named posture with which the robot was loaded; ``None`` for its default.
-    xacro :
-        What a xacro file was given.
     note :
         Why the command line may give a different answer; empty if it does not.
+    xacro :
+        What a xacro file was given.
     """
 
     robot: str
     base: str | None = None
     tip: str | None = None
     posture: str | None = None
-    xacro: XacroOptions = PLAIN
     note: str = ""
+    xacro: XacroOptions = PLAIN
 
 
 class Shown(NamedTuple):
