@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -32,6 +33,10 @@ from ftforce.view.model import state
 TOL = 1e-9
 KNOWN = tuple(known_robots())
 QUARTER = math.pi / 2
+# No test asserts a time: Hypothesis's own deadline of 0.2 s fails on a busy machine.
+settings.register_profile("ftforce", deadline=None)
+settings.load_profile("ftforce")
+
 CAMPAIGN = os.environ.get("FTFORCE_CAMPAIGN") == "1"
 
 
