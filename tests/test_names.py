@@ -255,6 +255,7 @@ def tame_results(tmp_path_factory):
     return robot, list(larger_results(robot, folder))
 
 
+@pytest.mark.filterwarnings("ignore:the plot shows boxes")  # for letters that no font has
 @pytest.mark.parametrize("part", range(3))
 def test_a_name_is_text_in_every_larger_output(tmp_path_factory, tame_results, part, tally):
     tame_robot, tame = tame_results
