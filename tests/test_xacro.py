@@ -136,6 +136,15 @@ def test_what_cannot_be_expanded_is_one_clear_line(workspace, xacro, given, mess
     assert "\n" not in str(caught.value)
 
 
+def test_a_lack_of_memory_is_not_a_flaw_of_the_file(monkeypatch, workspace, xacro):
+    def exhausted(*_args, **_options):
+        raise MemoryError
+
+    monkeypatch.setattr("xacrodoc.XacroDoc.from_string", exhausted)
+    with pytest.raises(MemoryError):
+        load_robot(xacro, package_path=workspace)
+
+
 def test_a_urdf_is_never_evaluated(workspace, xacro):
     urdf = shutil.copy(xacro, workspace / "arm.urdf")
     with pytest.raises(URDFError, match=r"a \.urdf is never evaluated"):

@@ -134,6 +134,8 @@ def expand(path: str | PathLike[str], options: XacroOptions) -> Element:
             found = _expanded(text, path, options)
             _find_meshes(found.dom, packages.get_path)
             expanded = found.dom.toxml()
+        except MemoryError:
+            raise  # the machine's, not a flaw of the file
         except Exception as problem:  # whatever a program may raise
             raise URDFError(path, _reason(problem, options)) from None
         finally:
