@@ -19,9 +19,7 @@ from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import choose_limits
 from ftforce.batch import compiled, numpy_path
 from ftforce.batch import sweep as module
-from ftforce.batch.kernels import fast
-from ftforce.batch.kernels.layout import UNDECIDED
-from ftforce.batch.plan import Plan, empty_answers, faults_of, mechanism_of, question_of
+from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.batch.store import store
 from ftforce.batch.sweep import sweep
 from ftforce.core.faults import FaultMode, fault_sets
@@ -92,20 +90,6 @@ def test_both_paths_answer_alike_for_wrenches_of_pairs(panda, mode):
     plan = plan_of(panda, Task.parse("wrench", "tool", 0.3), mode=mode, faults=2)
     q = postures_of(panda, campaign(20, 5), 3)
     assert_same_answers(numpy_path.NumpyEvaluator(plan)(q), plan.evaluator()(q))
-
-
-def test_what_fast_kernels_leave_is_decided(panda):
-    plan = plan_of(panda, Task.parse("wrench", "tool", 0.3))
-    q = postures_of(panda, 300, 4)
-    answers = empty_answers(plan, len(q))
-    work = fast.workspace(plan.mechanism.parent.size, plan.n, 6)
-    fast.evaluate(plan.mechanism, plan.faults, plan.question, q, answers, work)
-    left = answers.verdict == UNDECIDED
-    assert left.any()
-    kept = answers.margin[~left].copy()
-    numpy_path.decide(plan, q, answers)
-    np.testing.assert_array_equal(answers.margin[~left], kept)
-    assert_same_answers(numpy_path.as_block(answers), plan.evaluator()(q))
 
 
 # ---- whole sweeps ------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.analysis.conditions import without_rounding
-from ftforce.batch.kernels.layout import NOT_TOLERATED, UNDECIDED
+from ftforce.batch.kernels.layout import NOT_TOLERATED
 from ftforce.batch.plan import as_block, empty_answers
 from ftforce.core import measures
 from ftforce.core.arrays import norm, read_only
@@ -81,34 +81,6 @@ def evaluate(plan: Plan, q: Matrix) -> Answers:
         rows = slice(first, first + size)
         _fill(plan, q[rows], _rows_of(answers, rows))
     return answers
-
-
-def decide(plan: Plan, q: Matrix, answers: Answers) -> None:
-    """Fill in the results of postures that are `UNDECIDED`, in place.
-
-    Parameters
-    ----------
-    plan :
-        What to compute.
-    q :
-        Joint positions, rad or m, shape (k, n).
-    answers :
-        Results of S fault sets in these postures; verdicts and ranks may be undecided.
-    """
-    open_sets = answers.verdict == UNDECIDED
-    open_ranks = answers.rank == UNDECIDED
-    chosen = np.flatnonzero(open_ranks | open_sets.any(axis=0))
-    if not len(chosen):
-        return
-    found = evaluate(plan, q[chosen])
-    for name, values in answers._asdict().items():
-        if not values.size or name == "tip":
-            continue
-        per_posture = name in ("rank", "healthy_margin")
-        is_open = (open_ranks if per_posture else open_sets)[..., chosen]
-        rows = values[..., chosen]
-        rows[is_open] = getattr(found, name)[is_open]
-        values[..., chosen] = rows
 
 
 def _rows_of(answers: Answers, rows: slice) -> Answers:
