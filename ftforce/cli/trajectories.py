@@ -1,7 +1,6 @@
 """Options of the commands that follow a trajectory."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 _QUESTION = ("force", "task", "length", "axes", "rtol", "wary")
 
 
-@dataclass(frozen=True)
 class TrajectoryOptions(Group):
     """Trajectory from a file, or straight lines of the tip."""
 
