@@ -80,6 +80,20 @@ class Group(SimpleNamespace):
     which ``ftforce analyze`` answers.
     """
 
+    def __init__(self, **given: Any) -> None:
+        """Take the values of the options.
+
+        Raises
+        ------
+        BadParameter
+            Some exclude each other.
+        """
+        super().__init__(**given)
+        self.check()
+
+    def check(self) -> None:
+        """Reject options that exclude each other."""
+
     @classmethod
     def options(cls) -> Iterator[inspect.Parameter]:
         """Yield the declared options, those of the base classes first."""
@@ -272,9 +286,8 @@ class LoadOptions(Group):
         ),
     ] = "euclidean"
 
-    def __init__(self, **given: Any) -> None:
+    def check(self) -> None:
         """Reject --force together with --torque."""
-        super().__init__(**given)
         if self.force is not None and self.torque is not None:
             raise typer.BadParameter("give either --force or --torque, not both")
 

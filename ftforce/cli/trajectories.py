@@ -141,7 +141,7 @@ class TrajectoryOptions(Group):
         points = [first, *(_point(corner, "--to") for corner in self.to)]
         return Path.through(points, speed=self.speed, keep_orientation=self.keep_orientation)
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         """Reject a file together with lines.
 
         Raises
