@@ -184,7 +184,7 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "direction": lambda c: c.vector(c.choice(FORCE)),
     "velocity": lambda c: c.vector(c.robot.n),
     "acceleration": lambda c: c.vector(c.robot.n),
-    "gravity": lambda c: c.vector(3, 9.8),
+    "gravity": lambda c: c.one(c.vector(3, 9.8), "wall", "30,-45", odd=("wal", "1", "")),
     "payload": _payload,
     "limits": _limits,
     "friction": lambda c: c.one(

@@ -123,6 +123,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("force", "direction", "gravity"), VECTORS),
     **dict.fromkeys(("torque", "velocity", "acceleration"), ("1,2,3,4,5", "0,0,0,0,0", "1e9")),
     "inverse": ("euclidean", "dynamic", "newton"),
+    "mounted": ("floor", "wall", "ceiling", "30,-45", "90", "upside down"),
     "payload": ("1", "0", "2@0.1,0,0", "1e9", "-1", "1e308", "1kg"),
     "task": ("force", "moment", "wrench", "fx,fz", "fx", "my,fx", "fq"),
     "axes": ("tool", "world", "tip"),
