@@ -130,6 +130,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "base": ("base", "link1", "nowhere"),
     "tip": ("tool", "link3", "nowhere"),
     "args": ("name=arm", "length:=2", "name"),
+    "srdf": ("arm.srdf", "arm.urdf", "link.urdf", "folder", "nowhere.srdf"),
     "package_path": (".", "folder", "nowhere"),
     "rtol": ("1e-6", "1e-3", "1e-9", "2", "0"),
     "wary": ("1e-2", "0.5", "1e-9"),

@@ -147,6 +147,15 @@ class ChainOptions(Group):
         ),
     ] = None
 
+    srdf: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="SRDF with tip and postures.",
+            show_default="beside the URDF, or of its MoveIt configuration",
+        ),
+    ] = None
+
     def arguments(self) -> dict[str, Any]:
         """Return the options as arguments of `ftforce.load_robot`.
 
