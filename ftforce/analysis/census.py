@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from ftforce.analysis.conditions import rnea_change
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Progress, Question
@@ -19,6 +20,7 @@ from ftforce.core.ranks import Rank, ranks_of
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.core.verdict import Verdict
 from ftforce.errors import InputError, check_word, listed
+from ftforce.robot.kinematics import task_jacobian
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -150,6 +152,31 @@ class Census(AnsweredForAll):
             return None
         share = after.commanded / before.commanded
         return share if math.isfinite(share) else None
+
+    def torque_to_command(self, report: SetReport) -> Vector | None:
+        """Return the motor torques with a fault set, weight and motion included, N·m (N).
+
+        They are ``rnea + Jᵀ F'`` (eq. 20, 24), and 0 at locked and free-swinging joints.
+
+        Parameters
+        ----------
+        report :
+            Report of the set.
+
+        Returns
+        -------
+        :
+            Shape (n,); ``None`` without a force, if the arm cannot be held, or if the URDF has no
+            masses.
+        """
+        if report.after is None or not self.is_weight_known:
+            return None
+        n, q = self.robot.n, self.posture.q
+        locked, free = report.faults.mask(n), report.faults.free_mask(n)
+        J = task_jacobian(self.robot, q, self.task)
+        torque = rnea_change(self.robot, q, self.conditions, locked).after + report.after.dot(J)
+        torque[locked if free is None else locked | free] = 0.0
+        return read_only(torque)
 
     @property
     def warnings(self) -> tuple[str, ...]:

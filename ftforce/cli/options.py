@@ -479,7 +479,7 @@ _Form = Annotated[
     Format | None,
     typer.Option(
         "--format",
-        metavar="table|json|csv",
+        metavar="table|json|csv|tex|md",
         help="Output format.",
         show_default="by the extension of --output, else table",
     ),
@@ -496,7 +496,7 @@ class Outputs(Group):
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write (.json .csv .txt .svg .html); repeat it for more.",
+            help="File to write (.json .csv .xlsx .tex .md .txt .svg .html); repeat it for more.",
         ),
     ] = None
 

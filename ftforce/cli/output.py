@@ -25,12 +25,14 @@ class Format(StrEnum):
     TABLE = "table"
     JSON = "json"
     CSV = "csv"
+    TEX = "tex"
+    MD = "md"
 
 
-_ENDINGS = ("json", "csv", "txt", "svg", "html", "htm")
+_ENDINGS = ("json", "csv", "xlsx", "tex", "md", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet")
 _MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
-_DATA = ("json", "csv", *_HISTORY_ENDINGS)
+_DATA = ("json", "csv", "xlsx", "tex", "md", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 

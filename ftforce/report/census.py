@@ -16,6 +16,7 @@ from ftforce.report.text import joined, percent, ratio, size, unit_of_size, vect
 if TYPE_CHECKING:
     from ftforce.analysis.census import Census, JointReport
     from ftforce.analysis.fault_set import SetReport
+    from ftforce.core.arrays import Vector
     from ftforce.core.ranks import Rank
 
 
@@ -76,15 +77,21 @@ class _Ranked(NamedTuple):
     report: SetReport
     rank: Rank | None
     capability_kept: float | None
+    torque: Vector | None
+
+    @classmethod
+    def of(cls, census: Census, report: SetReport, rank: Rank | None) -> _Ranked:
+        kept, torque = census.capability_kept(report), census.torque_to_command(report)
+        return cls(report, rank, kept, torque)
 
 
 def _healthy(census: Census) -> _Ranked:
-    return _Ranked(census.healthy, None, census.capability_kept(census.healthy))
+    return _Ranked.of(census, census.healthy, None)
 
 
 def _sets(census: Census) -> list[_Ranked]:
     pairs = zip(census.sets, census.set_ranks, strict=True)
-    return [_Ranked(report, rank, census.capability_kept(report)) for report, rank in pairs]
+    return [_Ranked.of(census, report, rank) for report, rank in pairs]
 
 
 class _RankedJoint(NamedTuple):
@@ -145,7 +152,10 @@ _SET = (
 )
 _KEPT = Field("capability_kept", "`commanded` over that of the healthy arm; `null` unless ranked "
     "by it, or if unknown", "1")
-_RANKED_SET = (parts.RANK, *under("report", _SET), _KEPT)
+_TORQUE = Field("torque", "motor torques to command, weight and motion included, 0 at locked and "
+    "free-swinging joints; `null` without a force, if the arm cannot be held, or if the URDF has "
+    "no masses", parts.TORQUE, "by joint")
+_RANKED_SET = (parts.RANK, *under("report", _SET), _KEPT, _TORQUE)
 CENSUS = (
     parts.ROBOT,
     Field("conventions", "conventions of the document",
@@ -208,7 +218,7 @@ _SET_COLUMNS = (
     _BINDING,
     *under("capability", _CAPABILITY),
 )
-SET_COLUMNS = (*under("report", _SET_COLUMNS), _KEPT, *parts.RANK_COLUMNS)
+SET_COLUMNS = (*under("report", _SET_COLUMNS), _KEPT, *parts.RANK_COLUMNS, _TORQUE)
 # fmt: on
 QUESTION_COLUMNS = (*parts.TASK_COLUMNS, parts.LIMITS_SOURCE, parts.RTOL, parts.WARY)
 
@@ -217,7 +227,8 @@ def census_rows(census: Census) -> list[Row]:
     """Return a census as table rows, one per fault set, then one of the healthy arm."""
     names, about = census.robot.names, columns(QUESTION_COLUMNS, census)
     components = dict(zip(census.task.components, census.task.units, strict=True))
+    units = [joint.torque_unit for joint in census.robot.joints]
     return rows_of(
-        columns(SET_COLUMNS, one, names, components) | about
+        columns(SET_COLUMNS, one, names, components, units) | about
         for one in (*_sets(census), _healthy(census))
     )

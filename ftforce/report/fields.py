@@ -158,6 +158,7 @@ def columns(
     result: Any,
     joints: Sequence[str] = (),
     components: Mapping[str, str] = MappingProxyType({}),
+    units: Sequence[str] = (),
 ) -> Document:
     """Return a result as one row of a CSV table, by column; parts become columns of their own.
 
@@ -167,6 +168,8 @@ def columns(
         As for `document`.
     components :
         Units of the task's components, for vectors in task axes.
+    units :
+        Units of the joints' torques, for torques by joint, each of which is a column.
     """
     record: Document = {}
     for field in fields:
@@ -177,6 +180,10 @@ def columns(
             record |= zip((_heading(name, field.unit) for name in names), own.values(), strict=True)
         elif field.shape == "m":
             for i, (name, unit) in enumerate(components.items()):
+                heading = _heading(f"{field.key}_{name}", "" if field.unit == "1" else unit)
+                record[heading] = None if value is None else plain(value[i])
+        elif field.shape == "by joint" and units:
+            for i, (name, unit) in enumerate(zip(joints, units, strict=True)):
                 heading = _heading(f"{field.key}_{name}", "" if field.unit == "1" else unit)
                 record[heading] = None if value is None else plain(value[i])
         elif field.shape == "name" and value is not None:

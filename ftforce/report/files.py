@@ -1,4 +1,4 @@
-"""Write results to files: JSON with its conventions, CSV with units."""
+"""Write results to files: JSON with its conventions; CSV, Excel, LaTeX and Markdown with units."""
 
 from __future__ import annotations
 
@@ -23,8 +23,11 @@ from ftforce.report.analysis import analysis_document, analysis_rows
 from ftforce.report.capability import capability_document, capability_rows
 from ftforce.report.census import census_document, census_rows
 from ftforce.report.comparison import comparison_document, comparison_rows
-from ftforce.report.history import history_document
+from ftforce.report.fields import document
+from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
+from ftforce.report.parts import SETTING_COLUMNS
+from ftforce.report.provenance import ORIGIN, POOLED, Provenance
 from ftforce.report.robot import replication_document, replication_rows, robot_document, robot_rows
 from ftforce.report.sweep import sweep_document, sweep_rows
 from ftforce.report.timeline import timeline_document, timeline_rows
@@ -76,6 +79,7 @@ def to_rows(result: object) -> list[Row]:
 to_rows.register(Analysis, analysis_rows)
 to_rows.register(Census, census_rows)
 to_rows.register(Capability, capability_rows)
+to_rows.register(History, history_rows)
 to_rows.register(Timeline, timeline_rows)
 to_rows.register(Robot, robot_rows)
 to_rows.register(Replication, replication_rows)
@@ -84,7 +88,6 @@ to_rows.register(WorkspaceMap, map_rows)
 to_rows.register(Sweep, sweep_rows)
 
 
-@singledispatch
 def to_dict(result: object) -> Document:
     """Return a result or a robot as a dictionary of plain numbers, lists and strings.
 
@@ -100,23 +103,28 @@ def to_dict(result: object) -> Document:
     InputError
         The object is neither a result nor a robot.
     """
+    return _document(result) | {"provenance": document(ORIGIN, Provenance.of(result))}
+
+
+@singledispatch
+def _document(result: object) -> Document:
     raise InputError(f"only a result or a robot can be written, got {type(result).__name__}")
 
 
-to_dict.register(Analysis, analysis_document)
-to_dict.register(Capability, capability_document)
-to_dict.register(Census, census_document)
-to_dict.register(Robot, robot_document)
-to_dict.register(Replication, replication_document)
-to_dict.register(History, history_document)
-to_dict.register(Comparison, comparison_document)
-to_dict.register(Sweep, sweep_document)
-to_dict.register(WorkspaceMap, map_document)
-to_dict.register(Timeline, timeline_document)
+_document.register(Analysis, analysis_document)
+_document.register(Capability, capability_document)
+_document.register(Census, census_document)
+_document.register(Robot, robot_document)
+_document.register(Replication, replication_document)
+_document.register(History, history_document)
+_document.register(Comparison, comparison_document)
+_document.register(Sweep, sweep_document)
+_document.register(WorkspaceMap, map_document)
+_document.register(Timeline, timeline_document)
 
 
-FORMATS = ("json", "csv")
-_HISTORY_FORMATS = ("json", *history_files.FORMATS)
+FORMATS = ("json", "csv", "xlsx", "tex", "md")
+_HISTORY_FORMATS = (*FORMATS, *(form for form in history_files.FORMATS if form not in FORMATS))
 
 
 def save(result: Result, path: str | PathLike[str]) -> Path:
@@ -130,7 +138,8 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
     result :
         A result or a robot.
     path :
-        The file, with extension ``.json`` or ``.csv``; for a history also ``.npz`` or ``.parquet``.
+        The file, with extension ``.json``, ``.csv``, ``.xlsx``, ``.tex`` or ``.md``; for a history
+        also ``.npz`` or ``.parquet``.
 
     Raises
     ------
@@ -155,31 +164,83 @@ def to_content(result: object, form: str) -> str | bytes:
     result :
         A result or a robot.
     form :
-        ``json`` or ``csv``; for a history also ``npz`` or ``parquet``.
+        ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz`` or ``parquet``.
+
+    Raises
+    ------
+    FtforceError
+        What writes this format is not installed.
     """
     if isinstance(result, History) and form in history_files.FORMATS:
         return history_files.history_bytes(result, form)
-    return to_text(result, form)
+    return _workbook(result) if form == "xlsx" else to_text(result, form)
+
+
+def _workbook(result: object) -> bytes:
+    from ftforce.report.spreadsheet import workbook
+
+    name = "robots" if isinstance(result, list) else type(result).__name__.lower()
+    sheets = [(name, _unsigned(to_rows(result)))]
+    if isinstance(result, History):
+        sheets.append(("instants", history_files.rows_of(result)))
+    about = [("what", "value"), *_about(result)]
+    return workbook([*sheets, ("about", about)])
+
+
+def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]]:
+    """Return rows without the columns that say the same of all of them, and what these say."""
+    if len(rows) < 2:
+        return rows, []
+    names = {field.heading for field in SETTING_COLUMNS}
+    same = [
+        j
+        for j, name in enumerate(rows[0])
+        if name in names and all(row[j] == rows[1][j] for row in rows[2:])
+    ]
+    said = [(rows[0][j], str(rows[1][j])) for j in same if rows[1][j] is not None]
+    kept = [tuple(x for j, x in enumerate(row) if j not in same) for row in rows]
+    return kept, [one for one in said if one[0] != "limits"]  # which the provenance names
+
+
+def _about(result: object) -> list[tuple[str, str]]:
+    """Return where a result comes from, as names and texts; what is unknown is left out."""
+    said = document(POOLED, Provenance.of(result))
+    return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
 
 
 def to_text(result: object, form: str) -> str:
-    """Return a result as a JSON document or a CSV table.
+    """Return a result as a JSON document, or as a table in CSV, LaTeX or Markdown.
 
     Parameters
     ----------
     result :
         A result or a robot; for JSON also a list of them.
     form :
-        ``json`` or ``csv``.
+        ``json``, ``csv``, ``tex`` or ``md``.
     """
+    if form in {"tex", "md"}:
+        from ftforce.report.text_tables import to_latex, to_markdown
+
+        write = to_latex if form == "tex" else to_markdown
+        rows, settings = _without_settings(_unsigned(to_rows(result)))
+        return write(rows, [*_about(result), *settings])
     if form == "csv":
-        text = io.StringIO()
-        rows = ([as_cell(cell) for cell in row] for row in _unsigned(to_rows(result)))
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        return text.getvalue()
-    document = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)
-    content = json.dumps(_unsigned(document), indent=2, ensure_ascii=False, allow_nan=False)
+        return _csv(result)
+    found = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)
+    content = json.dumps(_unsigned(found), indent=2, ensure_ascii=False, allow_nan=False)
     return "\n".join(map(_escaped, content.split("\n"))) + "\n"
+
+
+def _csv(result: object) -> str:
+    """Return the rows of a result, each followed by the columns by which files can be pooled."""
+    header, *rows = _unsigned(to_rows(result)) or [()]
+    about = document(POOLED, Provenance.of(result))
+    pooled = {name: as_cell(text) for name, text in about.items() if name not in header}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*header, *pooled])
+    writer.writerows([*map(as_cell, row), *pooled.values()] for row in rows)
+    return text.getvalue()
 
 
 def as_cell(value: Any) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ftforce.core.verdict import VERDICTS, Verdict
 from ftforce.report import parts
-from ftforce.report.fields import Document, Field, document, whole
+from ftforce.report.fields import Document, Field, Row, columns, document, rows_of, whole
 from ftforce.report.measures import MARGIN
 from ftforce.report.text import amounts, joined, number, percent, ratio
 from ftforce.trajectory.warnings import ON_PATH, ORIENTED, length_in_words, unsupported
@@ -277,6 +277,14 @@ HISTORY = (
     replace(parts.WARNINGS, get="setting.warnings"),
 )
 # fmt: on
+
+
+def history_rows(history: History) -> list[Row]:
+    """Return a summary of a history as table rows, one per run, with its peaks."""
+    joints = [joint.name for joint in history.setting.joints]
+    units = [joint.torque_unit for joint in history.setting.joints]
+    cases = ((name, _Case(history, run)) for name, run in history.runs.items())
+    return rows_of({"run": name} | columns(_RUN, case, joints, units=units) for name, case in cases)
 
 
 def history_document(history: History) -> Document:

@@ -347,6 +347,19 @@ def _from_table(setting: Setting, names: list[str], table: dict[str, Any]) -> Hi
     return _history(setting, t.copy(), np.stack(path, axis=1), runs)
 
 
+def rows_of(history: History) -> list[tuple[Any, ...]]:
+    """Return all instants of all runs as table rows, header first; NaN becomes an empty cell.
+
+    Parameters
+    ----------
+    history :
+        The history.
+    """
+    table = _table(history)
+    cells = (map(_cell, column.tolist()) for column in table.values())
+    return [tuple(table), *zip(*cells, strict=True)]
+
+
 def _csv_bytes(history: History) -> bytes:
     table = _table(history)
     found, about = io.BytesIO(), chain([_about(history)], repeat(""))

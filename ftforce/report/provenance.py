@@ -1,0 +1,128 @@
+"""Where a result comes from: version, command, the robot's file, and what rows are pooled by."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ftforce.__version__ import __version__
+from ftforce.errors import printable
+from ftforce.report.fields import Field
+from ftforce.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from ftforce.analysis.question import Question
+
+
+class Provenance(NamedTuple):
+    """Where a result comes from.
+
+    Attributes
+    ----------
+    version :
+        Version of ftforce that wrote the file.
+    command :
+        The command line as it was typed; ``None`` in Python.
+    robot :
+        Name of the robot; ``None`` if there are several.
+    robot_sha256 :
+        SHA-256 of the robot's file as it is when the result is written; ``None`` without one.
+    posture :
+        The posture, or the postures, in words; ``None`` if there are none.
+    limits :
+        Source of the torque limits in force, or ``none``.
+    """
+
+    version: str
+    command: str | None
+    robot: str | None
+    robot_sha256: str | None
+    posture: str | None
+    limits: str
+
+    @classmethod
+    def of(cls, result: Any) -> Provenance:
+        """Return the provenance of a result, of a robot, or of a list of robots.
+
+        Parameters
+        ----------
+        result :
+            The result.
+        """
+        robot, posture, limits = _subject(result)
+        return cls(__version__, _command(), *_file_of(robot), posture, limits)
+
+
+# fmt: off
+ORIGIN = (
+    Field("version", "version of ftforce that wrote the file"),
+    Field("command", "the command line; `null` in Python"),
+    Field("robot_sha256", "SHA-256 of the robot's file; `null` without a file, for several robots "
+        "and for stored results"),
+)
+"""Keys of ``provenance`` in JSON."""
+POOLED = (
+    Field("robot", "name of the robot"),
+    Field("posture", "the positions along the chain, or a description of many postures"),
+    Field("limits", "source of the torque limits in force, or `none`"),
+    *ORIGIN,
+)
+"""Columns by which rows of several files can be pooled."""
+# fmt: on
+
+
+def _command() -> str | None:
+    """Return the command line; ``None`` if this is another program, which uses ftforce."""
+    program = Path(sys.argv[0] if sys.argv else "")
+    is_module = program.name == "__main__.py" and program.parent.name == "ftforce"
+    if not (is_module or program.stem == "ftforce"):
+        return None
+    return printable(shlex.join(["ftforce", *sys.argv[1:]]))
+
+
+def _subject(result: Any) -> tuple[Any, str | None, str]:
+    """Return the robot of a result, or its name, its posture or postures, and its limits."""
+    if isinstance(result, Robot):
+        return result, None, "none"
+    if hasattr(result, "arms"):  # a comparison, whose rows name the robots
+        setting = result.question
+        return (
+            None,
+            f"{setting.count} postures within the limits of each arm",
+            _named(setting.limits),
+        )
+    result = getattr(result, "sweep", result)  # of a map
+    if (setting := getattr(result, "setting", None)) is not None:
+        return (
+            setting.robot,
+            getattr(setting, "postures", None) or setting.course,
+            _named(setting.limits),
+        )
+    result = getattr(result, "analysis", result)  # of a capability
+    question: Question | None = getattr(result, "question", None)
+    if question is None:  # the paper's numbers, a list
+        return None, None, "none"
+    limits = _named(question.limits.source if question.limits else None)
+    if question.posture is None or hasattr(result, "course"):
+        return question.robot, result.course, limits
+    return question.robot, " ".join(map(repr, question.q.tolist())), limits
+
+
+def _named(limits: str | None) -> str:
+    return printable(limits) if limits else "none"
+
+
+def _file_of(robot: Robot | str | None) -> tuple[str | None, str | None]:
+    """Return the name of a robot, and the SHA-256 of its file."""
+    if not isinstance(robot, Robot):
+        return robot, None
+    if not robot.path:
+        return robot.name, None
+    from hashlib import sha256  # needed only when a file is written
+
+    try:
+        return robot.name, sha256(Path(robot.path).read_bytes()).hexdigest()
+    except OSError:  # moved since it was loaded
+        return robot.name, None
