@@ -448,7 +448,15 @@ def test_an_analysis_holds_its_capability(capability):
     assert json_of(analysis)["capability"] == whole["capability"]
     document = json_of(analysis)
     keys = ["robot", "conventions", "posture", "locked", "modes", "weak_factors"]
-    assert list(whole) == [*keys, "limits", "capability", "polytope", "summary", "warnings"]
+    assert list(whole) == [
+        *keys,
+        "limits",
+        "capability",
+        "polytope",
+        "summary",
+        "warnings",
+        "provenance",
+    ]
     assert all(whole[key] == document[key] for key in (*keys, "warnings"))
     counted = ("source", "effort", "brake", "unknown")
     assert whole["limits"] == {key: document["limits"][key] for key in counted}

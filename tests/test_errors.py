@@ -76,7 +76,7 @@ def test_every_message_about_a_file_is_one_line(tmp_path, urdf, srdf, options):
 
 def test_an_output_with_a_line_break_in_its_name(tmp_path):
     arm_ = ftforce.load_robot("dh5")
-    with pytest.raises(InputError, match=r"a\\nb\.txt: the name must end in \.json or \.csv"):
+    with pytest.raises(InputError, match=r"a\\nb\.txt: the name must end in \.json, \.csv"):
         ftforce.save(ftforce.analyze(arm_), "a\nb.txt")
     with pytest.raises(OutputError, match=r"/a\\nb/c\.json: cannot be written") as caught:
         ftforce.save(ftforce.analyze(arm_), tmp_path / "a\nb" / "c.json")

@@ -193,7 +193,7 @@ def test_json_is_a_summary(tmp_path, history):
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.npy", "run.h5"])
 def test_other_endings_are_refused(tmp_path, history, name):
-    with pytest.raises(InputError, match=r"\.json, \.csv, \.npz or \.parquet"):
+    with pytest.raises(InputError, match=r"\.json, \.csv, \.xlsx, \.tex, \.md, \.npz or \.parquet"):
         ftforce.save(history, tmp_path / name)
     with pytest.raises(InputError, match=r"\.csv, \.npz or \.parquet"):
         ftforce.load_history(tmp_path / name)
@@ -202,7 +202,7 @@ def test_other_endings_are_refused(tmp_path, history, name):
 
 def test_an_analysis_is_no_history(tmp_path):
     result = ftforce.analyze(ftforce.load_robot("dh5"), locked=[3])
-    with pytest.raises(InputError, match=r"must end in \.json or \.csv"):
+    with pytest.raises(InputError, match=r"must end in \.json, \.csv, \.xlsx, \.tex or \.md"):
         ftforce.save(result, tmp_path / "run.npz")
 
 

@@ -19,9 +19,12 @@ from ftforce.robot.load import load_robot
 from ftforce.robot.posture import choose_posture
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
 
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
 _FORCE = (80.0, 50.0, 10.0)  # N, section IV
@@ -91,11 +94,12 @@ _UNIT_ERRATUM = "section IV: the printed numbers are in m/s, not cm/s"
 
 
 class Outcome(StrEnum):
-    """Outcome of comparing a printed number."""
+    """Outcome of comparing a printed number; another arm has none, its numbers are computed."""
 
     PASS = "pass"
     ERRATUM = "erratum"
     FAIL = "fail"
+    COMPUTED = "computed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,7 @@ class Check:
     table, row, column :
         Position in the paper.
     printed :
-        The number as printed.
+        The number as printed; empty for another arm.
     computed :
         Value from the paper's stated formula and unit.
     erratum, explained :
@@ -130,6 +134,8 @@ class Check:
     @property
     def outcome(self) -> Outcome:
         """Pass if all printed digits agree; erratum only if the explanation reproduces them."""
+        if not self.printed:
+            return Outcome.COMPUTED
         if self._agrees(self.computed):
             return Outcome.PASS
         return Outcome.ERRATUM if self._agrees(self.explained) else Outcome.FAIL
@@ -141,15 +147,23 @@ class Check:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Replication(Displayed):
-    """Comparison of all numbers of the paper's case study.
+    """Comparison of all numbers of the paper's case study, or the same tables of another arm.
 
     Attributes
     ----------
     checks :
         The comparisons, in the order of the paper.
+    healthy :
+        Analysis of the healthy arm: robot, posture, force and velocity.
     """
 
     checks: tuple[Check, ...]
+    healthy: Analysis
+
+    @property
+    def is_of_another_arm(self) -> bool:
+        """Whether nothing is printed with which the numbers could be compared."""
+        return not any(check.printed for check in self.checks)
 
     @property
     def is_successful(self) -> bool:
@@ -181,14 +195,78 @@ def replicate(robot: Robot | None = None) -> Replication:
     def with_locked(locked: Sequence[int]) -> Analysis:
         return analyze(arm, place, locked=locked, force=_FORCE, velocity=_VELOCITY)
 
+    table_2 = (PRINTED_TORQUE, _PRINTED_FORCE_SHARE, _PRINTED_VELOCITY_SHARE)
+    return _tables(with_locked, _PRINTED_J, _PRINTED_J_1, table_2, _PRINTED_SETS)
+
+
+def paper_tables(
+    robot: Robot,
+    q: ArrayLike | Posture | None = None,
+    *,
+    force: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    posture: str | None = None,
+) -> Replication:
+    """Compute the tables of the paper's case study for another arm.
+
+    Table 3 has every other joint locked alone; eq. (42) and Tables 4 and 5 have the fault sets of
+    the paper, as far as the arm has the joints.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    q, posture :
+        As in `ftforce.analyze`.
+    force :
+        Force the tool exerts, N, in tool axes, shape (3,); by default the paper's.
+    velocity :
+        Joint velocities, rad/s or m/s, shape (n,); by default the paper's if the arm has as many
+        joints, else 0.1 each.
+
+    Raises
+    ------
+    InputError
+        An argument is invalid, or even the healthy arm cannot exert the force.
+    """
+    place = choose_posture(robot, q, posture)
+    n, usual = robot.n, _VELOCITY if robot.n == len(_VELOCITY) else (0.1,) * robot.n
+    F, v = _FORCE if force is None else force, usual if velocity is None else velocity
+
+    def with_locked(locked: Sequence[int]) -> Analysis:
+        return analyze(robot, place, locked=locked, force=F, velocity=v)
+
+    sets = {
+        table: tuple((joints, ("",) * n, "") for joints in sorted(among) if max(joints) <= n)
+        for table, among in (_sets_of(table, n) for table in _PRINTED_SETS)
+    }
+    blank = ("",) * n
+    return _tables(with_locked, (blank,) * 3, (blank[1:],) * 3, (blank,) * 3, sets)
+
+
+def _sets_of(table: str, n: int) -> tuple[str, list[tuple[int, ...]]]:
+    """Return the locked joints of a table; Table 3 has those of the arm."""
+    if table == "Table 3":
+        return table, [(joint,) for joint in range(2, n + 1)]
+    return table, [joints for joints, _, _ in _PRINTED_SETS[table]]
+
+
+def _tables(
+    with_locked: Callable[[Sequence[int]], Analysis],
+    J: Sequence[Sequence[str]],
+    J_1: Sequence[Sequence[str]],
+    table_2: Sequence[Sequence[str]],
+    sets: Mapping[str, Sequence[tuple[tuple[int, ...], tuple[str, ...], str]]],
+) -> Replication:
+    """Return the comparisons with printed numbers, which are empty for another arm."""
     healthy = with_locked(())
-    checks = [*_jacobian("J, eq. (34)", _PRINTED_J, healthy.J)]
-    checks += [*_table_2(healthy), *_tip_velocity(healthy)]
+    checks = [*_jacobian("J, eq. (34)", J, healthy.J)]
+    checks += [*_table_2(healthy, table_2), *_tip_velocity(healthy, bool(J[0][0]))]
     reduced = with_locked((1,)).reduced.K
-    checks += _jacobian("¹J, eq. (35)", _PRINTED_J_1, reduced[:, 1:], first=2)
-    for table, columns in _PRINTED_SETS.items():
+    checks += _jacobian("¹J, eq. (35)", J_1, reduced[:, 1:], first=2)
+    for table, columns in sets.items():
         checks += _remaps(table, columns, with_locked)
-    return Replication(tuple(checks))
+    return Replication(tuple(checks), healthy)
 
 
 def _jacobian(
@@ -199,7 +277,7 @@ def _jacobian(
             yield Check(table, axis, f"joint {joint}", text, value)
 
 
-def _table_2(healthy: Analysis) -> Iterator[Check]:
+def _table_2(healthy: Analysis, printed: Sequence[Sequence[str]]) -> Iterator[Check]:
     torque, force = healthy.torque, healthy.force
     if torque is None or force is None:
         return
@@ -208,13 +286,13 @@ def _table_2(healthy: Analysis) -> Iterator[Check]:
     with np.errstate(divide="ignore"):  # another arm may be singular; no erratum applies then
         as_printed = np.abs(torque.before) / (sigma_min * size)  # ‖(Jᵀ)†‖₂ = 1/σ_min
     columns: tuple[tuple[str, Sequence[str], Vector | None], ...] = (
-        ("torque", PRINTED_TORQUE, torque.before),
-        ("share of force", _PRINTED_FORCE_SHARE, healthy.force_contributions),
-        ("share of velocity", _PRINTED_VELOCITY_SHARE, healthy.velocity_contributions),
+        ("torque", printed[0], torque.before),
+        ("share of force", printed[1], healthy.force_contributions),
+        ("share of velocity", printed[2], healthy.velocity_contributions),
     )
-    for column, printed, computed in columns:
+    for column, texts, computed in columns:
         is_share = column == "share of force"
-        for i, text in enumerate(printed):
+        for i, text in enumerate(texts):
             yield Check(
                 "Table 2",
                 f"joint {i + 1}",
@@ -226,12 +304,15 @@ def _table_2(healthy: Analysis) -> Iterator[Check]:
             )
 
 
-def _tip_velocity(healthy: Analysis) -> Iterator[Check]:
+def _tip_velocity(healthy: Analysis, is_printed: bool) -> Iterator[Check]:
     if healthy.velocity is None:
         return
-    for axis, text, v in zip(
-        _AXES, _PRINTED_TIP_VELOCITY, healthy.velocity.tip_before.tolist(), strict=True
-    ):
+    velocity = healthy.velocity.tip_before.tolist()
+    if not is_printed:
+        for axis, v in zip(_AXES, velocity, strict=True):
+            yield Check("Ẋ, section IV", axis, "m/s", "", v)
+        return
+    for axis, text, v in zip(_AXES, _PRINTED_TIP_VELOCITY, velocity, strict=True):
         yield Check("Ẋ, section IV", axis, "cm/s", text, 100.0 * v, _UNIT_ERRATUM, v)
 
 

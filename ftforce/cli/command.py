@@ -14,7 +14,7 @@ PANELS = {
     "Trajectory": "start to speed keep_orientation rate max_gap smooth static",
     "Force and motion": "force torque inverse direction velocity acceleration",
     "Weight, limits and friction": "gravity mounted payload limits friction",
-    "Task and chain": "task length joint_length axes base tip srdf args package_path",
+    "Task and chain": "robot task length joint_length axes base tip srdf args package_path",
     "Tolerances": "rtol wary",
     "Workspace": "cell plane at solid enough",
     "Page": "history sweep host port no_browser export screenshot",

@@ -349,9 +349,9 @@ class WeightOptions(Group):
     mounted: Annotated[
         str | None,
         typer.Option(
-            metavar="floor|wall|ceiling|ROLL,PITCH",
-            help="Instead of gravity: how the root is mounted, in words or degrees; on a wall its "
-            "x axis points down.",
+            metavar="SIDE|ROLL,PITCH",
+            help="Instead of gravity: floor, ceiling, wall (the root's x axis points down), or "
+            "roll and pitch of the root in degrees.",
         ),
     ] = None
     payload: Annotated[

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ftforce.__version__ import __version__
+from ftforce.analysis.paper import Replication
 from ftforce.errors import printable
 from ftforce.report.fields import Field
 from ftforce.robot.robot import Robot
@@ -100,9 +101,11 @@ def _subject(result: Any) -> tuple[Any, str | None, str]:
             getattr(setting, "postures", None) or setting.course,
             _named(setting.limits),
         )
+    if isinstance(result, Replication):
+        result = result.healthy
     result = getattr(result, "analysis", result)  # of a capability
     question: Question | None = getattr(result, "question", None)
-    if question is None:  # the paper's numbers, a list
+    if question is None:  # a list
         return None, None, "none"
     limits = _named(question.limits.source if question.limits else None)
     if question.posture is None or hasattr(result, "course"):

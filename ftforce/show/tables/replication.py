@@ -10,7 +10,8 @@ from rich.text import Text
 from ftforce.analysis.paper import ERRATA, Check, Outcome, Replication
 from ftforce.report.robot import replication_sentence
 from ftforce.report.text import number
-from ftforce.show.tables.parts import TitledTable, spaced, table
+from ftforce.show.tables.analysis import force_fact, task_facts
+from ftforce.show.tables.parts import TitledTable, arm_facts, facts, spaced, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -27,14 +28,31 @@ _MARK = {Outcome.PASS: ("✓", "green"), Outcome.ERRATUM: ("e", "yellow"), Outco
 def replication_view(result: Replication) -> RenderableType:
     """Return the paper's tables, with printed value, computed value and outcome of each number."""
     names = dict.fromkeys(check.table for check in result.checks)
+    tables = (_table(name, [c for c in result.checks if c.table == name]) for name in names)
+    if result.is_of_another_arm:
+        return spaced(facts(_asked(result)), *tables)
     legend = "Each cell: printed, computed, and ✓ pass, e explained by an erratum, ✗ fail."
     return spaced(
         Text(legend, style="dim"),
-        *(_table(name, [c for c in result.checks if c.table == name]) for name in names),
+        *tables,
         _explanations(result),
         _errata(),
         _summary(result),
     )
+
+
+def _asked(result: Replication) -> list[tuple[str, str]]:
+    """Return the arm, its posture, and the force and velocity for which the tables are."""
+    healthy = result.healthy
+    velocity = healthy.question.conditions.velocity
+    assert velocity is not None
+    return [
+        *arm_facts(healthy.robot.name, healthy.robot),
+        *task_facts(healthy.task),
+        ("Posture", healthy.posture.source),
+        force_fact(healthy.task, healthy.question.force),
+        ("Velocity", ", ".join(f"{v:g}" for v in velocity.tolist()) + " rad/s (m/s of a slide)"),
+    ]
 
 
 def _table(name: str, checks: list[Check]) -> TitledTable:
@@ -42,6 +60,8 @@ def _table(name: str, checks: list[Check]) -> TitledTable:
     rows = dict.fromkeys(check.row for check in checks)
     cells = {(check.row, check.column): _cell(check) for check in checks}
     unit = _UNITS.get(name, " (torques in N·m, force jump in N)")
+    if "m/s" in columns:  # of another arm
+        unit = ""
     result = table(name + unit, "", *columns)
     for row in rows:
         result.add_row(row, *(cells[row, column] for column in columns))
@@ -49,6 +69,8 @@ def _table(name: str, checks: list[Check]) -> TitledTable:
 
 
 def _cell(check: Check) -> Text:
+    if check.outcome is Outcome.COMPUTED:
+        return Text(number(check.computed))
     mark, style = _MARK[check.outcome]
     text = Text(f"{check.printed} {number(check.computed, check.decimals)} ")
     return text.append(mark, style=style)

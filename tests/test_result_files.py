@@ -1,0 +1,234 @@
+"""Excel, LaTeX and Markdown files, and where every file says that it comes from."""
+
+import csv
+import hashlib
+import io
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from pylatexenc.latexwalker import LatexWalker
+
+import ftforce
+from ftforce.errors import InputError
+from ftforce.report import spreadsheet
+from ftforce.report.files import to_content, to_dict, to_rows, to_text
+from ftforce.report.text_tables import to_latex, to_markdown
+from urdfs import write
+
+NASTY = ["=1+1", "@x", "a_b&c%d#e$f^g~h{i}j\\k", "|pipe|`<b>", "é ü 漢", "+1", "'"]
+
+
+@pytest.fixture(scope="module")
+def dh5():
+    return ftforce.load_robot("dh5")
+
+
+@pytest.fixture(scope="module")
+def results(dh5):
+    census = ftforce.census(dh5, force=[80, 50, 10], faults=2)
+    path = ftforce.trajectory.path.Path.through([(0.9, 0.3, 0.2), (0.88, 0.31, 0.21)], speed=0.2)
+    run = ftforce.simulate(dh5, path, force=[8, 5, 1], faults="3@0.05", rate=50)
+    return {
+        "robot": dh5,
+        "analysis": ftforce.analyze(dh5, locked=[2], force=[80, 50, 10], limits="urdf"),
+        "capability": ftforce.capability(dh5, locked=[3]),
+        "census": census,
+        "timeline": ftforce.timeline(dh5, path, force=[8, 5, 1], rate=20),
+        "history": run,
+        "sweep": ftforce.sweep(dh5, n=64, force=[8, 5, 1]),
+        "comparison": ftforce.compare([dh5, "panda"], n=64),
+        "replication": ftforce.analysis.paper.replicate(dh5),
+    }
+
+
+NAMES = ("robot", "analysis", "capability", "census", "timeline", "history", "sweep", "comparison",
+         "replication")  # fmt: skip
+
+
+def sheets_of(content):
+    book = openpyxl.load_workbook(io.BytesIO(content))
+    return {sheet.title: [list(row) for row in sheet.values] for sheet in book}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_workbook_holds_the_rows_as_numbers_and_texts(results, name):
+    result = results[name]
+    content = to_content(result, "xlsx")
+    first, *others = sheets_of(content).items()
+    title, rows = first
+    assert title == type(result).__name__.lower()
+    expected = to_rows(result)
+    assert len(rows) == len(expected)
+    for row, wanted in zip(rows, expected, strict=True):
+        for cell, value in zip(row, wanted, strict=True):
+            assert cell == (None if value in {None, ""} else value) or cell == pytest.approx(value)
+            assert isinstance(cell, (int, float)) == isinstance(value, (int, float))
+    about = dict(others[-1][1][1:])
+    assert others[-1][0] == "about"
+    assert about["version"] == ftforce.__version__
+    assert content == to_content(result, "xlsx")  # the same bytes
+
+
+def test_a_workbook_of_a_history_holds_every_instant(results):
+    run = results["history"]
+    rows = sheets_of(to_content(run, "xlsx"))["instants"]
+    assert len(rows) == 1 + len(run.t) * len(run.runs)
+    i = rows[0].index("q_joint2 [rad]")
+    healthy = [row[i] for row in rows[1:] if row[0] == "healthy"]
+    assert healthy == run.healthy.q[:, 1].tolist()
+
+
+def test_no_cell_is_a_formula_and_no_text_a_number(tmp_path):
+    rows = [("name", "value"), *((name, 1.5) for name in NASTY), ("12", np.nan), ("x", True)]
+    content = spreadsheet.workbook([("names", [tuple(row) for row in rows])])
+    (sheet,) = openpyxl.load_workbook(io.BytesIO(content)).worksheets
+    for row, (name, _) in zip(sheet.iter_rows(min_row=2), rows[1:], strict=True):
+        assert (row[0].data_type, row[0].value) == ("s", name)
+    assert [sheet["B9"].value, sheet["B10"].value] == [None, True]
+
+
+def test_a_sheet_that_excel_cannot_read_is_refused(monkeypatch):
+    monkeypatch.setattr(spreadsheet, "MAX_ROWS", 2)
+    with pytest.raises(InputError, match=r"'x' would have 3 rows and 1 columns.* write \.csv"):
+        spreadsheet.workbook([("x", [("a",), (1,), (2,)])])
+
+
+def test_the_date_of_a_workbook_is_that_of_the_source(monkeypatch):
+    rows = [("x", [("a",), (1,)])]
+    plain = spreadsheet.workbook(rows)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    dated = spreadsheet.workbook(rows)
+    assert openpyxl.load_workbook(io.BytesIO(dated)).properties.created.year == 2023
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    assert spreadsheet.workbook(rows) == plain
+
+
+def test_without_xlsxwriter_the_command_is_named(monkeypatch, results):
+    monkeypatch.setitem(sys.modules, "xlsxwriter", None)
+    with pytest.raises(ftforce.FtforceError, match=r"pip install 'ftforce\[report\]'"):
+        to_content(results["census"], "xlsx")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_latex_table_is_well_formed(results, name, tmp_path):
+    """It compiles where there is a LaTeX; else a parser reads it without an error."""
+    text = to_text(results[name], "tex")
+    nodes, _, _ = LatexWalker(text, tolerant_parsing=False).get_latex_nodes()
+    (environment,) = [one for one in nodes if getattr(one, "environmentname", "") == "longtable"]
+    columns = text.split("\\begin{longtable}{")[1].split("}")[0]
+    body = environment.latex_verbatim().split("\\toprule")[1]
+    for line in body.replace("\\&", "").splitlines():
+        if line.endswith("\\\\"):
+            assert line.count(" & ") == len(columns) - 1
+    if compiler := shutil.which("pdflatex"):
+        head = "\\documentclass{article}\\usepackage[T1]{fontenc}"
+        used = "\\usepackage{booktabs,siunitx,textcomp,longtable}"
+        page = tmp_path / "page.tex"
+        page.write_text(f"{head}{used}\\begin{{document}}{text}\\end{{document}}", "utf-8")
+        command = [compiler, "-interaction=nonstopmode", "-halt-on-error", page.name]
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_latex_has_units_of_siunitx_and_escapes_texts():
+    rows = [("joint", "torque [N·m]", "x [furlong_1]"), *((name, 1.23456, None) for name in NASTY)]
+    text = to_latex(rows, [("robot", "100 % _x")])
+    assert text.startswith("% robot: 100 % _x\n")
+    assert "{torque / \\unit{\\newton\\metre}}" in text
+    assert "furlong" not in text  # a column without a value
+    assert "{a\\_b\\&c\\%d\\#e\\$f\\textasciicircum{}g\\textasciitilde{}h\\{i\\}j" in text
+    assert "& 1.235 \\\\" in text
+    LatexWalker(text, tolerant_parsing=False).get_latex_nodes()
+
+
+def test_markdown_is_a_table_of_pipes():
+    rows = [("joint", "torque [N·m]"), *((name, 1.23456) for name in NASTY)]
+    head, rule, *body = to_markdown(rows, [("robot", "a|b")]).splitlines()
+    assert head == "| joint | torque \\[N·m\\] |"
+    assert rule == "| --- | ---: |"
+    assert body[0] == "| =1+1 | 1.235 |"
+    assert body[3] == "| \\|pipe\\|\\`&lt;b&gt; | 1.235 |"
+    assert body[-1] == "robot a\\|b"
+
+
+def test_the_table_of_a_census_leaves_the_settings_to_the_line_below(results):
+    text = to_text(results["census"], "md")
+    head, *_, last = text.splitlines()
+    assert "rtol" not in head
+    assert "rtol 1e-06" in last
+    assert "limits none" in last
+    assert last.count("limits") == 1
+
+
+# ---- provenance ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_of_all_results_can_be_pooled(results, name):
+    if name == "history":
+        return  # its CSV is read back, and holds its setting
+    rows = list(csv.DictReader(io.StringIO(to_text(results[name], "csv"))))
+    for row in rows:
+        assert row["version"] == ftforce.__version__
+        assert row["limits"] in {"none", "urdf"}
+        assert (row["robot"] or row.get("arm")) in {"dh5", "panda"}
+        assert {"posture", "command", "robot_sha256"} <= set(row)
+    assert len({row["posture"] for row in rows}) == 1
+
+
+def test_the_posture_of_pooled_rows_has_all_digits(results):
+    (row, *_) = csv.DictReader(io.StringIO(to_text(results["census"], "csv")))
+    assert [float(q) for q in row["posture"].split()] == results["census"].posture.q.tolist()
+
+
+def test_the_file_of_the_robot_is_told_by_its_digest(results, tmp_path):
+    digest = hashlib.sha256(Path(results["robot"].path).read_bytes()).hexdigest()
+    for name in ("robot", "analysis", "capability", "census", "timeline", "replication"):
+        assert to_dict(results[name])["provenance"]["robot_sha256"] == digest
+    assert to_dict(results["sweep"])["provenance"]["robot_sha256"] is None
+    gone = ftforce.load_robot(write(tmp_path, Path(results["robot"].path).read_text("utf-8")))
+    Path(gone.path).unlink()
+    assert to_dict(gone)["provenance"]["robot_sha256"] is None
+    assert to_dict(replace(gone, path=""))["provenance"]["robot_sha256"] is None
+
+
+@pytest.mark.parametrize("program", ["/usr/bin/ftforce", "/x/ftforce/__main__.py"])
+def test_the_command_is_told_as_it_was_typed(results, monkeypatch, program):
+    assert to_dict(results["census"])["provenance"]["command"] is None
+    monkeypatch.setattr(sys, "argv", [program, "census", "my arm.urdf", "--force", "1,2,3"])
+    command = "ftforce census 'my arm.urdf' --force 1,2,3"
+    assert to_dict(results["census"])["provenance"]["command"] == command
+
+
+# ---- torques to command ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])
+def test_a_census_holds_the_torques_to_command(dh5, mode):
+    """Per fault set, those of an analysis of the same set; in JSON and CSV."""
+    asked = {"force": [8, 5, 1], "payload": 0.5, "limits": "urdf"}
+    census = ftforce.census(dh5, faults=2, mode=mode, **asked)
+    sets = to_dict(census)["sets"]
+    rows = list(csv.DictReader(io.StringIO(to_text(census, "csv"))))
+    for report, one, row in zip(census.sets, sets, rows, strict=False):
+        alone = ftforce.analyze(dh5, **{mode: [j + 1 for j in report.faults.joints]}, **asked)
+        expected = alone.torque.total_after
+        if expected is None:
+            assert one["torque"] is None
+            continue
+        np.testing.assert_allclose(list(one["torque"].values()), expected, atol=1e-9)
+        cells = [row[f"torque_{name} [N·m]"] for name in dh5.names]
+        np.testing.assert_allclose([float(x) for x in cells], expected, atol=1e-9)
+    assert any(one["torque"] is not None for one in sets)
+
+
+def test_without_a_force_there_is_nothing_to_command(dh5):
+    census = ftforce.census(dh5)
+    assert {one["torque"] for one in to_dict(census)["sets"]} == {None}
+    json.loads(to_text(census, "json"))
