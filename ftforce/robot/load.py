@@ -199,8 +199,10 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
                 upper=upper,
                 effort=_largest(corrected.get(joint.name, joint.effort)),
                 velocity=_largest(joint.velocity),
-                friction=_largest(joint.friction),
+                friction=_of_followers(chain, joint, "friction", 1),
                 followers=tuple(f.name for f in chain.followers[joint.name]),
+                damping=_of_followers(chain, joint, "damping", 2),
+                armature=_of_followers(chain, joint, "armature", 2),
             )
         )
     return tuple(joints)
@@ -217,6 +219,18 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
 def _largest(limit: float | None) -> float | None:
     """Return an effort, velocity or friction, or ``None`` if it is unknown."""
     return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
+
+
+def _of_followers(chain: Chain, leader: UrdfJoint, name: str, power: int) -> float | None:
+    """Return the friction, damping or armature of a joint and its followers as the leader feels it.
+
+    That is ``Σ |multiplier|ᵖ value``: by virtual work, p is 1 for friction and 2 for the others.
+    """
+    joints = chain.tree.joints
+    found = [(1.0, leader), *((f.multiplier, joints[f.name]) for f in chain.followers[leader.name])]
+    known = [(abs(by) ** power, _largest(getattr(joint, name))) for by, joint in found]
+    values = [by * value for by, value in known if value is not None]
+    return _largest(sum(values)) if values else None
 
 
 def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:

@@ -69,6 +69,10 @@ class Joint(JointUnits):
         Static friction in N·m (N if prismatic); ``None`` if unknown.
     followers :
         Names of the mimic joints that follow it.
+    damping :
+        Viscous friction in N·m·s/rad (N·s/m if prismatic); ``None`` if unknown.
+    armature :
+        Rotor inertia reflected to the joint in kg·m² (kg if prismatic); ``None`` if unknown.
     """
 
     number: int
@@ -80,6 +84,8 @@ class Joint(JointUnits):
     velocity: float | None
     friction: float | None
     followers: tuple[str, ...] = ()
+    damping: float | None = None
+    armature: float | None = None
 
 
 class Implausible(NamedTuple):
@@ -242,14 +248,22 @@ class Robot(Displayed):
     @cached_property
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
-        known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)
-        return read_only(np.array(list(known)))
+        return _known(joint.effort for joint in self.joints)
 
     @cached_property
     def friction(self) -> Vector:
-        """Static friction of the joints (N·m, N), NaN where unknown, shape (n,)."""
-        known = (math.nan if joint.friction is None else joint.friction for joint in self.joints)
-        return read_only(np.array(list(known)))
+        """Static (Coulomb) friction of the joints (N·m, N), NaN where unknown, shape (n,)."""
+        return _known(joint.friction for joint in self.joints)
+
+    @cached_property
+    def damping(self) -> Vector:
+        """Viscous friction of the joints (N·m·s/rad, N·s/m), NaN where unknown, shape (n,)."""
+        return _known(joint.damping for joint in self.joints)
+
+    @cached_property
+    def armature(self) -> Vector:
+        """Rotor inertias reflected to the joints (kg·m², kg), NaN where unknown, shape (n,)."""
+        return _known(joint.armature for joint in self.joints)
 
     @property
     def data(self) -> pin.Data:
@@ -401,6 +415,11 @@ class Robot(Displayed):
         """Restore the state, with no per-thread data."""
         views = {k: MappingProxyType(v) if isinstance(v, dict) else v for k, v in state.items()}
         self.__dict__.update(views, _per_thread=threading.local())
+
+
+def _known(values: Iterable[float | None]) -> Vector:
+    """Return one value per joint, NaN where it is unknown."""
+    return read_only(np.array([math.nan if value is None else value for value in values]))
 
 
 def _as_number(word: str) -> int | None:

@@ -67,6 +67,8 @@ class UrdfJoint(NamedTuple):
     """One joint as given in the URDF (rad, m, N·m or N; ``None`` where not given).
 
     Limits are as written, which may be infinite or negative; `ftforce.load_robot` interprets them.
+    So are Coulomb friction (N·m or N), viscous damping (N·m·s/rad or N·s/m) and armature, the rotor
+    inertia reflected to the joint (kg·m² or kg).
     """
 
     name: str
@@ -82,6 +84,8 @@ class UrdfJoint(NamedTuple):
     velocity: float | None
     friction: float | None
     mimic: Mimic | None
+    damping: float | None = None
+    armature: float | None = None
 
 
 class UrdfLink(NamedTuple):

@@ -98,10 +98,12 @@ def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()
     for kind, count in (("links", len(elements)), ("joints", len(moved))):
         if count > MAX_LINKS:
             raise reader.error(f"contains {count} {kind}; at most {MAX_LINKS} are supported")
+    reader.actuators(root.findall("transmission"))
     links = reader.unique([reader.link(e) for e in elements], "link")
     joints = reader.unique([reader.joint(e) for e in moved], "joint")
     name = root.get("name", "").strip() or Path(path).stem
     label = "".join(letter if letter.isprintable() else "?" for letter in name)
+    notes = (*notes, *reader.notes)
     tree = build_tree(str(path), label, links, joints, flaws=reader.flaws, notes=notes)
     return interpret_limits(tree)
 
@@ -194,6 +196,8 @@ class _Reader:
     def __init__(self, path: str) -> None:
         self.path = path
         self.flaws: list[Flaw] = []
+        self.notes: list[str] = []
+        self.rotors: dict[str, float] = {}  # rotor inertia reflected to the joint, by its name
 
     def error(self, reason: str) -> URDFError:
         return URDFError(self.path, reason)
@@ -255,9 +259,26 @@ class _Reader:
         lower, upper = self.part(flaw, (None, None), self.bounds, limit, kind, where)
         effort, velocity = self.part(flaw, (None, None), self.largest, limit, where)
         friction = self.part(flaw, None, self.friction, element, where)
+        damping, armature = (
+            self.optional(element.find("dynamics"), key, f"{where}: {key}")
+            for key in ("damping", "armature")  # the latter is no standard
+        )
         mimic = self.part(flaw, None, self.mimic, element, kind, where)
         limits = (lower, upper, effort, velocity)
-        return UrdfJoint(name, kind, parent, child, xyz, rpy, axis, *limits, friction, mimic)
+        return UrdfJoint(
+            name,
+            kind,
+            parent,
+            child,
+            xyz,
+            rpy,
+            axis,
+            *limits,
+            friction,
+            mimic,
+            damping,
+            self.rotors.get(name) if armature is None else armature,
+        )
 
     def kind(self, element: Element, where: str) -> str:
         kind = element.get("type", "")
@@ -335,6 +356,29 @@ class _Reader:
 
     def friction(self, element: Element, where: str) -> float | None:
         return self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
+
+    def optional(self, element: Element | None, key: str, what: str) -> float | None:
+        """Return a number that counts on request only; where it is malformed, a note says so."""
+        try:
+            return self.number(element, key, what, None)
+        except URDFError as error:
+            self.notes.append(f"{error.reason}; it counts as unknown")
+            return None
+
+    def actuators(self, transmissions: Iterable[Element]) -> None:
+        """Read the rotor inertias that Drake keeps in transmissions, reflected by the gear."""
+        for element in transmissions:
+            joint, actuator = element.find("joint"), element.find("actuator")
+            if joint is None or actuator is None:
+                continue
+            name, values = joint.get("name", ""), dict[str, float | None]()
+            for part in actuator:
+                key = part.tag.rpartition("}")[2].removeprefix("drake:")
+                if key in {"rotor_inertia", "gear_ratio"}:
+                    values[key] = self.optional(part, "value", f"joint {name!r}: {key}")
+            if (inertia := values.get("rotor_inertia")) is not None:
+                gear = values.get("gear_ratio")
+                self.rotors[name] = inertia * (1.0 if gear is None else gear) ** 2
 
     def mimic(self, element: Element, kind: str, where: str) -> Mimic | None:
         found = element.find("mimic")
