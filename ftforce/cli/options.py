@@ -40,8 +40,8 @@ RobotArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="A URDF, a xacro file (.xacro), a DH table (.toml), or a known name such as panda "
-        "(see `ftforce robots`).",
+        help="A URDF, a xacro file (.xacro), an MJCF file, a DH table (.toml), or a known name "
+        "such as panda (see `ftforce robots`).",
     ),
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."

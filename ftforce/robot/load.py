@@ -57,9 +57,9 @@ def load_robot(
     Parameters
     ----------
     source :
-        Path of a URDF, a xacro file (.xacro) or a DH table (.toml), or name of a known robot
-        (``ftforce robots`` lists them). An SRDF of the same name as the URDF, in the same folder,
-        is also read. A xacro file is a program: expand only files that you trust.
+        Path of a URDF, a xacro file (.xacro), an MJCF file or a DH table (.toml), or name of a
+        known robot (``ftforce robots`` lists them). An SRDF of the same name as the URDF, in the
+        same folder, is also read. A xacro file is a program: expand only files that you trust.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the tool frame at the end of the arm (see the guide on chain and posture).
@@ -71,7 +71,8 @@ def load_robot(
     args :
         Values for the ``<xacro:arg>`` of a xacro file, by name.
     package_path :
-        Folders at or below which its ``$(find package)`` looks for packages.
+        Folders at or below which its ``$(find package)`` looks for packages; of an MJCF file,
+        folders besides its own of which files may be included.
 
     Returns
     -------
@@ -252,7 +253,7 @@ def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:
 
 def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> _States:
     """Return the named postures of SRDF and registry, by joint name."""
-    states: dict[str, Mapping[str, float]] = dict(srdf.states)
+    states: dict[str, Mapping[str, float]] = {**chain.tree.states, **srdf.states}
     if known is not None and known.postures:
         # They refer to the chain of the registry, which may differ from the requested one.
         own = moving_path(chain.tree, known.base or chain.tree.root, known.tip)
@@ -355,12 +356,12 @@ def _flaws_outside(chain: Chain) -> list[str]:
     path = chain.tree.path_to(chain.tip)
     joints = {*chain.moving, *chain.names, *(joint.name for joint in path)}
     links = {joint.child for joint in path}
-    notes = []
+    notes: dict[str, None] = {}  # several joints may have one flaw in common
     for flaw in chain.tree.flaws:
         if flaw.name in (joints if flaw.kind == "joint" else links):
             raise URDFError(chain.tree.path, flaw.reason)
-        notes.append(f"ignored, as it lies outside the chain: {flaw.reason}")
-    return notes
+        notes[f"ignored, as it lies outside the chain: {flaw.reason}"] = None
+    return list(notes)
 
 
 def _corrections(chain: Chain, known: KnownRobot) -> list[str]:

@@ -9,7 +9,7 @@ numbers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
@@ -116,6 +116,10 @@ class UrdfTree:
         What is malformed in single links and joints; the tree has stand-ins for it.
     notes :
         Remarks on the file.
+    states :
+        Named postures that the file itself has, by joint name (rad, m).
+    gravity :
+        Gravity in root axes, m/s²; ``None`` if the file does not set it.
     """
 
     path: str
@@ -127,6 +131,8 @@ class UrdfTree:
     child_joints: Mapping[str, tuple[UrdfJoint, ...]]
     flaws: tuple[Flaw, ...] = ()
     notes: tuple[str, ...] = ()
+    states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    gravity: Numbers | None = None
 
     def path_to(self, link: str) -> tuple[UrdfJoint, ...]:
         """Return the joints from the root to ``link``.

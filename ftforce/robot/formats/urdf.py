@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 from ftforce.errors import InputError, URDFError, listed, printable
 from ftforce.io.text import LARGEST_NUMBER, check_name, read_numbers
 from ftforce.io.xml_text import XmlFile, read_xml
+from ftforce.robot.formats.converted import Converted
 from ftforce.robot.formats.held import interpret_limits
 from ftforce.robot.formats.tree import (
     JOINT_TYPES,
@@ -72,26 +74,25 @@ def read_urdf(path: str | PathLike[str], options: XacroOptions = PLAIN) -> UrdfT
     FileError
         The file cannot be read, is none of these, or does not describe a tree of links and joints.
     """
-    found = robot_element(path, options)
-    return _tree_of(found.root, path, found.notes)
+    return tree_of(_converted(path, options), path)
 
 
-def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()) -> UrdfTree:
+def tree_of(source: Converted, path: str | PathLike[str]) -> UrdfTree:
     """Return the tree that the root element of a URDF describes.
 
     Parameters
     ----------
-    root :
-        The root element.
-    path, notes :
-        Path of the file, and remarks on it.
+    source :
+        The root element, and what is known besides.
+    path :
+        Path of the file.
 
     Raises
     ------
     URDFError
         It does not describe a tree of links and joints.
     """
-    reader = _Reader(str(path))
+    reader, root = _Reader(str(path)), source.root
     elements, moved = root.findall("link"), root.findall("joint")
     if not elements:
         raise reader.error("contains no <link>")
@@ -103,8 +104,15 @@ def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()
     joints = reader.unique([reader.joint(e) for e in moved], "joint")
     name = root.get("name", "").strip() or Path(path).stem
     label = "".join(letter if letter.isprintable() else "?" for letter in name)
-    notes = (*notes, *reader.notes)
-    tree = build_tree(str(path), label, links, joints, flaws=reader.flaws, notes=notes)
+    tree = build_tree(
+        str(path),
+        label,
+        links,
+        joints,
+        flaws=(*source.flaws, *reader.flaws),
+        notes=(*source.notes, *reader.notes),
+    )
+    tree = replace(tree, states=source.states, gravity=source.gravity)
     return interpret_limits(tree)
 
 
@@ -116,7 +124,7 @@ def is_dh_table(path: object) -> bool:
 def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> XmlFile:
     """Return the root element of a URDF, ``<robot>``, and remarks on the file.
 
-    That of a DH table (.toml) is generated, a xacro file (.xacro) is expanded.
+    That of a DH table (.toml) or an MJCF file is generated, a xacro file (.xacro) is expanded.
 
     Parameters
     ----------
@@ -132,19 +140,28 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
     InputError
         There are options, but the file is not a xacro file.
     """
+    found = _converted(path, options)
+    return XmlFile(found.root, found.notes)
+
+
+def _converted(path: str | PathLike[str], options: XacroOptions) -> Converted:
+    """Return the URDF of a file of any format."""
     if is_xacro(path):
-        return XmlFile(_checked_root(expand(path, options), path), ())
-    if options != PLAIN:
-        raise InputError(
-            f"{printable(path)} is not a xacro file (*.xacro), so it takes neither arguments nor a "
-            "package path"
-        )
+        return Converted(_checked_root(expand(path, options), path))
     if is_dh_table(path):
+        _refuse_options(path, options)
         from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
         from ftforce.robot.formats.dh_to_urdf import to_urdf
 
-        return XmlFile(ElementTree.fromstring(to_urdf(read_dh_table(path))), ())
+        return Converted(ElementTree.fromstring(to_urdf(read_dh_table(path))))
     root, notes = read_xml(path, URDFError, "a URDF")
+    if root.tag == "mujoco":
+        from ftforce.robot.formats import mjcf  # not needed for a URDF
+
+        if options.args:
+            raise InputError(f"{printable(path)} is an MJCF file: it takes no arguments")
+        return mjcf.convert(root, path, options.packages)
+    _refuse_options(path, options)
     generators, leftovers, has_expressions = _xacro_parts(root)
     is_unused = leftovers and not has_expressions and root.find("link") is not None
     if generators or (leftovers and not is_unused):
@@ -152,7 +169,15 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
     if leftovers:
         names = listed(f"<xacro:{name}>" for name in sorted(leftovers))
         notes = (*notes, f"remains of xacro are ignored: {names}")
-    return XmlFile(_checked_root(root, path), notes)
+    return Converted(_checked_root(root, path), notes)
+
+
+def _refuse_options(path: str | PathLike[str], options: XacroOptions) -> None:
+    if options != PLAIN:
+        raise InputError(
+            f"{printable(path)} is not a xacro file (*.xacro), so it takes neither arguments nor a "
+            "package path"
+        )
 
 
 def _checked_root(root: Element, path: str | PathLike[str]) -> Element:
