@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,9 +18,10 @@ import pinocchio as pin
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.task import Task
 from ftforce.errors import InputError, UnknownNameError, URDFError, listed
+from ftforce.io.xml_text import XmlFile
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.tree import HELD, MOVING
-from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element
+from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element, tree_of
 from ftforce.robot.formats.xacro import PLAIN, XacroOptions
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
@@ -29,7 +31,9 @@ from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
 from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import ArrayLike
 
     from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
     from ftforce.robot.known_robots import KnownRobot
@@ -40,6 +44,7 @@ _PLACEHOLDER = 1e4  # efforts, velocities and angles
 _LONGEST_SLIDE = 1e3  # m
 _FORCE = Task()
 
+EffortsLike: TypeAlias = "Mapping[str, float | None] | Sequence[float | None] | Vector | None"
 _States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
 
@@ -97,6 +102,68 @@ def load_robot(
     if known is not None and options != PLAIN:
         raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
     tree, srdf = _description(source, known, options)
+    read = partial(robot_element, tree.path, options)
+    return _robot(_Source(tree, srdf, known, read), tip, base, posture)
+
+
+class _Source(NamedTuple):
+    """What a robot is made of.
+
+    Attributes
+    ----------
+    tree, srdf, known :
+        Contents of URDF and SRDF, and the registry entry.
+    read :
+        What reads or generates the URDF once more, for its geometry.
+    limits :
+        Effort limits in place of those of the URDF; ``None`` for these.
+    is_file :
+        Whether there is a file.
+    """
+
+    tree: UrdfTree
+    srdf: Srdf
+    known: KnownRobot | None
+    read: Callable[[], XmlFile]
+    limits: EffortsLike = None
+    is_file: bool = True
+
+
+def robot_of_model(
+    model: pin.Model,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    posture: str | ArrayLike | None = None,
+    limits: EffortsLike = None,
+) -> Robot:
+    """Return the arm of a Pinocchio model; see `ftforce.Robot.from_model`.
+
+    Parameters
+    ----------
+    model, tip, base, posture, limits :
+        As there.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    from ftforce.robot.formats import pinocchio_model
+
+    found = pinocchio_model.convert(model, tip, posture)
+    name = posture if posture is None or isinstance(posture, str) else pinocchio_model.GIVEN
+    tree = tree_of(found, pinocchio_model.label(model))
+    read = partial(_element_of, ElementTree.tostring(found.root, encoding="unicode"))
+    return _robot(_Source(tree, Srdf(), None, read, limits, is_file=False), tip, base, name)
+
+
+def _element_of(text: str) -> XmlFile:
+    return XmlFile(ElementTree.fromstring(text), ())
+
+
+def _robot(source: _Source, tip: str | None, base: str | None, posture: str | None) -> Robot:
+    tree, srdf, known = source.tree, source.srdf, source.known
     chain = _chain(tree, srdf, known, tip, base)
     states = _states(chain, srdf, known)
     postures, notes = _postures(chain, states)
@@ -111,11 +178,11 @@ def load_robot(
     coordinates = coordinates_of(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
     restore_names(model, tree)
-    joints = _joints(chain, known)
+    joints = _with_efforts(_joints(chain, known), source.limits)
     mass = sum(inertia.mass for inertia in model.inertias.tolist()[1:])
     robot = Robot(
         name=known.name if known else tree.name,
-        path=tree.path,
+        path=tree.path if source.is_file else "",
         tip=chain.tip,
         tip_source=chain.end.source,
         other_tips=MappingProxyType(dict(chain.end.others)),
@@ -131,7 +198,7 @@ def load_robot(
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         mass=mass,
         _remarks=(*_chain_notes(chain, srdf, known), *notes),
-        _read_description=partial(robot_element, tree.path, options),
+        _read_description=source.read,
         _find_tips=partial(_tips, tree, chain),
         _find_implausible=partial(implausible_numbers, chain, joints, mass),
     )
@@ -207,6 +274,44 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
             )
         )
     return tuple(joints)
+
+
+def _with_efforts(joints: tuple[Joint, ...], limits: EffortsLike) -> tuple[Joint, ...]:
+    """Return the joints with other effort limits, N·m or N: by name, or one per joint.
+
+    Raises
+    ------
+    InputError
+        A joint is unknown, the number of limits is wrong, or a limit is not positive.
+    """
+    if limits is None:
+        return joints
+    names = [joint.name for joint in joints]
+    if isinstance(limits, Mapping):
+        for name in limits:
+            if name not in names:
+                raise UnknownNameError("joint", name, names)
+        given = [limits.get(joint.name, joint.effort) for joint in joints]
+    else:
+        given = list(limits) if isinstance(limits, (Sequence, np.ndarray)) else []
+        if len(given) != len(joints):
+            raise InputError(
+                f"limits are {{joint: N·m}}, or one per joint of {listed(names)}; got {limits!r}"
+            )
+    return tuple(
+        replace(joint, effort=_checked_effort(joint.name, value))
+        for joint, value in zip(joints, given, strict=True)
+    )
+
+
+def _checked_effort(name: str, value: object) -> float | None:
+    """Return an effort limit; ``None`` if it is unknown: None, NaN or infinite."""
+    if value is None:
+        return None
+    is_number = isinstance(value, (int, float, np.integer, np.floating))
+    if not is_number or isinstance(value, bool) or value <= 0:  # type: ignore[operator] # a number
+        raise InputError(f"the effort limit of joint {name!r} must be positive, got {value!r}")
+    return float(value) if math.isfinite(value) else None  # type: ignore[arg-type]
 
 
 def _bounds(joint: UrdfJoint) -> tuple[float, float]:

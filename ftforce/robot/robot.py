@@ -6,6 +6,7 @@ import math
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,7 +19,7 @@ from ftforce.errors import InputError, UnknownNameError
 from ftforce.io.text import split_items
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from xml.etree.ElementTree import Element
 
     import pinocchio as pin
@@ -121,7 +122,7 @@ class Robot(Displayed):
     Attributes
     ----------
     name, path :
-        Name of the robot and path of its URDF.
+        Name of the robot, and path of its URDF; empty for a robot of a Pinocchio model.
     tip, tip_source :
         Tip link, and how it was chosen.
     other_tips :
@@ -172,6 +173,61 @@ class Robot(Displayed):
     _find_tips: Callable[[], Mapping[str, int]]
     _find_implausible: Callable[[], Implausible]
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
+
+    @classmethod
+    def from_model(
+        cls,
+        model: pin.Model,
+        *,
+        tip: str | None = None,
+        base: str | None = None,
+        posture: str | ArrayLike | None = None,
+        limits: Mapping[str, float | None] | Sequence[float | None] | Vector | None = None,
+    ) -> Robot:
+        """Return the arm of a Pinocchio model, which is copied.
+
+        Parameters
+        ----------
+        model :
+            The model; pass ``wrapper.model`` of a ``RobotWrapper``.
+        tip :
+            Tip frame, of any type. Default: as of `ftforce.load_robot`, among the body and
+            operational frames.
+        base :
+            Base frame. Default: the root.
+        posture :
+            Where the joints outside the chain are held: name of a reference configuration of the
+            model, or a configuration of shape (nq,), which becomes the posture ``given``. Default:
+            as of `ftforce.load_robot`; joints of several degrees of freedom stay neutral.
+        limits :
+            Effort limits in N·m (N), by joint or one per joint of the chain; ``None``, NaN or
+            infinite for unknown. Default: ``model.effortLimit``.
+
+        Returns
+        -------
+        :
+            The arm. Free-flyer and planar joints are held wherever they are; spherical, universal,
+            composite and other joints of several degrees of freedom outside the chain.
+
+        Raises
+        ------
+        InputError
+            It is no model, the tip, base, posture or a joint is unknown, or the tip is ambiguous.
+        URDFError
+            A joint of the chain has several degrees of freedom or is helical.
+
+        Examples
+        --------
+        >>> import pinocchio as pin
+        >>> from ftforce import Robot, known_robots
+        >>> model = pin.buildModelFromUrdf(str(known_robots()["panda"].urdf))
+        >>> Robot.from_model(model, tip="panda_hand_tcp")
+        <Robot 'panda': 7 joints, 'panda_link0' → 'panda_hand_tcp'>
+        """
+        # By name: the module makes robots, and so imports this one.
+        load = import_module("ftforce.robot.load")
+        made: Robot = load.robot_of_model(model, tip=tip, base=base, posture=posture, limits=limits)
+        return made
 
     @property
     def n(self) -> int:
