@@ -74,6 +74,7 @@ def convert(root: Element, path: str | PathLike[str], folders: Iterable[Path]) -
             for key in list(spec.keys):
                 spec.delete(key)
             model, is_massless = _compiled(spec)
+            _check_finite(model)
     except MemoryError:
         raise  # the machine's, not a flaw of the file
     except Exception as problem:  # ValueError or FatalError, by the version of MuJoCo
@@ -93,6 +94,26 @@ def _compiled(spec: Any) -> tuple[Any, bool]:
             raise
     spec.compiler.boundmass = spec.compiler.boundinertia = _SMALLEST
     return spec.compile(), True
+
+
+def _check_finite(model: Any) -> None:
+    """Check what is read of a model, which MuJoCo has computed from finite numbers.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite.
+    """
+    for what in ("body", "jnt", "site", "geom"):
+        for name in ("pos", "quat", "ipos", "iquat", "mass", "inertia", "axis"):
+            values = getattr(model, f"{what}_{name}", None)
+            if values is not None and not np.isfinite(values).all():
+                raise ValueError(f"{name} of a {_IN_WORDS.get(what, what)} is not finite")
+    if not np.isfinite(model.qpos0).all():
+        raise ValueError("ref of a joint is not finite")
+
+
+_IN_WORDS = {"jnt": "joint"}
 
 
 def _reason(problem: Exception) -> str:

@@ -228,17 +228,18 @@ def _check_numbers(root: Element, path: str | PathLike[str]) -> None:
                 continue
             if len(text) > _MOST_DIGITS:
                 raise URDFError(path, f"<{element.tag}>: {key} is too long")
-            for word in _unusual(text):
-                raise URDFError(path, f"<{element.tag}>: {key} {shortened(text)}: {word}")
+            may_be_open = key.endswith("range")
+            for word in _unusual(text, may_be_open=may_be_open):
+                raise URDFError(path, f"<{element.tag}>: {key} {shortened(text)} {word}")
 
 
-def _unusual(text: str) -> Iterator[str]:
+def _unusual(text: str, *, may_be_open: bool) -> Iterator[str]:
     for word in text.split():
         try:
             number = float(word)
         except ValueError:
             continue  # a name or a word
-        if math.isnan(number) or (math.isinf(number) and word.lower().lstrip("+-") != "inf"):
+        if math.isnan(number) or (math.isinf(number) and not may_be_open):
             yield "is not finite"
         elif math.isfinite(number) and abs(number) > LARGEST_NUMBER:
             yield f"is too large; the maximum magnitude is {LARGEST_NUMBER:g}"
