@@ -30,7 +30,7 @@ from ftforce.robot.formats.tree import Flaw
 from ftforce.robot.stderr import captured_stderr
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from os import PathLike
     from pathlib import Path
 
@@ -388,7 +388,14 @@ class _Conversion:
             self.notes.append(
                 f"actuators that do not act on a joint directly are ignored: {listed(others)}"
             )
+        without = [name for j, name in enumerate(self.joints) if self._lacks_motor(j, ranges)]
+        if without:
+            self.notes.append(f"effort limits are unknown, as no actuator acts: {listed(without)}")
         return self._least(ranges)
+
+    def _lacks_motor(self, j: int, ranges: Mapping[int, Vector]) -> bool:
+        is_driven = j in ranges or self.joints[j] in self.mimics
+        return self.kinds[j] in _MOVED and not is_driven
 
     def _least(self, ranges: dict[int, Vector]) -> dict[int, float]:
         """Return the smaller of the limits in both directions, and say where they differ."""
