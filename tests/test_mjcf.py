@@ -6,7 +6,6 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from mjcf_arms import ARMS
 from typer.testing import CliRunner
 
 from ftforce import cli, load_robot
@@ -14,6 +13,7 @@ from ftforce.errors import FtforceError, URDFError
 from ftforce.robot.dynamics import mass_matrix, weight_torque
 from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from ftforce.view.geometry.meshes import load_geometry
+from mjcf_arms import ARMS
 
 RNG = np.random.default_rng(18)
 

@@ -81,7 +81,7 @@ def label(model: pin.Model) -> str:
     model :
         The model.
     """
-    name = "".join(letter if letter.isprintable() else "?" for letter in model.name)
+    name = "".join(letter if letter.isprintable() else "?" for letter in model.name or "robot")
     return f"Pinocchio model {name!r}"
 
 
