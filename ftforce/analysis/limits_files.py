@@ -13,7 +13,6 @@ import numpy as np
 from ftforce.core.arrays import read_only
 from ftforce.core.limits import Limits
 from ftforce.errors import DimensionError, InputError, LimitsError, printable
-from ftforce.io.csv_table import Table
 from ftforce.io.text import LARGEST_TOML, read_numbers, read_text, read_toml
 
 if TYPE_CHECKING:
@@ -228,6 +227,8 @@ def _toml_entries(text: str) -> list[_Entry]:
 
 
 def _csv_entries(text: str, columns: tuple[str, ...]) -> list[_Entry]:
+    from ftforce.io.csv_table import Table  # not needed for the URDF's limits
+
     table = Table.of(text)
     header = [cell.lower() for cell in table.header] if table else []
     if not table or "joint" not in header or len(set(header) & set(_ALL_COLUMNS)) < len(header):

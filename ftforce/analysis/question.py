@@ -6,7 +6,6 @@ A public function parses its arguments into a `Question` and hands it on. Whatev
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -215,7 +214,8 @@ class Question:
         InputError
             Both are given, ``q`` is malformed, or the name is unknown.
         """
-        placed = copy(self)  # every part is immutable, and none depends on the posture
+        placed = object.__new__(Question)  # as `copy` does it, in a quarter of its time
+        vars(placed).update(vars(self))  # every part is immutable, and none depends on the posture
         chosen = choose_posture(self.robot, q, posture, problem=self.problem_in)
         object.__setattr__(placed, "posture", chosen)
         return placed

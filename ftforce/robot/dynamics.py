@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from ftforce.robot.robot import Robot
 
-_NUMBER = re.compile(r"-?\d[\d.e+-]*")
+_NUMBER = r"-?\d[\d.e+-]*"
 _ROUNDING = 1e-14  # smaller inertias, relative to the arm's largest, count as zero
 
 
@@ -98,7 +98,7 @@ class CarriedPayload:
         """
         if self.payload_mass is not None:
             return Payload.of(self.payload_mass, self.payload_offset)
-        mass, *offset = map(float, _NUMBER.findall(self.payload or "0"))
+        mass, *offset = map(float, re.findall(_NUMBER, self.payload or "0"))
         return Payload.of(mass, offset or np.zeros(3)) if self.payload else None
 
 
