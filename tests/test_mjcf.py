@@ -6,6 +6,8 @@ import sys
 import mujoco
 import numpy as np
 import pytest
+import trimesh
+from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
 from ftforce import cli, load_robot
@@ -13,6 +15,7 @@ from ftforce.errors import FtforceError, URDFError
 from ftforce.robot.dynamics import mass_matrix, weight_torque
 from ftforce.robot.kinematics import frame_jacobian, tip_pose
 from ftforce.view.geometry.meshes import load_geometry
+from ftforce.view.geometry.visuals import read_visuals
 from mjcf_arms import ARMS
 
 RNG = np.random.default_rng(18)
@@ -188,7 +191,7 @@ NOTED = {
     ),
     "mesh": (
         hand('<asset><mesh name="m" file="no.stl"/></asset>', geom='type="mesh" mesh="m"'),
-        "masses that follow from meshes are unknown: bodies b",
+        "masses of meshes that are not found or not usable are left out: bodies b",
     ),
 }
 
@@ -253,6 +256,45 @@ def test_an_arm_without_masses_has_kinematics(tmp_path):
     robot = arm_of(tmp_path, bare)
     assert robot.mass == 0.0
     np.testing.assert_allclose(frame_jacobian(robot, np.zeros(2), "world")[0], [0.5, 0.2])
+
+
+SHAPE = trimesh.creation.box((0.1, 0.06, 0.3)).apply_transform(
+    trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.1, 0.2, 0.3))
+)
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj"])
+def test_masses_of_meshes_are_mujocos(tmp_path, ending):
+    asset = f'<compiler meshdir="assets"/><asset><mesh file="rod.{ending}" scale="1 2 1"/></asset>'
+    text = hand(asset, geom='type="mesh" mesh="rod" density="700" euler="10 0 20" pos="0 0.1 0"')
+    (tmp_path / "assets").mkdir()
+    SHAPE.export(tmp_path / "assets" / f"rod.{ending}")
+    robot = arm_of(tmp_path, text)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(model)
+    data.qpos[:2] = q = np.array([0.4, -0.9])
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(weight_torque(robot, q), data.qfrc_bias[:2], atol=1e-9)
+    # The page shows the file where MuJoCo has it, which moves its vertices to the centre of mass.
+    (visual,) = [v for v in read_visuals(robot.path, robot.description()).shapes if v.link == "b"]
+    vertices = np.unique(SHAPE.vertices, axis=0) * visual.size
+    placed = vertices @ visual.placement[:3, :3].T + visual.placement[:3, 3]
+    geom = int(model.body("b").geomadr[0])
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, model.geom_quat[geom])
+    theirs = model.mesh_vert @ R.reshape(3, 3).T + model.geom_pos[geom]
+    distance, _ = cKDTree(placed).query(theirs)
+    assert distance.max() < 1e-6  # files have single precision
+
+
+@pytest.mark.parametrize("content", [b"", b"solid", b"\0" * 84 + b"\xff\xff\xff\x7f", b"v 1 nan x"])
+def test_meshes_that_are_damaged_leave_the_mass_out(tmp_path, content):
+    text = hand('<asset><mesh name="m" file="m.stl"/></asset>', geom='type="mesh" mesh="m"')
+    (tmp_path / "m.stl").write_bytes(content)
+    robot = arm_of(tmp_path, text)
+    assert any("left out: bodies b" in note for note in robot.notes)
+    text = text.replace("m.stl", "../../m.stl")
+    assert not read_visuals(robot.path, arm_of(tmp_path, text).description()).notes
 
 
 def test_without_mujoco_the_command_that_installs_it_is_named(monkeypatch, tmp_path):
@@ -329,3 +371,10 @@ def test_on_the_command_line_and_in_the_page(tmp_path):
     geometry = load_geometry(load_robot(file))
     assert [part.joint for part in geometry.parts] == [1, 2, 3, 4, 5, 6]
     assert not geometry.notes
+
+
+def test_missing_meshes_are_rods_in_the_page(tmp_path):
+    asset = '<asset><mesh name="m" file="../../no.stl"/></asset>'
+    geometry = load_geometry(arm_of(tmp_path, hand(asset, geom='type="mesh" mesh="m" mass="1"')))
+    assert [part.joint for part in geometry.parts] == [1, 2]
+    assert [note for note in geometry.notes if f"{tmp_path}/no.stl' was not found" in note]

@@ -3,13 +3,15 @@
 A body becomes a link with the body's frame, and each of its joints a joint: several joints of one
 body, or a joint away from the body's origin, have massless links between them. Sites become links
 that are fixed to their body. MuJoCo opens no files: it is given the text of bodies, joints,
-actuators, equalities and tendons, with what the file includes.
+actuators, equalities and tendons, with what the file includes, and those meshes on which masses
+depend.
 """
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -32,7 +34,6 @@ from ftforce.robot.stderr import captured_stderr
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from os import PathLike
-    from pathlib import Path
 
     from ftforce.core.arrays import Vector
 
@@ -40,6 +41,7 @@ _INSTALL = "to read it, install MuJoCo: pip install 'ftforce[mjcf]'"
 _GRAVITY = (0.0, 0.0, -9.81)  # m/s², MuJoCo's and Pinocchio's default
 _SMALLEST = 1e-12  # kg and kg·m²: given to bodies without mass, which MuJoCo refuses
 _NO_MASS = "mjMINVAL"  # in MuJoCo's message about them
+_ALWAYS = 1  # of the compiler's inertiafromgeom
 _MOVED = {"hinge": "revolute", "slide": "prismatic"}
 
 
@@ -68,12 +70,10 @@ def convert(root: Element, path: str | PathLike[str], folders: Iterable[Path]) -
     text = whole_text(root, path, folders)
     try:
         with captured_stderr():
-            spec = mujoco.MjSpec.from_string(text.xml)
-            meshes = _without_meshes(spec, mujoco)
-            keys = [(key.name, np.array(key.qpos)) for key in spec.keys]
-            for key in list(spec.keys):
-                spec.delete(key)
-            model, is_massless = _compiled(spec)
+            try:
+                model, meshes, keys, is_massless = _compiled(text, mujoco, with_meshes=True)
+            except ValueError:  # perhaps because of a mesh
+                model, meshes, keys, is_massless = _compiled(text, mujoco, with_meshes=False)
             _check_finite(model)
     except MemoryError:
         raise  # the machine's, not a flaw of the file
@@ -82,18 +82,47 @@ def convert(root: Element, path: str | PathLike[str], folders: Iterable[Path]) -
     return _Conversion(model, mujoco, text, meshes, is_massless).result(keys)
 
 
-def _compiled(spec: Any) -> tuple[Any, bool]:
-    """Return the model, and whether bodies without mass had to be given some."""
+class _Compiled(NamedTuple):
+    """A model; its meshes, keyframes, and whether bodies without mass had to be given some."""
+
+    model: Any
+    meshes: _Meshes
+    keys: list[tuple[str, Vector]]
+    is_massless: bool
+
+
+def _compiled(text: MjcfText, mujoco: Any, *, with_meshes: bool) -> _Compiled:
+    """Return MuJoCo's model of a text.
+
+    Parameters
+    ----------
+    text :
+        The text.
+    mujoco :
+        The library.
+    with_meshes :
+        Whether meshes that bodies have their mass from are opened.
+
+    Raises
+    ------
+    ValueError
+        MuJoCo rejects it.
+    """
+    spec = mujoco.MjSpec.from_string(text.xml)
+    meshes = _without_meshes(spec, mujoco, text if with_meshes else None)
+    keys = [(key.name, np.array(key.qpos)) for key in spec.keys]
+    for key in list(spec.keys):
+        spec.delete(key)
     spec.compiler.fusestatic = False  # their frames may be the tip
     spec.compiler.discardvisual = False
     spec.compiler.LRopt.mode = 0  # lengths of muscles would be simulated
     try:
-        return spec.compile(), False
+        return _Compiled(spec.compile(), meshes, keys, is_massless=False)
     except ValueError as problem:
         if _NO_MASS not in str(problem):
             raise
     spec.compiler.boundmass = spec.compiler.boundinertia = _SMALLEST
-    return spec.compile(), True
+    return _Compiled(spec.compile(), meshes, keys, is_massless=True)
 
 
 def _check_finite(model: Any) -> None:
@@ -124,39 +153,81 @@ def _reason(problem: Exception) -> str:
 
 
 class _Mesh(NamedTuple):
-    """A mesh that a geom shows: file as written, and scale along its axes."""
+    """A mesh that a geom shows: its file as written, its scale along its axes, and its name."""
 
     file: str
     scale: tuple[float, ...]
+    name: str
 
 
 class _Meshes(NamedTuple):
-    """Meshes by the names of the spheres in their places, and bodies that lack their mass."""
+    """The geoms that need files.
+
+    Attributes
+    ----------
+    shown :
+        Their meshes, by the names that the geoms get.
+    contents :
+        Files that MuJoCo is given, by the names of the meshes.
+    without_mass :
+        Bodies that lack the mass of a mesh.
+    """
 
     shown: dict[str, _Mesh]
-    without_mass: list[str]
+    contents: dict[str, bytes]
+    without_mass: dict[str, None]
 
 
-def _without_meshes(spec: Any, mujoco: Any) -> _Meshes:
-    """Replace geoms that need files by spheres without mass; return what they were."""
-    files = {mesh.name: _Mesh(mesh.file, tuple(mesh.scale.tolist())) for mesh in spec.meshes}
-    needing = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
-    shown: dict[str, _Mesh] = {}
-    without_mass: list[str] = []
+def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
+    """Replace geoms that need files by spheres without mass; return what they were.
+
+    With a text, meshes that decide on a body's mass are kept, in memory.
+    """
+    kinds = mujoco.mjtGeom
+    needing = (kinds.mjGEOM_MESH, kinds.mjGEOM_HFIELD, kinds.mjGEOM_SDF)
+    for mesh in spec.meshes:
+        mesh.name = mesh.name or Path(mesh.file).stem  # MuJoCo's own default
+    files = {one.name: _Mesh(one.file, tuple(one.scale.tolist()), one.name) for one in spec.meshes}
+    found = _Meshes({}, {}, {})
     for body in spec.bodies:
         for geom in body.geoms:
             if geom.type not in needing and not geom.meshname:
                 continue
-            has_mass = geom.density > 0.0 if math.isnan(geom.mass) else geom.mass > 0.0
-            if has_mass and not body.explicitinertial and body.name not in without_mass:
-                without_mass.append(body.name)
-            geom.name = f"mesh {len(shown)} of {body.name}"
-            shown[geom.name] = files.get(geom.meshname, _Mesh("", (1.0, 1.0, 1.0)))
-            geom.type, geom.meshname, geom.hfieldname = mujoco.mjtGeom.mjGEOM_SPHERE, "", ""
+            mesh = files.get(geom.meshname)
+            geom.name = f"mesh {len(found.shown)} of {body.name}"
+            geom.contype = geom.conaffinity = 0  # or MuJoCo would compute a convex hull
+            found.shown[geom.name] = mesh or _Mesh("", (1.0, 1.0, 1.0), "")
+            if _decides_on_mass(spec, body, geom):
+                data = text.content(mesh.file) if mesh and text else None
+                if mesh and data is not None:
+                    found.contents[mesh.name] = data
+                    continue
+                found.without_mass[body.name] = None
+            geom.type, geom.meshname, geom.hfieldname = kinds.mjGEOM_SPHERE, "", ""
             geom.size, geom.mass = (1e-3, 0.0, 0.0), 0.0
-    for mesh in list(spec.meshes):
-        spec.delete(mesh)
-    return _Meshes(shown, without_mass)
+    _give_contents(spec, found.contents)
+    return found
+
+
+def _give_contents(spec: Any, contents: dict[str, bytes]) -> None:
+    """Give MuJoCo the content of meshes, and remove all others."""
+    assets = {}
+    for number, mesh in enumerate(list(spec.meshes)):
+        if mesh.name in contents:
+            mesh.file = f"{number}{Path(mesh.file).suffix.lower()}"
+            assets[mesh.file] = contents[mesh.name]
+        else:
+            spec.delete(mesh)
+    spec.meshdir = ""
+    spec.assets = assets
+
+
+def _decides_on_mass(spec: Any, body: Any, geom: Any) -> bool:
+    """Return whether the mass of a body follows from a geom, among others."""
+    first, last = spec.compiler.inertiagrouprange
+    counts = geom.density > 0.0 if math.isnan(geom.mass) else geom.mass > 0.0
+    always = int(spec.compiler.inertiafromgeom) == _ALWAYS
+    return bool(counts and first <= geom.group <= last and (always or not body.explicitinertial))
 
 
 class _Conversion:
@@ -443,21 +514,32 @@ class _Conversion:
             at = _pose(model.geom_pos[g], model.geom_quat[g])
             mesh = self.meshes.shown.get(model.geom(g).name)
             if mesh is not None:
-                if file := self.text.mesh(mesh.file):
+                if mesh.file:  # one that is missing is a rod
+                    file = self.text.mesh(mesh.file) or self.text.missing(mesh.file)
                     scale = " ".join(map(repr, mesh.scale))
-                    add_shape(link, at, "mesh", {"filename": file, "scale": scale})
+                    given = {"filename": str(file), "scale": scale}
+                    add_shape(link, at * self._uncentred(mesh), "mesh", given)
                 continue
             kind = self.word(self.mujoco.mjtGeom, model.geom_type[g], "mjGEOM_")
             for shape, place, size in _shapes(kind, model.geom_size[g].tolist()):
                 sizes = {key: " ".join(map(repr, x)) for key, x in size.items()}
                 add_shape(link, at * pin.SE3(np.eye(3), np.array(place)), shape, sizes)
 
+    def _uncentred(self, mesh: _Mesh) -> pin.SE3:
+        """Return the frame of a mesh file in that of its geom, which MuJoCo moves to its centre."""
+        if mesh.name not in self.meshes.contents:
+            return pin.SE3.Identity()
+        m = self.model.mesh(mesh.name).id
+        return _pose(self.model.mesh_pos[m], self.model.mesh_quat[m]).inverse()
+
     def _say_what_is_ignored(self) -> None:
         model = self.model
         bodies = self.meshes.without_mass
         if bodies:
             unknown = listed(name or "unnamed" for name in bodies)
-            self.notes.append(f"masses that follow from meshes are unknown: bodies {unknown}")
+            self.notes.append(
+                f"masses of meshes that are not found or not usable are left out: bodies {unknown}"
+            )
         springs = [
             name
             for j, name in enumerate(self.joints)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xml.etree import ElementTree
 
 from ftforce.errors import URDFError, listed, printable
-from ftforce.io.text import LARGEST_NUMBER, shortened
+from ftforce.io.text import LARGEST_NUMBER, read_bytes, shortened
 from ftforce.io.xml_text import read_xml
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ _MOST_ELEMENTS = 100_000
 _MOST_BODIES = 5_000  # as links of a URDF
 _DEEPEST = 200  # elements
 _MOST_FILES = 100
+_MESHES = (".stl", ".obj", ".msh")
+_LARGEST_MESH = 20_000_000  # bytes
 _MOST_DIGITS = 1_000_000  # characters of one attribute
 
 # Of a model, sections that decide on kinematics, masses and motors.
@@ -69,8 +71,8 @@ class MjcfText(NamedTuple):
     folders: tuple[Path, ...]
     meshdir: str
 
-    def mesh(self, name: str) -> str:
-        """Return the path of a mesh file; empty if there is none in the folders.
+    def mesh(self, name: str) -> Path | None:
+        """Return the path of a mesh file; ``None`` if there is none in the folders.
 
         Parameters
         ----------
@@ -78,7 +80,33 @@ class MjcfText(NamedTuple):
             The file as the model names it.
         """
         found = _find(f"{self.meshdir}/{name}" if self.meshdir else name, self.folders)
-        return str(found) if isinstance(found, Path) and name else ""
+        return found if isinstance(found, Path) else None
+
+    def missing(self, name: str) -> Path:
+        """Return the path at which a mesh that is not in the folders is missed.
+
+        Parameters
+        ----------
+        name :
+            The file as the model names it.
+        """
+        return self.folders[0] / Path(name).name
+
+    def content(self, name: str) -> bytes | None:
+        """Return the content of a mesh file that MuJoCo can read; ``None`` if there is none.
+
+        Parameters
+        ----------
+        name :
+            The file as the model names it.
+        """
+        path = self.mesh(name)
+        if path is None or path.suffix.lower() not in _MESHES:
+            return None
+        try:
+            return read_bytes(path, URDFError, "a mesh", _LARGEST_MESH)
+        except URDFError:
+            return None
 
 
 def whole_text(root: Element, path: str | PathLike[str], folders: Iterable[Path]) -> MjcfText:

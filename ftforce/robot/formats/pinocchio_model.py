@@ -50,7 +50,7 @@ def convert(model: pin.Model, tip: str | None, posture: str | ArrayLike | None) 
         Name of a frame that becomes a link even if it is that of a joint; ``None`` for none.
     posture :
         Where joints of several degrees of freedom are held: name of a reference configuration, or
-        a configuration of shape (nq,), which becomes the posture `GIVEN`; else the neutral one.
+        a configuration of shape (nq,), which becomes the posture ``given``; else the neutral one.
 
     Raises
     ------
