@@ -318,7 +318,7 @@ MOBILE = """
         <joint name="lift" type="slide" axis="0 0 1" range="0 0.5"/>
         <geom type="box" size="0.05 0.05 0.2" mass="3"/>
         <body name="upper" pos="0.05 0 0.3">
-          <joint name="shoulder" axis="0 1 0" range="-2 2" pos="0 0 0.01"/>
+          <joint name="shoulder" axis="0 1 0" range="-2 2" ref="0.3" pos="0 0 0.01"/>
           <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.04" mass="2"/>
           <body name="middle" pos="0.3 0 0">
             <joint name="coupled" axis="0 1 0" range="-4 4" ref="0.1"/>

@@ -125,6 +125,17 @@ def test_floating_bases_are_held_and_bodies_keep_their_names(tmp_path):
     assert arm_of(tmp_path, ARMS["mobile"], base="mast", tip="middle").names == ("shoulder",)
 
 
+def test_a_joint_that_an_equality_holds_is_fixed(tmp_path):
+    hold = '<equality><joint joint1="f1" polycoef="0.3 0 0 0 0"/></equality>'
+    option = '<option gravity="0 0 -1.62"/>'
+    robot = arm_of(
+        tmp_path, hand(f'{option}{hold}<keyframe><key qpos="1 2 3 1 0 0 0"/></keyframe>')
+    )
+    assert any("held fixed" in note and "f1 at 0.3" in note for note in robot.notes)
+    assert robot.gravity.tolist() == [0.0, 0.0, -1.62]
+    assert robot.postures["key0"].tolist() == [1.0, 2.0]
+
+
 HAND = """
 <mujoco>
   {extra}
