@@ -237,7 +237,8 @@ REFUSED = {
         "MuJoCo rejects it: Schema violation: unrecognized attribute: 'colour' Element 'joint'$",
     ),
     "NaN": (hand(joint='ref="nan"'), {}, "<joint>: ref 'nan' is not finite"),
-    "huge": (hand(joint='pos="0 1e99 0"'), {}, "<joint>: pos '0 1e99 0' is too large"),
+    "huge": (hand(joint='pos="0 1e99 0"'), {}, "joint 'j2': origin xyz '.*' is too large"),
+    "infinite": (hand(joint='damping="inf"'), {}, "<joint>: damping 'inf' is not finite"),
     "deep": (
         hand().replace("<worldbody>", "<worldbody>" + "<frame>" * 300 + "</frame>" * 300),
         {},
