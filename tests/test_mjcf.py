@@ -202,7 +202,7 @@ NOTED = {
     ),
     "mesh": (
         hand('<asset><mesh name="m" file="no.stl"/></asset>', geom='type="mesh" mesh="m"'),
-        "masses of meshes that are not found or not usable are left out: bodies b",
+        "the masses of b are incomplete: they follow from meshes that are missing",
     ),
 }
 
@@ -304,7 +304,7 @@ def test_meshes_that_are_damaged_leave_the_mass_out(tmp_path, content):
     text = hand('<asset><mesh name="m" file="m.stl"/></asset>', geom='type="mesh" mesh="m"')
     (tmp_path / "m.stl").write_bytes(content)
     robot = arm_of(tmp_path, text)
-    assert any("left out: bodies b" in note for note in robot.notes)
+    assert any("masses of b are incomplete" in note for note in robot.notes)
     text = text.replace("m.stl", "../../m.stl")
     assert not read_visuals(robot.path, arm_of(tmp_path, text).description()).notes
 

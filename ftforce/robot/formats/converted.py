@@ -38,6 +38,8 @@ class Converted(NamedTuple):
         Named postures that the file itself has, by joint name (rad, m).
     gravity :
         Gravity in root axes, m/s²; ``None`` if the file does not set it.
+    incomplete :
+        Links that lack a part of their mass, as a file that it follows from cannot be read.
     """
 
     root: Element
@@ -45,6 +47,7 @@ class Converted(NamedTuple):
     flaws: tuple[Flaw, ...] = ()
     states: States = MappingProxyType({})
     gravity: Numbers | None = None
+    incomplete: frozenset[str] = frozenset()
 
 
 class UniqueNames:

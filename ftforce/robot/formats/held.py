@@ -54,7 +54,7 @@ def interpret_limits(tree: UrdfTree) -> UrdfTree:
     if joints == tree.joints:
         return tree
     built = build_tree(tree.path, tree.name, tree.links, joints, flaws=tree.flaws, notes=tree.notes)
-    return replace(built, states=tree.states, gravity=tree.gravity)
+    return replace(built, states=tree.states, gravity=tree.gravity, incomplete=tree.incomplete)
 
 
 def _absent(tree: UrdfTree) -> list[str]:

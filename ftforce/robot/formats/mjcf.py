@@ -170,12 +170,12 @@ class _Meshes(NamedTuple):
     contents :
         Files that MuJoCo is given, by the names of the meshes.
     without_mass :
-        Bodies that lack the mass of a mesh.
+        Geoms whose mass follows from a mesh that cannot be read.
     """
 
     shown: dict[str, _Mesh]
     contents: dict[str, bytes]
-    without_mass: dict[str, None]
+    without_mass: set[str]
 
 
 def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
@@ -188,7 +188,7 @@ def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
     for mesh in spec.meshes:
         mesh.name = mesh.name or Path(mesh.file).stem  # MuJoCo's own default
     files = {one.name: _Mesh(one.file, tuple(one.scale.tolist()), one.name) for one in spec.meshes}
-    found = _Meshes({}, {}, {})
+    found = _Meshes({}, {}, set())
     for body in spec.bodies:
         for geom in body.geoms:
             if geom.type not in needing and not geom.meshname:
@@ -202,7 +202,7 @@ def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
                 if mesh and data is not None:
                     found.contents[mesh.name] = data
                     continue
-                found.without_mass[body.name] = None
+                found.without_mass.add(geom.name)
             geom.type, geom.meshname, geom.hfieldname = kinds.mjGEOM_SPHERE, "", ""
             geom.size, geom.mass = (1e-3, 0.0, 0.0), 0.0
     _give_contents(spec, found.contents)
@@ -275,7 +275,14 @@ class _Conversion:
             tuple(self.flaws),
             {name: state for name, state in states.items() if state},
             gravity,
+            frozenset(self.links[i] for i in self._incomplete()),
         )
+
+    def _incomplete(self) -> Iterator[int]:
+        """Yield the bodies that lack the mass of a mesh."""
+        for g in range(self.model.ngeom):
+            if self.model.geom(g).name in self.meshes.without_mass:
+                yield int(self.model.geom_bodyid[g])
 
     def _state(self, q: Vector) -> dict[str, float]:
         """Return the positions of hinges and slides in a keyframe; none if it does not fit."""
@@ -534,12 +541,6 @@ class _Conversion:
 
     def _say_what_is_ignored(self) -> None:
         model = self.model
-        bodies = self.meshes.without_mass
-        if bodies:
-            unknown = listed(name or "unnamed" for name in bodies)
-            self.notes.append(
-                f"masses of meshes that are not found or not usable are left out: bodies {unknown}"
-            )
         springs = [
             name
             for j, name in enumerate(self.joints)

@@ -120,6 +120,8 @@ class UrdfTree:
         Named postures that the file itself has, by joint name (rad, m).
     gravity :
         Gravity in root axes, m/s²; ``None`` if the file does not set it.
+    incomplete :
+        Links that lack a part of their mass, as a file that it follows from cannot be read.
     """
 
     path: str
@@ -133,6 +135,7 @@ class UrdfTree:
     notes: tuple[str, ...] = ()
     states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     gravity: Numbers | None = None
+    incomplete: frozenset[str] = frozenset()
 
     def path_to(self, link: str) -> tuple[UrdfJoint, ...]:
         """Return the joints from the root to ``link``.

@@ -112,8 +112,8 @@ def tree_of(source: Converted, path: str | PathLike[str]) -> UrdfTree:
         flaws=(*source.flaws, *reader.flaws),
         notes=(*source.notes, *reader.notes),
     )
-    tree = replace(tree, states=source.states, gravity=source.gravity)
-    return interpret_limits(tree)
+    own = {key: getattr(source, key) for key in ("states", "gravity", "incomplete")}
+    return interpret_limits(replace(tree, **own))
 
 
 def is_dh_table(path: object) -> bool:
