@@ -143,7 +143,8 @@ class ChainOptions(Group):
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Where a xacro file's $(find PACKAGE) looks, at or below DIR; repeat it for more.",
+            help="Where a xacro file's $(find PACKAGE) looks, at or below DIR, and what an MJCF "
+            "file may include; repeat it for more.",
         ),
     ] = None
 
