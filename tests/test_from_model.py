@@ -191,6 +191,20 @@ def test_mimic_joints_follow():
     np.testing.assert_allclose(weight_torque(robot, q), weight, atol=1e-12)
 
 
+@pytest.mark.parametrize("part", ["inertias", "jointPlacements"])
+def test_numbers_that_are_not_finite_matter_in_the_chain(part):
+    model = model_of("panda")
+    finger = model.getJointId("panda_finger_joint1")
+    if part == "inertias":
+        model.inertias[finger] = pin.Inertia(np.nan, np.zeros(3), np.eye(3))
+    else:
+        model.jointPlacements[finger] = pin.SE3(np.eye(3), np.array([np.nan, 0, 0]))
+    robot = Robot.from_model(model, tip="panda_link8")
+    assert any("outside the chain" in note and "not finite" in note for note in robot.notes)
+    with pytest.raises(URDFError, match=r"Pinocchio model 'panda': .* is not finite"):
+        Robot.from_model(model, tip="panda_leftfinger")
+
+
 def test_effort_limits():
     model = model_of("panda")
     given = {"panda_joint1": 50.0, "panda_joint3": None, "panda_joint4": np.inf}
@@ -202,7 +216,14 @@ def test_effort_limits():
     assert not any(j.effort or j.velocity for j in Robot.from_model(bare, tip="tool").joints)
 
 
+def with_gravity(gravity):
+    model = model_of("panda")
+    model.gravity.linear = np.array(gravity)
+    return model
+
+
 REFUSED = {
+    "gravity": (with_gravity([0, 0, np.nan]), {}, "its gravity is not finite"),
     "no model": ("panda", {}, "a pinocchio.Model is needed, got str"),
     "wrapper": (pin.RobotWrapper(model_of("panda")), {}, r"got RobotWrapper; pass its \.model"),
     "short": (model_of("panda"), {"posture": [1.0]}, "is a name or a configuration of 9 numbers"),

@@ -65,6 +65,8 @@ def convert(model: pin.Model, tip: str | None, posture: str | ArrayLike | None) 
     names = [frame.name for frame in model.frames]
     if tip is not None and tip not in names:
         raise UnknownNameError("tip frame", tip, dict.fromkeys(names), f"of {label(model)}")
+    if not np.isfinite(model.gravity.linear).all():
+        raise InputError(f"{label(model)}: its gravity is not finite: {model.gravity.linear}")
     own = {one.key(): np.array(one.data()) for one in model.referenceConfigurations}
     own = {name: q for name, q in own.items() if len(q) == model.nq}
     if posture is None or isinstance(posture, str):
@@ -193,7 +195,7 @@ class _Conversion:
             followed = joint.extract()
             leader = model.mimicked_joints[list(model.mimicking_joints).index(i)]
             mimic = self.names[leader], followed.scaling, followed.offset
-        elif joint.nv != 1 or "Helical" in kind or kind.startswith("JointModelH"):
+        elif joint.nv != 1 or kind.startswith("JointModelH"):  # helical ones have one, too
             self._hold(i, kind, ends)
             return
         axis, is_slide = self._axis(i, 1.0 if mimic is None else mimic[1])
