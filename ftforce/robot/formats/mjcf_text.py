@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from os import PathLike
     from xml.etree.ElementTree import Element
 
-_MOST_ELEMENTS = 100_000
+_MOST_ELEMENTS = 20_000  # for which MuJoCo takes some seconds
 _MOST_BODIES = 5_000  # as links of a URDF
 _DEEPEST = 200  # elements
 _MOST_FILES = 100
