@@ -14,6 +14,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 import ftforce
 from ftforce.analysis.paper import replicate
@@ -105,6 +106,12 @@ def robots() -> tuple[Any, ...]:
     texts = (SLIDING, serial_urdf(("revolute", y)), serial_urdf(*[("revolute", y)] * 3))
     known = map(ftforce.load_robot, ("dh5", "dh5", "panda", "ur5", "tiago"))
     return (*known, *map(load_text, texts))
+
+
+@functools.cache
+def models() -> tuple[Any, ...]:
+    """Return Pinocchio models: an arm, and one with a free-flyer and several limbs."""
+    return pin.buildSampleModelManipulator(), pin.buildSampleModelHumanoidRandom()
 
 
 @functools.cache
@@ -236,6 +243,12 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "rnea": lambda c: c.vector(c.robot.n, 5.0),
     "efforts": lambda c: np.abs([c.one(c.number(50.0), math.nan) for _ in range(c.robot.n)]),
     "source": lambda c: c.one("dh5", "panda", "ur5", odd=PATHS),
+    "model": lambda c: c.one(*models(), odd=(None, "panda", c.robot)),
+    "frame": lambda c: c.one(None, "effector_body", "elbow_joint", odd=("universe", "", "tip")),
+    "configuration": lambda c: c.one(None, "zero", c.vector(6), odd=("nowhere", c.vector(33))),
+    "motors": lambda c: c.one(
+        None, {"elbow_joint": 5.0}, abs(np.array(c.vector(6))), odd=(3, [], {"a": 1}, {1: None})
+    ),
     "path": lambda c: c.one(*PATHS, str(c.folder), "x.npz", "x.csv", "x.zarr", "x.toml"),
     "target": lambda c: c.folder / c.one(*(f"a.{x}" for x in ENDINGS), odd=NO_FILES),
     "result": lambda c: c.one(*results()),
@@ -320,6 +333,7 @@ class Kind(NamedTuple):
     sometimes: tuple[str, ...] = ()
 
 
+_OF_MODEL = ("posture:configuration", "limits:motors")
 _TABLE = "target kind radius density a alpha d theta type lower upper"
 KINDS = (
     *(Kind(one, 200, "robot", _optional(one)) for one in (ftforce.capability, ftforce.census)),
@@ -334,6 +348,7 @@ KINDS = (
     Kind(ftforce.compare, 4, "arms n", _optional(ftforce.compare)),
     Kind(workspace_map, 20, "sweep", ("joints:some", "plane", "at", "solid", "quantities")),
     Kind(ftforce.load_robot, 40, "source", _optional(ftforce.load_robot)),
+    Kind(ftforce.Robot.from_model, 40, "model", ("tip:frame", "base:frame", *_OF_MODEL)),
     Kind(ftforce.open_sweep, 20, "path"),
     Kind(ftforce.load_history, 20, "path"),
     Kind(ftforce.DHTable.from_toml, 10, "path"),

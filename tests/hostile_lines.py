@@ -20,6 +20,7 @@ import ftforce
 from ftforce import cli
 from ftforce.robot.known_robots import known_robots
 from ftforce.trajectory import Path as TipPath
+from mjcf_arms import ARMS
 
 DH5 = known_robots()["dh5"].urdf
 NAMES = [f"joint{i}" for i in range(1, 6)]
@@ -45,6 +46,8 @@ def write_inputs(folder: Path) -> None:
         "friction.csv": "joint,friction\n" + "".join(f"{x},0.1\n" for x in NAMES),
         "cut.urdf": DH5.read_text()[:900],
         "cut.toml": DH5.with_suffix(".toml").read_text()[:300],
+        "arm.xml": ARMS["iiwa14"],
+        "cut.xml": ARMS["panda"][:-900],
         "arm.urdf.xacro": DH5.read_text().replace('name="dh5"', 'name="$(arg name)"', 1),
         "empty.csv": "",
         "empty.urdf": "",
@@ -76,7 +79,17 @@ def write_inputs(folder: Path) -> None:
 
 WRONG_FILES = (
     *("nowhere.csv", "empty.csv", "empty.urdf", "noise.bin", "folder", "loop", "pipe", "bad.json"),
-    *("cut.csv", "cut.urdf", "cut.toml", "cut.npz", "cut.zarr", "text.npy", "nan.csv", "."),
+    *(
+        "cut.csv",
+        "cut.urdf",
+        "cut.xml",
+        "cut.toml",
+        "cut.npz",
+        "cut.zarr",
+        "text.npy",
+        "nan.csv",
+        ".",
+    ),
     *("/dev/null", "/dev/zero", "/proc/self/mem", "x" * 300, "évil $x$ [red]\n.csv", "--", "-"),
 )
 WRONG = (
@@ -87,6 +100,7 @@ WRONG = (
 VECTORS = ("1,0,0", "0,0,-5", "0.3,-2,1e-3", "0,0,0", "1 2 3", "1e-9,0,0", "1,2,3,4,5", "1,2", "5")
 JOINTS = ("1", "2,4", "joint3", "1,2,3,4,5", "5,joint1", "9", "joint", "1,1", "0")
 ROBOTS = (
+    "arm.xml",
     "arm.urdf.xacro",
     "arm.urdf",
     "arm.urdf",

@@ -404,3 +404,48 @@ def test_json_and_options_of_every_command(tmp_path):
     assert borne["limit"] == 0.012
     assert borne["source"] == "0.1 % of the effort limit"
     assert borne["torque"] == pytest.approx(2.94e-6, rel=0.01)
+
+
+# ---- damping and armature -----------------------------------------------------------------------
+
+_DRAKE = (
+    '<transmission><type>transmission_interface/SimpleTransmission</type><joint name="j2"/>'
+    '<actuator name="m"><{0}gear_ratio value="100"/><{0}rotor_inertia value="2e-5"/></actuator>'
+    "</transmission>"
+)
+
+
+@pytest.mark.parametrize("prefix", ["", "drake:"])
+def test_damping_and_armature_of_a_urdf(tmp_path, prefix):
+    text = with_friction('damping="1.5" friction="0.3" armature="0.25"')
+    robot = load_robot(urdfs.write(tmp_path, text))
+    assert robot.damping[1] == 1.5
+    assert robot.armature[1] == 0.25
+    assert np.isnan(robot.damping[[0, 2, 3]]).all()
+    assert np.isnan(robot.armature[[0, 2, 3]]).all()
+    end = _DRAKE.format(prefix) + "</robot>"
+    geared = load_robot(urdfs.write(tmp_path, with_friction("").replace("</robot>", end)))
+    assert_close(geared.armature[1], 2e-5 * 100**2)
+    both = load_robot(urdfs.write(tmp_path, text.replace("</robot>", end)))
+    assert both.armature[1] == 0.25  # what the joint itself says precedes
+
+
+def test_malformed_damping_counts_as_unknown(tmp_path):
+    robot = load_robot(urdfs.write(tmp_path, with_friction('damping="much" armature="-1"')))
+    assert np.isnan(robot.damping).all()
+    assert np.isnan(robot.armature).all()
+    assert any("damping" in note and "unknown" in note for note in robot.notes)
+
+
+def test_followers_brake_their_leader(tmp_path):
+    follower = urdfs.joint(
+        "j3", "l2", "l3",
+        more='<dynamics damping="0.5" friction="0.2" armature="3"/>'
+        '<mimic joint="j2" multiplier="-2"/>',
+    )  # fmt: skip
+    dynamics = '<dynamics damping="1" friction="0.3" armature="0.25"/>'
+    text = urdfs.arm(j2=urdfs.joint("j2", "l1", "l2", more=dynamics), j3=follower)
+    robot = load_robot(urdfs.write(tmp_path, text))
+    assert_close(robot.friction[1], 0.3 + 2 * 0.2)
+    assert_close(robot.damping[1], 1 + 4 * 0.5)
+    assert_close(robot.armature[1], 0.25 + 4 * 3)

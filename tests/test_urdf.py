@@ -187,7 +187,7 @@ def test_what_is_not_ours_is_left_unread(read):
         '<transmission name="t"><joint name="j9"/><link name="l9"/></transmission>',
         '<gazebo reference="l1"><link name="l1"/></gazebo><material name="red"/><xacro_was_here/>',
         l1=link("l1", mesh + "<collision/>"),
-        j1=joint("j1", "base", "l1", more='<calibration rising="x"/><dynamics damping="y"/>'),
+        j1=joint("j1", "base", "l1", more='<calibration rising="x"/><dynamics backlash="y"/>'),
     )
     assert len(read(text).links) == 5
 

@@ -40,8 +40,8 @@ RobotArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="A URDF, a xacro file (.xacro), a DH table (.toml), or a known name such as panda "
-        "(see `ftforce robots`).",
+        help="A URDF, a xacro file (.xacro), an MJCF file, a DH table (.toml), or a known name "
+        "such as panda (see `ftforce robots`).",
     ),
 ]
 _LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
@@ -143,7 +143,8 @@ class ChainOptions(Group):
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Where a xacro file's $(find PACKAGE) looks, at or below DIR; repeat it for more.",
+            help="Where a xacro file's $(find PACKAGE) looks, at or below DIR, and what an MJCF "
+            "file may include; repeat it for more.",
         ),
     ] = None
 

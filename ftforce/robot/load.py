@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,9 +18,10 @@ import pinocchio as pin
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.task import Task
 from ftforce.errors import InputError, SRDFError, UnknownNameError, URDFError, listed
+from ftforce.io.xml_text import XmlFile
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.tree import HELD, MOVING
-from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element
+from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element, tree_of
 from ftforce.robot.formats.xacro import PLAIN, XacroOptions, expand, is_xacro
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
@@ -29,7 +31,9 @@ from ftforce.robot.srdf import Srdf, find_moveit, read_srdf, srdf_of
 from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import ArrayLike
 
     from ftforce.robot.formats.tree import UrdfJoint, UrdfTree
     from ftforce.robot.known_robots import KnownRobot
@@ -40,6 +44,7 @@ _PLACEHOLDER = 1e4  # efforts, velocities and angles
 _LONGEST_SLIDE = 1e3  # m
 _FORCE = Task()
 
+EffortsLike: TypeAlias = "Mapping[str, float | None] | Sequence[float | None] | Vector | None"
 _States: TypeAlias = "Mapping[str, Mapping[str, float]]"  # named postures: joint -> rad or m
 
 
@@ -58,9 +63,9 @@ def load_robot(
     Parameters
     ----------
     source :
-        Path of a URDF, a xacro file (.xacro) or a DH table (.toml), or name of a known robot
-        (``ftforce robots`` lists them). A xacro file is a program: expand only files that you
-        trust.
+        Path of a URDF, a xacro file (.xacro), an MJCF file or a DH table (.toml), or name of a
+        known robot (``ftforce robots`` lists them). A xacro file is a program: expand only files
+        that you trust.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the tool frame at the end of the arm (see the guide on chain and posture).
@@ -72,7 +77,8 @@ def load_robot(
     args :
         Values for the ``<xacro:arg>`` of a xacro file, by name.
     package_path :
-        Folders at or below which its ``$(find package)`` looks for packages.
+        Folders at or below which its ``$(find package)`` looks for packages; of an MJCF file,
+        folders besides its own of which files may be included.
     srdf :
         SRDF with tip and named postures, also as a xacro file. Default: that of the registry; else
         one of the same name as the URDF, in the same folder; else, for a URDF in a package, the one
@@ -100,9 +106,74 @@ def load_robot(
     options = XacroOptions.of(args, package_path)
     if known is not None and options != PLAIN:
         raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
-    tree, semantics, found = _description(source, known, options, srdf)
-    chain = _chain(tree, semantics, known, tip, base)
-    states = _states(chain, semantics, known)
+    tree, semantics, notes = _description(source, known, options, srdf)
+    read = partial(robot_element, tree.path, options)
+    return _robot(_Source(tree, semantics, known, read, notes), tip, base, posture)
+
+
+class _Source(NamedTuple):
+    """What a robot is made of.
+
+    Attributes
+    ----------
+    tree, srdf, known :
+        Contents of URDF and SRDF, and the registry entry.
+    read :
+        What reads or generates the URDF once more, for its geometry.
+    notes :
+        Remarks on the files.
+    limits :
+        Effort limits in place of those of the URDF; ``None`` for these.
+    is_file :
+        Whether there is a file.
+    """
+
+    tree: UrdfTree
+    srdf: Srdf
+    known: KnownRobot | None
+    read: Callable[[], XmlFile]
+    notes: tuple[str, ...] = ()
+    limits: EffortsLike = None
+    is_file: bool = True
+
+
+def robot_of_model(
+    model: pin.Model,
+    *,
+    tip: str | None = None,
+    base: str | None = None,
+    posture: str | ArrayLike | None = None,
+    limits: EffortsLike = None,
+) -> Robot:
+    """Return the arm of a Pinocchio model; see `ftforce.Robot.from_model`.
+
+    Parameters
+    ----------
+    model, tip, base, posture, limits :
+        As there.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    from ftforce.robot.formats import pinocchio_model
+
+    found = pinocchio_model.convert(model, tip, posture)
+    name = posture if posture is None or isinstance(posture, str) else pinocchio_model.GIVEN
+    tree = tree_of(found, pinocchio_model.label(model))
+    read = partial(_element_of, ElementTree.tostring(found.root, encoding="unicode"))
+    return _robot(_Source(tree, Srdf(), None, read, limits=limits, is_file=False), tip, base, name)
+
+
+def _element_of(text: str) -> XmlFile:
+    return XmlFile(ElementTree.fromstring(text), ())
+
+
+def _robot(source: _Source, tip: str | None, base: str | None, posture: str | None) -> Robot:
+    tree, srdf, known = source.tree, source.srdf, source.known
+    chain = _chain(tree, srdf, known, tip, base)
+    states = _states(chain, srdf, known)
     postures, notes = _postures(chain, states)
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
         raise UnknownNameError("posture", posture, [*postures, *BUILT_IN_POSTURES])
@@ -115,11 +186,11 @@ def load_robot(
     coordinates = coordinates_of(chain, model)
     tip_frame = model.getFrameId(tree.link_codes()[chain.tip], pin.FrameType.BODY)
     restore_names(model, tree)
-    joints = _joints(chain, known)
+    joints = _with_efforts(_joints(chain, known), source.limits)
     mass = sum(inertia.mass for inertia in model.inertias.tolist()[1:])
     robot = Robot(
         name=known.name if known else tree.name,
-        path=tree.path,
+        path=tree.path if source.is_file else "",
         tip=chain.tip,
         tip_source=chain.end.source,
         other_tips=MappingProxyType(dict(chain.end.others)),
@@ -134,8 +205,8 @@ def load_robot(
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         mass=mass,
-        _remarks=(*found, *_chain_notes(chain, semantics, known), *notes),
-        _read_description=partial(robot_element, tree.path, options),
+        _remarks=(*source.notes, *_chain_notes(chain, srdf, known), *notes),
+        _read_description=source.read,
         _find_tips=partial(_tips, tree, chain),
         _find_implausible=partial(implausible_numbers, chain, joints, mass),
     )
@@ -228,11 +299,51 @@ def _joints(chain: Chain, known: KnownRobot | None) -> tuple[Joint, ...]:
                 upper=upper,
                 effort=_largest(corrected.get(joint.name, joint.effort)),
                 velocity=_largest(joint.velocity),
-                friction=_largest(joint.friction),
+                friction=_of_followers(chain, joint, "friction", 1),
                 followers=tuple(f.name for f in chain.followers[joint.name]),
+                damping=_of_followers(chain, joint, "damping", 2),
+                armature=_of_followers(chain, joint, "armature", 2),
             )
         )
     return tuple(joints)
+
+
+def _with_efforts(joints: tuple[Joint, ...], limits: EffortsLike) -> tuple[Joint, ...]:
+    """Return the joints with other effort limits, N·m or N: by name, or one per joint.
+
+    Raises
+    ------
+    InputError
+        A joint is unknown, the number of limits is wrong, or a limit is not positive.
+    """
+    if limits is None:
+        return joints
+    names = [joint.name for joint in joints]
+    if isinstance(limits, Mapping):
+        for name in limits:
+            if name not in names:
+                raise UnknownNameError("joint", name, names)
+        given = [limits.get(joint.name, joint.effort) for joint in joints]
+    else:
+        given = list(limits) if isinstance(limits, (Sequence, np.ndarray)) else []
+        if len(given) != len(joints):
+            raise InputError(
+                f"limits are {{joint: N·m}}, or one per joint of {listed(names)}; got {limits!r}"
+            )
+    return tuple(
+        replace(joint, effort=_checked_effort(joint.name, value))
+        for joint, value in zip(joints, given, strict=True)
+    )
+
+
+def _checked_effort(name: str, value: object) -> float | None:
+    """Return an effort limit; ``None`` if it is unknown: None, NaN or infinite."""
+    if value is None:
+        return None
+    is_number = isinstance(value, (int, float, np.integer, np.floating))
+    if not is_number or isinstance(value, bool) or value <= 0:  # type: ignore[operator] # a number
+        raise InputError(f"the effort limit of joint {name!r} must be positive, got {value!r}")
+    return float(value) if math.isfinite(value) else None  # type: ignore[arg-type]
 
 
 def _bounds(joint: UrdfJoint) -> tuple[float, float]:
@@ -246,6 +357,18 @@ def _bounds(joint: UrdfJoint) -> tuple[float, float]:
 def _largest(limit: float | None) -> float | None:
     """Return an effort, velocity or friction, or ``None`` if it is unknown."""
     return limit if limit is not None and 0.0 < limit < _PLACEHOLDER else None
+
+
+def _of_followers(chain: Chain, leader: UrdfJoint, name: str, power: int) -> float | None:
+    """Return the friction, damping or armature of a joint and its followers as the leader feels it.
+
+    That is ``Σ |multiplier|ᵖ value``: by virtual work, p is 1 for friction and 2 for the others.
+    """
+    joints = chain.tree.joints
+    found = [(1.0, leader), *((f.multiplier, joints[f.name]) for f in chain.followers[leader.name])]
+    known = [(abs(by) ** power, _largest(getattr(joint, name))) for by, joint in found]
+    values = [by * value for by, value in known if value is not None]
+    return _largest(sum(values)) if values else None
 
 
 def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:
@@ -267,7 +390,7 @@ def _limit_notes(chain: Chain, known: KnownRobot | None) -> list[str]:
 
 def _states(chain: Chain, srdf: Srdf, known: KnownRobot | None) -> _States:
     """Return the named postures of SRDF and registry, by joint name."""
-    states: dict[str, Mapping[str, float]] = dict(srdf.states)
+    states: dict[str, Mapping[str, float]] = {**chain.tree.states, **srdf.states}
     if known is not None and known.postures:
         # They refer to the chain of the registry, which may differ from the requested one.
         own = moving_path(chain.tree, known.base or chain.tree.root, known.tip)
@@ -370,12 +493,12 @@ def _flaws_outside(chain: Chain) -> list[str]:
     path = chain.tree.path_to(chain.tip)
     joints = {*chain.moving, *chain.names, *(joint.name for joint in path)}
     links = {joint.child for joint in path}
-    notes = []
+    notes: dict[str, None] = {}  # several joints may have one flaw in common
     for flaw in chain.tree.flaws:
         if flaw.name in (joints if flaw.kind == "joint" else links):
             raise URDFError(chain.tree.path, flaw.reason)
-        notes.append(f"ignored, as it lies outside the chain: {flaw.reason}")
-    return notes
+        notes[f"ignored, as it lies outside the chain: {flaw.reason}"] = None
+    return list(notes)
 
 
 def _corrections(chain: Chain, known: KnownRobot) -> list[str]:

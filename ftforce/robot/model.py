@@ -41,7 +41,10 @@ def reduced_model(chain: Chain, held: Mapping[str, float]) -> pin.Model:
             q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
     moving = {codes[name] for name in chain.moving}
     fixed = [i for i, code in enumerate(full.names.tolist()) if i and code not in moving]
-    return pin.buildReducedModel(full, fixed, q)
+    model = pin.buildReducedModel(full, fixed, q)
+    if chain.tree.gravity is not None:
+        model.gravity.linear = np.array(chain.tree.gravity)
+    return model
 
 
 def full_model(tree: UrdfTree) -> pin.Model:

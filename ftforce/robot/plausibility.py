@@ -49,7 +49,7 @@ def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> I
     bodies = list(_moving_links(chain))
     return Implausible(
         tuple(_efforts(joints, _levers(path), mass)),
-        tuple(_masses(bodies, _reach(chain, path), mass)),
+        (*_incomplete(chain, bodies), *_masses(bodies, _reach(chain, path), mass)),
         tuple(_inertias(bodies)),
     )
 
@@ -117,6 +117,14 @@ def _payload(joint: Joint, levers: dict[str, float]) -> float:
     if joint.type != "prismatic":
         force *= levers[joint.name]
     return joint.effort / force if force > 0.0 else math.inf
+
+
+def _incomplete(chain: Chain, bodies: Sequence[UrdfLink]) -> Iterator[str]:
+    if names := [body.name for body in bodies if body.name in chain.tree.incomplete]:
+        yield (
+            f"the masses of {listed(names)} are incomplete: they follow from meshes that are "
+            "missing, damaged or outside the file's folder (--package-path)"
+        )
 
 
 def _masses(bodies: Sequence[UrdfLink], reach: float, mass: float) -> Iterator[str]:

@@ -6,6 +6,7 @@ import math
 import threading
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,7 +19,7 @@ from ftforce.errors import InputError, UnknownNameError
 from ftforce.io.text import split_items
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from xml.etree.ElementTree import Element
 
     import pinocchio as pin
@@ -70,6 +71,10 @@ class Joint(JointUnits):
         Static friction in N·m (N if prismatic); ``None`` if unknown.
     followers :
         Names of the mimic joints that follow it.
+    damping :
+        Viscous friction in N·m·s/rad (N·s/m if prismatic); ``None`` if unknown.
+    armature :
+        Rotor inertia reflected to the joint in kg·m² (kg if prismatic); ``None`` if unknown.
     """
 
     number: int
@@ -81,6 +86,8 @@ class Joint(JointUnits):
     velocity: float | None
     friction: float | None
     followers: tuple[str, ...] = ()
+    damping: float | None = None
+    armature: float | None = None
 
 
 class Implausible(NamedTuple):
@@ -116,7 +123,7 @@ class Robot(Displayed):
     Attributes
     ----------
     name, path :
-        Name of the robot and path of its URDF.
+        Name of the robot, and path of its URDF; empty for a robot of a Pinocchio model.
     tip, tip_source :
         Tip link, and how it was chosen.
     other_tips :
@@ -167,6 +174,61 @@ class Robot(Displayed):
     _find_tips: Callable[[], Mapping[str, int]]
     _find_implausible: Callable[[], Implausible]
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
+
+    @classmethod
+    def from_model(
+        cls,
+        model: pin.Model,
+        *,
+        tip: str | None = None,
+        base: str | None = None,
+        posture: str | ArrayLike | None = None,
+        limits: Mapping[str, float | None] | Sequence[float | None] | Vector | None = None,
+    ) -> Robot:
+        """Return the arm of a Pinocchio model, which is copied.
+
+        Parameters
+        ----------
+        model :
+            The model; pass ``wrapper.model`` of a ``RobotWrapper``.
+        tip :
+            Tip frame, of any type. Default: as of `ftforce.load_robot`, among the body and
+            operational frames.
+        base :
+            Base frame. Default: the root.
+        posture :
+            Where the joints outside the chain are held: name of a reference configuration of the
+            model, or a configuration of shape (nq,), which becomes the posture ``given``. Default:
+            as of `ftforce.load_robot`; joints of several degrees of freedom stay neutral.
+        limits :
+            Effort limits in N·m (N), by joint or one per joint of the chain; ``None``, NaN or
+            infinite for unknown. Default: ``model.effortLimit``.
+
+        Returns
+        -------
+        :
+            The arm. Free-flyer and planar joints are held wherever they are; spherical, universal,
+            composite and other joints of several degrees of freedom outside the chain.
+
+        Raises
+        ------
+        InputError
+            It is no model, the tip, base, posture or a joint is unknown, or the tip is ambiguous.
+        URDFError
+            A joint of the chain has several degrees of freedom or is helical.
+
+        Examples
+        --------
+        >>> import pinocchio as pin
+        >>> from ftforce import Robot, known_robots
+        >>> model = pin.buildModelFromUrdf(str(known_robots()["panda"].urdf))
+        >>> Robot.from_model(model, tip="panda_hand_tcp")
+        <Robot 'panda': 7 joints, 'panda_link0' → 'panda_hand_tcp'>
+        """
+        # By name: the module makes robots, and so imports this one.
+        load = import_module("ftforce.robot.load")
+        made: Robot = load.robot_of_model(model, tip=tip, base=base, posture=posture, limits=limits)
+        return made
 
     @property
     def n(self) -> int:
@@ -243,14 +305,22 @@ class Robot(Displayed):
     @cached_property
     def effort(self) -> Vector:
         """Effort limits (N·m, N), NaN where unknown, shape (n,)."""
-        known = (math.nan if joint.effort is None else joint.effort for joint in self.joints)
-        return read_only(np.array(list(known)))
+        return _known(joint.effort for joint in self.joints)
 
     @cached_property
     def friction(self) -> Vector:
-        """Static friction of the joints (N·m, N), NaN where unknown, shape (n,)."""
-        known = (math.nan if joint.friction is None else joint.friction for joint in self.joints)
-        return read_only(np.array(list(known)))
+        """Static (Coulomb) friction of the joints (N·m, N), NaN where unknown, shape (n,)."""
+        return _known(joint.friction for joint in self.joints)
+
+    @cached_property
+    def damping(self) -> Vector:
+        """Viscous friction of the joints (N·m·s/rad, N·s/m), NaN where unknown, shape (n,)."""
+        return _known(joint.damping for joint in self.joints)
+
+    @cached_property
+    def armature(self) -> Vector:
+        """Rotor inertias reflected to the joints (kg·m², kg), NaN where unknown, shape (n,)."""
+        return _known(joint.armature for joint in self.joints)
 
     @property
     def data(self) -> pin.Data:
@@ -402,6 +472,11 @@ class Robot(Displayed):
         """Restore the state, with no per-thread data."""
         views = {k: MappingProxyType(v) if isinstance(v, dict) else v for k, v in state.items()}
         self.__dict__.update(views, _per_thread=threading.local())
+
+
+def _known(values: Iterable[float | None]) -> Vector:
+    """Return one value per joint, NaN where it is unknown."""
+    return read_only(np.array([math.nan if value is None else value for value in values]))
 
 
 def _as_number(word: str) -> int | None:

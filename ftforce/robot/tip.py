@@ -32,8 +32,8 @@ _TOOL_FRAMES = tuple(
         r"eef?(?:link|frame)?",
         r"tool[a-z]*\d*",
         r"end_?effector\d*|end_?point",
-        r"[a-z]*flange\d*",
-        r"grasp[a-z]*|grip(?:per)?_(?:frame|cent(?:er|re)|point|tip|site)",
+        r"[a-z]*flange\d*|attachment_site",
+        r"grasp[a-z]*|grip(?:per)?_(?:frame|cent(?:er|re)|point|tip|site)|pinch(?:_site)?",
     )
 )
 _GRIPPER = r"(?:^|_)gripper$"  # the gripper itself: better than nothing

@@ -53,7 +53,8 @@ def interpret_limits(tree: UrdfTree) -> UrdfTree:
     tree = replace(tree, notes=(*tree.notes, *notes)) if notes else tree
     if joints == tree.joints:
         return tree
-    return build_tree(tree.path, tree.name, tree.links, joints, flaws=tree.flaws, notes=tree.notes)
+    built = build_tree(tree.path, tree.name, tree.links, joints, flaws=tree.flaws, notes=tree.notes)
+    return replace(built, states=tree.states, gravity=tree.gravity, incomplete=tree.incomplete)
 
 
 def _absent(tree: UrdfTree) -> list[str]:

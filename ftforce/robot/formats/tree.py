@@ -9,7 +9,7 @@ numbers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
@@ -67,6 +67,8 @@ class UrdfJoint(NamedTuple):
     """One joint as given in the URDF (rad, m, N·m or N; ``None`` where not given).
 
     Limits are as written, which may be infinite or negative; `ftforce.load_robot` interprets them.
+    So are Coulomb friction (N·m or N), viscous damping (N·m·s/rad or N·s/m) and armature, the rotor
+    inertia reflected to the joint (kg·m² or kg).
     """
 
     name: str
@@ -82,6 +84,8 @@ class UrdfJoint(NamedTuple):
     velocity: float | None
     friction: float | None
     mimic: Mimic | None
+    damping: float | None = None
+    armature: float | None = None
 
 
 class UrdfLink(NamedTuple):
@@ -112,6 +116,12 @@ class UrdfTree:
         What is malformed in single links and joints; the tree has stand-ins for it.
     notes :
         Remarks on the file.
+    states :
+        Named postures that the file itself has, by joint name (rad, m).
+    gravity :
+        Gravity in root axes, m/s²; ``None`` if the file does not set it.
+    incomplete :
+        Links that lack a part of their mass, as a file that it follows from cannot be read.
     """
 
     path: str
@@ -123,6 +133,9 @@ class UrdfTree:
     child_joints: Mapping[str, tuple[UrdfJoint, ...]]
     flaws: tuple[Flaw, ...] = ()
     notes: tuple[str, ...] = ()
+    states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    gravity: Numbers | None = None
+    incomplete: frozenset[str] = frozenset()
 
     def path_to(self, link: str) -> tuple[UrdfJoint, ...]:
         """Return the joints from the root to ``link``.

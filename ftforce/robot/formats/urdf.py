@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 from xml.etree import ElementTree
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 from ftforce.errors import InputError, URDFError, listed, printable
 from ftforce.io.text import LARGEST_NUMBER, check_name, read_numbers
 from ftforce.io.xml_text import XmlFile, read_xml
+from ftforce.robot.formats.converted import Converted
 from ftforce.robot.formats.held import interpret_limits
 from ftforce.robot.formats.tree import (
     JOINT_TYPES,
@@ -72,38 +74,46 @@ def read_urdf(path: str | PathLike[str], options: XacroOptions = PLAIN) -> UrdfT
     FileError
         The file cannot be read, is none of these, or does not describe a tree of links and joints.
     """
-    found = robot_element(path, options)
-    return _tree_of(found.root, path, found.notes)
+    return tree_of(_converted(path, options), path)
 
 
-def _tree_of(root: Element, path: str | PathLike[str], notes: Iterable[str] = ()) -> UrdfTree:
+def tree_of(source: Converted, path: str | PathLike[str]) -> UrdfTree:
     """Return the tree that the root element of a URDF describes.
 
     Parameters
     ----------
-    root :
-        The root element.
-    path, notes :
-        Path of the file, and remarks on it.
+    source :
+        The root element, and what is known besides.
+    path :
+        Path of the file.
 
     Raises
     ------
     URDFError
         It does not describe a tree of links and joints.
     """
-    reader = _Reader(str(path))
+    reader, root = _Reader(str(path)), source.root
     elements, moved = root.findall("link"), root.findall("joint")
     if not elements:
         raise reader.error("contains no <link>")
     for kind, count in (("links", len(elements)), ("joints", len(moved))):
         if count > MAX_LINKS:
             raise reader.error(f"contains {count} {kind}; at most {MAX_LINKS} are supported")
+    reader.actuators(root.findall("transmission"))
     links = reader.unique([reader.link(e) for e in elements], "link")
     joints = reader.unique([reader.joint(e) for e in moved], "joint")
     name = root.get("name", "").strip() or Path(path).stem
     label = "".join(letter if letter.isprintable() else "?" for letter in name)
-    tree = build_tree(str(path), label, links, joints, flaws=reader.flaws, notes=notes)
-    return interpret_limits(tree)
+    tree = build_tree(
+        str(path),
+        label,
+        links,
+        joints,
+        flaws=(*source.flaws, *reader.flaws),
+        notes=(*source.notes, *reader.notes),
+    )
+    own = {key: getattr(source, key) for key in ("states", "gravity", "incomplete")}
+    return interpret_limits(replace(tree, **own))
 
 
 def is_dh_table(path: object) -> bool:
@@ -114,7 +124,7 @@ def is_dh_table(path: object) -> bool:
 def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> XmlFile:
     """Return the root element of a URDF, ``<robot>``, and remarks on the file.
 
-    That of a DH table (.toml) is generated, a xacro file (.xacro) is expanded.
+    That of a DH table (.toml) or an MJCF file is generated, a xacro file (.xacro) is expanded.
 
     Parameters
     ----------
@@ -130,19 +140,28 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
     InputError
         There are options, but the file is not a xacro file.
     """
+    found = _converted(path, options)
+    return XmlFile(found.root, found.notes)
+
+
+def _converted(path: str | PathLike[str], options: XacroOptions) -> Converted:
+    """Return the URDF of a file of any format."""
     if is_xacro(path):
-        return XmlFile(_checked_root(expand(path, options), path), ())
-    if options != PLAIN:
-        raise InputError(
-            f"{printable(path)} is not a xacro file (*.xacro), so it takes neither arguments nor a "
-            "package path"
-        )
+        return Converted(_checked_root(expand(path, options), path))
     if is_dh_table(path):
+        _refuse_options(path, options)
         from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
         from ftforce.robot.formats.dh_to_urdf import to_urdf
 
-        return XmlFile(ElementTree.fromstring(to_urdf(read_dh_table(path))), ())
+        return Converted(ElementTree.fromstring(to_urdf(read_dh_table(path))))
     root, notes = read_xml(path, URDFError, "a URDF")
+    if root.tag == "mujoco":
+        from ftforce.robot.formats import mjcf  # not needed for a URDF
+
+        if options.args:
+            raise InputError(f"{printable(path)} is an MJCF file: it takes no arguments")
+        return mjcf.convert(root, path, options.packages)
+    _refuse_options(path, options)
     generators, leftovers, has_expressions = _xacro_parts(root)
     is_unused = leftovers and not has_expressions and root.find("link") is not None
     if generators or (leftovers and not is_unused):
@@ -150,7 +169,15 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
     if leftovers:
         names = listed(f"<xacro:{name}>" for name in sorted(leftovers))
         notes = (*notes, f"remains of xacro are ignored: {names}")
-    return XmlFile(_checked_root(root, path), notes)
+    return Converted(_checked_root(root, path), notes)
+
+
+def _refuse_options(path: str | PathLike[str], options: XacroOptions) -> None:
+    if options != PLAIN:
+        raise InputError(
+            f"{printable(path)} is not a xacro file (*.xacro), so it takes neither arguments nor a "
+            "package path"
+        )
 
 
 def _checked_root(root: Element, path: str | PathLike[str]) -> Element:
@@ -194,6 +221,8 @@ class _Reader:
     def __init__(self, path: str) -> None:
         self.path = path
         self.flaws: list[Flaw] = []
+        self.notes: list[str] = []
+        self.rotors: dict[str, float] = {}  # rotor inertia reflected to the joint, by its name
 
     def error(self, reason: str) -> URDFError:
         return URDFError(self.path, reason)
@@ -255,9 +284,26 @@ class _Reader:
         lower, upper = self.part(flaw, (None, None), self.bounds, limit, kind, where)
         effort, velocity = self.part(flaw, (None, None), self.largest, limit, where)
         friction = self.part(flaw, None, self.friction, element, where)
+        damping, armature = (
+            self.optional(element.find("dynamics"), key, f"{where}: {key}")
+            for key in ("damping", "armature")  # the latter is no standard
+        )
         mimic = self.part(flaw, None, self.mimic, element, kind, where)
         limits = (lower, upper, effort, velocity)
-        return UrdfJoint(name, kind, parent, child, xyz, rpy, axis, *limits, friction, mimic)
+        return UrdfJoint(
+            name,
+            kind,
+            parent,
+            child,
+            xyz,
+            rpy,
+            axis,
+            *limits,
+            friction,
+            mimic,
+            damping,
+            self.rotors.get(name) if armature is None else armature,
+        )
 
     def kind(self, element: Element, where: str) -> str:
         kind = element.get("type", "")
@@ -335,6 +381,29 @@ class _Reader:
 
     def friction(self, element: Element, where: str) -> float | None:
         return self.number(element.find("dynamics"), "friction", f"{where}: friction", None)
+
+    def optional(self, element: Element | None, key: str, what: str) -> float | None:
+        """Return a number that counts on request only; where it is malformed, a note says so."""
+        try:
+            return self.number(element, key, what, None)
+        except URDFError as error:
+            self.notes.append(f"{error.reason}; it counts as unknown")
+            return None
+
+    def actuators(self, transmissions: Iterable[Element]) -> None:
+        """Read the rotor inertias that Drake keeps in transmissions, reflected by the gear."""
+        for element in transmissions:
+            joint, actuator = element.find("joint"), element.find("actuator")
+            if joint is None or actuator is None:
+                continue
+            name, values = joint.get("name", ""), dict[str, float | None]()
+            for part in actuator:
+                key = part.tag.rpartition("}")[2].removeprefix("drake:")
+                if key in {"rotor_inertia", "gear_ratio"}:
+                    values[key] = self.optional(part, "value", f"joint {name!r}: {key}")
+            if (inertia := values.get("rotor_inertia")) is not None:
+                gear = values.get("gear_ratio")
+                self.rotors[name] = inertia * (1.0 if gear is None else gear) ** 2
 
     def mimic(self, element: Element, kind: str, where: str) -> Mimic | None:
         found = element.find("mimic")

@@ -398,9 +398,16 @@ def initial_state(
         wary=question.wary,
         scale=question.scale,
         friction=question.given_friction,
-        origin=Origin(robot.path) if origin is None else origin,
+        origin=_origin_of(robot) if origin is None else origin,
     )
     return state.with_faults(faults)
+
+
+def _origin_of(robot: Robot) -> Origin:
+    if robot.path:
+        return Origin(robot.path)
+    note = "The arm is made of a Pinocchio model; the command needs a file of the same arm."
+    return Origin(robot.name, note=note)
 
 
 def command_line(robot: Robot, state: State) -> str:
