@@ -34,6 +34,7 @@ from ftforce.core.changes import (
     impact_of_lock,
 )
 from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.limits import both_sides
 from ftforce.core.reduced_jacobian import (
     BORDERLINE_RTOL,
     RTOL,
@@ -139,7 +140,8 @@ class Analysis(Answered):
         """Indices of the joints whose motor or brake limit is unknown and not enforced."""
         if self.limits is None:
             return ()
-        return tuple(np.flatnonzero(np.isnan(self.limits.largest_torques(self.faults))).tolist())
+        _, upper = both_sides(self.limits.largest_torques(self.faults))
+        return tuple(np.flatnonzero(np.isnan(upper)).tolist())
 
     @property
     def margin(self) -> float:
@@ -255,11 +257,29 @@ def load_without_force(analysis: Analysis) -> Vector:
     return read_only(load)
 
 
-def shown_limits(analysis: Analysis) -> Vector:
-    """Return the limits to display: those in force, or the URDF's, N·m (N), shape (n,)."""
-    if analysis.limits is None:
-        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
-    return analysis.limits.largest_torques(analysis.faults)
+def shown_limits(analysis: Analysis) -> tuple[Vector, Vector]:
+    """Return the limits to display: those in force, or the URDF's, N·m (N).
+
+    Returns
+    -------
+    :
+        Lower and upper limits, each of shape (n,).
+    """
+    limits, v = analysis.limits, analysis.conditions.velocity
+    if limits is None:
+        return both_sides(np.where(analysis.reduced.locked, np.nan, analysis.robot.effort))
+    return both_sides(limits.largest_torques(analysis.faults, v))
+
+
+def limit_of(load: float, lower: float, upper: float) -> float:
+    """Return the size of the limit that a torque approaches: of the upper one, or of the lower.
+
+    Parameters
+    ----------
+    load, lower, upper :
+        Torque of a motor or brake, and its limits, N·m (N).
+    """
+    return -lower if load < 0.0 else upper
 
 
 def analyze(

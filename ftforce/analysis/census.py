@@ -162,7 +162,7 @@ class Census(AnsweredForAll):
         moves |= self.question.inverse == "dynamic"
         found += implausible(self.question, needs_gravity=matters, needs_inertia=moves)
         if self.limits is not None:
-            unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
+            unknown = [self.robot.names[i] for i in np.flatnonzero(~self.limits.is_known)]
             if unknown:
                 found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
         return tuple(found)

@@ -117,7 +117,8 @@ def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None)
     given, source = _given(robot, friction)
     effort = robot.effort
     if limits is not None:
-        effort = np.where(np.isnan(limits.effort), effort, limits.effort)
+        lower, upper = limits.motor_bounds()
+        effort = np.where(limits.is_known, np.maximum(upper, -lower), effort)
     return _friction(robot, given, source, effort)
 
 

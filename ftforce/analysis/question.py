@@ -266,7 +266,9 @@ class Question:
         return self.scale.weigh_jacobian(self.task.weigh_jacobian(J))
 
     def largest_torques(self, faults: FaultSet, limits: Limits | None = None) -> Vector | None:
-        """Return the weighted limits with a fault set, shape (n,); ``None`` if none are in force.
+        """Return the weighted limits with a fault set; ``None`` if none are in force.
+
+        Shape (n,), or (2, n) if lower and upper ones differ; with the velocity of the conditions.
 
         Parameters
         ----------
@@ -276,7 +278,9 @@ class Question:
             Other limits than those in force.
         """
         limits = self.limits if limits is None else limits
-        return None if limits is None else self.scale.weigh_torque(limits.largest_torques(faults))
+        if limits is None:
+            return None
+        return self.scale.weigh_torque(limits.largest_torques(faults, self.conditions.velocity))
 
     def load(self, reduced: ReducedJacobian) -> TipLoad | None:
         """Return the force of the healthy arm, weighted; ``None`` for neither force nor torques.

@@ -16,7 +16,7 @@ from ftforce.batch.compiled import announced
 from ftforce.batch.plan import Plan, faults_of
 from ftforce.core.arrays import Matrix, Vector, as_floats, as_vector, check_finite, read_only
 from ftforce.core.faults import FaultMode, FaultSet
-from ftforce.core.limits import Limits
+from ftforce.core.limits import Limits, middle_and_half
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import DimensionError, FtforceError, InputError
@@ -596,8 +596,8 @@ class _Arm(NamedTuple):
     faults :
         The fault sets.
     limit :
-        Weighted torque limits with each set, shape (S, n); ``None`` if all sets only lock joints,
-        without limits.
+        Weighted torque limits with each set, and their middles, shape (2 S, n); ``None`` if all
+        sets only lock joints, without limits.
     has_forces, has_moments :
         Whether there are such rows.
     weights :
@@ -628,7 +628,7 @@ def _arm_of_jacobian(asked: JacobianQuestion, sets: tuple[FaultSet, ...]) -> _Ar
     faults = faults_of(sets, n)
     for one in sets:
         weak = set(one.in_mode(FaultMode.WEAK)) - set(_freed(one))
-        if any(limits is None or np.isnan(limits.effort[joint]) for joint in weak):
+        if any(limits is None or not limits.is_known[joint] for joint in weak):
             raise InputError(f"the set {one} has weak joints, which need torque limits: limits=...")
     task = np.zeros((4 + n, max(m, n, 2)))
     task[1], task[2, :2], task[3, :n] = 1.0, (asked.rtol, asked.wary), asked.friction
@@ -646,8 +646,9 @@ def _freed(one: FaultSet) -> tuple[int, ...]:
 
 
 def _limit_rows(limits: list[Vector | None], n: int) -> Matrix:
-    """Return limits as rows, NaN where there are none."""
-    return np.array([np.full(n, np.nan) if row is None else row for row in limits]).reshape(-1, n)
+    """Return the half width of limits as S rows, NaN where there are none, then their S middles."""
+    pairs = [middle_and_half(np.full(n, np.nan) if row is None else row) for row in limits]
+    return np.array([half for _, half in pairs] + [middle for middle, _ in pairs]).reshape(-1, n)
 
 
 def _arm_of_robot(question: Question, sets: tuple[FaultSet, ...]) -> _Arm:

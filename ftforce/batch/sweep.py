@@ -404,7 +404,7 @@ def _setting(
     force, direction, payload = question.force, question.direction, question.conditions.payload
     friction = [None if math.isnan(x) else x for x in question.friction.torque.tolist()]
     swings = all_sets.mode is FaultMode.FREE
-    unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
+    unknown = () if limits is None else np.flatnonzero(~limits.is_known).tolist()
     return SweepSetting(
         robot=robot.name,
         base=robot.base,

@@ -44,7 +44,7 @@ RobotArgument = Annotated[
         "(see `ftforce robots`).",
     ),
 ]
-_LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
+_LIMITS_FILE = "the URDF's, or a TOML, YAML (MoveIt) or CSV file's."
 TopOption = Annotated[
     int, typer.Option("--top", min=1, metavar="N", help="Number of fault sets shown in the table.")
 ]
@@ -359,7 +359,7 @@ class FrictionOption(Group):
         str | None,
         typer.Option(
             metavar="N·m|FILE",
-            help="Friction of free-swinging joints: a number, or a TOML or CSV file "
+            help="Friction of free-swinging joints: a number, or a TOML, YAML or CSV file "
             "(joint,friction); 0 for ideal joints.",
             show_default="the URDF's, else 0.1 % of the effort limit",
         ),

@@ -134,7 +134,13 @@ POSTURE = Field("posture", "joint positions", parts=(
 LIMITS = (
     Field("source", "`urdf`, the file, or `given`"),
     Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, "by joint"),
+    Field("effort_lower", "lower limits of the motors; `null` if all are those of `effort`, negated",
+        TORQUE, "by joint", get="lower"),
     Field("brake", "largest brake torques; `null` if unknown", TORQUE, "by joint"),
+    Field("stall_torque", "of torque-speed lines; `null` if there are none", TORQUE, "by joint",
+        get="line.stall_torque"),
+    Field("no_load_speed", "of torque-speed lines; `null` if there are none", SPEED,
+        "by joint", get="line.no_load_speed"),
 )
 FAULT_SET = Field("fault_set", "numbers of the failed joints, from 1",
     get=lambda one: str(one.faults))

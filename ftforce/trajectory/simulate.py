@@ -413,7 +413,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         events=reports,
         delay=delay,
         limits=NONE if limits is None else limits.source,
-        effort=tuple((robot.effort if limits is None else limits.effort).tolist()),
+        effort=tuple((robot.effort if limits is None else limits.motor_bounds()[1]).tolist()),
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
         **numbers_of(conditions.payload),

@@ -479,7 +479,7 @@ def _kept(question: Question, motion: Motion, sets: tuple[FaultSet, ...], cells:
 
 
 def _unknown_limits(robot: Robot, limits: Limits | None) -> Iterator[str]:
-    unknown = [] if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
+    unknown = [] if limits is None else np.flatnonzero(~limits.is_known).tolist()
     if unknown:
         names = listed([robot.names[i] for i in unknown])
         yield f"unknown effort limits are not enforced: {names}"
