@@ -143,7 +143,9 @@ def _weak(c: Chance) -> Any:
 
 def _payload(c: Chance) -> Any:
     mass = abs(c.number(2.0))
-    return c.one(None, mass, f"{mass}", f"{mass}@0.1,0,0.1", (mass, c.vector(3, 0.1)))
+    return c.one(None, mass, f"{mass}", f"{mass}@0.1,0,0.1", f"{mass}@0,0,0@1,1,1,0,0,0",
+        c.folder / "nowhere.toml", (mass, c.vector(3, 0.1)),
+    )  # fmt: skip
 
 
 def _limits(c: Chance) -> Any:

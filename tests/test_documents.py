@@ -450,7 +450,10 @@ def test_an_analysis_holds_its_capability(capability):
     keys = ["robot", "conventions", "posture", "locked", "modes", "weak_factors"]
     assert list(whole) == [*keys, "limits", "capability", "polytope", "summary", "warnings"]
     assert all(whole[key] == document[key] for key in (*keys, "warnings"))
-    counted = ("source", "effort", "brake", "unknown")
+    counted = (
+        *("source", "effort", "effort_lower", "brake", "stall_torque", "no_load_speed"),
+        "unknown",
+    )
     assert whole["limits"] == {key: document["limits"][key] for key in counted}
 
 

@@ -50,13 +50,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints, WeakJoints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -294,7 +294,7 @@ def analyze(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     inverse: Inverse = "euclidean",

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints, WeakJoints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
@@ -296,7 +297,7 @@ def capability(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = URDF,
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",

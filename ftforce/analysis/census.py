@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.conditions import Inverse
+    from ftforce.analysis.conditions import Inverse, PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -196,7 +195,7 @@ def census(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     inverse: Inverse = "euclidean",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+import os
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-12
 
+PayloadLike: TypeAlias = "Payload | float | str | os.PathLike[str] | tuple[float, ArrayLike] | None"
 Inverse = Literal["euclidean", "dynamic"]
 
 INVERSES: tuple[str, ...] = get_args(Inverse)
@@ -58,7 +60,7 @@ class Conditions(NamedTuple):
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
     ) -> Conditions:
         """Return validated conditions.
 
@@ -72,7 +74,8 @@ class Conditions(NamedTuple):
             In root axes, m/s², shape (3,); by default that of the model.
         payload :
             Mass at the tip, kg; with its position in tip axes (m) a pair ``(mass, (x, y, z))`` or a
-            text ``mass@x,y,z``.
+            text ``mass@x,y,z``; with its inertia too, the path of a TOML file or
+            `ftforce.robot.dynamics.Payload`.
 
         Raises
         ------
@@ -103,19 +106,28 @@ def _check_size(vector: Vector | None, name: str, unit: str) -> None:
         raise InputError(f"{name} must not exceed {LARGEST_NUMBER:g} {unit}, got {vector}")
 
 
-def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
-    """Return a payload from a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for no payload.
+def read_payload(payload: PayloadLike) -> Payload | None:
+    """Return a payload from a mass, a pair, a text or a file; ``None`` for no payload.
 
     Parameters
     ----------
     payload :
-        Mass, kg; ``(mass, (x, y, z))`` with its position in tip axes, m; or text.
+        Mass, kg; ``(mass, (x, y, z))`` with its position in tip axes, m; the path of a TOML file;
+        or a text ``MASS[@x,y,z[@ixx,iyy,izz,ixy,ixz,iyz]]``.
 
     Raises
     ------
     InputError
         The value has another form, or its mass is negative.
+    PayloadError
+        The file cannot be read, or what it describes is no rigid body.
     """
+    if isinstance(payload, os.PathLike) or (
+        isinstance(payload, str) and payload.lower().endswith(".toml")
+    ):
+        from ftforce.analysis.payload_files import read_payload_file  # only needed for files
+
+        return read_payload_file(payload)
     if payload is None or isinstance(payload, Payload):
         return payload
     if isinstance(payload, tuple):
@@ -126,15 +138,18 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
         return Payload.of(*payload)
     if not isinstance(payload, str):
         return Payload.of(payload)
-    mass, at, place = payload.partition("@")
+    mass, at, rest = payload.partition("@")
+    place, has_inertia, moments = rest.partition("@")
     try:
         offset = read_numbers(_without_commas(place), 3) if at else (0.0, 0.0, 0.0)
-        return Payload.of(read_numbers(mass, 1)[0], offset)
+        inertia = read_numbers(_without_commas(moments), 6) if has_inertia else None
+        return Payload.of(read_numbers(mass, 1)[0], offset, inertia)
     except ValueError as problem:
         if isinstance(problem, InputError):
             raise
         raise InputError(
-            f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1; {problem}"
+            f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1, or a TOML file; "
+            f"{problem}"
         ) from None
 
 

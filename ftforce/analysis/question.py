@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import Friction, FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.changes import TipLoad
     from ftforce.core.limits import Limits
     from ftforce.core.reduced_jacobian import ReducedJacobian
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -140,7 +140,7 @@ class Question:
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
         limits: LimitsLike = None,
         friction: FrictionLike = None,
         inverse: Inverse = "euclidean",

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from ftforce.batch.store.store import SweepRequest
     from ftforce.batch.summary.criticality import Estimate
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
 
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 
@@ -118,7 +118,7 @@ def compare(
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     task: str | Iterable[str] | Task | None = None,
     length: float | None = None,
     joint_length: float | None = None,

@@ -25,12 +25,12 @@ from ftforce.robot.robot import require_robot
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.batch.kernels.layout import Faults, Integers
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
 FaultSets: TypeAlias = "int | FaultSet | Iterable[FaultSet | Joints]"
@@ -297,7 +297,7 @@ class Remapper:
         mode: FaultMode | str = FaultMode.LOCKED,
         limits: LimitsLike | ArrayLike = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
         friction: FrictionLike = None,
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,

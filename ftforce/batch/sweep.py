@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.runner import Runner
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
 _CHUNK = 65_536  # postures, at most
@@ -71,7 +71,7 @@ def sweep(
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,

@@ -320,7 +320,9 @@ class WeightOptions(Group):
     payload: Annotated[
         str | None,
         typer.Option(
-            metavar="KG[@X,Y,Z]", help="Mass at the tip, kg, and its position in tip axes, m."
+            metavar="KG[@X,Y,Z]|FILE",
+            help="Mass at the tip, kg, and its position in tip axes, m; or a TOML file "
+            "(mass, centre, inertia).",
         ),
     ] = None
 

@@ -122,7 +122,9 @@ CONVENTIONS = (
     *under("conditions", [GRAVITY]),
     Field("payload", "`null` if the tip carries nothing", get="conditions.payload", parts=(
         Field("mass", "mass", "kg"),
-        Field("offset", "its position, in the axes of the tip frame", "m", "3"),
+        Field("offset", "its centre of mass, in the axes of the tip frame", "m", "3"),
+        Field("inertia", "about its centre, in the same axes; absent for a point mass", "kg·m²",
+            "3 x 3", get=lambda x: () if x.inertia is None else x.inertia.tolist(), optional=True),
     )),
     RTOL,
     WARY,
@@ -134,7 +136,7 @@ POSTURE = Field("posture", "joint positions", parts=(
 LIMITS = (
     Field("source", "`urdf`, the file, or `given`"),
     Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, "by joint"),
-    Field("effort_lower", "lower limits of the motors; `null` if all are those of `effort`, negated",
+    Field("effort_lower", "lower limits of the motors; `null` if they are those of `effort`",
         TORQUE, "by joint", get="lower"),
     Field("brake", "largest brake torques; `null` if unknown", TORQUE, "by joint"),
     Field("stall_torque", "of torque-speed lines; `null` if there are none", TORQUE, "by joint",

@@ -104,7 +104,7 @@ class Setting(CarriedPayload):
         Motor torque limits, N·m (N), NaN where unknown, whether or not they are in force.
     gravity :
         In root axes, m/s².
-    payload, payload_mass, payload_offset :
+    payload, payload_mass, payload_offset, payload_inertia :
         Payload as text, its mass, kg, and its position in tip axes, m; empty and ``None`` if there
         is none. `carried` is the payload itself.
     has_masses :
@@ -142,6 +142,7 @@ class Setting(CarriedPayload):
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
     payload_mass: float | None = None
     payload_offset: tuple[float, ...] = ()
+    payload_inertia: tuple[float, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
 
     @property

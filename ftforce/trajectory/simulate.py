@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.task import Axes
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Trajectory
 
@@ -68,7 +68,7 @@ def simulate(
     delay: float = 0.0,
     remap: bool = True,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",

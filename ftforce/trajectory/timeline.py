@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.limits import Limits
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Start, Trajectory
 
@@ -231,7 +231,7 @@ def timeline(
     force: ArrayLike | None = None,
     direction: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     task: str | Iterable[str] | Task = "force",

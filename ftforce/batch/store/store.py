@@ -72,7 +72,14 @@ _DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error me
 # Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
 _NOT_IDENTIFYING = (
     *("postures", "count", "is_random", "implausible"),
-    *("tip_source", "other_tips", "payload_mass", "payload_offset", "computed_with"),
+    *(
+        "tip_source",
+        "other_tips",
+        "payload_mass",
+        "payload_offset",
+        "payload_inertia",
+        "computed_with",
+    ),
 )
 
 

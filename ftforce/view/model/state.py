@@ -470,8 +470,10 @@ def _numbers(vector: Vector | None) -> str:
 def _payload(payload: Payload | None) -> str:
     if payload is None:
         return ""
-    place = f"@{_numbers(payload.offset)}" if payload.offset.any() else ""
-    return f"{payload.mass!r}{place}"
+    is_point = payload.inertia is None
+    place = f"@{_numbers(payload.offset)}" if payload.offset.any() or not is_point else ""
+    moments = "" if is_point else f"@{_numbers(np.array(payload.moments))}"
+    return f"{payload.mass!r}{place}{moments}"
 
 
 def _limits(state: State) -> str:
