@@ -297,6 +297,8 @@ def analyze(
     payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     inverse: Inverse = "euclidean",
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
@@ -338,6 +340,12 @@ def analyze(
         can balance the joint, N·m (N): one number, one per joint (shape (n,), NaN where unknown),
         or a TOML or CSV file (joint, friction); 0 is an ideal joint. By default that of the URDF,
         else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
+    joint_friction :
+        Whether the friction of the powered joints loads their motors, Coulomb and viscous,
+        ``friction · sign(v) + damping · v``: of the URDF's ``<dynamics>``, or of the file of
+        limits. At rest there is none; locked joints have none.
+    armature :
+        Whether the rotor inertia, reflected to the joints, adds to the mass matrix.
     inverse :
         Inverse that splits given torques into force and self-motion: ``euclidean`` or ``dynamic``.
     task :
@@ -383,6 +391,8 @@ def analyze(
             payload=payload,
             limits=limits,
             friction=friction,
+            joint_friction=joint_friction,
+            armature=armature,
             inverse=inverse,
             task=task,
             length=length,
@@ -408,7 +418,7 @@ def analyze_question(question: Question) -> Analysis:
     J = task_jacobian(robot, q, task)
     locked, free = faults.mask(robot.n), question.free_joints(faults)
     reduced = reduce(read_only(question.weigh_jacobian(J)), locked, question.rtol, free)
-    rnea = rnea_change(robot, q, conditions, locked)
+    rnea = rnea_change(robot, q, conditions, locked, faults.free_mask(robot.n))
     weighted, largest = rnea.weighed(scale), question.largest_torques(faults)
     load = question.load(reduced)
     F = None if load is None else load.F

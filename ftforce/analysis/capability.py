@@ -300,6 +300,8 @@ def capability(
     payload: PayloadLike = None,
     limits: LimitsLike = URDF,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -311,6 +313,8 @@ def capability(
 
     Parameters
     ----------
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     robot, q, locked, free, weak, velocity, acceleration, gravity, payload, friction :
         As in `ftforce.analyze`.
     task, length, joint_length, axes, posture, rtol :
@@ -349,6 +353,8 @@ def capability(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,

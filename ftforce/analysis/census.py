@@ -198,6 +198,8 @@ def census(
     payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     inverse: Inverse = "euclidean",
     rank_by: RankBy = "jump",
     direction: ArrayLike | None = None,
@@ -214,6 +216,8 @@ def census(
 
     Parameters
     ----------
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     robot, q, force, torque, velocity, acceleration, gravity, payload, friction, inverse :
         As in `ftforce.analyze`.
     task, length, joint_length, axes, posture, rtol, wary :
@@ -264,6 +268,8 @@ def census(
         payload=payload,
         limits=URDF if limits is None and rank_by == "capability" else limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         inverse=inverse,
         task=task,
         length=length,

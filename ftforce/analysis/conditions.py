@@ -17,7 +17,9 @@ from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_t
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.drives import Drives
     from ftforce.core.arrays import Mask, Matrix
+    from ftforce.core.limits import DriveTerms
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
@@ -44,6 +46,8 @@ class Conditions(NamedTuple):
     velocity, acceleration :
         Joint velocities and accelerations before the fault, rad or m, per s and per s², shape (n,);
         ``None`` if the arm is at rest.
+    drives :
+        Friction and rotor inertia of the drives; ``None`` if they do not count.
     """
 
     gravity: Vector
@@ -51,6 +55,7 @@ class Conditions(NamedTuple):
     payload: Payload | None
     velocity: Vector | None
     acceleration: Vector | None
+    drives: Drives | None = None
 
     @classmethod
     def of(
@@ -61,6 +66,7 @@ class Conditions(NamedTuple):
         acceleration: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
         payload: PayloadLike = None,
+        drives: Drives | None = None,
     ) -> Conditions:
         """Return validated conditions.
 
@@ -76,6 +82,9 @@ class Conditions(NamedTuple):
             Mass at the tip, kg; with its position in tip axes (m) a pair ``(mass, (x, y, z))`` or a
             text ``mass@x,y,z``; with its inertia too, the path of a TOML file or
             `ftforce.robot.dynamics.Payload`.
+        drives :
+            Friction and rotor inertia of the drives, from
+            `ftforce.analysis.drives.choose_drives`.
 
         Raises
         ------
@@ -92,7 +101,22 @@ class Conditions(NamedTuple):
             _check_size(gravity, "gravity", "m/s²")
         else:
             gravity = robot.gravity
-        return cls(gravity, own, read_payload(payload), v, a)
+        return cls(gravity, own, read_payload(payload), v, a, drives)
+
+    @property
+    def terms(self) -> DriveTerms | None:
+        """What the drives of the healthy arm add; ``None`` if they do not count."""
+        return None if self.drives is None else self.drives.terms
+
+    def terms_after(self, free: Mask | None) -> DriveTerms | None:
+        """Return what the drives add after a fault; ``None`` if they do not count.
+
+        Parameters
+        ----------
+        free :
+            True at free-swinging joints, shape (n,); ``None`` if there are none.
+        """
+        return None if self.drives is None else self.drives.after(free)
 
     @property
     def moves(self) -> bool:
@@ -160,7 +184,9 @@ def _without_commas(place: str) -> str:
     return " ".join(parts)
 
 
-def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -> RneaChange:
+def rnea_change(
+    robot: Robot, q: Vector, conditions: Conditions, locked: Mask, free: Mask | None = None
+) -> RneaChange:
     """Return the torques for weight and motion before and after joints lock.
 
     Velocity and acceleration of a locked joint are zero after the fault; those of the other joints
@@ -176,6 +202,8 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
         Gravity, payload and motion.
     locked :
         True at locked joints, shape (n,).
+    free :
+        True at free-swinging joints, shape (n,); ``None`` if there are none.
     """
     own = None if conditions.is_model_gravity else conditions.gravity
     counted = weight_torque(robot, q, own, conditions.payload)
@@ -186,11 +214,12 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
         return RneaChange(gravity, still, still, counted, counted)
     v = still if conditions.velocity is None else conditions.velocity
     a = still if conditions.acceleration is None else conditions.acceleration
-    before = motion_torque(robot, q, v, a, conditions.payload)
+    before = motion_torque(robot, q, v, a, conditions.payload, drives=conditions.terms)
     after = before
-    if locked.any():
+    if locked.any() or (free is not None and conditions.drives is not None):
         v, a = (np.where(locked, 0.0, x) for x in (v, a))
-        after = motion_torque(robot, q, v, a, conditions.payload)
+        terms = conditions.terms_after(free)
+        after = motion_torque(robot, q, v, a, conditions.payload, drives=terms)
     return RneaChange(
         gravity,
         before if known else None,
@@ -260,7 +289,7 @@ def mass_matrix_for(
             f"the dynamic inverse needs masses, but the URDF of {robot.name!r} has none; "
             "use the euclidean one"
         )
-    return mass_matrix(robot, q, conditions.payload)
+    return mass_matrix(robot, q, conditions.payload, conditions.terms)
 
 
 def known_mass_matrix(robot: Robot, q: Vector, conditions: Conditions) -> Matrix | None:
@@ -274,7 +303,7 @@ def known_mass_matrix(robot: Robot, q: Vector, conditions: Conditions) -> Matrix
     if robot.mass == 0.0:
         return None
     try:
-        return mass_matrix(robot, q, conditions.payload)
+        return mass_matrix(robot, q, conditions.payload, conditions.terms)
     except InputError:
         return None
 

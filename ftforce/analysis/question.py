@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse, mass_matrix_for, tip_load
+from ftforce.analysis.drives import choose_drives
 from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import URDF, choose_limits
 from ftforce.core.arrays import read_only
@@ -143,6 +144,8 @@ class Question:
         payload: PayloadLike = None,
         limits: LimitsLike = None,
         friction: FrictionLike = None,
+        joint_friction: bool = False,
+        armature: bool = False,
         inverse: Inverse = "euclidean",
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
@@ -161,6 +164,8 @@ class Question:
         direction :
             Direction of the force capability, in task axes, shape (m,).
         force, torque, velocity, acceleration, gravity, payload, limits, friction, inverse :
+            As in `ftforce.analyze`.
+        joint_friction, armature :
             As in `ftforce.analyze`.
         task, length, joint_length, axes, rtol, wary :
             As in `ftforce.analyze`.
@@ -188,6 +193,9 @@ class Question:
                 acceleration=acceleration,
                 gravity=gravity,
                 payload=payload,
+                drives=choose_drives(
+                    robot, known, joint_friction=joint_friction, armature=armature
+                ),
             ),
             force=None if force is None else wanted.vector(force, "force"),
             torque=None if torque is None else robot.vector(torque, "torque"),

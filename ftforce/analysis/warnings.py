@@ -64,6 +64,8 @@ def implausible(question: Question, *, needs_gravity: bool, needs_inertia: bool)
     found, limits = question.robot.implausible, question.limits
     if limits is not None:
         yield from found.efforts if limits.source == URDF else limits.notes
+    if question.conditions.drives is not None:
+        yield from question.conditions.drives.warnings()
     if needs_inertia or (needs_gravity and question.conditions.gravity.any()):
         yield from found.masses
     if needs_inertia:

@@ -13,7 +13,7 @@ PANELS = {
     "Postures": "q posture samples method seed postures grid deg",
     "Trajectory": "start to speed keep_orientation rate max_gap smooth static",
     "Force and motion": "force torque inverse direction velocity acceleration",
-    "Weight, limits and friction": "gravity payload limits friction",
+    "Weight, limits and friction": "gravity payload limits friction joint_friction armature",
     "Task and chain": "task length joint_length axes base tip args package_path",
     "Tolerances": "rtol wary",
     "Workspace": "cell plane at solid enough",

@@ -369,6 +369,26 @@ class FrictionOption(Group):
 
 
 @dataclass(frozen=True)
+class DriveOptions(Group):
+    """Friction and rotor inertia of the drives of a moving arm."""
+
+    joint_friction: Annotated[
+        bool,
+        typer.Option(
+            "--joint-friction",
+            help="Count the Coulomb and viscous friction of moving joints (<dynamics>, or the file "
+            "of --limits).",
+        ),
+    ] = False
+    armature: Annotated[
+        bool,
+        typer.Option(
+            "--armature", help="Count the rotor inertia of the joints (<dynamics>, or that file)."
+        ),
+    ] = False
+
+
+@dataclass(frozen=True)
 class TaskOptions(Group):
     """Components and axes of the force."""
 

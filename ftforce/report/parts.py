@@ -126,6 +126,8 @@ CONVENTIONS = (
         Field("inertia", "about its centre, in the same axes; absent for a point mass", "kg·m²",
             "3 x 3", get=lambda x: () if x.inertia is None else x.inertia.tolist(), optional=True),
     )),
+    Field("drives", "what of the drives is counted, joint friction and rotor inertia; absent if "
+        "neither is", get=lambda x: str(x.conditions.drives or ""), optional=True),
     RTOL,
     WARY,
 )

@@ -22,6 +22,7 @@ from ftforce.robot.kinematics import tip_pose_and_jacobian
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from ftforce.core.limits import DriveTerms
     from ftforce.robot.robot import Robot
 
 _NUMBER = re.compile(r"-?\d[\d.e+-]*")
@@ -209,7 +210,13 @@ def weight_torque(
 
 
 def motion_torque(
-    robot: Robot, q: Vector, v: Vector, a: Vector, payload: Payload | None = None
+    robot: Robot,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    payload: Payload | None = None,
+    *,
+    drives: DriveTerms | None = None,
 ) -> Vector:
     """Return the motion torques M(q) a + V(q, v) v, N·m (N), shape (n,).
 
@@ -221,6 +228,8 @@ def motion_torque(
         Joint positions (rad, m), velocities (per s) and accelerations (per s²), shape (n,).
     payload :
         Payload at the tip.
+    drives :
+        Friction and rotor inertia of the joints; ``None`` if they do not count.
     """
     model, data, fold = robot.model, robot.data, robot.coordinates
     configuration = robot.to_model(q)
@@ -232,7 +241,7 @@ def motion_torque(
         torque = torque + payload.mass * acceleration.dot(payload_jacobian(robot, q, payload))
         if payload.inertia is not None:
             torque = torque + _turning_torque(robot, q, v, a, payload.inertia)
-    return read_only(torque)
+    return read_only(torque if drives is None else torque + drives.torque(v, a))
 
 
 def _turning_torque(robot: Robot, q: Vector, v: Vector, a: Vector, inertia: Matrix) -> Vector:
@@ -258,23 +267,26 @@ def rnea_torque(
     *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
+    drives: DriveTerms | None = None,
 ) -> Vector:
     """Return the gravity and motion torques together (eq. 20), N·m (N), shape (n,).
 
     Parameters
     ----------
-    robot, q, v, a, payload :
+    robot, q, v, a, payload, drives :
         As in `motion_torque`.
     gravity :
         As in `weight_torque`.
     """
     if gravity is not None or payload is not None:
         return read_only(
-            weight_torque(robot, q, gravity, payload) + motion_torque(robot, q, v, a, payload)
+            weight_torque(robot, q, gravity, payload)
+            + motion_torque(robot, q, v, a, payload, drives=drives)
         )
     fold = robot.coordinates
     torque = pin.rnea(robot.model, robot.data, robot.to_model(q), fold.rate(v), fold.rate(a))
-    return read_only(fold.fold_torque(torque))
+    torque = fold.fold_torque(torque)
+    return read_only(torque if drives is None else torque + drives.torque(v, a))
 
 
 def rnea_torques(
@@ -285,12 +297,13 @@ def rnea_torques(
     *,
     gravity: Vector | None = None,
     payload: Payload | None = None,
+    drives: DriveTerms | None = None,
 ) -> Matrix:
     """Return the torques of `rnea_torque` for N motions, N·m (N), shape (N, n).
 
     Parameters
     ----------
-    robot, gravity, payload :
+    robot, gravity, payload, drives :
         As in `rnea_torque`.
     q, v, a :
         Joint positions, velocities and accelerations, shape (N, n).
@@ -299,13 +312,14 @@ def rnea_torques(
     if gravity is not None or payload is not None:
         model = _loaded_model(robot, gravity, payload)
         data = model.createData()
+    added = 0.0 if drives is None else drives.torque(v, a)
     q = fold.to_models(q)
     if not fold.is_identity:
         v, a = v @ fold.G.T, a @ fold.G.T
     torques = np.empty(v.shape)
     for torque, *motion in zip(torques, q, v, a, strict=True):
         torque[:] = pin.rnea(model, data, *motion)
-    return torques if fold.is_identity else torques @ fold.G
+    return (torques if fold.is_identity else torques @ fold.G) + added
 
 
 def _loaded_model(robot: Robot, gravity: Vector | None, payload: Payload | None) -> pin.Model:
@@ -321,7 +335,9 @@ def _loaded_model(robot: Robot, gravity: Vector | None, payload: Payload | None)
     return model
 
 
-def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matrix:
+def mass_matrix(
+    robot: Robot, q: Vector, payload: Payload | None = None, drives: DriveTerms | None = None
+) -> Matrix:
     """Return the mass matrix M(q), kg·m² (kg·m and kg for prismatic joints), shape (n, n).
 
     Parameters
@@ -332,6 +348,8 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
         Joint positions, rad or m, shape (n,).
     payload :
         Payload at the tip.
+    drives :
+        Drives whose rotor inertia counts; ``None`` if it does not.
 
     Raises
     ------
@@ -350,6 +368,8 @@ def mass_matrix(robot: Robot, q: Vector, payload: Payload | None = None) -> Matr
         if payload.inertia is not None:
             R, _, J = tip_pose_and_jacobian(robot, q)
             M = M + J[3:].T @ (R @ payload.inertia @ R.T) @ J[3:]
+    if drives is not None:
+        M = M + np.diag(drives.armature)
     if not _is_positive_definite(M):
         raise InputError(
             f"the mass matrix of {robot.name!r} is not positive definite: masses or inertias in "

@@ -122,5 +122,7 @@ def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.flo
     keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
     q = np.repeat(motion.q, len(keep), axis=0)
     v, a = ((x[:, None] * keep).reshape(q.shape) for x in motion[1:])  # 0 where locked
-    found = rnea_torques(robot, q, v, a, gravity=own, payload=conditions.payload)
+    found = rnea_torques(
+        robot, q, v, a, gravity=own, payload=conditions.payload, drives=conditions.terms
+    )
     return question.scale.weigh_torque(found.reshape(len(motion.q), len(keep), robot.n))

@@ -248,7 +248,9 @@ def _fill(
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     if is_static:
         v = a = robot.at_rest
-    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
+    free = knowledge.actual.free
+    terms = case.conditions.terms_after(None if free is None else free.mask)
+    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload, drives=terms)
     knowledge = knowledge.moving(case, v)
     found = _balance(case, q, J, scale.weigh_torque(rnea), knowledge)
     run.rnea[i] = rnea

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.conditions import PayloadLike
+    from ftforce.analysis.conditions import Conditions, PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
@@ -71,6 +71,8 @@ def simulate(
     payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -107,6 +109,8 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     gravity, payload, limits, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
@@ -164,6 +168,8 @@ def simulate(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,
@@ -421,8 +427,13 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         rtol=question.rtol,
         wary=question.wary,
         joint_length=question.scale.length,
-        notes=(*start.notes, *_friction_note(scene)),
+        notes=(*start.notes, *_drive_notes(conditions), *_friction_note(scene)),
     )
+
+
+def _drive_notes(conditions: Conditions) -> tuple[str, ...]:
+    """Say which friction and inertia of drives count."""
+    return () if conditions.drives is None else (f"counted: {conditions.drives}",)
 
 
 def _friction_note(scene: _Scene) -> tuple[str, ...]:

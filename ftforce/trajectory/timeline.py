@@ -234,6 +234,8 @@ def timeline(
     payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -268,6 +270,8 @@ def timeline(
     limits :
         As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
         capability.
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     gravity, payload, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
@@ -299,6 +303,8 @@ def timeline(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.drives import Drives
     from ftforce.analysis.friction import Friction
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
@@ -134,6 +135,8 @@ class State:
         How the user specified the arm.
     shown :
         What the page shows.
+    drives :
+        Friction and rotor inertia of the drives; ``None`` if they do not count.
     """
 
     posture: Posture
@@ -158,6 +161,7 @@ class State:
     friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
+    drives: Drives | None = None
 
     @property
     def q(self) -> Vector:
@@ -331,6 +335,7 @@ class State:
                 self.payload,
                 self.velocity,
                 self.acceleration,
+                self.drives,
             ),
             force=self.force,
             torque=self.asked_torque,
@@ -394,6 +399,7 @@ def initial_state(
         wary=question.wary,
         scale=question.scale,
         friction=question.given_friction,
+        drives=conditions.drives,
         origin=Origin(robot.path) if origin is None else origin,
     )
     return state.with_faults(faults)
@@ -440,6 +446,9 @@ def command_line(robot: Robot, state: State) -> str:
     given = (f"--{option}={value}" for option, value in options.items() if value)
     words = [word for name, value in origin.xacro.args for word in ("--arg", f"{name}={value}")]
     words += [word for one in origin.xacro.packages for word in ("--package-path", str(one))]
+    if state.drives is not None:
+        words += ["--joint-friction"] if state.drives.has_friction else []
+        words += ["--armature"] if state.drives.has_armature else []
     return shlex.join(["ftforce", "analyze", _argument(origin.robot), *words, *given])
 
 
