@@ -30,6 +30,7 @@ def works(version: str) -> bool:
 CURRENT = f"{sys.version_info.major}.{sys.version_info.minor}"
 FOUND = [version for version in SUPPORTED if version == CURRENT or works(version)] or [CURRENT]
 ALL = "not browser"
+MEASURED = "not no_cover and not browser"  # the others run in `tests`
 QUICK = "not thorough and not browser"  # what is thorough runs on one Python
 ENVIRONMENT = {
     # Installed code is tested, never the checkout; and no test depends on the caller's colours.
@@ -79,7 +80,7 @@ def coverage(session: nox.Session) -> None:
     install(session, *group("test"))
     # Branches need the C tracer before Python 3.14, where coverage takes sys.monitoring by itself.
     cover = [*WORKERS, "-q", "--cov", "--cov-branch"]
-    unjudged = ["-m", ALL, "--cov-report=", "--cov-fail-under=0"]
+    unjudged = ["-m", MEASURED, "--cov-report=", "--cov-fail-under=0"]
     session.run("pytest", *cover, *unjudged, env=ENVIRONMENT)
     # Coverage does not see into compiled kernels: their tests run once more as plain Python.
     plain = {**ENVIRONMENT, "NUMBA_DISABLE_JIT": "1"}

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from os import PathLike
 
 
-_LINE_BREAK = re.compile(r"\n\s*")
 _LONGEST = 1500  # characters of a message
 
 
@@ -38,7 +37,7 @@ class FtforceError(Exception):
 
     def __str__(self) -> str:
         """Return the message in one printable line; arrays in it are printed in several."""
-        text = printable(_LINE_BREAK.sub(" ", super().__str__()))
+        text = printable(re.sub(r"\n\s*", " ", super().__str__()))
         return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-500:]}"
 
     def __reduce__(self) -> tuple[Any, ...]:

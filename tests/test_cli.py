@@ -552,6 +552,25 @@ def test_standard_output_as_a_file_holds_the_data_only():
     assert json.loads(done.stdout)["robot"]["tip"] == "tool"
 
 
+BESIDE = {
+    "atexit": "atexit.register(print, 'last')",
+    "a thread": "threading.Timer(0.2, print, ['last']).start()",
+    "a profiler": "sys.setprofile(lambda *_: None); atexit.register(print, 'last')",
+}
+
+
+@pytest.mark.parametrize("beside", BESIDE.values(), ids=BESIDE)
+@pytest.mark.parametrize(("word", "status"), [("--version", 0), ("capabilty", 2)])
+def test_a_process_that_ends_at_once_loses_nothing(beside, word, status):
+    """Objects are not freed, but output is written, and what others registered is done."""
+    program = f"import atexit, sys, threading\nfrom ftforce.cli import run\n{beside}\nrun()"
+    command = [sys.executable, "-c", program, word]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == status
+    assert done.stdout.splitlines()[-1] == "last"
+    assert bool(done.stderr) == bool(status)
+
+
 # ---- the program, in this process ------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -38,9 +39,9 @@ def named_faults(
         A joint does not exist or fails in two modes, or a factor lies outside 0 to 1.
     """
     require_robot(robot)
-    faults = [Fault(i) for i in robot.indices(locked)]
     if isinstance(free, tuple) and isinstance(weak, tuple) and not free and not weak:
-        return FaultSet(tuple(faults))
+        return _locked(robot.indices(locked))
+    faults = [Fault(i) for i in robot.indices(locked)]
     faults += [Fault(i, FaultMode.FREE) for i in robot.indices(free)]
     pairs = _pairs(weak)
     robot.indices([joint for joint, _ in pairs])  # rejects joints that are named twice
@@ -54,6 +55,11 @@ def named_faults(
             )
         modes[fault.joint] = fault.mode
     return FaultSet(tuple(faults))
+
+
+@lru_cache(maxsize=256)  # a loop asks about the same few sets again and again
+def _locked(joints: tuple[int, ...]) -> FaultSet:
+    return FaultSet.locked(joints)
 
 
 def _pairs(weak: WeakJoints) -> list[tuple[int | str, object]]:

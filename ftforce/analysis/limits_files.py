@@ -16,9 +16,7 @@ import numpy as np
 from ftforce.core.arrays import read_only
 from ftforce.core.limits import DriveTerms, Limits, TorqueSpeedLine
 from ftforce.errors import DimensionError, InputError, LimitsError, listed, printable
-from ftforce.io.csv_table import Table
 from ftforce.io.text import LARGEST_TOML, read_numbers, read_text, read_toml
-from ftforce.io.yaml_text import LARGEST_YAML, read_yaml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,6 +27,7 @@ if TYPE_CHECKING:
 URDF, NONE = "urdf", "none"
 _COLUMNS = ("joint", "effort", "brake")
 _FRICTION_COLUMNS = ("joint", "friction")
+_LARGEST_YAML = 100_000  # bytes; the parser takes a second for them
 _SIDES = ("effort_min", "effort_max")
 _LINE = ("stall_torque", "no_load_speed")
 _TERMS = ("friction", "damping", "armature")
@@ -154,7 +153,7 @@ def _read(
     ending = Path(path).suffix.lower()
     if ending not in _ENDINGS:
         raise LimitsError(path, f"expected {words}{kind} ending in .toml, .yaml, .yml or .csv")
-    most = {".toml": LARGEST_TOML, ".csv": None}.get(ending, LARGEST_YAML)
+    most = {".toml": LARGEST_TOML, ".csv": None}.get(ending, _LARGEST_YAML)
     text = read_text(path, LimitsError, kind, most)
     try:
         if ending == ".csv":
@@ -314,6 +313,8 @@ def _toml_entries(text: str) -> list[_Entry]:
 
 
 def _csv_entries(text: str, columns: tuple[str, ...]) -> list[_Entry]:
+    from ftforce.io.csv_table import Table  # not needed for the URDF's limits
+
     table = Table.of(text)
     header = [cell.lower() for cell in table.header] if table else []
     if not table or "joint" not in header or len(set(header) & set(_ALL_COLUMNS)) < len(header):
@@ -334,6 +335,8 @@ class _WholeRobot(dict[str, Any]):
 
 def _yaml_entries(text: str) -> list[_Entry]:
     """Return the entries of ``joint_limits``, or of one mapping per joint."""
+    from ftforce.io.yaml_text import read_yaml  # not needed for the URDF's limits
+
     content = read_yaml(text)
     if not isinstance(content, dict):
         raise InputError("contains no mapping; expected joint_limits: followed by the joints")

@@ -12,8 +12,8 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -67,13 +67,42 @@ SeedOption = Annotated[
     ),
 ]
 
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
+
 # Options of the question that hold numbers separated by commas.
 _VECTORS = {"force", "torque", "direction", "velocity", "acceleration", "gravity"}
 
 
-@dataclass(frozen=True)
-class Group:
-    """Options that several commands share; the fields are their declarations."""
+class Group(SimpleNamespace):
+    """Options that several commands share; the annotated attributes are their declarations.
+
+    No dataclass: generating the methods of some twenty classes would take a tenth of the time in
+    which ``ftforce analyze`` answers.
+    """
+
+    def __init__(self, **given: Any) -> None:
+        """Take the values of the options.
+
+        Raises
+        ------
+        BadParameter
+            Some exclude each other.
+        """
+        super().__init__(**given)
+        self.check()
+
+    def check(self) -> None:
+        """Reject options that exclude each other."""
+
+    @classmethod
+    def options(cls) -> Iterator[inspect.Parameter]:
+        """Yield the declared options, those of the base classes first."""
+        declared: dict[str, Any] = {}
+        for base in reversed(cls.__mro__):
+            declared |= vars(base).get("__annotations__", {})
+        for name, annotation in declared.items():
+            default = getattr(cls, name)
+            yield inspect.Parameter(name, _KEYWORD, default=default, annotation=annotation)
 
     def arguments(self) -> dict[str, Any]:
         """Return the options as arguments of the functions behind the commands.
@@ -89,7 +118,6 @@ class Group:
         }
 
 
-@dataclass(frozen=True)
 class ChainOptions(Group):
     """Ends of the chain."""
 
@@ -151,7 +179,6 @@ def _pair(text: str) -> tuple[str, str]:
     return name.strip(), value
 
 
-@dataclass(frozen=True)
 class PostureOptions(Group):
     """Posture."""
 
@@ -184,7 +211,6 @@ class PostureOptions(Group):
         return self.q is not None or self.posture is not None
 
 
-@dataclass(frozen=True)
 class FaultOptions(Group):
     """One fault set."""
 
@@ -226,7 +252,6 @@ class FaultOptions(Group):
         return named_faults(robot, **self.arguments())
 
 
-@dataclass(frozen=True)
 class SetOptions(Group):
     """All fault sets up to a size."""
 
@@ -242,7 +267,6 @@ _Force = Annotated[
 ]
 
 
-@dataclass(frozen=True)
 class LoadOptions(Group):
     """Force at the tip, or the motor torques for it."""
 
@@ -262,7 +286,7 @@ class LoadOptions(Group):
         ),
     ] = "euclidean"
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         """Reject --force together with --torque."""
         if self.force is not None and self.torque is not None:
             raise typer.BadParameter("give either --force or --torque, not both")
@@ -274,14 +298,12 @@ _Direction = Annotated[
 ]
 
 
-@dataclass(frozen=True)
 class DirectionOption(Group):
     """Direction of the capability."""
 
     direction: _Direction = None
 
 
-@dataclass(frozen=True)
 class ForceOptions(Group):
     """Force at the tip, and direction of the capability."""
 
@@ -289,7 +311,6 @@ class ForceOptions(Group):
     direction: _Direction = None
 
 
-@dataclass(frozen=True)
 class MotionOptions(Group):
     """Motion before the fault."""
 
@@ -305,7 +326,6 @@ class MotionOptions(Group):
     ] = None
 
 
-@dataclass(frozen=True)
 class WeightOptions(Group):
     """Gravity and payload."""
 
@@ -327,7 +347,6 @@ class WeightOptions(Group):
     ] = None
 
 
-@dataclass(frozen=True)
 class LimitsOption(Group):
     """Torque limits, by default none unless the analysis needs them."""
 
@@ -341,7 +360,6 @@ class LimitsOption(Group):
     ] = None
 
 
-@dataclass(frozen=True)
 class CapabilityLimits(Group):
     """Torque limits of the capability."""
 
@@ -353,7 +371,6 @@ class CapabilityLimits(Group):
     ] = "urdf"
 
 
-@dataclass(frozen=True)
 class FrictionOption(Group):
     """Friction of free-swinging joints."""
 
@@ -368,7 +385,6 @@ class FrictionOption(Group):
     ] = None
 
 
-@dataclass(frozen=True)
 class DriveOptions(Group):
     """Friction and rotor inertia of the drives of a moving arm."""
 
@@ -388,7 +404,6 @@ class DriveOptions(Group):
     ] = False
 
 
-@dataclass(frozen=True)
 class TaskOptions(Group):
     """Components and axes of the force."""
 
@@ -424,7 +439,6 @@ class TaskOptions(Group):
     ] = "tool"
 
 
-@dataclass(frozen=True)
 class RankTolerance(Group):
     """Tolerance of ranks."""
 
@@ -436,7 +450,6 @@ class RankTolerance(Group):
     ] = 1e-6
 
 
-@dataclass(frozen=True)
 class Tolerances(RankTolerance):
     """Tolerances of ranks and of the verdict."""
 
@@ -460,7 +473,6 @@ _Form = Annotated[
 ]
 
 
-@dataclass(frozen=True)
 class Outputs(Group):
     """Where the result goes."""
 
@@ -481,7 +493,6 @@ class Outputs(Group):
         emit(shown, result, **vars(self), title=title, warnings=warnings)
 
 
-@dataclass(frozen=True)
 class PlotOutputs(Outputs):
     """Where the result and its plot go."""
 
@@ -494,7 +505,6 @@ class PlotOutputs(Outputs):
     ] = None
 
 
-@dataclass(frozen=True)
 class HistoryOutputs(PlotOutputs):
     """Where a history and its plot go."""
 
@@ -545,9 +555,6 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-_KEYWORD = inspect.Parameter.KEYWORD_ONLY
-
-
 def _groups(command: Callable[..., None]) -> dict[str, type[Group]]:
     """Return the parameters of a command that are groups of options."""
     found = inspect.signature(command).parameters.items()
@@ -565,17 +572,13 @@ def _expanded(command: Callable[..., None]) -> Iterator[inspect.Parameter]:
         if name not in groups:
             yield parameter.replace(kind=_KEYWORD)
     for group in groups.values():
-        for option in fields(group):
-            assert option.default is not MISSING
-            yield inspect.Parameter(
-                option.name, _KEYWORD, default=option.default, annotation=option.type
-            )
+        yield from group.options()
 
 
 def _grouped(command: Callable[..., None], given: dict[str, Any]) -> dict[str, Any]:
     """Return the arguments of a command, its options collected in groups."""
     collected = {
-        name: group(**{option.name: given.pop(option.name) for option in fields(group)})
+        name: group(**{option.name: given.pop(option.name) for option in group.options()})
         for name, group in _groups(command).items()
     }
     return given | collected

@@ -1,6 +1,5 @@
 """``ftforce sweep``: many postures, all fault sets."""
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 
-@dataclass(frozen=True)
 class SweepOutputs(PlotOutputs):
     """Where the sweep, its tables and its plot go."""
 
@@ -153,7 +151,7 @@ def sweep(
             kept = next(iter(noted), "finished chunks are kept; the same command resumes the sweep")
         typer.echo(f"interrupted; {kept}", err=True)
         raise typer.Exit(130) from None
-    outputs = replace(outputs, output=files)
+    outputs = SweepOutputs(**(vars(outputs) | {"output": files}))
     outputs.emit(sweep_view(result, most=top), result, f"ftforce sweep {arm.name}")
 
 

@@ -1,7 +1,6 @@
 """Options of the commands that follow a trajectory."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 _QUESTION = ("force", "task", "length", "axes", "rtol", "wary")
 
 
-@dataclass(frozen=True)
 class TrajectoryOptions(Group):
     """Trajectory from a file, or straight lines of the tip."""
 
@@ -143,7 +141,7 @@ class TrajectoryOptions(Group):
         points = [first, *(_point(corner, "--to") for corner in self.to)]
         return Path.through(points, speed=self.speed, keep_orientation=self.keep_orientation)
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
         """Reject a file together with lines.
 
         Raises

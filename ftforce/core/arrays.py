@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from numbers import Real
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from ftforce.errors import DimensionError, InputError
 
-Vector: TypeAlias = NDArray[np.float64]
-Matrix: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
-_Size = TypeVar("_Size", float, Vector)
+Vector: TypeAlias = "NDArray[np.float64]"
+Matrix: TypeAlias = "NDArray[np.float64]"
+Mask: TypeAlias = "NDArray[np.bool_]"
+
+_Size = TypeVar("_Size", float, "Vector")
 
 _LARGE, _SAFE = 1000, 1e100  # elements; a size whose square does not overflow
 _FLOAT = np.dtype(np.float64)  # a singleton in NumPy, so it can be compared by identity
@@ -130,6 +132,8 @@ def safe_divide(x: _Size, scale: float, otherwise: _Size) -> _Size:
 
 def is_number(value: object) -> bool:
     """Return whether a value is a finite real number; booleans are rejected."""
+    if value.__class__ is float:  # by far the most frequent
+        return math.isfinite(value)
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     try:

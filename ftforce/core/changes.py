@@ -257,7 +257,7 @@ def change_of_load(
         F_after, jump = bounded.F_after, load.F - bounded.F_after
         after = np.where(reduced.locked, 0.0, F_after.dot(reduced.J))
     known = rnea.is_known
-    total = rnea.after + F_after.dot(reduced.J)
+    total = rnea.after + (carried if F_after is load.F else F_after.dot(reduced.J))
     by_brakes = np.where(reduced.locked, total, 0.0)
     by_motors = total - by_brakes  # exact: one of them is 0
     if reduced.free is not None:

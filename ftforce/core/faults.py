@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from itertools import combinations
 from math import comb
 from typing import TYPE_CHECKING, Any
@@ -307,7 +308,8 @@ def _joint_of(fault: Fault) -> int:
     return fault.joint
 
 
-def _mask(n: int, joints: Iterable[int]) -> Mask:
+@lru_cache(maxsize=1024)
+def _mask(n: int, joints: tuple[int, ...]) -> Mask:
     mask = [False] * n
     for joint in joints:
         mask[joint] = True

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _PIECE = 1 << 20  # characters
 _LONG = 1 << 17  # characters: shorter texts are read before Arrow is imported
 
-_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")  # StringIO takes 4 × the size of a text
+_LINE = r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+"  # StringIO takes 4 × the size of a text
 
 # For each joint unit, the accepted column units and their conversion factors.
 POSITION_UNITS = {
@@ -139,7 +139,7 @@ class Table(NamedTuple):
         InputError
             The text is not valid CSV, or a row and the header differ in length.
         """
-        lines = (found.group() for found in _LINE.finditer(self.text))
+        lines = (found.group() for found in re.finditer(_LINE, self.text))
         for line, cells in _rows(lines, self.line, self.one_line):
             if len(cells) != len(self.header):
                 raise InputError(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PIECE = 1 << 20  # bytes read at a time
 LARGEST_FILE = 100_000_000  # bytes; a URDF typically has about 100 kB
 # In wide use; others in Python's list are no encodings of texts, or can encode commands.
-_ENCODINGS = re.compile(
+_ENCODINGS = (
     r"iso-?8859-([1-9]|1[0-1]|1[3-6])|latin-?1|(windows-|cp)125[0-8]|gb18030|big5|shift-jis"
     r"|euc-(jp|kr)|koi8-[ru]|utf-16"
 )
@@ -144,7 +144,7 @@ def _usable(declared: str) -> str:
     name = declared.lower().replace("_", "-")
     if name in {"gb2312", "gbk", "x-gbk", "euc-cn"}:
         return "gb18030"  # contains them; files declare the smaller sets and use the larger
-    return name if _ENCODINGS.fullmatch(name) else ""
+    return name if re.fullmatch(_ENCODINGS, name) else ""
 
 
 def read_numbers(

@@ -15,7 +15,6 @@ from ftforce.io.text import read_numbers
 if TYPE_CHECKING:
     import yaml
 
-LARGEST_YAML = 100_000  # bytes; the parser takes a second for them
 _DEEPEST = 20
 _PLAIN = {None, "!", *(f"tag:yaml.org,2002:{kind}" for kind in ("float", "int", "str", "bool"))}
 _ANGLES = {"!degrees": math.pi / 180.0, "!radians": 1.0}

@@ -11,12 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ftforce.core.arrays import Matrix, Vector
 
-Indices: TypeAlias = NDArray[np.intp]
+Indices: TypeAlias = "NDArray[np.intp]"
 
 
 class Coordinates(NamedTuple):

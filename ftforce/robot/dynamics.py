@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ftforce.core.limits import DriveTerms
     from ftforce.robot.robot import Robot
 
-_NUMBER = re.compile(r"-?\d[\d.e+-]*")
+_NUMBER = r"-?\d[\d.e+-]*"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _TRIANGLE = 1e-6  # relative: rounded moments of a flat body may exceed the triangle inequality
@@ -155,7 +155,7 @@ class CarriedPayload:
         if self.payload_mass is not None:
             inertia = self.payload_inertia or None
             return Payload.of(self.payload_mass, self.payload_offset, inertia)
-        mass, *offset = map(float, _NUMBER.findall(self.payload or "0"))
+        mass, *offset = map(float, re.findall(_NUMBER, self.payload or "0"))
         return Payload.of(mass, offset or np.zeros(3)) if self.payload else None
 
 

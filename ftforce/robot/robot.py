@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ftforce.robot.coordinates import Coordinates
 
 BUILT_IN_POSTURES = ("mid-range", "zero", "bent", "sample")
+_BOOLS = (bool, np.bool_)
 
 
 class JointUnits:
@@ -377,7 +378,7 @@ class Robot(Displayed):
             given = list(joints)
         else:
             given = [joints]
-        if given and all(isinstance(joint, (bool, np.bool_)) for joint in given):
+        if given and isinstance(given[0], _BOOLS) and all(isinstance(j, _BOOLS) for j in given):
             if len(given) != self.n:
                 raise InputError(
                     f"a joint mask needs {self.n} entries, one per joint, got {len(given)}"

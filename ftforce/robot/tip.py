@@ -23,8 +23,9 @@ _CLEARLY = 2  # a branch is clearly the longest with this many joints more than 
 _MOST_OF_A_GRIPPER = 2  # joints, in series and in all, that may lie beyond the tip unasked
 
 # Names of tool frames, best first. A name is compared word by word: panda_hand_tcp, linkEE.
+# Patterns are compiled when they are needed (by `re`, which keeps them): often an SRDF has the tip.
 _TOOL_FRAMES = tuple(
-    re.compile(rf"(?:^|_)(?:{words})(?:_|$)")
+    rf"(?:^|_)(?:{words})(?:_|$)"
     for words in (
         r"tool_?0",
         r"tcp\d*|tool_?cent(?:er|re)_?point",
@@ -35,14 +36,14 @@ _TOOL_FRAMES = tuple(
         r"grasp[a-z]*|grip(?:per)?_(?:frame|cent(?:er|re)|point|tip|site)",
     )
 )
-_GRIPPER = re.compile(r"(?:^|_)gripper$")  # the gripper itself: better than nothing
-_FINGER = re.compile(
+_GRIPPER = r"(?:^|_)gripper$"  # the gripper itself: better than nothing
+_FINGER = (
     r"finger|thumb|knuckle|(?:^|_)(?:jaws?|claws?|pincers?|digit)(?:_|\d|$)"
     r"|hand_.*(?:index|middle|ring|little|pinky|mrl)"
 )
-_JAW = re.compile(r"gripper")  # also the name of a whole gripper, and of the wrist that turns it
-_NO_JAW = re.compile(r"yaw|roll|pitch|rot|wrist|base|palm|body|flange|tool|mount")
-_NO_ARM = re.compile(
+_JAW = r"gripper"  # also the name of a whole gripper, and of the wrist that turns it
+_NO_JAW = r"yaw|roll|pitch|rot|wrist|base|palm|body|flange|tool|mount"
+_NO_ARM = (
     r"wheel|caster|rotor|propeller|camera|kinect|xtion|realsense|lidar|laser|velodyne|hokuyo|sonar"
     r"|sensor|antenna|display|screen|spring|balanc|counter_?weight"
     r"|(?:^|_)(?:imu|head|neck|ptu|pan_tilt|eye|eyes|eyelid|jaw|rocker|bogie|cam)(?:_|\d|$)"
@@ -395,7 +396,9 @@ def _angle(R: np.ndarray) -> float:
 def _precedence(tree: UrdfTree, name: str) -> tuple[int, bool, int]:
     """Return the key by which tool frames are sorted: kind, plain name, outermost."""
     words, kind = re.sub(r"(?:_link|_frame)$", "", _words(name)), _kind(name) or 0
-    plain = kind == _WEAK or any(m.end() == len(words) for m in _TOOL_FRAMES[kind].finditer(words))
+    plain = kind == _WEAK or any(
+        m.end() == len(words) for m in re.finditer(_TOOL_FRAMES[kind], words)
+    )
     return kind, not plain, -len(tree.path_to(name))
 
 
@@ -403,9 +406,9 @@ def _kind(link: str) -> int | None:
     """Return the rank of a link's name among those of tool frames; ``None`` if it is no such."""
     words = _words(link)
     for rank, pattern in enumerate(_TOOL_FRAMES):
-        if pattern.search(words):
+        if re.search(pattern, words):
             return rank
-    return _WEAK if _GRIPPER.search(words) else None
+    return _WEAK if re.search(_GRIPPER, words) else None
 
 
 def _words(name: str) -> str:
@@ -414,5 +417,5 @@ def _words(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", separated.lower())
 
 
-def _has_name(joints: Iterable[UrdfJoint], pattern: re.Pattern[str]) -> bool:
-    return any(pattern.search(_words(name)) for one in joints for name in (one.name, one.child))
+def _has_name(joints: Iterable[UrdfJoint], pattern: str) -> bool:
+    return any(re.search(pattern, _words(name)) for one in joints for name in (one.name, one.child))

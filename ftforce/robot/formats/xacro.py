@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from xacrodoc import XacroDoc
 
 _INSTALL = "to expand it, install xacrodoc: pip install 'ftforce[xacro]'"
-_NO_PACKAGE = re.compile(r"Package not found: (\S+)")
-_NO_ARGUMENT = re.compile(r"[Uu]ndefined substitution argument (\S+)")
+_NO_PACKAGE = r"Package not found: (\S+)"
+_NO_ARGUMENT = r"[Uu]ndefined substitution argument (\S+)"
 _expanding = threading.Lock()  # xacro keeps its state in globals
 
 
@@ -154,7 +154,7 @@ def _expanded(text: str, path: str | PathLike[str], options: XacroOptions) -> Xa
         try:
             return XacroDoc.from_string(text, dict(options.args), resolve_packages=False)
         except Exception as problem:
-            missing = _NO_PACKAGE.search(str(problem))
+            missing = re.search(_NO_PACKAGE, str(problem))
             if missing is None or missing[1] not in named:
                 raise
             packages.update_package_cache({missing[1]: named.pop(missing[1])})
@@ -181,14 +181,14 @@ def _find_meshes(document: Document, path_of: Callable[[str], str]) -> None:
 def _reason(problem: Exception, options: XacroOptions) -> str:
     """Return why a file cannot be expanded, in one line, with what helps."""
     words = " ".join(str(problem).split()) or type(problem).__name__
-    if found := _NO_PACKAGE.search(words):
+    if found := re.search(_NO_PACKAGE, words):
         where = listed(map(str, options.packages), most=3)
         places = f" in {where}" if options.packages else ""
         return (
             f"needs the package {found[1]!r}, which is not found{places}; name a folder above it "
             "with --package-path DIR (package_path=)"
         )
-    if found := _NO_ARGUMENT.search(words):
+    if found := re.search(_NO_ARGUMENT, words):
         return (
             f"needs a value for its argument {found[1]!r}: give it with --arg {found[1]}=VALUE "
             f"(args={{{found[1]!r}: …}})"

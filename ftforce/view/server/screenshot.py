@@ -236,5 +236,5 @@ def _png(picture: NDArray[np.uint8]) -> bytes:
     opacity = picture[..., 3:].astype(np.float32) / 255.0
     on_white = picture[..., :3] * opacity + 255.0 * (1.0 - opacity)
     stream = io.BytesIO()
-    Image.fromarray(np.rint(on_white).astype(np.uint8)).save(stream, "PNG", optimize=True)
+    Image.fromarray(np.rint(on_white).astype(np.uint8)).save(stream, "PNG")
     return stream.getvalue()
