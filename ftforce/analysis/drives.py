@@ -38,7 +38,7 @@ class Drives(NamedTuple):
     unknown_armature: tuple[str, ...]
 
     def after(self, free: Mask | None) -> DriveTerms:
-        """Return the terms after a fault: `friction` is that of free-swinging joints.
+        """Return the terms after a fault, without the friction of free-swinging joints.
 
         Parameters
         ----------

@@ -131,7 +131,7 @@ class Limits:
 
         This is the brake limit at a locked joint, the reduced motor limit at a weak joint, and 0
         at a free-swinging joint; NaN where unknown. If lower and upper limits differ, both of them
-        are returned, as rows, shape (2, n); `both_sides` takes either.
+        are returned, as rows, shape (2, n).
 
         Parameters
         ----------
