@@ -19,6 +19,7 @@ from ftforce.core.limits import Limits, TorqueSpeedLine, both_sides
 from ftforce.core.reduced_jacobian import reduce
 from ftforce.core.task import Task
 from ftforce.errors import DimensionError, InputError
+from ftforce.show.render import render, to_text
 from ftforce.trajectory import Recording
 from ftforce.trajectory import timeline as module
 from helpers import assert_close, campaign
@@ -189,3 +190,36 @@ def test_equal_sides_are_the_symmetric_limits():
     assert Limits.of([1.0, np.nan], lower=[-1.0, np.nan]).lower is None
     robot = ftforce.load_robot("dh5")
     assert choose_limits(robot, "urdf").lower is None
+
+
+def test_a_remapper_has_no_velocities():
+    robot, line = ftforce.load_robot("dh5"), TorqueSpeedLine.of(np.ones(5), np.ones(5))
+    limits = Limits.of(np.ones(5), line=line)
+    for ask in (lambda: Remapper(robot, [[1]], limits=limits), lambda: Remapper(
+        m=3, n=5, faults=[[1]], limits=limits
+    )):  # fmt: skip
+        with pytest.raises(InputError, match="has no velocities for torque-speed lines"):
+            ask()
+
+
+def test_a_history_keeps_both_limits(tmp_path):
+    robot = ftforce.load_robot("dh5")
+    q = np.linspace([0.2, 1.0, 0.4, 1.0, 0.1], [0.3, 0.9, 0.5, 0.9, 0.2], 9)
+    recording = Recording.of(robot, np.linspace(0.0, 2.0, 9), q)
+    lower = [-30.0, np.nan, -80.0, -12.0, -5.0]
+    upper = np.array([90.0, np.nan, 30.0, 15.0, 8.0])
+    line = TorqueSpeedLine.of(np.full(5, 40.0), np.full(5, 0.2))
+    limits = Limits.of(upper, lower=lower, line=line)
+    asked = {"force": [20.0, 20.0, 10.0], "faults": "2@1"}
+    run = ftforce.simulate(robot, recording, limits=limits, **asked)
+    ftforce.save(run, tmp_path / "run.npz")
+    kept = ftforce.load_history(tmp_path / "run.npz")
+    assert kept.setting.effort_lower == (-30.0, -40.0, -40.0, -12.0, -5.0)
+    assert kept.setting.effort == (40.0, 40.0, 30.0, 15.0, 8.0)
+    assert "-30 … 40" in to_text(render(kept))
+    for i in (1, 3, 5, 8):  # each instant has the limits of its velocity
+        below, above = limits.motor_bounds(run.answer.v[i])
+        motor, used = run.answer.motor[i], run.answer.used[i]
+        moving = [0, 2, 3, 4] if run.t[i] >= 1.0 else [0, 1, 2, 3, 4]
+        expected = np.where(motor < 0.0, motor / below, motor / above)
+        assert_close(used[moving], expected[moving], scale=1.0)

@@ -128,7 +128,23 @@ def _given_limits(limits: object, n: int) -> Limits | None:
     known = limits if isinstance(limits, Limits) else Limits.of(limits)  # type: ignore[arg-type]
     if len(known.effort) != n:
         raise DimensionError("limits", (n,), known.effort.shape, "one per column of J")
-    return known
+    return _without_lines(known)
+
+
+def _without_lines(limits: Limits | None) -> Limits | None:
+    """Return limits that do not depend on velocities, which a remapper does not know.
+
+    Raises
+    ------
+    InputError
+        They have torque-speed lines.
+    """
+    if limits is not None and limits.line is not None:
+        raise InputError(
+            "a Remapper has no velocities for torque-speed lines (stall_torque, no_load_speed); "
+            "give limits without them, or use analyze"
+        )
+    return limits
 
 
 def _given_friction(friction: object, n: int) -> Vector:
@@ -656,6 +672,7 @@ def _arm_of_robot(question: Question, sets: tuple[FaultSet, ...]) -> _Arm:
     from ftforce.batch.kernels import single
 
     robot, scale = question.robot, question.scale
+    _without_lines(question.limits)
     limits = [choose_limits(robot, limits_for(one, question.limits)) for one in sets]
     is_bounded = any(x is not None or one.free for x, one in zip(limits, sets, strict=True))
     plan = Plan.of(question, sets, needs_gravity=is_bounded)

@@ -62,8 +62,8 @@ class SweepSetting(CarriedPayload):
     gravity :
         In root axes, m/s².
     payload, payload_mass, payload_offset, payload_inertia :
-        Description of the payload, its mass, kg, and its position in tip axes, m; ``None`` and
-        empty without one. `carried` is the payload itself.
+        Description of the payload, its mass, kg, its position in tip axes, m, and its moments of
+        inertia, kg·m²; ``None`` and empty without one. `carried` is the payload itself.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     postures :

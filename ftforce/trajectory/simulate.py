@@ -41,14 +41,15 @@ from ftforce.trajectory.start import Start, start_of
 from ftforce.trajectory.warnings import history_warnings, noise_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.conditions import Conditions, PayloadLike
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
+    from ftforce.core.limits import Limits
     from ftforce.core.task import Axes
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Trajectory
@@ -420,6 +421,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         delay=delay,
         limits=NONE if limits is None else limits.source,
         effort=tuple((robot.effort if limits is None else limits.motor_bounds()[1]).tolist()),
+        effort_lower=() if limits is None else _lower_limits(limits),
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
         **numbers_of(conditions.payload),
@@ -427,13 +429,22 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         rtol=question.rtol,
         wary=question.wary,
         joint_length=question.scale.length,
-        notes=(*start.notes, *_drive_notes(conditions), *_friction_note(scene)),
+        notes=(*start.notes, *_drive_notes(question), *_friction_note(scene)),
     )
 
 
-def _drive_notes(conditions: Conditions) -> tuple[str, ...]:
-    """Say which friction and inertia of drives count."""
-    return () if conditions.drives is None else (f"counted: {conditions.drives}",)
+def _lower_limits(limits: Limits) -> tuple[float, ...]:
+    """Return the lower limits of the motors at rest; none if they are always the upper ones."""
+    is_symmetric = limits.lower is None and limits.line is None
+    return () if is_symmetric else tuple(limits.motor_bounds()[0].tolist())
+
+
+def _drive_notes(question: Question) -> Iterator[str]:
+    """Say what of the drives counts."""
+    if question.limits is not None and question.limits.line is not None:
+        yield "limits follow torque-speed lines; those shown are the ones at rest"
+    if question.conditions.drives is not None:
+        yield f"counted: {question.conditions.drives}"
 
 
 def _friction_note(scene: _Scene) -> tuple[str, ...]:

@@ -104,7 +104,10 @@ class SweepRequest:
         for name in _NOT_IDENTIFYING:
             del plain[name]
         plan = self.job.plan
-        arrays = [*plan.mechanism, *plan.faults, *plan.question]
+        question = plan.question
+        if not question.middle.any():  # not hashed before limits could differ by direction
+            question = question._replace(middle=np.zeros(0))
+        arrays = [*plan.mechanism, *plan.faults, *question]
         content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
         same = {
             **plain,
