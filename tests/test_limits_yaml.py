@@ -125,6 +125,15 @@ BAD = {
     "order": ("joint1: {effort: [5, -5]}\n", "joint1: effort of joint1 needs a negative lower"),
     "one side": ("joint1: {effort: [0, 5]}\n", "joint1: effort of joint1 needs a negative lower"),
     "half line": ("joint1: {stall_torque: 5}\n", "joint1: a torque-speed line needs both"),
+    "damping": (
+        "joint1: {damping: -1}\n",
+        "joint1: damping of joint1 must be a number",
+    ),
+    "unit": (
+        "joint1: {armature: [1]}\n",
+        "joint1: armature of joint1 must be",
+    ),
+    "speed": ("joint1: {stall_torque: 1, no_load_speed: 0}\n", "joint1: no_load_speed of joint1"),
     "nan": ("joint1: {max_effort: .nan}\n", "joint1: effort of joint1"),
     "zero": ("joint1: {max_effort: 0}\n", "joint1: effort of joint1 must be a positive number"),
     "nested": ("joint1: {max_effort: {x: 1}}\n", "joint1: effort of joint1 must be"),

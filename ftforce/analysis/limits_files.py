@@ -31,6 +31,12 @@ _LARGEST_YAML = 100_000  # bytes; the parser takes a second for them
 _SIDES = ("effort_min", "effort_max")
 _LINE = ("stall_torque", "no_load_speed")
 _TERMS = ("friction", "damping", "armature")
+_TORQUE = "N·m or N"
+_UNITS = {
+    "no_load_speed": "rad/s or m/s",
+    "damping": "N·m·s/rad or N·s/m",
+    "armature": "kg·m² or kg",
+}
 _ALL_COLUMNS = (*_COLUMNS, *_SIDES, *_LINE, *_TERMS)
 _SMALLEST = 1e-9  # N·m or N: smaller values are input errors and vanish in rounding
 _KIND = "a TOML, YAML or CSV file of limits (joint, effort, brake)"
@@ -172,11 +178,13 @@ def _limits_of(
         of = f"of {robot.names[i]}"
         found["lower"][i], found["upper"][i] = _effort(entry, where, of)
         for key in ("brake", *_LINE):
-            found[key][i] = _limit(entry.get(key), f"{where}: {key} {of}")
+            unit = _UNITS.get(key, _TORQUE)
+            found[key][i] = _limit(entry.get(key), f"{where}: {key} {of}", unit)
         if math.isnan(found["stall_torque"][i]) != math.isnan(found["no_load_speed"][i]):
             raise InputError(f"{where}: a torque-speed line needs both {' and '.join(_LINE)}")
         for key in _TERMS:
-            found[key][i] = _number(entry.get(key), f"{where}: {key} {of}")
+            unit = _UNITS.get(key, _TORQUE)
+            found[key][i] = _number(entry.get(key), f"{where}: {key} {of}", unit=unit)
     known = {key for key, values in found.items() if not np.isnan(values).all()}
     if not known & {"upper", "brake", "stall_torque"}:
         raise InputError(f"contains no limits; expected {', '.join(_COLUMNS)} for each joint")
@@ -264,29 +272,31 @@ def _check_keys(where: str, entry: Mapping[str, Any]) -> None:
         raise InputError(f"{where}: no joint given")
 
 
-def _number(value: object, what: str, wanted: str = "a number of at least 0") -> float:
+def _number(
+    value: object, what: str, wanted: str = "a number of at least 0", unit: str = _TORQUE
+) -> float:
     """Return a number; NaN if the value is empty."""
     if _is_empty(value):
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise InputError(f"{what} must be {wanted}, N·m or N, got {value!r}")
+        raise InputError(f"{what} must be {wanted}, {unit}, got {value!r}")
     try:
         number = read_numbers(str(value), 1)[0]
     except ValueError as problem:
         raise InputError(f"{what}: {problem}; omit it if unknown") from None
     if wanted.endswith("0") and number < 0.0:
-        raise InputError(f"{what} must be {wanted}, N·m or N, got {number:g}")
+        raise InputError(f"{what} must be {wanted}, {unit}, got {number:g}")
     return number
 
 
-def _limit(value: object, what: str) -> float:
+def _limit(value: object, what: str, unit: str = _TORQUE) -> float:
     """Return a limit; NaN if the value is empty."""
-    limit = _number(value, what, "a positive number")
+    limit = _number(value, what, "a positive number", unit)
     if limit < _SMALLEST:
         hint = f"limits below {_SMALLEST:g} are not accepted"
         if limit <= 0.0:
             hint = "limits apply in both directions" if limit < 0.0 else "omit it if unknown"
-        raise InputError(f"{what} must be a positive number, N·m or N, got {limit + 0.0:g}; {hint}")
+        raise InputError(f"{what} must be a positive number, {unit}, got {limit + 0.0:g}; {hint}")
     return limit
 
 

@@ -145,19 +145,22 @@ class Limits:
         InputError
             A joint index is out of range.
         """
-        n = len(self.effort)
-        factors, locked = faults.factors(n), faults.mask(n)
+        if self.lower is None and self.line is None:
+            return read_only(self._after(faults, self.effort))
         lower, upper = self.motor_bounds(v)
-
-        def weakened(most: Vector) -> Vector:
-            # Avoid underflow to 0, which would mean a free-swinging joint.
-            motors = np.where(most > 0.0, np.maximum(most * factors, _SMALLEST), most)
-            motors = np.where(factors > 0.0, motors, 0.0)  # also 0 where the limit is unknown
-            return np.where(locked, self.brake, motors)
-
+        most = self._after(faults, upper)
         if np.array_equal(lower, -upper, equal_nan=True):
-            return read_only(weakened(upper))
-        return read_only(np.array([-weakened(-lower), weakened(upper)]))
+            return read_only(most)
+        return read_only(np.array([-self._after(faults, -lower), most]))
+
+    def _after(self, faults: FaultSet, most: Vector) -> Vector:
+        """Return the limits in one direction after faults, from those of the healthy motors."""
+        n = len(most)
+        factors = faults.factors(n)
+        # Avoid underflow to 0, which would mean a free-swinging joint.
+        motors = np.maximum(most * factors, _SMALLEST)
+        motors = np.where(factors > 0.0, motors, 0.0)  # also 0 where the limit is unknown
+        return np.where(faults.mask(n), self.brake, motors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
