@@ -186,7 +186,7 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "direction": lambda c: c.vector(c.choice(FORCE)),
     "velocity": lambda c: c.vector(c.robot.n),
     "acceleration": lambda c: c.vector(c.robot.n),
-    "gravity": lambda c: c.vector(3, 9.8),
+    "gravity": lambda c: c.one(c.vector(3, 9.8), "wall", "30,-45", odd=("wal", "1", "")),
     "payload": _payload,
     "limits": _limits,
     "friction": lambda c: c.one(
@@ -230,6 +230,7 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "tip": lambda c: c.one(None, odd=("tool", "tip", "nowhere", "")),
     "base": lambda c: c.one(None, odd=("base_link", "nowhere")),
     "args": lambda c: c.one(None, odd=({"length": 2}, "a=b", {1: None})),
+    "srdf": lambda c: c.one(None, odd=(str(c.folder), "nowhere.srdf", "", 7)),
     "package_path": lambda c: c.one(None, odd=(str(c.folder), [c.folder, "nowhere"], "", 7)),
     "arms": lambda c: c.one(["dh5", c.robot], [c.robot] * 2, {"a": c.robot}, odd=([], "dh5", [3])),
     "J": lambda c: [c.vector(c.robot.n) for _ in range(3)],

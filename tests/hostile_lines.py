@@ -135,6 +135,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("force", "direction", "gravity"), VECTORS),
     **dict.fromkeys(("torque", "velocity", "acceleration"), ("1,2,3,4,5", "0,0,0,0,0", "1e9")),
     "inverse": ("euclidean", "dynamic", "newton"),
+    "mounted": ("floor", "wall", "ceiling", "30,-45", "90", "upside down"),
     "payload": (
         "tool.toml",
         "arm.toml",
@@ -153,6 +154,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "base": ("base", "link1", "nowhere"),
     "tip": ("tool", "link3", "nowhere"),
     "args": ("name=arm", "length:=2", "name"),
+    "srdf": ("arm.srdf", "arm.urdf", "link.urdf", "folder", "nowhere.srdf"),
     "package_path": (".", "folder", "nowhere"),
     "rtol": ("1e-6", "1e-3", "1e-9", "2", "0"),
     "wary": ("1e-2", "0.5", "1e-9"),

@@ -112,6 +112,7 @@ def test_what_is_wrong_is_said_in_one_line(opened, arguments, words):
     [
         (["--history", "a.npz", "--sweep", "b.zarr"], "not both"),
         (["--force", "1,2,3", "--torque", "1,2,3,4,5"], "not both"),
+        (["--gravity", "0,0,0", "--mounted", "wall"], "not both"),
         (["--at", "3"], "--at requires --history"),
         (["--export", "page.pdf"], "must end in .html"),
         (["--screenshot", "page.jpg"], "must end in .png"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -67,6 +68,46 @@ def test_payloads(given, mass, offset):
     assert type(payload.mass) is float
     assert_close(payload.offset, offset)
     assert read_payload(None) is None
+
+
+def turned(urdf, roll, pitch):
+    """Return a URDF whose root link is fixed to an upright one, turned as the angles (rad) say."""
+    root = pin.buildModelFromXML(urdf).frames[1].name
+    joint = f'<joint name="mount" type="fixed"><parent link="upright"/><child link="{root}"/>'
+    mount = f'{joint}<origin rpy="{roll} {pitch} 0"/></joint>'
+    return urdf.replace("</robot>", f'<link name="upright"/>{mount}</robot>')
+
+
+@pytest.mark.parametrize(
+    ("mounted", "roll", "pitch"),
+    [
+        ("floor", 0, 0),
+        ("wall", 0, 90),
+        ("ceiling", 180, 0),
+        ("30,-45", 30, -45),
+        (" 0, 450", 0, 90),
+    ],
+)
+def test_mounted_as_a_urdf_with_a_turned_root(mounted, roll, pitch):
+    """The weight torques are those that Pinocchio finds for a root that is really turned."""
+    arm = ftforce.load_robot("dh5")
+    q = arm.postures["paper"]
+    model = pin.buildModelFromXML(
+        turned(Path(arm.path).read_text(encoding="utf-8"), *np.deg2rad([roll, pitch]))
+    )
+    expected = pin.computeGeneralizedGravity(model, model.createData(), q)
+    analysis = ftforce.analyze(arm, q, locked=[2], gravity=mounted)
+    assert_close(analysis.rnea.gravity, expected)
+    if mounted.isalpha():  # exact, so that a table can say which axis points down
+        assert np.count_nonzero(analysis.conditions.gravity) == 1
+
+
+@pytest.mark.parametrize("mounted", ["upside down", "", "90", "1,2,3", "nan,0", "1e10,0"])
+def test_what_is_no_mounting(panda, mounted):
+    with pytest.raises(
+        InputError, match=r"^a mounting is floor, wall, ceiling, or ROLL,PITCH in deg"
+    ):
+        ftforce.analyze(panda, gravity=mounted)
 
 
 FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1, or a TOML file; "

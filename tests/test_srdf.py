@@ -1,10 +1,13 @@
 """SRDFs: tips, chains and named postures, and which of them are taken."""
 
+import os
+
 import pytest
 
 from ftforce.errors import SRDFError
+from ftforce.robot.load import load_robot
 from ftforce.robot.srdf import Srdf, read_srdf
-from urdfs import arm, chain, end_effector, load, robot, state
+from urdfs import arm, chain, end_effector, load, robot, state, write
 
 HOME = {"j1": 0.1, "j2": 0.2, "j3": 0.3, "j4": 0.4}
 
@@ -112,3 +115,105 @@ def test_a_state_for_part_of_the_chain_is_left_out_and_told(tmp_path):
     found = load(tmp_path, arm(), srdf)
     assert tuple(found.postures) == ("home",)
     assert found.notes == ("posture 'part' is ignored: it has no position for j2, j4",)
+
+
+# ---- given, or in MoveIt's layout ------------------------------------------------------------
+
+
+def test_a_given_srdf_takes_the_place_of_the_one_beside(tmp_path):
+    other = tmp_path / "other.srdf"
+    other.write_text(robot(state("away", **HOME), chain("base", "l3")), encoding="utf-8")
+    urdf = write(tmp_path, arm(), robot(state("home", **HOME)))
+    found = load_robot(urdf, srdf=other)
+    assert (found.tip, tuple(found.postures)) == ("l3", ("away",))
+
+
+def test_a_given_srdf_may_be_a_xacro_file(tmp_path):
+    macro = '<xacro:macro name="named" params="n"><group_state name="${n}" group="arm">'
+    joints = "".join(f'<joint name="{name}" value="${{0.1 * 2}}"/>' for name in HOME)
+    text = f'{macro}{joints}</group_state></xacro:macro><xacro:named n="$(arg name)"/>'
+    path = tmp_path / "arm.srdf.xacro"
+    path.write_text(robot(text, attributes=' xmlns:xacro="x"'), encoding="utf-8")
+    found = load_robot(write(tmp_path, arm()), srdf=path, args={"name": "away"})
+    assert found.postures["away"].tolist() == [0.2] * 4
+
+
+def test_an_srdf_of_another_robot_is_refused(tmp_path):
+    other = tmp_path / "other.srdf"
+    other.write_text(robot(state("home", wheel=1), name="rover"), encoding="utf-8")
+    urdf = write(tmp_path, arm())
+    with pytest.raises(SRDFError, match=r"other\.srdf: is for robot 'rover': none of its links"):
+        load_robot(urdf, srdf=other)
+    other.write_text("<robot/>", encoding="utf-8")  # says nothing that could be wrong
+    assert load_robot(urdf, srdf=other).postures == {}
+
+
+def package(folder, name, **files):
+    """Make a package with files in a folder; return the last one."""
+    (folder / name).mkdir(parents=True)
+    (folder / name / "package.xml").touch()
+    for place, (path, text) in files.items():
+        (folder / name / place).mkdir(exist_ok=True)
+        (folder / name / place / path).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """Return the URDF of a package, and a function that puts an SRDF into another package."""
+    home = package(tmp_path / "src" / "arm_ros", "arm_description", urdf=("arm.urdf", arm()))
+
+    def configured(place, text, name="arm.srdf"):
+        return package(tmp_path / place, "my_moveit_config", config=(name, text))
+
+    return home / "urdf" / "arm.urdf", configured
+
+
+SRDF = robot(state("home", **HOME), end_effector("l3"))
+
+
+@pytest.mark.parametrize(
+    "place", ["src/arm_ros/arm_description", "src/arm_ros", "src"], ids=["in", "beside", "above"]
+)
+def test_the_srdf_of_a_moveit_configuration_is_found_and_told(workspace, place):
+    urdf, configured = workspace
+    config = configured(place, SRDF) / "config" / "arm.srdf"
+    (config.parent / "broken.srdf").write_text("<robot", encoding="utf-8")
+    (config.parent / "rover.srdf").write_text(SRDF.replace('"arm"', '"rover"', 1), encoding="utf-8")
+    found = load_robot(urdf)
+    assert (found.tip, tuple(found.postures)) == ("l3", ("home",))
+    path = min(str(config), os.path.relpath(config), key=len)
+    assert found.notes[0] == (
+        f"tip and postures are those of {path}; --srdf or srdf= chooses another SRDF"
+    )
+
+
+def test_the_nearest_configuration_counts(workspace):
+    urdf, configured = workspace
+    configured("src", SRDF.replace("home", "far"))
+    configured("src/arm_ros", SRDF.replace("home", "near"))
+    assert tuple(load_robot(urdf).postures) == ("near",)
+
+
+def test_of_several_none_is_read(workspace):
+    urdf, configured = workspace
+    config = configured("src/arm_ros", SRDF) / "config"
+    (config / "arm_2.srdf").write_text(SRDF, encoding="utf-8")
+    found = load_robot(urdf)
+    assert (found.tip, dict(found.postures)) == ("tool", {})
+    assert found.notes[0].startswith("2 SRDFs are for 'arm', so none is read: ")
+    assert found.notes[0].endswith("arm_2.srdf; --srdf or srdf= chooses one")
+    assert tuple(load_robot(urdf, srdf=config / "arm_2.srdf").postures) == ("home",)
+
+
+def test_nothing_is_searched_outside_a_package(workspace, tmp_path):
+    urdf, configured = workspace
+    configured("src/arm_ros", SRDF)
+    (urdf.parents[1] / "package.xml").unlink()
+    assert load_robot(urdf).notes == ()
+    linked = urdf.parents[2] / "other_moveit_config"
+    (urdf.parents[1] / "package.xml").touch()
+    (urdf.parents[2] / "my_moveit_config" / "config" / "arm.srdf").rename(tmp_path / "arm.srdf")
+    linked.mkdir()
+    (linked / "config").symlink_to(tmp_path)  # leads out of the tree
+    assert load_robot(urdf).notes == ()

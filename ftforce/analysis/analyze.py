@@ -329,7 +329,8 @@ def analyze(
     velocity, acceleration :
         Joint velocities and accelerations before the fault, rad or m, per s and per s², shape (n,).
     gravity :
-        In root axes, m/s², shape (3,); by default that of the model.
+        In root axes, m/s², shape (3,), or how the root is mounted: ``floor``, ``wall`` (its x axis
+        points down), ``ceiling``, or ``"ROLL,PITCH"`` in degrees; by default that of the model.
     payload :
         Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m.
     limits :

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, get_args
 
@@ -30,6 +31,9 @@ PayloadLike: TypeAlias = "Payload | float | str | os.PathLike[str] | tuple[float
 Inverse = Literal["euclidean", "dynamic"]
 
 INVERSES: tuple[str, ...] = get_args(Inverse)
+
+# How a root can be mounted: roll and pitch, degrees.
+MOUNTINGS = {"floor": (0.0, 0.0), "wall": (0.0, 90.0), "ceiling": (180.0, 0.0)}
 
 
 class Conditions(NamedTuple):
@@ -77,7 +81,8 @@ class Conditions(NamedTuple):
         velocity, acceleration :
             Shape (n,); zero by default.
         gravity :
-            In root axes, m/s², shape (3,); by default that of the model.
+            In root axes, m/s², shape (3,), or how the root is mounted, as in `mounted_gravity`; by
+            default that of the model.
         payload :
             Mass at the tip, kg; with its position in tip axes (m) a pair ``(mass, (x, y, z))`` or a
             text ``mass@x,y,z``; with its inertia too, the path of a TOML file or
@@ -96,7 +101,9 @@ class Conditions(NamedTuple):
         _check_size(v, "velocity", "rad/s or m/s")
         _check_size(a, "acceleration", "rad/s² or m/s²")
         own = gravity is None
-        if gravity is not None:
+        if isinstance(gravity, str):
+            gravity = mounted_gravity(robot, gravity)
+        elif gravity is not None:
             gravity = as_vector(gravity, 3, "gravity", "x, y, z in m/s², in root axes")
             _check_size(gravity, "gravity", "m/s²")
         else:
@@ -123,6 +130,46 @@ class Conditions(NamedTuple):
         """Whether the arm moves before the fault."""
         v, a = self.velocity, self.acceleration
         return (v is not None and bool(v.any())) or (a is not None and bool(a.any()))
+
+
+def mounted_gravity(robot: Robot, mounted: str) -> Vector:
+    """Return gravity in root axes if the root link is mounted otherwise, m/s², shape (3,).
+
+    The root is turned from upright by R = R_y(pitch) R_x(roll) about the axes of the world, whose z
+    axis points up: gravity is Rᵀ (0, 0, -g), with the g of the model. On a ``wall`` (roll 0, pitch
+    90°) the root's x axis points down, on a ``ceiling`` (roll 180°) its z axis does.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    mounted :
+        ``floor``, ``wall``, ``ceiling``, or ``ROLL,PITCH`` in degrees.
+
+    Raises
+    ------
+    InputError
+        The text is neither.
+    """
+    word = mounted.strip().lower()
+    if word in MOUNTINGS:
+        roll, pitch = MOUNTINGS[word]
+    else:
+        try:
+            roll, pitch = read_numbers(_without_commas(word), 2)
+        except ValueError as problem:
+            raise InputError(
+                f"a mounting is floor, wall, ceiling, or ROLL,PITCH in degrees; {problem}"
+            ) from None
+    (sin_r, cos_r), (sin_p, cos_p) = _sine_cosine(roll), _sine_cosine(pitch)
+    up = np.array([-sin_p, cos_p * sin_r, cos_p * cos_r])  # third row of R
+    return read_only(-float(np.linalg.norm(robot.gravity)) * up + 0.0)  # 0.0 instead of -0.0
+
+
+def _sine_cosine(degrees: float) -> tuple[float, float]:
+    """Return sine and cosine, exact for whole right angles."""
+    turn = math.radians(math.remainder(degrees, 360.0))
+    return tuple(0.0 if abs(x) < _ROUNDING else x for x in (math.sin(turn), math.cos(turn)))  # type: ignore[return-value] # two of them
 
 
 def _check_size(vector: Vector | None, name: str, unit: str) -> None:

@@ -131,6 +131,7 @@ def compare(
     base: str | None = None,
     args: Mapping[str, object] | None = None,
     package_path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
+    srdf: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -158,7 +159,7 @@ def compare(
         Edge length of the workspace cells, m; default a tenth of each arm's longest reach.
     enough :
         Share of a cell's postures that must tolerate every set for the cell to survive.
-    tip, base, args, package_path :
+    tip, base, args, package_path, srdf :
         As in `ftforce.load_robot`, for all arms loaded here.
     threads :
         Number of threads; default one per processor.
@@ -189,7 +190,9 @@ def compare(
          "joint_length": joint_length, "axes": axes, "rtol": rtol, "wary": wary},
         {"cell": cell},
     )  # fmt: skip
-    loading = {"tip": tip, "base": base, "args": args, "package_path": package_path}
+    loading = {
+        "tip": tip, "base": base, "args": args, "package_path": package_path, "srdf": srdf
+    }  # fmt: skip
     entries = _named(_loaded(arms, loading))
     stored = [one for one in entries if isinstance(one.arm, Sweep)]
     unused = [*asked.names, *(key for key, value in loading.items() if value is not None)]

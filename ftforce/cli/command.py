@@ -12,9 +12,10 @@ PANELS = {
     "Faults": "locked free weak faults mode fault joints delay no_remap paper",
     "Postures": "q posture samples method seed postures grid deg",
     "Trajectory": "start to speed keep_orientation rate max_gap smooth static",
-    "Force and motion": "force torque inverse direction velocity acceleration",
-    "Weight, limits and friction": "gravity payload limits friction joint_friction armature",
-    "Task and chain": "task length joint_length axes base tip args package_path",
+    "Force and motion": "force torque inverse direction velocity acceleration "
+    "joint_friction armature",
+    "Weight, limits and friction": "gravity mounted payload limits friction",
+    "Task and chain": "task length joint_length axes base tip srdf args package_path",
     "Tolerances": "rtol wary",
     "Workspace": "cell plane at solid enough",
     "Page": "history sweep host port no_browser export screenshot",

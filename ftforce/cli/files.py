@@ -22,6 +22,7 @@ INPUTS = {
     "robot": "the robot",
     "robots": "a robot",
     "package_path": "a package",
+    "srdf": "the SRDF",
     "table": "the DH table",
     "trajectory": "the trajectory",
     "postures": "the postures",

@@ -147,6 +147,15 @@ class ChainOptions(Group):
         ),
     ] = None
 
+    srdf: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="SRDF with tip and postures.",
+            show_default="beside the URDF, or of its MoveIt configuration",
+        ),
+    ] = None
+
     def arguments(self) -> dict[str, Any]:
         """Return the options as arguments of `ftforce.load_robot`.
 
@@ -337,6 +346,14 @@ class WeightOptions(Group):
             show_default="the model's",
         ),
     ] = None
+    mounted: Annotated[
+        str | None,
+        typer.Option(
+            metavar="floor|wall|ceiling|ROLL,PITCH",
+            help="Instead of gravity: how the root is mounted, in words or degrees; on a wall its "
+            "x axis points down.",
+        ),
+    ] = None
     payload: Annotated[
         str | None,
         typer.Option(
@@ -345,6 +362,23 @@ class WeightOptions(Group):
             "(mass, centre, inertia).",
         ),
     ] = None
+
+    def check(self) -> None:
+        """Reject --gravity together with --mounted."""
+        if self.gravity is not None and self.mounted is not None:
+            raise typer.BadParameter("give either --gravity or --mounted, not both")
+
+    def arguments(self) -> dict[str, Any]:
+        """Return gravity and payload; how the root is mounted is a way to give gravity.
+
+        Raises
+        ------
+        BadParameter
+            Gravity is malformed.
+        """
+        given = super().arguments()
+        mounted = given.pop("mounted")
+        return given if mounted is None else given | {"gravity": mounted}
 
 
 class LimitsOption(Group):

@@ -134,6 +134,7 @@ def view(
         posture,
         _note(arm, robot, chain, posture),
         XacroOptions.of(chain.arguments()["args"], chain.package_path),
+        chain.srdf,
     )
     start = initial_state(question, origin=origin, are_limits_given=limits.limits is not None)
     mode: Any = None

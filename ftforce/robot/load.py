@@ -16,16 +16,16 @@ import pinocchio as pin
 
 from ftforce.core.arrays import Vector, read_only
 from ftforce.core.task import Task
-from ftforce.errors import InputError, UnknownNameError, URDFError, listed
+from ftforce.errors import InputError, SRDFError, UnknownNameError, URDFError, listed
 from ftforce.robot.chain import Chain, choose_chain, leaders_of, moving_path
 from ftforce.robot.formats.tree import HELD, MOVING
 from ftforce.robot.formats.urdf import is_dh_table, read_urdf, robot_element
-from ftforce.robot.formats.xacro import PLAIN, XacroOptions
+from ftforce.robot.formats.xacro import PLAIN, XacroOptions, expand, is_xacro
 from ftforce.robot.model import coordinates_of, reduced_model, restore_names
 from ftforce.robot.plausibility import implausible_numbers
 from ftforce.robot.posture import SINGULAR, is_singular_for, usable_posture
 from ftforce.robot.robot import BUILT_IN_POSTURES, Joint, Robot
-from ftforce.robot.srdf import Srdf, read_srdf, srdf_of
+from ftforce.robot.srdf import Srdf, find_moveit, read_srdf, srdf_of
 from ftforce.robot.tip import GIVEN, tip_candidates
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def load_robot(
     posture: str | None = None,
     args: Mapping[str, object] | None = None,
     package_path: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
+    srdf: str | os.PathLike[str] | None = None,
 ) -> Robot:
     """Load the kinematic chain of a robot from base to tip.
 
@@ -58,8 +59,8 @@ def load_robot(
     ----------
     source :
         Path of a URDF, a xacro file (.xacro) or a DH table (.toml), or name of a known robot
-        (``ftforce robots`` lists them). An SRDF of the same name as the URDF, in the same folder,
-        is also read. A xacro file is a program: expand only files that you trust.
+        (``ftforce robots`` lists them). A xacro file is a program: expand only files that you
+        trust.
     tip :
         Tip link. Default: that of the registry; else the end effector or chain tip of the SRDF;
         else the tool frame at the end of the arm (see the guide on chain and posture).
@@ -72,6 +73,10 @@ def load_robot(
         Values for the ``<xacro:arg>`` of a xacro file, by name.
     package_path :
         Folders at or below which its ``$(find package)`` looks for packages.
+    srdf :
+        SRDF with tip and named postures, also as a xacro file. Default: that of the registry; else
+        one of the same name as the URDF, in the same folder; else, for a URDF in a package, the one
+        that MoveIt's configuration of the robot has.
 
     Returns
     -------
@@ -95,9 +100,9 @@ def load_robot(
     options = XacroOptions.of(args, package_path)
     if known is not None and options != PLAIN:
         raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
-    tree, srdf = _description(source, known, options)
-    chain = _chain(tree, srdf, known, tip, base)
-    states = _states(chain, srdf, known)
+    tree, semantics, found = _description(source, known, options, srdf)
+    chain = _chain(tree, semantics, known, tip, base)
+    states = _states(chain, semantics, known)
     postures, notes = _postures(chain, states)
     if posture is not None and posture not in {*states, *BUILT_IN_POSTURES}:
         raise UnknownNameError("posture", posture, [*postures, *BUILT_IN_POSTURES])
@@ -129,7 +134,7 @@ def load_robot(
         held=MappingProxyType(held),
         fixed=frozenset(j.name for j in tree.joints.values() if j.type not in MOVING),
         mass=mass,
-        _remarks=(*_chain_notes(chain, srdf, known), *notes),
+        _remarks=(*found, *_chain_notes(chain, semantics, known), *notes),
         _read_description=partial(robot_element, tree.path, options),
         _find_tips=partial(_tips, tree, chain),
         _find_implausible=partial(implausible_numbers, chain, joints, mass),
@@ -156,21 +161,45 @@ def _known(source: str | os.PathLike[str]) -> KnownRobot | None:
 
 
 def _description(
-    source: str | os.PathLike[str], known: KnownRobot | None, options: XacroOptions
-) -> tuple[UrdfTree, Srdf]:
-    """Return the contents of URDF and SRDF; those of a DH table are generated."""
+    source: str | os.PathLike[str],
+    known: KnownRobot | None,
+    options: XacroOptions,
+    srdf: str | os.PathLike[str] | None,
+) -> tuple[UrdfTree, Srdf, tuple[str, ...]]:
+    """Return the contents of URDF and SRDF, and notes; those of a DH table are generated."""
+    is_for_srdf = srdf is not None and is_xacro(srdf) and not is_xacro(source)
+    tree = read_urdf(source if known is None else known.urdf, PLAIN if is_for_srdf else options)
+    if srdf is not None:
+        return tree, _given_srdf(srdf, tree, options), ()
     if known is not None:
-        return read_urdf(known.urdf), read_srdf(known.srdf) if known.srdf else Srdf()
-    tree = read_urdf(source, options)
+        return tree, read_srdf(known.srdf) if known.srdf else Srdf(), ()
     if is_dh_table(source):
         from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
         from ftforce.robot.formats.dh_to_urdf import to_srdf
 
-        return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source)
+        return tree, srdf_of(ElementTree.fromstring(to_srdf(read_dh_table(source))), source), ()
     from ftforce.robot.known_robots import srdf_beside
 
     beside = srdf_beside(Path(tree.path))
-    return tree, read_srdf(beside) if os.path.lexists(beside) else Srdf()
+    if os.path.lexists(beside):
+        return tree, read_srdf(beside), ()
+    found, note = find_moveit(Path(tree.path), tree.name)
+    return tree, found, (note,) if note else ()
+
+
+def _given_srdf(path: str | os.PathLike[str], tree: UrdfTree, options: XacroOptions) -> Srdf:
+    """Return the contents of the SRDF that the user gives.
+
+    Raises
+    ------
+    SRDFError
+        It cannot be read, or has nothing in common with the URDF.
+    """
+    srdf = srdf_of(expand(path, options), path) if is_xacro(path) else read_srdf(path)
+    if not srdf.fits(tree):
+        robot = f"robot {srdf.name!r}" if srdf.name else "another robot"
+        raise SRDFError(path, f"is for {robot}: none of its links and joints are in {tree.path}")
+    return srdf
 
 
 def _chain(

@@ -1,18 +1,29 @@
-"""Reading of SRDF files: end effectors, chains and named postures."""
+"""Reading of SRDF files: end effectors, chains and named postures; and where MoveIt keeps them."""
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from ftforce.errors import SRDFError
+from ftforce.errors import SRDFError, listed, printable
 from ftforce.io.text import check_name, read_numbers
 from ftforce.io.xml_text import read_xml
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from os import PathLike
     from xml.etree.ElementTree import Element
+
+    from ftforce.robot.formats.tree import UrdfTree
+
+
+_CHOOSE = "--srdf or srdf= chooses"
+_LEVELS = 4  # from a description to the package.xml of its package, at most
+_MOST = 500  # entries of a folder that are looked at, and SRDFs that are opened
 
 
 class Srdf(NamedTuple):
@@ -22,6 +33,8 @@ class Srdf(NamedTuple):
     ----------
     path :
         Path of the file; empty if there is none.
+    name :
+        Name of the robot that it is for.
     end_effectors :
         Parent links of the end effectors.
     chains :
@@ -32,9 +45,22 @@ class Srdf(NamedTuple):
     """
 
     path: str = ""
+    name: str = ""
     end_effectors: tuple[str, ...] = ()
     chains: tuple[tuple[str, str], ...] = ()
     states: Mapping[str, Mapping[str, float]] = MappingProxyType({})
+
+    def fits(self, tree: UrdfTree) -> bool:
+        """Return whether anything that it names is in a URDF.
+
+        Parameters
+        ----------
+        tree :
+            Contents of the URDF.
+        """
+        links = {*self.end_effectors, *(link for ends in self.chains for link in ends)}
+        joints = {joint for state in self.states.values() for joint in state}
+        return not (links or joints) or bool(links & {*tree.links} or joints & {*tree.joints})
 
 
 def read_srdf(path: str | PathLike[str]) -> Srdf:
@@ -72,10 +98,68 @@ def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
         states.setdefault(state.get("name", ""), {}).update(_values(state, path))
     return Srdf(
         str(path),
+        root.get("name", ""),
         tuple(dict.fromkeys(filter(None, ends))),
         tuple(dict.fromkeys(chain for chain in chains if all(chain))),
         MappingProxyType({name: MappingProxyType(q) for name, q in states.items() if name.strip()}),
     )
+
+
+def find_moveit(description: Path, robot: str) -> tuple[Srdf, str]:
+    """Return the SRDF in the MoveIt configuration of a robot, and a note about what was found.
+
+    It is looked for where MoveIt's setup assistant puts it, ``*moveit*config*/config/*.srdf``: in
+    the package of the description, beside it, and beside the folder around it, nearest first. It
+    must name the same robot. Nothing is searched for a description outside of a package.
+
+    Parameters
+    ----------
+    description :
+        The URDF or xacro file.
+    robot :
+        Name of the robot in it.
+    """
+    for folder in _around(description):
+        found = list(_srdfs_for(robot, folder))
+        paths = [min(one.path, os.path.relpath(one.path), key=len) for one in found]
+        if len(found) == 1:
+            note = f"tip and postures are those of {printable(paths[0])}; {_CHOOSE} another SRDF"
+            return found[0], note
+        if found:
+            note = f"{len(found)} SRDFs are for {robot!r}, so none is read: {listed(paths)}"
+            return Srdf(), f"{note}; {_CHOOSE} one"
+    return Srdf(), ""
+
+
+def _around(description: Path) -> Iterator[Path]:
+    """Yield the package of a description, and the two folders above; nothing outside a package."""
+    parents = list(islice(Path(os.path.realpath(description)).parents, _LEVELS))
+    for package in parents:
+        if (package / "package.xml").is_file():
+            yield from (package, *islice(package.parents, 2))
+            return
+
+
+def _srdfs_for(robot: str, folder: Path) -> Iterator[Srdf]:
+    """Yield the SRDFs of a robot in the MoveIt configurations that are, or are in, a folder."""
+    inside = sorted(_entries(folder))
+    for package in [folder, *(folder / name for name in inside)]:
+        if "moveit" in package.name and "config" in package.name:
+            for name in sorted(_entries(package / "config")):
+                path = package / "config" / name
+                if path.suffix.lower() == ".srdf" and not path.is_symlink():
+                    with suppress(SRDFError):  # another robot's may be malformed
+                        if (srdf := read_srdf(path)).name == robot:
+                            yield srdf
+
+
+def _entries(folder: Path) -> list[str]:
+    """Return the names in a folder, not too many; none if it cannot be read or is a link."""
+    try:
+        with os.scandir(folder) as entries:
+            return [] if folder.is_symlink() else [one.name for one in islice(entries, _MOST)]
+    except OSError:
+        return []
 
 
 def _values(state: Element, path: str | PathLike[str]) -> dict[str, float]:

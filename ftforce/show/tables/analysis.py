@@ -127,10 +127,19 @@ def _faults(robot: Robot, faults: FaultSet) -> tuple[str, str]:
     return "Locked", f"{faults} {names}" if names else "none"
 
 
+def _down(conditions: Conditions) -> str:
+    """Return which axis of the root points down, if one does."""
+    g = conditions.gravity
+    along = np.flatnonzero(g)
+    if len(along) != 1:
+        return ""
+    return f": {'-' if g[along[0]] < 0.0 else '+'}{'xyz'[along[0]]} points down"
+
+
 def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
     """Return gravity, payload and motion in words."""
     gravity = ", ".join(f"{x:g}" for x in conditions.gravity.tolist())
-    own = " (the model's)" if conditions.is_model_gravity else ""
+    own = " (the model's)" if conditions.is_model_gravity else _down(conditions)
     facts = [("Gravity", f"({gravity}) m/s² in the root's axes{own}")]
     if conditions.payload is not None:
         place = "in the tool's axes" if conditions.payload.offset.any() else "at the tip"

@@ -23,6 +23,7 @@ from ftforce.robot.posture import Posture, choose_posture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from os import PathLike
 
     from numpy.typing import ArrayLike
 
@@ -55,6 +56,8 @@ class Origin(NamedTuple):
         Why the command line may give a different answer; empty if it does not.
     xacro :
         What a xacro file was given.
+    srdf :
+        The SRDF that was given; ``None`` for its default.
     """
 
     robot: str
@@ -63,6 +66,7 @@ class Origin(NamedTuple):
     posture: str | None = None
     note: str = ""
     xacro: XacroOptions = PLAIN
+    srdf: PathLike[str] | None = None
 
 
 class Shown(NamedTuple):
@@ -439,6 +443,7 @@ def command_line(robot: Robot, state: State) -> str:
         "axes": _unless("tool", task.axes),
         "base": origin.base,
         "tip": origin.tip,
+        "srdf": origin.srdf,
         "rtol": _unless(RTOL, state.rtol),
         "wary": _unless(BORDERLINE_RTOL, state.wary),
     }
