@@ -332,15 +332,16 @@ def analyze(
         In root axes, m/s², shape (3,), or how the root is mounted: ``floor``, ``wall`` (its x axis
         points down), ``ceiling``, or ``"ROLL,PITCH"`` in degrees; by default that of the model.
     payload :
-        Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m.
+        Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m; with its
+        inertia, a TOML file (mass, centre, inertia) or `ftforce.robot.dynamics.Payload`.
     limits :
-        Torque limits: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or ``none``. By
-        default ``urdf`` if a joint is weak, otherwise ``none``.
+        Torque limits: ``urdf``, a TOML, YAML or CSV file, `ftforce.core.limits.Limits`, or
+        ``none``. By default ``urdf`` if a joint is weak, otherwise ``none``.
     friction :
         Largest torque that the friction of a free-swinging joint bears where no force at the tip
         can balance the joint, N·m (N): one number, one per joint (shape (n,), NaN where unknown),
-        or a TOML or CSV file (joint, friction); 0 is an ideal joint. By default that of the URDF,
-        else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
+        or a TOML, YAML or CSV file (joint, friction); 0 is an ideal joint. By default that of the
+        URDF, else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
     joint_friction :
         Whether the friction of the powered joints loads their motors, Coulomb and viscous,
         ``friction · sign(v) + damping · v``: of the URDF's ``<dynamics>``, or of the file of

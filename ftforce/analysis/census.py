@@ -10,7 +10,14 @@ import numpy as np
 
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Progress, Question
+from ftforce.analysis.question import (
+    HEALTHY,
+    AllFaultSets,
+    AnsweredForAll,
+    Progress,
+    Question,
+    check_progress,
+)
 from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
@@ -278,6 +285,7 @@ def census(
         rtol=rtol,
         wary=wary,
     ).placed(q, posture)
+    check_progress(progress)
     return census_of(question, AllFaultSets.parse(robot, faults, mode), rank_by, progress)
 
 

@@ -58,6 +58,26 @@ class Progress(Protocol):
         """Report progress."""
 
 
+def check_progress(progress: object) -> None:
+    """Check an argument ``progress`` before any work starts.
+
+    Parameters
+    ----------
+    progress :
+        The argument.
+
+    Raises
+    ------
+    InputError
+        It is no function.
+    """
+    if progress is not None and not callable(progress):
+        raise InputError(
+            "progress is a function of what is done and the total, e.g. print, got "
+            f"{type(progress).__name__}"
+        )
+
+
 def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
     """Return a function that adds to what is done and reports it.
 
@@ -68,6 +88,7 @@ def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
     total :
         The total.
     """
+    check_progress(progress)
     done = 0
 
     def tick(count: int) -> None:

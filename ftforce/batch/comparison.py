@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
 from ftforce.batch.compiled import compile_kernels, prepared
 from ftforce.batch.job import PIECE, Job
@@ -201,6 +201,7 @@ def compare(
             "every arm is a stored sweep with a question of its own; leave out "
             f"{', '.join('n (--samples)' if key == 'count' else key for key in unused)}"
         )
+    check_progress(progress)
     reports = _Reports(asked, enough, threads, progress).of(entries)
     return Comparison(_ranked(reports), float(enough), _warnings(reports))
 

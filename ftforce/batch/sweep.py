@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.analysis.warnings import implausible
 from ftforce.batch.compiled import prepared
 from ftforce.batch.job import PIECE, Job
@@ -107,7 +107,7 @@ def sweep(
     direction :
         Direction of the capability, in the task's axes, shape (m,); default that of the force.
     limits :
-        Torque limits of the capability: ``urdf`` (default), a TOML or CSV file, or
+        Torque limits of the capability: ``urdf`` (default), a TOML, YAML or CSV file, or
         `ftforce.core.limits.Limits`; ``none`` computes no capability. Verdicts and jumps ignore
         them.
     friction, gravity, payload, task, length, joint_length, axes, rtol, wary :
@@ -245,6 +245,7 @@ def sweep_of(
         chunk=chunk,
         is_stored=output is not None,
     )
+    check_progress(progress)
     return run_request(request, None if output is None else Path(output), runner, progress)
 
 
