@@ -49,7 +49,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"Vector|Matrix|Mask|Axes|Convention|JointType|Solid|Document|Row|Indices"),
     (
         r"py:.*",
-        r"Joints|WeakJoints|LimitsLike|FrictionLike|Inverse|RankBy|CapabilityRange\.direction",
+        r"Joints|WeakJoints|LimitsLike|FrictionLike|PayloadLike|Inverse|RankBy|CapabilityRange\.direction",
     ),
     (r"py:.*", r"Shown|Drawable|Keep|Counts|Arm|Result|Whole|Codes|Values|xr\..*|xarray\..*"),
     (r"py:.*", r"Trajectory|Smooth|Events|Law|Tick|Kind|Quantity|Torque|Figure|Problem"),

@@ -137,6 +137,10 @@ class LimitsError(FileError):
     """A torque limits file cannot be read or does not match the robot."""
 
 
+class PayloadError(FileError):
+    """A file of a payload that cannot be read, or describes no rigid body."""
+
+
 class TrajectoryError(FileError):
     """A trajectory, history or postures file cannot be read or does not match the robot."""
 

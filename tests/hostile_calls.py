@@ -150,7 +150,9 @@ def _weak(c: Chance) -> Any:
 
 def _payload(c: Chance) -> Any:
     mass = abs(c.number(2.0))
-    return c.one(None, mass, f"{mass}", f"{mass}@0.1,0,0.1", (mass, c.vector(3, 0.1)))
+    return c.one(None, mass, f"{mass}", f"{mass}@0.1,0,0.1", f"{mass}@0,0,0@1,1,1,0,0,0",
+        c.folder / "nowhere.toml", (mass, c.vector(3, 0.1)),
+    )  # fmt: skip
 
 
 def _limits(c: Chance) -> Any:
@@ -197,6 +199,8 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "friction": lambda c: c.one(
         None, 0, 0.1, "0.1", c.vector(c.robot.n), odd=("none", -1, "x.csv")
     ),
+    "joint_friction": lambda c: c.one(False, True, odd=(None, "yes", 2)),
+    "armature": lambda c: c.one(False, True, odd=(None, "yes", 2)),
     "inverse": lambda c: c.one("euclidean", "dynamic", odd=("newton",)),
     "task": lambda c: c.one(*TASKS, odd=("fq", "", "fx,fx", "force,fx")),
     "length": lambda c: c.size(None, 0.1, 1.0, scale=1.0),

@@ -482,3 +482,11 @@ def test_threads_do_not_disturb_each_other(panda):
     with eager_threads() as pool:
         together = list(pool.map(solve, postures))
     np.testing.assert_array_equal(alone, together)
+
+
+def test_residuals_of_an_enormous_force():
+    """The product of jump and force after it, about 1e284, is not squared."""
+    arm = ftforce.load_robot("panda")
+    result = analyze(arm, locked=[1, 2, 4, 6, 7], force=[1e150, -14, 44])
+    with np.errstate(over="raise"):
+        assert result.residuals()["orthogonality"] < 1e-10

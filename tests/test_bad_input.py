@@ -168,7 +168,7 @@ VALUES = {
     "limits": (
         "census",
         ["--limits", "URDF"],
-        "URDF: expected 'urdf', 'none' or a TOML or CSV file",
+        "URDF: expected 'urdf', 'none' or a TOML, YAML or CSV file",
     ),
     "limits empty": (
         "analyze",

@@ -110,7 +110,7 @@ def test_what_is_no_mounting(panda, mounted):
         ftforce.analyze(panda, gravity=mounted)
 
 
-FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
+FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1, or a TOML file; "
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,8 @@ FORM = r"a payload needs MASS or MASS@x,y,z \(kg, m\), e\.g\. 2\.5@0,0,0\.1; "
         ("2 3", FORM + "'2 3': expected 1 number, got 2"),
         ("2@1,2", FORM + "'1 2': expected 3 numbers, got 2"),
         ("2@a,b,c", FORM + "'a b c' is not a number"),
-        ("2@1@2", FORM + "'1@2' is not a number"),
+        ("2@1@2", FORM + "'1': expected 3 numbers, got 1"),
+        ("2@1,2,3@4", FORM + "'4': expected 6 numbers, got 1"),
         ((2.0,), r"a payload is a mass and a position, \(mass, \(x, y, z\)\), got \(2\.0,\)"),
         ((2.0, (1, 2)), "the payload's position needs 3 numbers, got 2 numbers: x, y, z in m"),
         (-1, "the payload's mass must be 0 kg or more, got -1"),

@@ -458,7 +458,10 @@ def test_an_analysis_holds_its_capability(capability):
         "provenance",
     ]
     assert all(whole[key] == document[key] for key in (*keys, "warnings"))
-    counted = ("source", "effort", "brake", "unknown")
+    counted = (
+        *("source", "effort", "effort_lower", "brake", "stall_torque", "no_load_speed"),
+        "unknown",
+    )
     assert whole["limits"] == {key: document["limits"][key] for key in counted}
 
 

@@ -145,7 +145,7 @@ def test_limits_are_taken_as_they_are(dh5):
 @pytest.mark.parametrize("limits", ["", 3, 2.5, [1, 2, 3, 4, 5], b"urdf", True], ids=repr)
 def test_what_no_limits_are(dh5, limits):
     wanted = (
-        "limits are 'urdf', 'none', a TOML or CSV file or ftforce.core.limits.Limits "
+        "limits are 'urdf', 'none', a TOML, YAML or CSV file or ftforce.core.limits.Limits "
         "(of an array: Limits.of(effort)), got "
     )
     with pytest.raises(InputError) as caught:
@@ -166,7 +166,7 @@ def test_limits_of_a_file_bind(dh5, file):
 
 POSITIVE = "must be a positive number, N·m or N, got"
 HEADER = "expected the header joint,effort,brake (brake is optional), got"
-KIND = "expected a TOML or CSV file of limits (joint, effort, brake)"
+KIND = "expected a TOML, YAML or CSV file of limits (joint, effort, brake)"
 THERE_IS = "in the chain of 'dh5'; available: joint1, joint2, joint3, joint4, joint5"
 CHAIN = "the chain has: 1 joint1, 2 joint2, 3 joint3, 4 joint4, 5 joint5"
 BAD_CSV = {
@@ -230,7 +230,10 @@ def test_csv_files_that_cannot_be_used(dh5, file, content, message):
 
 
 TABLE = "use one per joint, e.g. [elbow] followed by effort = 87 and brake = 120 (N·m)"
-KEYS = "available: joint, effort, brake, friction"
+KEYS = (
+    "available: joint, effort, brake, effort_min, effort_max, stall_torque, "
+    "no_load_speed, friction, damping, armature"
+)
 BAD_TOML = {
     "unknown joint": (
         "[join3]\neffort = 1\n",
@@ -291,7 +294,7 @@ def test_toml_files_that_cannot_be_used(dh5, file, content, message):
 
 @pytest.mark.parametrize("name", ["limits", "limits.txt", "limits.csv.bak", ".csv", "urdf.json"])
 def test_other_endings(dh5, file, name):
-    wanted = "expected 'urdf', 'none' or a TOML or CSV file of limits (joint, effort, brake) ending"
+    wanted = "expected 'urdf', 'none' or a TOML, YAML or CSV file of limits (joint, effort, brake) "
     assert refused(dh5, file("joint,effort\n3,1\n", name)).startswith(wanted)
 
 

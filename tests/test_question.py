@@ -167,3 +167,17 @@ def test_what_is_no_robot_is_told_where_it_belongs(ask):
     ):
         with pytest.raises(InputError, match=message):
             ask(wrong)
+
+
+def test_progress_must_be_a_function():
+    arm = ftforce.load_robot("dh5")
+    line = ftforce.trajectory.Path.through([(0.9, 0.3, 0.2), (0.88, 0.31, 0.21)], speed=0.2)
+    for ask in (
+        lambda progress: ftforce.census(arm, progress=progress),
+        lambda progress: ftforce.timeline(arm, line, progress=progress),
+        lambda progress: ftforce.simulate(arm, line, force=[1, 2, 3], progress=progress),
+        lambda progress: ftforce.sweep(arm, n=8, progress=progress),
+        lambda progress: ftforce.compare([arm, "ur5"], n=8, progress=progress),
+    ):
+        with pytest.raises(InputError, match="progress is a function of what is done"):
+            ask(np.ones(2))

@@ -23,7 +23,7 @@ from ftforce.batch.remapper import Remapper
 from ftforce.core.arrays import norm
 from ftforce.core.bounded_remap import bounded_remap
 from ftforce.core.faults import Fault, FaultMode, FaultSet, fault_sets
-from ftforce.core.limits import Limits
+from ftforce.core.limits import Limits, both_sides
 from ftforce.core.verdict import Verdict, judge
 from ftforce.errors import DimensionError, InputError
 from ftforce.robot.kinematics import task_jacobian
@@ -126,7 +126,8 @@ def test_verdicts_and_torques_of_the_array_core():
         is_weak = np.isin(np.arange(n), [joint for one in sets for joint in one.in_mode(WEAK)])
         limits[(rng.random(n) < 0.2) & ~is_weak] = np.nan
         brakes[rng.random(n) < 0.5] = np.nan
-        known = Limits.of(limits, brakes)
+        lower = -limits * 10.0 ** rng.uniform(-0.5, 0.5, n) if rng.random() < 0.5 else None
+        known = Limits.of(limits, brakes, lower=lower)
         remapper = Remapper(m=m, n=n, faults=sets, limits=known, friction=friction)
         for _ in range(4):
             J = np.round(rng.normal(size=(m, n)), int(rng.choice([0, 12])))
@@ -143,7 +144,8 @@ def check_beside_core(result, s, one, known, asked):
     """Compare one set with the array core; return the verdict, ``None`` if rounding decides."""
     J, tau, friction, rnea = asked
     n, largest = len(tau), known.largest_torques(one)
-    limits = np.where(largest > 0.0, largest, np.nan)
+    lower, upper = both_sides(largest)
+    limits = np.where(upper > lower, [lower, upper], np.nan)
     expected = bounded_remap(
         J, tau, one.mask(n), limits=limits, free=one.free_mask(n), rnea=rnea,
         friction=np.full(n, friction),

@@ -34,6 +34,7 @@ from ftforce.core.changes import (
     impact_of_lock,
 )
 from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.limits import both_sides
 from ftforce.core.reduced_jacobian import (
     BORDERLINE_RTOL,
     RTOL,
@@ -49,13 +50,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints, WeakJoints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.bounded_remap import BoundedRemap
     from ftforce.core.task import Axes, Task
     from ftforce.core.verdict import Verdict
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -139,7 +140,8 @@ class Analysis(Answered):
         """Indices of the joints whose motor or brake limit is unknown and not enforced."""
         if self.limits is None:
             return ()
-        return tuple(np.flatnonzero(np.isnan(self.limits.largest_torques(self.faults))).tolist())
+        _, upper = both_sides(self.limits.largest_torques(self.faults))
+        return tuple(np.flatnonzero(np.isnan(upper)).tolist())
 
     @property
     def margin(self) -> float:
@@ -255,11 +257,29 @@ def load_without_force(analysis: Analysis) -> Vector:
     return read_only(load)
 
 
-def shown_limits(analysis: Analysis) -> Vector:
-    """Return the limits to display: those in force, or the URDF's, N·m (N), shape (n,)."""
-    if analysis.limits is None:
-        return np.where(analysis.reduced.locked, np.nan, analysis.robot.effort)
-    return analysis.limits.largest_torques(analysis.faults)
+def shown_limits(analysis: Analysis) -> tuple[Vector, Vector]:
+    """Return the limits to display: those in force, or the URDF's, N·m (N).
+
+    Returns
+    -------
+    :
+        Lower and upper limits, each of shape (n,).
+    """
+    limits, v = analysis.limits, analysis.conditions.velocity
+    if limits is None:
+        return both_sides(np.where(analysis.reduced.locked, np.nan, analysis.robot.effort))
+    return both_sides(limits.largest_torques(analysis.faults, v))
+
+
+def limit_of(load: float, lower: float, upper: float) -> float:
+    """Return the size of the limit that a torque approaches: of the upper one, or of the lower.
+
+    Parameters
+    ----------
+    load, lower, upper :
+        Torque of a motor or brake, and its limits, N·m (N).
+    """
+    return -lower if load < 0.0 else upper
 
 
 def analyze(
@@ -274,9 +294,11 @@ def analyze(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     inverse: Inverse = "euclidean",
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
@@ -310,15 +332,22 @@ def analyze(
         In root axes, m/s², shape (3,), or how the root is mounted: ``floor``, ``wall`` (its x axis
         points down), ``ceiling``, or ``"ROLL,PITCH"`` in degrees; by default that of the model.
     payload :
-        Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m.
+        Mass at the tip, kg, or ``(mass, (x, y, z))`` with its position in tip axes, m; with its
+        inertia, a TOML file (mass, centre, inertia) or `ftforce.robot.dynamics.Payload`.
     limits :
-        Torque limits: ``urdf``, a TOML or CSV file, `ftforce.core.limits.Limits`, or ``none``. By
-        default ``urdf`` if a joint is weak, otherwise ``none``.
+        Torque limits: ``urdf``, a TOML, YAML or CSV file, `ftforce.core.limits.Limits`, or
+        ``none``. By default ``urdf`` if a joint is weak, otherwise ``none``.
     friction :
         Largest torque that the friction of a free-swinging joint bears where no force at the tip
         can balance the joint, N·m (N): one number, one per joint (shape (n,), NaN where unknown),
-        or a TOML or CSV file (joint, friction); 0 is an ideal joint. By default that of the URDF,
-        else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
+        or a TOML, YAML or CSV file (joint, friction); 0 is an ideal joint. By default that of the
+        URDF, else 0.1 % of the joint's effort limit, else 0.1 % of the arm's largest weight torque.
+    joint_friction :
+        Whether the friction of the powered joints loads their motors, Coulomb and viscous,
+        ``friction · sign(v) + damping · v``: of the URDF's ``<dynamics>``, or of the file of
+        limits. At rest there is none; locked joints have none.
+    armature :
+        Whether the rotor inertia, reflected to the joints, adds to the mass matrix.
     inverse :
         Inverse that splits given torques into force and self-motion: ``euclidean`` or ``dynamic``.
     task :
@@ -364,6 +393,8 @@ def analyze(
             payload=payload,
             limits=limits,
             friction=friction,
+            joint_friction=joint_friction,
+            armature=armature,
             inverse=inverse,
             task=task,
             length=length,
@@ -389,7 +420,7 @@ def analyze_question(question: Question) -> Analysis:
     J = task_jacobian(robot, q, task)
     locked, free = faults.mask(robot.n), question.free_joints(faults)
     reduced = reduce(read_only(question.weigh_jacobian(J)), locked, question.rtol, free)
-    rnea = rnea_change(robot, q, conditions, locked)
+    rnea = rnea_change(robot, q, conditions, locked, faults.free_mask(robot.n))
     weighted, largest = rnea.weighed(scale), question.largest_torques(faults)
     load = question.load(reduced)
     F = None if load is None else load.F

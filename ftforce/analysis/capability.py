@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints, WeakJoints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
@@ -296,9 +297,11 @@ def capability(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = URDF,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -310,6 +313,8 @@ def capability(
 
     Parameters
     ----------
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     robot, q, locked, free, weak, velocity, acceleration, gravity, payload, friction :
         As in `ftforce.analyze`.
     task, length, joint_length, axes, posture, rtol :
@@ -348,6 +353,8 @@ def capability(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,

@@ -11,7 +11,14 @@ import numpy as np
 from ftforce.analysis.conditions import rnea_change
 from ftforce.analysis.fault_set import SetReport, SharedCase, report_set
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import HEALTHY, AllFaultSets, AnsweredForAll, Progress, Question
+from ftforce.analysis.question import (
+    HEALTHY,
+    AllFaultSets,
+    AnsweredForAll,
+    Progress,
+    Question,
+    check_progress,
+)
 from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only
@@ -27,11 +34,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.conditions import Inverse
+    from ftforce.analysis.conditions import Inverse, PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -174,7 +180,8 @@ class Census(AnsweredForAll):
         n, q = self.robot.n, self.posture.q
         locked, free = report.faults.mask(n), report.faults.free_mask(n)
         J = task_jacobian(self.robot, q, self.task)
-        torque = rnea_change(self.robot, q, self.conditions, locked).after + report.after.dot(J)
+        rnea = rnea_change(self.robot, q, self.conditions, locked, free)
+        torque = rnea.after + report.after.dot(J)
         torque[locked if free is None else locked | free] = 0.0
         return read_only(torque)
 
@@ -189,7 +196,7 @@ class Census(AnsweredForAll):
         moves |= self.question.inverse == "dynamic"
         found += implausible(self.question, needs_gravity=matters, needs_inertia=moves)
         if self.limits is not None:
-            unknown = [self.robot.names[i] for i in np.flatnonzero(np.isnan(self.limits.effort))]
+            unknown = [self.robot.names[i] for i in np.flatnonzero(~self.limits.is_known)]
             if unknown:
                 found.append(f"unknown effort limits are not enforced: {listed(unknown)}")
         return tuple(found)
@@ -223,9 +230,11 @@ def census(
     velocity: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     inverse: Inverse = "euclidean",
     rank_by: RankBy = "jump",
     direction: ArrayLike | None = None,
@@ -242,6 +251,8 @@ def census(
 
     Parameters
     ----------
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     robot, q, force, torque, velocity, acceleration, gravity, payload, friction, inverse :
         As in `ftforce.analyze`.
     task, length, joint_length, axes, posture, rtol, wary :
@@ -292,6 +303,8 @@ def census(
         payload=payload,
         limits=URDF if limits is None and rank_by == "capability" else limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         inverse=inverse,
         task=task,
         length=length,
@@ -300,6 +313,7 @@ def census(
         rtol=rtol,
         wary=wary,
     ).placed(q, posture)
+    check_progress(progress)
     return census_of(question, AllFaultSets.parse(robot, faults, mode), rank_by, progress)
 
 

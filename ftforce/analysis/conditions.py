@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+import os
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -17,13 +18,16 @@ from ftforce.robot.dynamics import Payload, mass_matrix, motion_torque, weight_t
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.drives import Drives
     from ftforce.core.arrays import Mask, Matrix
+    from ftforce.core.limits import DriveTerms
     from ftforce.core.reduced_jacobian import ReducedJacobian
     from ftforce.core.task import Task
     from ftforce.robot.robot import Robot
 
 _ROUNDING = 1e-12
 
+PayloadLike: TypeAlias = "Payload | float | str | os.PathLike[str] | tuple[float, ArrayLike] | None"
 Inverse = Literal["euclidean", "dynamic"]
 
 INVERSES: tuple[str, ...] = get_args(Inverse)
@@ -46,6 +50,8 @@ class Conditions(NamedTuple):
     velocity, acceleration :
         Joint velocities and accelerations before the fault, rad or m, per s and per s², shape (n,);
         ``None`` if the arm is at rest.
+    drives :
+        Friction and rotor inertia of the drives; ``None`` if they do not count.
     """
 
     gravity: Vector
@@ -53,6 +59,7 @@ class Conditions(NamedTuple):
     payload: Payload | None
     velocity: Vector | None
     acceleration: Vector | None
+    drives: Drives | None = None
 
     @classmethod
     def of(
@@ -62,7 +69,8 @@ class Conditions(NamedTuple):
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
+        drives: Drives | None = None,
     ) -> Conditions:
         """Return validated conditions.
 
@@ -77,7 +85,11 @@ class Conditions(NamedTuple):
             default that of the model.
         payload :
             Mass at the tip, kg; with its position in tip axes (m) a pair ``(mass, (x, y, z))`` or a
-            text ``mass@x,y,z``.
+            text ``mass@x,y,z``; with its inertia too, the path of a TOML file or
+            `ftforce.robot.dynamics.Payload`.
+        drives :
+            Friction and rotor inertia of the drives, from
+            `ftforce.analysis.drives.choose_drives`.
 
         Raises
         ------
@@ -96,7 +108,22 @@ class Conditions(NamedTuple):
             _check_size(gravity, "gravity", "m/s²")
         else:
             gravity = robot.gravity
-        return cls(gravity, own, read_payload(payload), v, a)
+        return cls(gravity, own, read_payload(payload), v, a, drives)
+
+    @property
+    def terms(self) -> DriveTerms | None:
+        """What the drives of the healthy arm add; ``None`` if they do not count."""
+        return None if self.drives is None else self.drives.terms
+
+    def terms_after(self, free: Mask | None) -> DriveTerms | None:
+        """Return what the drives add after a fault; ``None`` if they do not count.
+
+        Parameters
+        ----------
+        free :
+            True at free-swinging joints, shape (n,); ``None`` if there are none.
+        """
+        return None if self.drives is None else self.drives.after(free)
 
     @property
     def moves(self) -> bool:
@@ -150,19 +177,28 @@ def _check_size(vector: Vector | None, name: str, unit: str) -> None:
         raise InputError(f"{name} must not exceed {LARGEST_NUMBER:g} {unit}, got {vector}")
 
 
-def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None) -> Payload | None:
-    """Return a payload from a mass, a pair or a text ``MASS[@x,y,z]``; ``None`` for no payload.
+def read_payload(payload: PayloadLike) -> Payload | None:
+    """Return a payload from a mass, a pair, a text or a file; ``None`` for no payload.
 
     Parameters
     ----------
     payload :
-        Mass, kg; ``(mass, (x, y, z))`` with its position in tip axes, m; or text.
+        Mass, kg; ``(mass, (x, y, z))`` with its position in tip axes, m; the path of a TOML file;
+        or a text ``MASS[@x,y,z[@ixx,iyy,izz,ixy,ixz,iyz]]``.
 
     Raises
     ------
     InputError
         The value has another form, or its mass is negative.
+    PayloadError
+        The file cannot be read, or what it describes is no rigid body.
     """
+    if isinstance(payload, os.PathLike) or (
+        isinstance(payload, str) and payload.lower().endswith(".toml")
+    ):
+        from ftforce.analysis.payload_files import read_payload_file  # only needed for files
+
+        return read_payload_file(payload)
     if payload is None or isinstance(payload, Payload):
         return payload
     if isinstance(payload, tuple):
@@ -173,15 +209,18 @@ def read_payload(payload: Payload | float | str | tuple[float, ArrayLike] | None
         return Payload.of(*payload)
     if not isinstance(payload, str):
         return Payload.of(payload)
-    mass, at, place = payload.partition("@")
+    mass, at, rest = payload.partition("@")
+    place, has_inertia, moments = rest.partition("@")
     try:
         offset = read_numbers(_without_commas(place), 3) if at else (0.0, 0.0, 0.0)
-        return Payload.of(read_numbers(mass, 1)[0], offset)
+        inertia = read_numbers(_without_commas(moments), 6) if has_inertia else None
+        return Payload.of(read_numbers(mass, 1)[0], offset, inertia)
     except ValueError as problem:
         if isinstance(problem, InputError):
             raise
         raise InputError(
-            f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1; {problem}"
+            f"a payload needs MASS or MASS@x,y,z (kg, m), e.g. 2.5@0,0,0.1, or a TOML file; "
+            f"{problem}"
         ) from None
 
 
@@ -192,7 +231,9 @@ def _without_commas(place: str) -> str:
     return " ".join(parts)
 
 
-def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -> RneaChange:
+def rnea_change(
+    robot: Robot, q: Vector, conditions: Conditions, locked: Mask, free: Mask | None = None
+) -> RneaChange:
     """Return the torques for weight and motion before and after joints lock.
 
     Velocity and acceleration of a locked joint are zero after the fault; those of the other joints
@@ -208,6 +249,8 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
         Gravity, payload and motion.
     locked :
         True at locked joints, shape (n,).
+    free :
+        True at free-swinging joints, shape (n,); ``None`` if there are none.
     """
     own = None if conditions.is_model_gravity else conditions.gravity
     counted = weight_torque(robot, q, own, conditions.payload)
@@ -218,11 +261,12 @@ def rnea_change(robot: Robot, q: Vector, conditions: Conditions, locked: Mask) -
         return RneaChange(gravity, still, still, counted, counted)
     v = still if conditions.velocity is None else conditions.velocity
     a = still if conditions.acceleration is None else conditions.acceleration
-    before = motion_torque(robot, q, v, a, conditions.payload)
+    before = motion_torque(robot, q, v, a, conditions.payload, drives=conditions.terms)
     after = before
-    if locked.any():
+    if locked.any() or (free is not None and conditions.drives is not None):
         v, a = (np.where(locked, 0.0, x) for x in (v, a))
-        after = motion_torque(robot, q, v, a, conditions.payload)
+        terms = conditions.terms_after(free)
+        after = motion_torque(robot, q, v, a, conditions.payload, drives=terms)
     return RneaChange(
         gravity,
         before if known else None,
@@ -292,7 +336,7 @@ def mass_matrix_for(
             f"the dynamic inverse needs masses, but the URDF of {robot.name!r} has none; "
             "use the euclidean one"
         )
-    return mass_matrix(robot, q, conditions.payload)
+    return mass_matrix(robot, q, conditions.payload, conditions.terms)
 
 
 def known_mass_matrix(robot: Robot, q: Vector, conditions: Conditions) -> Matrix | None:
@@ -306,7 +350,7 @@ def known_mass_matrix(robot: Robot, q: Vector, conditions: Conditions) -> Matrix
     if robot.mass == 0.0:
         return None
     try:
-        return mass_matrix(robot, q, conditions.payload)
+        return mass_matrix(robot, q, conditions.payload, conditions.terms)
     except InputError:
         return None
 

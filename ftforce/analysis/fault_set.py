@@ -179,7 +179,8 @@ class SharedCase(NamedTuple):
             for x in (conditions.velocity, conditions.acceleration)
         )
         own = None if conditions.is_model_gravity else conditions.gravity
-        rnea = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
+        terms = conditions.terms_after(faults.free_mask(robot.n))
+        rnea = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload, drives=terms)
         return self.question.scale.weigh_torque(rnea)
 
 

@@ -99,7 +99,7 @@ def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None)
         The arm.
     friction :
         One number for all joints, one per joint (NaN where unknown, shape (n,)), N·m or N, or a
-        TOML or CSV file (joint, friction); 0 is an ideal joint. ``None`` where unknown.
+        TOML, YAML or CSV file (joint, friction); 0 is an ideal joint. ``None`` where unknown.
     limits :
         Torque limits in force, which precede the efforts of the URDF.
 
@@ -117,7 +117,8 @@ def choose_friction(robot: Robot, friction: FrictionLike, limits: Limits | None)
     given, source = _given(robot, friction)
     effort = robot.effort
     if limits is not None:
-        effort = np.where(np.isnan(limits.effort), effort, limits.effort)
+        lower, upper = limits.motor_bounds()
+        effort = np.where(limits.is_known, np.maximum(upper, -lower), effort)
     return _friction(robot, given, source, effort)
 
 
@@ -152,7 +153,7 @@ def _given(robot: Robot, friction: FrictionLike) -> tuple[Vector, str]:
         raise DimensionError("friction", (robot.n,), values.shape, robot.numbered())
     if (values < 0.0).any() or np.isinf(values).any():
         raise InputError(
-            "friction needs a number of at least 0 (N·m or N), one per joint, or a TOML or CSV "
-            f"file (joint, friction), got {friction!r}"
+            "friction needs a number of at least 0 (N·m or N), one per joint, or a TOML, YAML "
+            f"or CSV file (joint, friction), got {friction!r}"
         )
     return values, GIVEN

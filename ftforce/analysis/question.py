@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import Friction, FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.changes import TipLoad
     from ftforce.core.limits import Limits
     from ftforce.core.reduced_jacobian import ReducedJacobian
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
 
@@ -58,6 +58,26 @@ class Progress(Protocol):
         """Report progress."""
 
 
+def check_progress(progress: object) -> None:
+    """Check an argument ``progress`` before any work starts.
+
+    Parameters
+    ----------
+    progress :
+        The argument.
+
+    Raises
+    ------
+    InputError
+        It is no function.
+    """
+    if progress is not None and not callable(progress):
+        raise InputError(
+            "progress is a function of what is done and the total, e.g. print, got "
+            f"{type(progress).__name__}"
+        )
+
+
 def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
     """Return a function that adds to what is done and reports it.
 
@@ -68,6 +88,7 @@ def counted(progress: Progress | None, total: int) -> Callable[[int], None]:
     total :
         The total.
     """
+    check_progress(progress)
     done = 0
 
     def tick(count: int) -> None:
@@ -139,9 +160,11 @@ class Question:
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
         limits: LimitsLike = None,
         friction: FrictionLike = None,
+        joint_friction: bool = False,
+        armature: bool = False,
         inverse: Inverse = "euclidean",
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
@@ -161,6 +184,8 @@ class Question:
             Direction of the force capability, in task axes, shape (m,).
         force, torque, velocity, acceleration, gravity, payload, limits, friction, inverse :
             As in `ftforce.analyze`.
+        joint_friction, armature :
+            As in `ftforce.analyze`.
         task, length, joint_length, axes, rtol, wary :
             As in `ftforce.analyze`.
 
@@ -177,7 +202,11 @@ class Question:
         check_word("inverse", inverse, INVERSES)
         if force is not None and torque is not None:
             raise InputError("give either a force or torques, not both")
-        known = choose_limits(robot, limits_for(faults, limits))
+        known, drives = choose_limits(robot, limits_for(faults, limits)), None
+        if joint_friction is not False or armature is not False:
+            from ftforce.analysis.drives import choose_drives  # not needed for most questions
+
+            drives = choose_drives(robot, known, joint_friction=joint_friction, armature=armature)
         return cls(
             robot,
             wanted,
@@ -187,6 +216,7 @@ class Question:
                 acceleration=acceleration,
                 gravity=gravity,
                 payload=payload,
+                drives=drives,
             ),
             force=None if force is None else wanted.vector(force, "force"),
             torque=None if torque is None else robot.vector(torque, "torque"),
@@ -266,7 +296,9 @@ class Question:
         return self.scale.weigh_jacobian(self.task.weigh_jacobian(J))
 
     def largest_torques(self, faults: FaultSet, limits: Limits | None = None) -> Vector | None:
-        """Return the weighted limits with a fault set, shape (n,); ``None`` if none are in force.
+        """Return the weighted limits with a fault set; ``None`` if none are in force.
+
+        Shape (n,), or (2, n) if lower and upper ones differ; with the velocity of the conditions.
 
         Parameters
         ----------
@@ -276,7 +308,9 @@ class Question:
             Other limits than those in force.
         """
         limits = self.limits if limits is None else limits
-        return None if limits is None else self.scale.weigh_torque(limits.largest_torques(faults))
+        if limits is None:
+            return None
+        return self.scale.weigh_torque(limits.largest_torques(faults, self.conditions.velocity))
 
     def load(self, reduced: ReducedJacobian) -> TipLoad | None:
         """Return the force of the healthy arm, weighted; ``None`` for neither force nor torques.

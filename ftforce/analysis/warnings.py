@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ftforce.analysis.limits_files import URDF
 from ftforce.core.faults import FaultMode
 from ftforce.errors import listed
@@ -64,8 +62,10 @@ def implausible(question: Question, *, needs_gravity: bool, needs_inertia: bool)
         Whether it depends on the arm's inertia.
     """
     found, limits = question.robot.implausible, question.limits
-    if limits is not None and limits.source == URDF:
-        yield from found.efforts
+    if limits is not None:
+        yield from found.efforts if limits.source == URDF else limits.notes
+    if question.conditions.drives is not None:
+        yield from question.conditions.drives.warnings()
     if needs_inertia or (needs_gravity and question.conditions.gravity.any()):
         yield from found.masses
     if needs_inertia:
@@ -123,7 +123,7 @@ def unjudged(robot: Robot, faults: FaultSet, limits: Limits | None) -> Iterator[
         name = f"joint {fault.joint + 1} {robot.names[fault.joint]} is weak, but"
         if limits is None:
             yield f"{name} no limits are enforced: it is treated as healthy"
-        elif np.isnan(limits.effort[fault.joint]):
+        elif not limits.is_known[fault.joint]:
             yield f"{name} its torque limit is unknown and is not enforced"
 
 

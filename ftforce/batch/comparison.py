@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
 from ftforce.batch.compiled import compile_kernels, prepared
 from ftforce.batch.job import PIECE, Job
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from ftforce.batch.store.store import SweepRequest
     from ftforce.batch.summary.criticality import Estimate
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
 
 Arm: TypeAlias = "Robot | Sweep | str | os.PathLike[str]"
 
@@ -118,7 +118,7 @@ def compare(
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     task: str | Iterable[str] | Task | None = None,
     length: float | None = None,
     joint_length: float | None = None,
@@ -201,6 +201,7 @@ def compare(
             "every arm is a stored sweep with a question of its own; leave out "
             f"{', '.join('n (--samples)' if key == 'count' else key for key in unused)}"
         )
+    check_progress(progress)
     reports = _Reports(asked, enough, threads, progress).of(entries)
     return Comparison(_ranked(reports), float(enough), _warnings(reports))
 

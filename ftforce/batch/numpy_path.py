@@ -269,6 +269,7 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
             cells=cells,
             rtol=rtol,
             within=borne,
+            middle=np.where(faults.locked | faults.free, 0.0, question.middle),
         )
         answers.capability[:] = commanded.T
     for i in np.flatnonzero(left.any(axis=1)).tolist():
@@ -352,5 +353,7 @@ def _capability(plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int) ->
     question, faults = plan.question, plan.faults
     largest = np.where(faults.locked[s], question.brake, question.effort)
     largest[faults.free[s]] = 0.0
-    ray = reach(feasible_forces(reduced, weight, largest), question.direction)
+    middle = np.where(faults.locked[s] | faults.free[s], 0.0, question.middle)
+    both = np.array([middle - largest, middle + largest])
+    ray = reach(feasible_forces(reduced, weight, both), question.direction)
     return math.nan if ray.is_empty else ray.maximum

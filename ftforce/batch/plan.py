@@ -11,7 +11,9 @@ import pinocchio as pin
 from ftforce.batch.kernels.layout import Answers, Block, Faults, Mechanism, aligned
 from ftforce.batch.kernels.layout import Question as KernelQuestion
 from ftforce.core.arrays import read_only
+from ftforce.core.faults import FaultSet
 from ftforce.core.joint_scale import UNWEIGHTED
+from ftforce.core.limits import middle_and_half
 from ftforce.errors import InputError
 from ftforce.robot.kinematics import noise_floor
 
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
     from ftforce.analysis.question import Question
     from ftforce.core.arrays import Matrix, Vector
-    from ftforce.core.faults import FaultSet
     from ftforce.core.joint_scale import JointScale
     from ftforce.core.limits import Limits
     from ftforce.core.task import Task
@@ -359,6 +360,8 @@ def question_of(
     rows = np.arange(6)[task.rows].astype(np.int64)
     unknown = np.full(n, np.nan)
     nothing = np.zeros(0)
+    motors = unknown if limits is None else limits.largest_torques(FaultSet())
+    middle, half = middle_and_half(motors)
     weights = np.ones(task.m) if task.weights is None else task.weights
     return KernelQuestion(
         rows=read_only(rows),
@@ -372,7 +375,8 @@ def question_of(
         is_whole=rows.tolist() in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]),
         force=read_only(nothing if force is None else task.weigh_force(force).copy()),
         direction=read_only(nothing if direction is None else task.weigh_force(direction).copy()),
-        effort=read_only(scale.weigh_torque(unknown if limits is None else limits.effort).copy()),
+        effort=read_only(scale.weigh_torque(half).copy()),
+        middle=read_only(scale.weigh_torque(middle).copy()),
         brake=read_only(scale.weigh_torque(unknown if limits is None else limits.brake).copy()),
         friction=read_only(
             np.zeros(n) if friction is None else scale.weigh_torque(friction).copy()

@@ -16,7 +16,7 @@ from ftforce.batch.compiled import announced
 from ftforce.batch.plan import Plan, faults_of
 from ftforce.core.arrays import Matrix, Vector, as_floats, as_vector, check_finite, read_only
 from ftforce.core.faults import FaultMode, FaultSet
-from ftforce.core.limits import Limits
+from ftforce.core.limits import Limits, middle_and_half
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, check_tolerances
 from ftforce.core.verdict import CODES, VERDICTS, Verdict
 from ftforce.errors import DimensionError, FtforceError, InputError
@@ -25,12 +25,12 @@ from ftforce.robot.robot import require_robot
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.fault_names import Joints
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.batch.kernels.layout import Faults, Integers
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
 FaultSets: TypeAlias = "int | FaultSet | Iterable[FaultSet | Joints]"
@@ -128,7 +128,23 @@ def _given_limits(limits: object, n: int) -> Limits | None:
     known = limits if isinstance(limits, Limits) else Limits.of(limits)  # type: ignore[arg-type]
     if len(known.effort) != n:
         raise DimensionError("limits", (n,), known.effort.shape, "one per column of J")
-    return known
+    return _without_lines(known)
+
+
+def _without_lines(limits: Limits | None) -> Limits | None:
+    """Return limits that do not depend on velocities, which a remapper does not know.
+
+    Raises
+    ------
+    InputError
+        They have torque-speed lines.
+    """
+    if limits is not None and limits.line is not None:
+        raise InputError(
+            "a Remapper has no velocities for torque-speed lines (stall_torque, no_load_speed); "
+            "give limits without them, or use analyze"
+        )
+    return limits
 
 
 def _given_friction(friction: object, n: int) -> Vector:
@@ -297,7 +313,7 @@ class Remapper:
         mode: FaultMode | str = FaultMode.LOCKED,
         limits: LimitsLike | ArrayLike = None,
         gravity: ArrayLike | None = None,
-        payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+        payload: PayloadLike = None,
         friction: FrictionLike = None,
         task: str | Iterable[str] | Task = "force",
         length: float | None = None,
@@ -596,8 +612,8 @@ class _Arm(NamedTuple):
     faults :
         The fault sets.
     limit :
-        Weighted torque limits with each set, shape (S, n); ``None`` if all sets only lock joints,
-        without limits.
+        Weighted torque limits with each set, and their middles, shape (2 S, n); ``None`` if all
+        sets only lock joints, without limits.
     has_forces, has_moments :
         Whether there are such rows.
     weights :
@@ -628,7 +644,7 @@ def _arm_of_jacobian(asked: JacobianQuestion, sets: tuple[FaultSet, ...]) -> _Ar
     faults = faults_of(sets, n)
     for one in sets:
         weak = set(one.in_mode(FaultMode.WEAK)) - set(_freed(one))
-        if any(limits is None or np.isnan(limits.effort[joint]) for joint in weak):
+        if any(limits is None or not limits.is_known[joint] for joint in weak):
             raise InputError(f"the set {one} has weak joints, which need torque limits: limits=...")
     task = np.zeros((4 + n, max(m, n, 2)))
     task[1], task[2, :2], task[3, :n] = 1.0, (asked.rtol, asked.wary), asked.friction
@@ -646,8 +662,9 @@ def _freed(one: FaultSet) -> tuple[int, ...]:
 
 
 def _limit_rows(limits: list[Vector | None], n: int) -> Matrix:
-    """Return limits as rows, NaN where there are none."""
-    return np.array([np.full(n, np.nan) if row is None else row for row in limits]).reshape(-1, n)
+    """Return the half width of limits as S rows, NaN where there are none, then their S middles."""
+    pairs = [middle_and_half(np.full(n, np.nan) if row is None else row) for row in limits]
+    return np.array([half for _, half in pairs] + [middle for middle, _ in pairs]).reshape(-1, n)
 
 
 def _arm_of_robot(question: Question, sets: tuple[FaultSet, ...]) -> _Arm:
@@ -655,6 +672,7 @@ def _arm_of_robot(question: Question, sets: tuple[FaultSet, ...]) -> _Arm:
     from ftforce.batch.kernels import single
 
     robot, scale = question.robot, question.scale
+    _without_lines(question.limits)
     limits = [choose_limits(robot, limits_for(one, question.limits)) for one in sets]
     is_bounded = any(x is not None or one.free for x, one in zip(limits, sets, strict=True))
     plan = Plan.of(question, sets, needs_gravity=is_bounded)

@@ -61,9 +61,9 @@ class SweepSetting(CarriedPayload):
         Names of the joints whose motor limit is unknown and treated as infinite.
     gravity :
         In root axes, m/s².
-    payload, payload_mass, payload_offset :
-        Description of the payload, its mass, kg, and its position in tip axes, m; ``None`` and
-        empty without one. `carried` is the payload itself.
+    payload, payload_mass, payload_offset, payload_inertia :
+        Description of the payload, its mass, kg, its position in tip axes, m, and its moments of
+        inertia, kg·m²; ``None`` and empty without one. `carried` is the payload itself.
     rtol, wary :
         Relative tolerances of the rank and of the borderline verdict.
     postures :
@@ -124,6 +124,7 @@ class SweepSetting(CarriedPayload):
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
     payload_mass: float | None = None
     payload_offset: tuple[float, ...] = ()
+    payload_inertia: tuple[float, ...] = ()
     computed_with: str = "kernels"
 
     def to_dict(self) -> dict[str, Any]:

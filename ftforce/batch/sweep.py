@@ -14,7 +14,7 @@ import numpy as np
 
 from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
-from ftforce.analysis.question import HEALTHY, AllFaultSets, Question
+from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.analysis.warnings import implausible
 from ftforce.batch.compiled import prepared
 from ftforce.batch.job import PIECE, Job
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.batch.runner import Runner
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
 
 _CHUNK = 65_536  # postures, at most
@@ -71,7 +71,7 @@ def sweep(
     limits: LimitsLike = None,
     friction: FrictionLike = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -107,7 +107,7 @@ def sweep(
     direction :
         Direction of the capability, in the task's axes, shape (m,); default that of the force.
     limits :
-        Torque limits of the capability: ``urdf`` (default), a TOML or CSV file, or
+        Torque limits of the capability: ``urdf`` (default), a TOML, YAML or CSV file, or
         `ftforce.core.limits.Limits`; ``none`` computes no capability. Verdicts and jumps ignore
         them.
     friction, gravity, payload, task, length, joint_length, axes, rtol, wary :
@@ -245,6 +245,7 @@ def sweep_of(
         chunk=chunk,
         is_stored=output is not None,
     )
+    check_progress(progress)
     return run_request(request, None if output is None else Path(output), runner, progress)
 
 
@@ -404,7 +405,7 @@ def _setting(
     force, direction, payload = question.force, question.direction, question.conditions.payload
     friction = [None if math.isnan(x) else x for x in question.friction.torque.tolist()]
     swings = all_sets.mode is FaultMode.FREE
-    unknown = () if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
+    unknown = () if limits is None else np.flatnonzero(~limits.is_known).tolist()
     return SweepSetting(
         robot=robot.name,
         base=robot.base,

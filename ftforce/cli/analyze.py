@@ -2,6 +2,7 @@
 
 from ftforce.cli.options import (
     ChainOptions,
+    DriveOptions,
     FaultOptions,
     FrictionOption,
     LimitsOption,
@@ -26,6 +27,7 @@ def analyze(
     weight: WeightOptions,
     limits: LimitsOption,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -40,7 +42,9 @@ def analyze(
     from ftforce.show.tables.analysis import analysis_view
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(fault_options, load, motion, weight, limits, friction, task_options, tolerances)
+    asked = merged(
+        fault_options, load, motion, weight, limits, friction, drives, task_options, tolerances
+    )
     result = analysis.analyze(arm, posture_options.of(arm), **asked)
     shown = analysis_view(result, degrees=posture_options.deg)
     outputs.emit(shown, result, f"ftforce analyze {arm.name}")

@@ -4,6 +4,7 @@ from ftforce.cli.options import (
     CapabilityLimits,
     ChainOptions,
     DirectionOption,
+    DriveOptions,
     FaultOptions,
     FrictionOption,
     MotionOptions,
@@ -26,6 +27,7 @@ def capability(
     weight: WeightOptions,
     limits: CapabilityLimits,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerance: RankTolerance,
@@ -41,7 +43,15 @@ def capability(
 
     arm = chain.load(robot, posture_options.posture)
     asked = merged(
-        fault_options, direction_option, motion, weight, limits, friction, task_options, tolerance
+        fault_options,
+        direction_option,
+        motion,
+        weight,
+        limits,
+        friction,
+        drives,
+        task_options,
+        tolerance,
     )
     result = force_capability.capability(arm, posture_options.of(arm), **asked)
     outputs.emit(capability_view(result), result, f"ftforce capability {arm.name}")

@@ -7,6 +7,7 @@ import typer
 from ftforce.cli.options import (
     ChainOptions,
     DirectionOption,
+    DriveOptions,
     FrictionOption,
     LimitsOption,
     LoadOptions,
@@ -34,6 +35,7 @@ def census(
     weight: WeightOptions,
     limits: LimitsOption,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -55,7 +57,16 @@ def census(
 
     arm = chain.load(robot, posture_options.posture)
     asked = merged(
-        sets, direction_option, load, motion, weight, limits, friction, task_options, tolerances
+        sets,
+        direction_option,
+        load,
+        motion,
+        weight,
+        limits,
+        friction,
+        drives,
+        task_options,
+        tolerances,
     )
     ranking: Any = rank_by  # checked by the function, with a message that lists what is valid
     with progress_bar("fault sets") as progress:

@@ -12,7 +12,8 @@ PANELS = {
     "Faults": "locked free weak faults mode fault joints delay no_remap paper",
     "Postures": "q posture samples method seed postures grid deg",
     "Trajectory": "start to speed keep_orientation rate max_gap smooth static",
-    "Force and motion": "force torque inverse direction velocity acceleration",
+    "Force and motion": "force torque inverse direction velocity acceleration "
+    "joint_friction armature",
     "Weight, limits and friction": "gravity mounted payload limits friction",
     "Task and chain": "robot task length joint_length axes base tip srdf args package_path",
     "Tolerances": "rtol wary",

@@ -28,6 +28,7 @@ INPUTS = {
     "postures": "the postures",
     "limits": "the torque limits",
     "friction": "the friction",
+    "payload": "the payload",
     "history": "the history",
     "sweep": "the stored sweep",
 }

@@ -44,7 +44,7 @@ RobotArgument = Annotated[
         "such as panda (see `ftforce robots`).",
     ),
 ]
-_LIMITS_FILE = "the URDF's, or a TOML or CSV file's (joint,effort,brake)."
+_LIMITS_FILE = "the URDF's, or a TOML, YAML (MoveIt) or CSV file's."
 TopOption = Annotated[
     int, typer.Option("--top", min=1, metavar="N", help="Number of fault sets shown in the table.")
 ]
@@ -358,7 +358,9 @@ class WeightOptions(Group):
     payload: Annotated[
         str | None,
         typer.Option(
-            metavar="KG[@X,Y,Z]", help="Mass at the tip, kg, and its position in tip axes, m."
+            metavar="KG[@X,Y,Z]|FILE",
+            help="Mass at the tip, kg, and its position in tip axes, m; or a TOML file "
+            "(mass, centre, inertia).",
         ),
     ] = None
 
@@ -411,11 +413,30 @@ class FrictionOption(Group):
         str | None,
         typer.Option(
             metavar="N·m|FILE",
-            help="Friction of free-swinging joints: a number, or a TOML or CSV file "
+            help="Friction of free-swinging joints: a number, or a TOML, YAML or CSV file "
             "(joint,friction); 0 for ideal joints.",
             show_default="the URDF's, else 0.1 % of the effort limit",
         ),
     ] = None
+
+
+class DriveOptions(Group):
+    """Friction and rotor inertia of the drives of a moving arm."""
+
+    joint_friction: Annotated[
+        bool,
+        typer.Option(
+            "--joint-friction",
+            help="Count the Coulomb and viscous friction of moving joints (<dynamics>, or the file "
+            "of --limits).",
+        ),
+    ] = False
+    armature: Annotated[
+        bool,
+        typer.Option(
+            "--armature", help="Count the rotor inertia of the joints (<dynamics>, or that file)."
+        ),
+    ] = False
 
 
 class TaskOptions(Group):

@@ -6,6 +6,7 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    DriveOptions,
     FrictionOption,
     HistoryOutputs,
     LimitsOption,
@@ -53,6 +54,7 @@ def simulate(
     weight: WeightOptions,
     limits: LimitsOption,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -97,7 +99,7 @@ def simulate(
         raise typer.BadParameter("--force is missing, e.g. 80,50,10; 0,0,0 is a free motion")
     else:
         arm = chain.load(robot, posture_options.posture)
-        asked = merged(weight, limits, friction, task_options, tolerances)
+        asked = merged(weight, limits, friction, drives, task_options, tolerances)
         asked["force"] = numbers(force, "--force") or []
         asked |= trajectory_options.arguments_for(arm, posture_options, asked)
         with progress_bar("instants") as progress:

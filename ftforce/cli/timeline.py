@@ -2,6 +2,7 @@
 
 from ftforce.cli.options import (
     ChainOptions,
+    DriveOptions,
     ForceOptions,
     FrictionOption,
     LimitsOption,
@@ -28,6 +29,7 @@ def timeline(
     weight: WeightOptions,
     limits: LimitsOption,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -43,7 +45,7 @@ def timeline(
     from ftforce.trajectory import timeline as fault_timeline
 
     arm = chain.load(robot, posture_options.posture)
-    asked = merged(sets, forces, weight, limits, friction, task_options, tolerances)
+    asked = merged(sets, forces, weight, limits, friction, drives, task_options, tolerances)
     asked |= trajectory_options.arguments_for(arm, posture_options, asked)
     with progress_bar("instants") as progress:
         result = fault_timeline.timeline(arm, progress=progress, **asked)

@@ -7,6 +7,7 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    DriveOptions,
     FaultOptions,
     FrictionOption,
     LimitsOption,
@@ -32,6 +33,8 @@ _LOAD = {"force", "torque", "velocity", "acceleration", "gravity", "payload"}
 _OF_A_SWEEP = _LOAD | {
     "limits",
     "friction",
+    "joint_friction",
+    "armature",
     "inverse",
     "task",
     "length",
@@ -53,6 +56,7 @@ def view(
     weight: WeightOptions,
     limits: LimitsOption,
     friction: FrictionOption,
+    drives: DriveOptions,
     task_options: TaskOptions,
     chain: ChainOptions,
     tolerances: Tolerances,
@@ -121,7 +125,7 @@ def view(
     question = Question.parse(
         arm,
         faults=fault_options.of(arm),
-        **merged(load, motion, weight, limits, friction, task_options, tolerances),
+        **merged(load, motion, weight, limits, friction, drives, task_options, tolerances),
     ).placed(posture_options.of(arm))
     origin = Origin(
         robot,

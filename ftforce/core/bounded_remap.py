@@ -32,7 +32,7 @@ from ftforce.core.feasible_forces import (
     feasible_forces,
     reach,
 )
-from ftforce.core.limits import checked_limits
+from ftforce.core.limits import Limits, checked_limits
 from ftforce.core.reduced_jacobian import (
     BORDERLINE_RTOL,
     RTOL,
@@ -372,7 +372,7 @@ def bounded_remap(
         True at locked joints, shape (n,).
     limits :
         Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
-        (n,).
+        (n,), or lower and upper limits as rows, shape (2, n).
     free :
         True at free-swinging joints, shape (n,).
     friction :
@@ -412,17 +412,29 @@ def bounded_remap(
     n = J.shape[1]
     tau = as_vector(tau, n, "tau", "one torque per column of J")
     weight = np.zeros(n) if rnea is None else as_vector(rnea, n, "rnea", "one per column of J")
-    largest = checked_limits(limits, "limits")
-    if len(largest) != n:
-        hint = "one per column of J, NaN where unknown"
-        raise DimensionError("limits", (n,), largest.shape, hint)
+    largest = _checked_sides(limits, n)
     swinging = None
     if free_mask is not None and free_mask.any():
-        largest[free_mask] = 0.0
+        largest[..., free_mask] = 0.0
         borne = _checked_friction(friction, n)
         swinging = FreeJoints.of(free_mask, borne, max(rtol, BORDERLINE_RTOL))
     reduced = reduce(J, mask, rtol, swinging)
     return remap_inside(reduced, exerted_force(reduced, tau), weight, largest)
+
+
+def _checked_sides(limits: ArrayLike, n: int) -> Vector:
+    """Return a copy of limits, shape (n,), or of lower and upper ones, shape (2, n)."""
+    values = as_floats(limits, "limits")
+    if values.ndim == 2:
+        if values.shape != (2, n):
+            raise DimensionError("limits", (2, n), values.shape, "lower and upper limits")
+        known = Limits.of(values[1], lower=values[0])
+        return np.array(known.motor_bounds())
+    largest = checked_limits(values, "limits")
+    if len(largest) != n:
+        hint = "one per column of J, NaN where unknown"
+        raise DimensionError("limits", (n,), largest.shape, hint)
+    return largest
 
 
 def _checked_friction(friction: ArrayLike | None, n: int) -> Vector:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.core.arrays import norm
+from ftforce.core.limits import both_sides
 from ftforce.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -324,7 +325,7 @@ def feasible_forces(
         Gravity and motion torques after the fault, shape (n,).
     largest :
         Maximum torque of each motor, or of the brake of a locked joint; NaN where unknown; shape
-        (n,). ``None`` applies no limits.
+        (n,), or lower and upper limits, shape (2, n). ``None`` applies no limits.
     lock_model :
         How locked joints are modelled.
     balance :
@@ -347,9 +348,10 @@ def feasible_forces(
         joints: list[int] = []
     else:
         # NaN is unknown; 0 is a free-swinging joint.
-        known = (largest > 0.0).nonzero()[0]
-        weights, limit = rnea[known], largest[known]
-        rows, lower, upper = reduced.J.T[known], -limit - weights, limit - weights
+        least, most = both_sides(largest)
+        known = (most > least).nonzero()[0]
+        weights = rnea[known]
+        rows, lower, upper = reduced.J.T[known], least[known] - weights, most[known] - weights
         joints = known.tolist()
     if bearings is not None and not bearings.is_ideal and fixed.shape[1] < len(bearings.joints):
         rows = np.concatenate([rows, bearings.rows])

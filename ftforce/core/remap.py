@@ -345,4 +345,6 @@ def force_residuals(reduced: ReducedJacobian, U: Vector, change: Jump | Remap) -
 
 
 def _ratio(error: Vector | float, scale: float) -> float:
+    if isinstance(error, float):  # whose square might overflow
+        return float(abs(error)) / scale if scale > 0.0 else 0.0
     return float(np.linalg.norm(error)) / scale if scale > 0.0 else 0.0

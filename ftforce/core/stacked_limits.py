@@ -38,6 +38,7 @@ def within_limits(
     F: Vector | None,
     rtol: float,
     wary: float,
+    middle: Matrix | None = None,
 ) -> Cells:
     """Return verdicts and force jumps within torque limits, wherever they are certain.
 
@@ -47,7 +48,7 @@ def within_limits(
         The answers without limits, from `cells_of`.
     J, locked, F, rtol, wary :
         As in `cells_of`.
-    rnea, largest :
+    rnea, largest, middle :
         As in `reach_of`.
 
     Returns
@@ -57,9 +58,10 @@ def within_limits(
     """
     after = (0.0 if F is None else F) - cells.jump  # the closed form, (N, S, m)
     torque = rnea + after @ J  # (N, S, n)
+    rest = torque if middle is None else torque - middle
     with np.errstate(over="ignore"):
-        beyond = np.abs(torque) - largest  # NaN where unknown
-        slack = _ROUNDING * (np.abs(rnea) + np.abs(torque) + largest)
+        beyond = np.abs(rest) - largest  # NaN where unknown
+        slack = _ROUNDING * (np.abs(rnea) + np.abs(torque) + np.abs(torque - rest) + largest)
     certain = cells.certain & ~(np.abs(beyond) <= slack).any(axis=2)
     rows = np.nonzero(certain & (beyond > 0.0).any(axis=2))
     found = cells._replace(certain=certain, jump=cells.jump.copy(), verdict=cells.verdict.copy())
@@ -71,6 +73,7 @@ def within_limits(
             J=J[rows[0]],
             load=np.broadcast_to(rnea, torque.shape)[rows],
             limit=largest[rows[1]],
+            middle=0.0 if middle is None else middle[rows[1]],
             locked=locked[rows[1]],
             F=F,
             rtol=rtol,
@@ -87,12 +90,14 @@ def _fill_binding(
     J: NDArray[np.float64],
     load: Matrix,
     limit: Matrix,
+    middle: Matrix | float,
     locked: Mask,
     F: Vector | None,
     rtol: float,
     wary: float,
 ) -> None:
     """Complete cells in which a limit binds, in place."""
+    rest = load - middle
     scale = cells.scale[rows[0]]
     A = J.swapaxes(1, 2).copy()  # (c, n, m)
     lost = cells.margin[rows] < LEAST_MARGIN
@@ -107,12 +112,12 @@ def _fill_binding(
     bears = known & ~short
     lever[~bears] = np.inf
     with np.errstate(over="ignore"):
-        lower = np.where(bears, (-limit - load) / lever, -np.inf)
-        upper = np.where(bears, (limit - load) / lever, np.inf)
-        slack = np.where(bears, (limit + np.abs(load)) / lever, 0.0)
+        lower = np.where(bears, (-limit - rest) / lever, -np.inf)
+        upper = np.where(bears, (limit - rest) / lever, np.inf)
+        slack = np.where(bears, (limit + np.abs(load) + np.abs(rest)) / lever, 0.0)
     slack = _ROUNDING * (slack + np.abs(closed).max(axis=1)[:, None])
     nearest, solved, empty = _nearest(A / lever[..., None], lower, upper, closed, slack)
-    is_held = ~(empty | (short & (np.abs(load) > limit)).any(axis=1))
+    is_held = ~(empty | (short & (np.abs(rest) > limit)).any(axis=1))
     jump = np.where(is_held[:, None], closed - nearest + cells.jump[rows], np.nan)
     relative = _relative(jump, F, scale, load)
     code = np.full(len(jump), CODES[Verdict.BORDERLINE], dtype=np.int8)

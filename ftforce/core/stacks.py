@@ -164,6 +164,7 @@ def reach_of(
     cells: Cells,
     rtol: float,
     within: tuple[Matrix, Matrix] | None = None,
+    middle: Matrix | None = None,
 ) -> tuple[Matrix, Matrix]:
     """Return the largest s for which s·d can be commanded, and held, by the ratio test of `reach`.
 
@@ -176,6 +177,9 @@ def reach_of(
         the same for all sets.
     largest :
         Largest torques of motors and brakes of each set, NaN where unknown, shape (S, n).
+    middle :
+        Middle between the lower and the upper limits, where these differ: ``largest`` is then half
+        their distance, shape (S, n).
     direction :
         Weighted direction, shape (m,); ``None`` for the weakest.
     cells :
@@ -192,6 +196,7 @@ def reach_of(
         Meaningless where the cells are not certain.
     """
     known = largest > 0.0
+    rnea = rnea if middle is None else rnea - middle
     with np.errstate(over="ignore"):
         lower, upper = -largest - rnea, largest - rnea  # (N, S, n)
     if direction is None:

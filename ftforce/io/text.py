@@ -92,7 +92,7 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
         reason = getattr(problem, "strerror", None) or str(problem)
         raise error(path, f"cannot be read ({reason})") from None
     if len(data) > largest:
-        raise error(path, f"is larger than {largest // 1_000_000} MB; expected {kind}")
+        raise error(path, f"is larger than {largest / 1_000_000:.3g} MB; expected {kind}")
     return data
 
 

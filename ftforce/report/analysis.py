@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ftforce.analysis.analyze import limit_of, shown_limits
 from ftforce.core.faults import FaultMode
 from ftforce.core.verdict import Verdict
 from ftforce.report import parts
@@ -157,8 +158,11 @@ def overloads(analysis: Analysis) -> dict[int, tuple[float, float]]:
         return {}
     F0 = analysis.bounded.feasible.F0
     torque = analysis.rnea.after + analysis.scale.unweigh_torque(F0.dot(analysis.reduced.J))
-    largest = analysis.limits.largest_torques(analysis.faults)
-    return {j: (float(torque[j]), float(largest[j])) for j in analysis.bounded.overloaded}
+    lower, upper = shown_limits(analysis)
+    return {
+        j: (float(torque[j]), limit_of(float(torque[j]), float(lower[j]), float(upper[j])))
+        for j in analysis.bounded.overloaded
+    }
 
 
 def _about_one_force(analysis: Analysis, force: ForceChange) -> str:

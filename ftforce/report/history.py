@@ -258,6 +258,8 @@ HISTORY = (
     Field("limits", "source of the torque limits in force, or `none`", get="setting.limits"),
     Field("effort", "largest motor torques, in force or not", parts.TORQUE, "by joint",
         "setting.effort"),
+    Field("effort_lower", "lower limits of the motors; absent if they are always those of `effort`",
+        parts.TORQUE, "by joint", "setting.effort_lower", optional=True),
     Field("delay", "time from a fault until the remap acts; `null` if it never does", "s",
         get="setting.delay"),
     Field("events", "the faults", shape="list", get="setting.events", parts=_EVENT),

@@ -122,8 +122,12 @@ CONVENTIONS = (
     *under("conditions", [GRAVITY]),
     Field("payload", "`null` if the tip carries nothing", get="conditions.payload", parts=(
         Field("mass", "mass", "kg"),
-        Field("offset", "its position, in the axes of the tip frame", "m", "3"),
+        Field("offset", "its centre of mass, in the axes of the tip frame", "m", "3"),
+        Field("inertia", "about its centre, in the same axes; absent for a point mass", "kg·m²",
+            "3 x 3", get=lambda x: () if x.inertia is None else x.inertia.tolist(), optional=True),
     )),
+    Field("drives", "what of the drives is counted, joint friction and rotor inertia; absent if "
+        "neither is", get=lambda x: str(x.conditions.drives or ""), optional=True),
     RTOL,
     WARY,
 )
@@ -134,7 +138,13 @@ POSTURE = Field("posture", "joint positions", parts=(
 LIMITS = (
     Field("source", "`urdf`, the file, or `given`"),
     Field("effort", "largest motor torques, healthy; `null` if unknown", TORQUE, "by joint"),
+    Field("effort_lower", "lower limits of the motors; `null` if they are those of `effort`",
+        TORQUE, "by joint", get="lower"),
     Field("brake", "largest brake torques; `null` if unknown", TORQUE, "by joint"),
+    Field("stall_torque", "of torque-speed lines; `null` if there are none", TORQUE, "by joint",
+        get="line.stall_torque"),
+    Field("no_load_speed", "of torque-speed lines; `null` if there are none", SPEED,
+        "by joint", get="line.no_load_speed"),
 )
 FAULT_SET = Field("fault_set", "numbers of the failed joints, from 1",
     get=lambda one: str(one.faults))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.core.faults import FaultMode
+from ftforce.core.limits import middle_and_half
 from ftforce.core.stacked_limits import within_limits
 from ftforce.core.stacks import cells_of, reach_of
 from ftforce.robot.dynamics import rnea_torques
@@ -64,6 +65,10 @@ def certain_cells(
     locks = all(fault.mode is FaultMode.LOCKED for faults in sets for fault in faults.faults)
     if not locks:
         return None
+    moves = bool(motion.v.any())
+    for limits in (question.limits, capability_limits):
+        if moves and limits is not None and limits.line is not None:
+            return None  # other limits at every instant
     robot, task, F, d = question.robot, question.task, question.F, question.direction
     locked = np.array([faults.mask(robot.n) for faults in sets])
     whole = question.scale.weigh_jacobian(frame_jacobians(robot, motion.q, task.axes))
@@ -74,19 +79,23 @@ def certain_cells(
     rnea = np.zeros((len(J), 1, robot.n))
     if capability_limits is not None or question.limits is not None:
         rnea = _torques(question, motion, locked)
+    tolerances = {"rtol": question.rtol, "wary": question.wary}
     if question.limits is not None:
-        largest = np.array([question.largest_torques(faults) for faults in sets])
-        tolerances = {"rtol": question.rtol, "wary": question.wary}
-        cells = within_limits(cells, J, rnea, largest, locked=locked, F=F, **tolerances)
+        middle, largest = _limits(question, sets, question.limits)
+        cells = within_limits(
+            cells, J, rnea, largest, locked=locked, F=F, middle=middle, **tolerances
+        )
     jump = np.full(cells.certain.shape, np.nan)
     if F is not None:
         rows = list(task.force_rows or task.moment_rows)
         jump = np.linalg.norm(task.unweigh_force(cells.jump)[..., rows], axis=2)
-    largest = np.full(locked.shape, np.nan)
+    largest, middle = np.full(locked.shape, np.nan), np.zeros(locked.shape)
     if capability_limits is not None:
-        largest = np.array([question.largest_torques(faults, capability_limits) for faults in sets])
+        middle, largest = _limits(question, sets, capability_limits)
     unit = task.weighted_unit if d is None else 1.0
-    commanded, held = reach_of(J, rnea, largest, direction=along, cells=cells, rtol=question.rtol)
+    commanded, held = reach_of(
+        J, rnea, largest, direction=along, cells=cells, rtol=question.rtol, middle=middle
+    )
     return Certain(
         cells.certain & (cells.scale > floor)[:, None],
         jump,
@@ -97,6 +106,15 @@ def certain_cells(
     )
 
 
+def _limits(question: Question, sets: Sequence[FaultSet], limits: Limits) -> tuple[Matrix, Matrix]:
+    """Return the middles and half widths of the weighted limits with each set, shape (S, n)."""
+    pairs = [
+        middle_and_half(question.scale.weigh_torque(limits.largest_torques(faults)))
+        for faults in sets
+    ]
+    return np.array([middle for middle, _ in pairs]), np.array([half for _, half in pairs])
+
+
 def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.float64]:
     """Return the weighted torques after the faults, shape (N, S, n); (N, 1, n) at rest."""
     robot, conditions = question.robot, question.conditions
@@ -104,5 +122,7 @@ def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.flo
     keep = ~locked if motion.v.any() or motion.a.any() else np.zeros((1, robot.n))
     q = np.repeat(motion.q, len(keep), axis=0)
     v, a = ((x[:, None] * keep).reshape(q.shape) for x in motion[1:])  # 0 where locked
-    found = rnea_torques(robot, q, v, a, gravity=own, payload=conditions.payload)
+    found = rnea_torques(
+        robot, q, v, a, gravity=own, payload=conditions.payload, drives=conditions.terms
+    )
     return question.scale.weigh_torque(found.reshape(len(motion.q), len(keep), robot.n))

@@ -17,6 +17,7 @@ from ftforce.core import measures
 from ftforce.core.arrays import Vector, read_only, safe_divide
 from ftforce.core.bounded_remap import remap_inside
 from ftforce.core.feasible_forces import friction_under
+from ftforce.core.limits import both_sides
 from ftforce.core.reduced_jacobian import ReducedJacobian, reduce
 from ftforce.core.remap import dynamically_exerted_force, exerted_force, force_jump, supported_force
 from ftforce.core.verdict import CODES, Verdict, judge, verdict
@@ -54,26 +55,51 @@ class _FaultConstraints(NamedTuple):
     free :
         Free-swinging joints; ``None`` if there are none.
     limits :
-        Weighted torque limits in force, shape (n,), NaN where unknown; ``None`` if none.
+        Weighted torque limits in force, as of `Question.largest_torques`; ``None`` if none.
     known_limits :
         The same, unweighted; if no limits are in force, those of the URDF.
+    faults :
+        The fault set.
     """
 
     locked: Mask
     free: FreeJoints | None
     limits: Vector | None
     known_limits: Vector
+    faults: FaultSet
 
     @classmethod
     def of(cls, case: Question, faults: FaultSet) -> _FaultConstraints:
         """Return the masks and limits of a fault set."""
         n = case.robot.n
-        limits = case.largest_torques(faults)
+        limits = None if case.limits is None else case.limits.largest_torques(faults)
         motors = case.robot.effort * faults.factors(n)
         known = np.where(faults.mask(n), np.nan, motors)
-        if case.limits is not None:
-            known = case.limits.largest_torques(faults)
-        return cls(faults.mask(n), case.free_joints(faults), limits, known)
+        if limits is not None:
+            known, limits = limits, case.scale.weigh_torque(limits)
+        return cls(faults.mask(n), case.free_joints(faults), limits, known, faults)
+
+    def moving(self, case: Question, v: Vector) -> _FaultConstraints:
+        """Return the same with the limits at a velocity, rad/s or m/s, shape (n,)."""
+        if case.limits is None or case.limits.line is None:
+            return self
+        limits = case.limits.largest_torques(self.faults, v)
+        return self._replace(limits=case.scale.weigh_torque(limits), known_limits=limits)
+
+    def sides(self, case: Question, v: Matrix | None) -> tuple[Matrix, Matrix]:
+        """Return the known lower and upper limits, shape (n,), or (N, n) if they depend on v.
+
+        Parameters
+        ----------
+        case :
+            What is asked.
+        v :
+            Joint velocities, rad/s or m/s, shape (N, n); ``None`` at rest.
+        """
+        if v is None or case.limits is None or case.limits.line is None:
+            return both_sides(self.known_limits)
+        sides = [both_sides(self.moving(case, one).known_limits) for one in v]
+        return np.array([lower for lower, _ in sides]), np.array([upper for _, upper in sides])
 
 
 class TipPath(NamedTuple):
@@ -89,6 +115,11 @@ class _FaultKnowledge(NamedTuple):
 
     actual: _FaultConstraints
     assumed: _FaultConstraints | None
+
+    def moving(self, case: Question, v: Vector) -> _FaultKnowledge:
+        """Return the same with the limits at a velocity, rad/s or m/s, shape (n,)."""
+        assumed = None if self.assumed is None else self.assumed.moving(case, v)
+        return _FaultKnowledge(self.actual.moving(case, v), assumed)
 
 
 class _Balance(NamedTuple):
@@ -173,7 +204,7 @@ def run_of(
             done = i + 1 - first
             if not done % _CHUNK or i + 1 == last:
                 tick((done - 1) % _CHUNK + 1)
-        _finish(run, slice(first, last), case, reference, actual)
+        _finish(run, slice(first, last), case, reference, actual, is_static=is_static)
     _without_sign_changes(run.orientation)
     return Run(*(_compact(getattr(run, name)) for name in QUANTITIES))
 
@@ -217,7 +248,10 @@ def _fill(
     own = None if case.conditions.is_model_gravity else case.conditions.gravity
     if is_static:
         v = a = robot.at_rest
-    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload)
+    free = knowledge.actual.free
+    terms = case.conditions.terms_after(None if free is None else free.mask)
+    rnea = rnea_torque(robot, q, v, a, gravity=own, payload=case.conditions.payload, drives=terms)
+    knowledge = knowledge.moving(case, v)
     found = _balance(case, q, J, scale.weigh_torque(rnea), knowledge)
     run.rnea[i] = rnea
     torques = (run.U, run.motor, run.unbalanced, run.force_part, run.brake)
@@ -229,22 +263,32 @@ def _fill(
 
 
 def _finish(
-    run: Run, here: slice, case: Question, reference: TipPath, actual: _FaultConstraints
+    run: Run,
+    here: slice,
+    case: Question,
+    reference: TipPath,
+    actual: _FaultConstraints,
+    *,
+    is_static: bool,
 ) -> None:
     """Complete the quantities of a phase: errors, brake loads, limit usage and unweighting."""
     run.path_error[here] = reference.x[here] - run.position[here]
     run.velocity_jump[here] -= reference.x_dot[here]
     run.brake[here] = np.where(actual.locked, run.rnea[here] + run.brake[here], 0.0)
-    load = np.abs(np.where(actual.locked, run.brake[here], run.motor[here]))
-    limited = actual.known_limits > 0.0  # excludes unknown limits (NaN) and free joints (0)
-    run.used[here, limited] = load[:, limited] / actual.known_limits[limited]
+    load = np.where(actual.locked, run.brake[here], run.motor[here])
+    lower, upper = actual.sides(case, None if is_static else run.v[here])
+    limit = np.broadcast_to(np.where(load < 0.0, -lower, upper), load.shape)
+    limited = upper > lower  # excludes unknown limits (NaN) and free joints (0)
+    limited = np.broadcast_to(limited, load.shape)
+    with np.errstate(divide="ignore"):  # no torque at all in this direction
+        run.used[here][limited] = np.abs(load[limited]) / limit[limited]
     run.force[here] = case.task.unweigh_force(run.force[here])
     run.jump[here] = case.task.unweigh_force(run.jump[here])
 
 
 def _with_remap(case: Question, J: Matrix, rnea: Vector, faults: _FaultConstraints) -> _Balance:
     """Return force and torques after the remap, as `ftforce.analyze` computes them."""
-    locked, free, limits, _ = faults
+    locked, free, limits, *_ = faults
     reduced = reduce(read_only(J), locked, case.rtol, free)
     assert case.F is not None  # a simulation requires a force
     F = supported_force(reduced, case.F)
@@ -297,8 +341,8 @@ def _without_remap(
     motor = np.where(reduced.commanding, planned.motor, 0.0)
     if case.limits is not None:  # motor torques saturate at their limits
         known = case.scale.weigh_torque(actual.known_limits)
-        limits = np.where(np.isnan(known), np.inf, known)
-        motor = np.clip(motor, -limits, limits)
+        lower, upper = both_sides(known)
+        motor = np.fmin(np.fmax(motor, lower), upper)  # NaN is unknown
     moving = ~actual.locked
     rest = np.where(moving, motor - rnea, 0.0)  # left for the tip force, at joints without a brake
     if actual.free is not None:

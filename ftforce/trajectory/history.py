@@ -100,13 +100,14 @@ class Setting(CarriedPayload):
         Time from a fault until the remap takes effect, s; infinite without a remap.
     limits :
         Source of the torque limits in force; ``none`` if none.
-    effort :
-        Motor torque limits, N·m (N), NaN where unknown, whether or not they are in force.
+    effort, effort_lower :
+        Motor torque limits, N·m (N), NaN where unknown, whether or not they are in force. The
+        lower ones are empty if they are always the upper ones, negated; both are those at rest.
     gravity :
         In root axes, m/s².
-    payload, payload_mass, payload_offset :
-        Payload as text, its mass, kg, and its position in tip axes, m; empty and ``None`` if there
-        is none. `carried` is the payload itself.
+    payload, payload_mass, payload_offset, payload_inertia :
+        Payload as text, its mass, kg, its position in tip axes, m, and its moments of inertia,
+        kg·m²; empty and ``None`` if there is none. `carried` is the payload itself.
     has_masses :
         Whether the URDF has masses; without them torques contain the force part only.
     rtol, wary :
@@ -142,6 +143,8 @@ class Setting(CarriedPayload):
     other_tips: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
     payload_mass: float | None = None
     payload_offset: tuple[float, ...] = ()
+    payload_inertia: tuple[float, ...] = ()
+    effort_lower: tuple[float, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
 
     @property

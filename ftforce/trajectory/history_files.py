@@ -53,7 +53,16 @@ _EXPANSION, _SMALL = 1000, 100_000_000  # times its size, or bytes, may a Parque
 _ROWS = 10_000  # of a CSV file, converted at once
 _ABOUT, _KEY = "about", b"ftforce"
 _WORDS = [verdict.value for verdict in VERDICTS]
-_LISTS = ("force", "effort", "gravity", "payload_offset", "warnings", "notes")
+_LISTS = (
+    "force",
+    "effort",
+    "effort_lower",
+    "gravity",
+    "payload_offset",
+    "payload_inertia",
+    "warnings",
+    "notes",
+)
 _PER_JOINT = {"q": "", "v": "/s", "a": "/s²"}
 _TORQUES = ("rnea", "force_part", "U", "motor", "brake", "unbalanced")
 _PLACES = {
@@ -180,7 +189,8 @@ def load_history(path: str | PathLike[str]) -> History:
 def _about(history: History) -> str:
     setting = asdict(history.setting)
     task = history.setting.task
-    setting["effort"] = [None if math.isnan(x) else x for x in history.setting.effort]
+    for name in ("effort", "effort_lower"):
+        setting[name] = [None if math.isnan(x) else x for x in getattr(history.setting, name)]
     setting["delay"] = None if math.isinf(history.setting.delay) else history.setting.delay
     setting["task"] = {"components": task.components, "axes": task.axes, "length": task.length}
     content = {
@@ -232,7 +242,8 @@ def _read_about(text: str) -> tuple[Setting, list[str]]:
     for joint in content["joints"]:
         check_name(joint["name"], "joint")
     content = printable_texts(content)
-    content["effort"] = [math.nan if x is None else x for x in content["effort"]]
+    for name in ("effort", "effort_lower"):
+        content[name] = [math.nan if x is None else x for x in content.get(name, ())]
     content["delay"] = math.inf if content["delay"] is None else content["delay"]
     task = content["task"]
     setting = Setting(

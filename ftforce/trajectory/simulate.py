@@ -41,15 +41,16 @@ from ftforce.trajectory.start import Start, start_of
 from ftforce.trajectory.warnings import history_warnings, noise_warnings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
+    from ftforce.core.limits import Limits
     from ftforce.core.task import Axes
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Trajectory
 
@@ -68,9 +69,11 @@ def simulate(
     delay: float = 0.0,
     remap: bool = True,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -107,6 +110,8 @@ def simulate(
         Time from a fault until the remap takes effect, s.
     remap :
         Whether the controller applies the remap at all.
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     gravity, payload, limits, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     rate :
@@ -164,6 +169,8 @@ def simulate(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,
@@ -413,7 +420,8 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         events=reports,
         delay=delay,
         limits=NONE if limits is None else limits.source,
-        effort=tuple((robot.effort if limits is None else limits.effort).tolist()),
+        effort=tuple((robot.effort if limits is None else limits.motor_bounds()[1]).tolist()),
+        effort_lower=() if limits is None else _lower_limits(limits),
         gravity=tuple(conditions.gravity.tolist()),
         payload="" if conditions.payload is None else str(conditions.payload),
         **numbers_of(conditions.payload),
@@ -421,8 +429,22 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
         rtol=question.rtol,
         wary=question.wary,
         joint_length=question.scale.length,
-        notes=(*start.notes, *_friction_note(scene)),
+        notes=(*start.notes, *_drive_notes(question), *_friction_note(scene)),
     )
+
+
+def _lower_limits(limits: Limits) -> tuple[float, ...]:
+    """Return the lower limits of the motors at rest; none if they are always the upper ones."""
+    is_symmetric = limits.lower is None and limits.line is None
+    return () if is_symmetric else tuple(limits.motor_bounds()[0].tolist())
+
+
+def _drive_notes(question: Question) -> Iterator[str]:
+    """Say what of the drives counts."""
+    if question.limits is not None and question.limits.line is not None:
+        yield "limits follow torque-speed lines; those shown are the ones at rest"
+    if question.conditions.drives is not None:
+        yield f"counted: {question.conditions.drives}"
 
 
 def _friction_note(scene: _Scene) -> tuple[str, ...]:

@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.conditions import PayloadLike
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress
     from ftforce.core.limits import Limits
     from ftforce.core.task import Axes, Task
-    from ftforce.robot.dynamics import Payload
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Start, Trajectory
 
@@ -231,9 +231,11 @@ def timeline(
     force: ArrayLike | None = None,
     direction: ArrayLike | None = None,
     gravity: ArrayLike | None = None,
-    payload: Payload | float | str | tuple[float, ArrayLike] | None = None,
+    payload: PayloadLike = None,
     limits: LimitsLike = None,
     friction: FrictionLike = None,
+    joint_friction: bool = False,
+    armature: bool = False,
     task: str | Iterable[str] | Task = "force",
     length: float | None = None,
     joint_length: float | None = None,
@@ -268,6 +270,8 @@ def timeline(
     limits :
         As in `ftforce.analyze`; by default none for jump and verdict, and those of the URDF for the
         capability.
+    joint_friction, armature :
+        As in `ftforce.analyze`.
     gravity, payload, friction, task, length, joint_length, axes, rtol, wary :
         As in `ftforce.analyze`.
     progress :
@@ -299,6 +303,8 @@ def timeline(
         payload=payload,
         limits=limits,
         friction=friction,
+        joint_friction=joint_friction,
+        armature=armature,
         task=task,
         length=length,
         joint_length=joint_length,
@@ -479,7 +485,7 @@ def _kept(question: Question, motion: Motion, sets: tuple[FaultSet, ...], cells:
 
 
 def _unknown_limits(robot: Robot, limits: Limits | None) -> Iterator[str]:
-    unknown = [] if limits is None else np.flatnonzero(np.isnan(limits.effort)).tolist()
+    unknown = [] if limits is None else np.flatnonzero(~limits.is_known).tolist()
     if unknown:
         names = listed([robot.names[i] for i in unknown])
         yield f"unknown effort limits are not enforced: {names}"

@@ -133,7 +133,9 @@ def noise_warnings(question: Question, start: Start, motion: Motion | Run) -> It
         for place in [0] if i not in {0, rows[-1]} else [0, 1]:
             size = np.hypot.reduce(M * smoothing.acceleration_noise[place], axis=1)
             made[place] = np.maximum(made[place], size)
-        torque = rnea_torque(robot, q, v, a, gravity=own, payload=conditions.payload)
+        torque = rnea_torque(
+            robot, q, v, a, gravity=own, payload=conditions.payload, drives=conditions.terms
+        )
         whole = np.maximum(whole, np.abs(torque))
     least = _NOISY * whole.max(initial=1e-300)
     place = 0 if (made[0] > least[0]).any() else 1

@@ -55,6 +55,7 @@ class Scratch(NamedTuple):
     friction: np.ndarray  # (n,): ε, torque that the friction of each joint bears
     fixed: np.ndarray  # (m, m): left singular vectors of the free columns with a lever
     jump: np.ndarray  # (m,): ΔF
+    middle: np.ndarray  # (n,): middle of the two torque limits, 0 if they are the same
 
 
 def workspace(m, n):
@@ -66,7 +67,7 @@ def workspace(m, n):
         Numbers of task rows and of joints.
     """
     posture = [(m, n), (m, m), m, m, m, n]
-    fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n, n, (m, m), m]
+    fault_set = [(m, n), (m, m), m, m, (m, n), m, n, n, n, (m, m), m, n]
     return Scratch(
         aligned_zeros(2, np.int64),
         slabs.Slabs(*aligned_arrays(slabs.shapes(m, n))),
@@ -392,7 +393,8 @@ def is_borne(scratch, free, limit, after, rtol, wary):
     if limit is not None:
         for k in range(free.size):
             lever = lever_of(scratch, k, F)
-            torque = scratch.rnea[k] + (lever if abs(lever) > rtol * scratch.s[0] * size else 0.0)
+            torque = lever if abs(lever) > rtol * scratch.s[0] * size else 0.0
+            torque += scratch.rnea[k] - scratch.middle[k]
             if limit[k] > 0.0 and abs(torque) > limit[k]:
                 return False
     for k in range(free.size):
@@ -470,6 +472,7 @@ def hold(scratch, free, limit, after, ideal, rtol, wary):
         if limit is not None:  # noqa: SIM102 # numba leaves it out where it is None
             if limit[k] > 0.0:
                 most = limit[k]
+                weight -= scratch.middle[k]
         if free[k] and has_friction:
             most, weight = max(scratch.friction[k], rtol * total), _weight_of(scratch, k, total)
         work.width[k] = most
@@ -709,7 +712,8 @@ def largest_multiple(scratch, free, rank, ideal, rtol, wary):
         if free[k] or not limit[k] > 0.0:  # accounted for, or unknown
             continue
         lever = lever_of(scratch, k, d)
-        lower, upper = -limit[k] - rnea[k], limit[k] - rnea[k]
+        rest = rnea[k] - scratch.middle[k]
+        lower, upper = -limit[k] - rest, limit[k] - rest
         if abs(lever) <= min_lever:
             if lower > 0.0 or upper < 0.0:
                 return math.nan

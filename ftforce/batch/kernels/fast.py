@@ -380,20 +380,25 @@ def _joint_intervals(question, J, d, weight, lane):
             for b in range(LANES):
                 lever[b] += J[i, k, b] * d[i, b]
         motor, brake = lane.reach[k, :2], lane.reach[k, 2:]
-        _joint_interval(question.effort[k], min_lever, lever, weight[k], lane.largest, motor)
-        _joint_interval(question.brake[k], min_lever, lever, weight[k], lane.largest, brake)
+        own, middle = question.effort[k], question.middle[k]
+        _joint_interval(own, middle, min_lever, lever, weight[k], lane.largest, motor)
+        _joint_interval(question.brake[k], 0.0, min_lever, lever, weight[k], lane.largest, brake)
 
 
 @inner
-def _joint_interval(limit, min_lever, lever, weight, largest, ends):
-    """Compute the interval of s within one limit; without a lever arm only gravity matters."""
+def _joint_interval(limit, middle, min_lever, lever, weight, largest, ends):
+    """Compute the interval of s in which the torque is within ``middle ± limit``.
+
+    Without a lever arm only gravity matters.
+    """
     if not limit > 0.0:  # unknown
         for b in range(LANES):
             ends[0, b] = -math.inf
             ends[1, b] = math.inf
         return
     for b in range(LANES):
-        lower, upper = -limit - weight[b], limit - weight[b]
+        rest = weight[b] - middle
+        lower, upper = -limit - rest, limit - rest
         first, second = lower / lever[b], upper / lever[b]
         has_no_lever = abs(lever[b]) <= min_lever * math.sqrt(largest[b])
         beyond = (lower > 0.0) | (upper < 0.0)

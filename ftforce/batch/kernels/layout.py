@@ -161,7 +161,10 @@ class Question(NamedTuple):
     direction :
         Weighted direction of the capability, shape (m,), or (0,) without one.
     effort, brake :
-        Largest torques of motors and brakes, weighted, NaN where unknown, shape (n,).
+        Largest torques of motors and brakes, weighted, NaN where unknown, shape (n,). Where the
+        lower limit of a motor is another than the upper one, half the distance between them.
+    middle :
+        Middle between the two limits of each motor, weighted, shape (n,); 0 if they are the same.
     friction :
         Torques that the friction of free-swinging joints bears, weighted, NaN where it is a share
         of the largest gravity torque, shape (n,).
@@ -179,6 +182,7 @@ class Question(NamedTuple):
     force: Vector
     direction: Vector
     effort: Vector
+    middle: Vector
     brake: Vector
     friction: Vector
     rtol: float

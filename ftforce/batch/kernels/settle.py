@@ -291,6 +291,7 @@ def _write_results(locked, free, question, s, at, after, ideal, balanced, stands
         for k in range(free.size):
             motor = 0.0 if free[k] else question.effort[k]
             scratch.limit[k] = question.brake[k] if locked[k] else motor
+            scratch.middle[k] = 0.0 if locked[k] or free[k] else question.middle[k]
         answers.capability[s, at] = math.nan
         if balanced:
             answers.capability[s, at] = exact.largest_multiple(

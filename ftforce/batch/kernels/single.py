@@ -27,7 +27,7 @@ DONE, MALFORMED = 0, 1
 """Return codes of `answer`; input of the wrong size or with non-finite numbers is malformed."""
 
 FRAME, BODY = 16, 19
-MATRICES, SQUARES, VECTORS, TORQUES, LINES = 4, 5, 12, 10, 9
+MATRICES, SQUARES, VECTORS, TORQUES, LINES = 4, 5, 12, 11, 9
 """Sizes of the workspace."""
 
 SET_LANES = 8
@@ -77,7 +77,8 @@ def answer(
     locked, free :
         True at the locked and at the free-swinging joints of each set, (S, n).
     limit :
-        Largest torques with each set, NaN where unknown and 0 at free-swinging joints, (S, n);
+        Largest torques with each set, NaN where unknown and 0 at free-swinging joints; then, for
+        lower limits other than the upper ones, the middles between the two, (2 S, n);
         ``None`` if all sets only lock joints, without limits: then nothing else is compiled.
     failed :
         1 at the locked joints, SET_LANES sets at a time, (S / SET_LANES, n, SET_LANES).
@@ -125,7 +126,7 @@ def answer(
     scratch = exact.Scratch(
         code[2], work, matrix[0], square[0], vector[0], vector[1], vector[2], torque[0], matrix[1],
         square[1], vector[3], vector[4], matrix[2], vector[5], torque[1], torque[2], torque[3],
-        square[3], vector[6],
+        square[3], vector[6], torque[7],
     )  # fmt: skip
     posture = _Posture(scratch, square[2], task, torque[6], force[0])
     has_force_to_keep = _evaluate_healthy(posture, is_force, given, torque[TORQUES - 1])
@@ -141,6 +142,8 @@ def answer(
         code[1, at] = 0
         keeps_rank, is_open = margin > clear, True
         if limit is not None:
+            for k in range(n):
+                scratch.middle[k] = limit[sets + at, k]
             if keeps_rank and not _any_true(free[at]):
                 keeps_rank = _is_within(posture, limit[at])
                 if not keeps_rank:
@@ -582,7 +585,7 @@ def _limit_force(posture, locked, limit, at, code, U, after, jump):
     work, lost = scratch.slabs, scratch.jump
     for k in range(limit.size):
         work.width[k] = limit[k] if limit[k] > 0.0 else -1.0
-        work.middle[k] = -scratch.rnea[k]
+        work.middle[k] = scratch.middle[k] - scratch.rnea[k]
         for i in range(lost.size):
             work.rows[i, k] = scratch.J[i, k]
     for i in range(lost.size):
@@ -600,7 +603,7 @@ def _is_within(posture, limit):
     """Return whether the torques that exert F̂ and carry the weight are within the limits."""
     found = True
     for k in range(limit.size):
-        torque = posture.carried[k] + posture.scratch.rnea[k]
+        torque = posture.carried[k] + posture.scratch.rnea[k] - posture.scratch.middle[k]
         found &= not (limit[k] > 0.0 and abs(torque) > limit[k])
     return found
 

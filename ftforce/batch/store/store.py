@@ -72,7 +72,14 @@ _DIGESTS = {_ARRAYS, "postures", "check"}  # digests, meaningless in an error me
 # Said in the identity in another way, or follows from what is; sweeps of older versions lack some.
 _NOT_IDENTIFYING = (
     *("postures", "count", "is_random", "implausible"),
-    *("tip_source", "other_tips", "payload_mass", "payload_offset", "computed_with"),
+    *(
+        "tip_source",
+        "other_tips",
+        "payload_mass",
+        "payload_offset",
+        "payload_inertia",
+        "computed_with",
+    ),
 )
 
 
@@ -97,7 +104,10 @@ class SweepRequest:
         for name in _NOT_IDENTIFYING:
             del plain[name]
         plan = self.job.plan
-        arrays = [*plan.mechanism, *plan.faults, *plan.question]
+        question = plan.question
+        if not question.middle.any():  # not hashed before limits could differ by direction
+            question = question._replace(middle=np.zeros(0))
+        arrays = [*plan.mechanism, *plan.faults, *question]
         content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
         same = {
             **plain,

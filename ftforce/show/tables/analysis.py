@@ -144,6 +144,8 @@ def conditions_facts(conditions: Conditions) -> list[tuple[str, str]]:
     if conditions.payload is not None:
         place = "in the tool's axes" if conditions.payload.offset.any() else "at the tip"
         facts.append(("Payload", f"{conditions.payload} {place}"))
+    if conditions.drives is not None:
+        facts.append(("Drives", f"{conditions.drives} counted"))
     return facts
 
 

@@ -158,6 +158,7 @@ def _joints(history: History) -> TitledTable:
 
 def _joint(history: History, i: int) -> Iterator[tuple[str, str]]:
     joint, limit, answer = history.setting.joints[i], history.setting.effort[i], history.answer
+    lower = history.setting.effort_lower[i] if history.setting.effort_lower else -limit
     yield "#", str(i + 1)
     yield "joint", joint.name
     yield "unit", joint.torque_unit
@@ -165,7 +166,8 @@ def _joint(history: History, i: int) -> Iterator[tuple[str, str]]:
         yield _RUN_NAMES[name], peak(run.motor[run.until_fall, i])
     load = answer.brake[answer.until_fall, i]
     yield "brake", peak(load) if load.any() else ""
-    yield "limit", "unknown" if math.isnan(limit) else f"{limit:g}"
+    shown = f"{limit:g}" if lower == -limit else f"{lower:g} … {limit:g}"
+    yield "limit", "unknown" if math.isnan(limit) else shown
 
 
 def _instants(history: History) -> TitledTable:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.analysis.analyze import shown_limits
+from ftforce.analysis.analyze import limit_of, shown_limits
 from ftforce.report import text as words
 from ftforce.report.text import number
 from ftforce.show.tables.parts import (
@@ -52,7 +52,8 @@ def _torque_row(
     analysis: Analysis, torque: TorqueChange, i: int, position: tuple[str, str]
 ) -> Iterator[tuple[str, str | Text]]:
     rnea, unit = analysis.rnea, _unit(analysis.robot.joints[i])
-    load, limit = _load(analysis, torque, i), float(shown_limits(analysis)[i])
+    load = _load(analysis, torque, i)
+    lower, upper = (float(side[i]) for side in shown_limits(analysis))
     yield from _joint(analysis, i)
     yield position
     yield "force\nbefore", _shown(torque.before, i, unit)
@@ -61,8 +62,9 @@ def _torque_row(
     yield heading, _shown(rnea.after if rnea.is_known else None, i, unit, unknown="?")
     held = bool(analysis.reduced.locked[i])
     yield "motor\nafter", "brake" if held else _shown(torque.total_after, i, unit)
-    yield "\nlimit", "unknown" if math.isnan(limit) else f"{limit:g}{unit}"
-    yield "used\n[%]", _used(load, limit)
+    shown = f"{upper:g}" if lower == -upper else f"{lower + 0.0:g} … {upper:g}"
+    yield "\nlimit", "unknown" if math.isnan(upper) else shown + unit
+    yield "used\n[%]", _used(load, limit_of(load, lower, upper))
 
 
 def _joint(analysis: Analysis, i: int) -> list[tuple[str, str | Text]]:

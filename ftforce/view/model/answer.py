@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.analysis.analyze import (
     Analysis,
     analyze_question,
+    limit_of,
     load_without_force,
     shown_limits,
 )
@@ -165,7 +166,8 @@ def _loads(analysis: Analysis) -> tuple[JointLoad, ...]:
     rows = []
     for i, joint in enumerate(robot.joints):
         is_locked = bool(analysis.reduced.locked[i])
-        load, limit = float((brake if is_locked else after)[i]), float(limits[i])
+        load = float((brake if is_locked else after)[i])
+        limit = limit_of(load, *(float(side[i]) for side in limits))
         rows.append(
             JointLoad(
                 number=joint.number,

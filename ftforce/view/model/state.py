@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.drives import Drives
     from ftforce.analysis.friction import Friction
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
@@ -138,6 +139,8 @@ class State:
         How the user specified the arm.
     shown :
         What the page shows.
+    drives :
+        Friction and rotor inertia of the drives; ``None`` if they do not count.
     """
 
     posture: Posture
@@ -162,6 +165,7 @@ class State:
     friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
+    drives: Drives | None = None
 
     @property
     def q(self) -> Vector:
@@ -335,6 +339,7 @@ class State:
                 self.payload,
                 self.velocity,
                 self.acceleration,
+                self.drives,
             ),
             force=self.force,
             torque=self.asked_torque,
@@ -398,6 +403,7 @@ def initial_state(
         wary=question.wary,
         scale=question.scale,
         friction=question.given_friction,
+        drives=conditions.drives,
         origin=_origin_of(robot) if origin is None else origin,
     )
     return state.with_faults(faults)
@@ -452,6 +458,9 @@ def command_line(robot: Robot, state: State) -> str:
     given = (f"--{option}={value}" for option, value in options.items() if value)
     words = [word for name, value in origin.xacro.args for word in ("--arg", f"{name}={value}")]
     words += [word for one in origin.xacro.packages for word in ("--package-path", str(one))]
+    if state.drives is not None:
+        words += ["--joint-friction"] if state.drives.has_friction else []
+        words += ["--armature"] if state.drives.has_armature else []
     return shlex.join(["ftforce", "analyze", _argument(origin.robot), *words, *given])
 
 
@@ -482,8 +491,10 @@ def _numbers(vector: Vector | None) -> str:
 def _payload(payload: Payload | None) -> str:
     if payload is None:
         return ""
-    place = f"@{_numbers(payload.offset)}" if payload.offset.any() else ""
-    return f"{payload.mass!r}{place}"
+    is_point = payload.inertia is None
+    place = f"@{_numbers(payload.offset)}" if payload.offset.any() or not is_point else ""
+    moments = "" if is_point else f"@{_numbers(np.array(payload.moments))}"
+    return f"{payload.mass!r}{place}{moments}"
 
 
 def _limits(state: State) -> str:

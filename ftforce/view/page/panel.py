@@ -11,7 +11,6 @@ import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
 from markupsafe import Markup
 
 from ftforce.core.faults import FaultMode
@@ -485,8 +484,11 @@ def _set_length(state: State, length: float) -> State:
 
 
 def _set_payload(state: State, mass: float) -> State:
-    offset = np.zeros(3) if state.payload is None else state.payload.offset
-    return state.carrying(Payload.of(mass, offset) if mass > 0.0 else None)
+    if state.payload is None or mass <= 0.0:
+        return state.carrying(Payload.of(mass) if mass > 0.0 else None)
+    inertia = state.payload.inertia  # of a body of the same shape
+    inertia = None if inertia is None else inertia * (mass / state.payload.mass)
+    return state.carrying(Payload.of(mass, state.payload.offset, inertia))
 
 
 def _option(name: str, convert: Callable[[Any], Any] = lambda value: value) -> Change:

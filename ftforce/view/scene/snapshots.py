@@ -171,6 +171,8 @@ def _limit(history: History, run: Run, i: int, j: int, fault: Fault | None) -> f
     if fault is not None and fault.mode is FaultMode.LOCKED:  # limit from load and share
         used = float(run.used[i, j])
         return abs(float(run.brake[i, j])) / used if used > 0.0 else math.nan
+    if history.setting.effort_lower and run.used[i, j] > 0.0:  # it depends on direction or speed
+        return abs(float(run.motor[i, j])) / float(run.used[i, j])
     share = 1.0 if fault is None or fault.mode is not FaultMode.WEAK else fault.factor
     return share * history.setting.effort[j]
 
