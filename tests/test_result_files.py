@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from ftforce.errors import InputError
 from ftforce.report import spreadsheet
 from ftforce.report.files import to_content, to_dict, to_rows, to_text
 from ftforce.report.text_tables import to_latex, to_markdown
+from test_cli import run
 from urdfs import write
 
 NASTY = ["=1+1", "@x", "a_b&c%d#e$f^g~h{i}j\\k", "|pipe|`<b>", "é ü 漢", "+1", "'"]
@@ -73,6 +75,8 @@ def test_a_workbook_holds_the_rows_as_numbers_and_texts(results, name):
     about = dict(others[-1][1][1:])
     assert others[-1][0] == "about"
     assert about["version"] == ftforce.__version__
+    if name != "replication":
+        assert {key for key in about if key.startswith("units ")}
     assert content == to_content(result, "xlsx")  # the same bytes
 
 
@@ -106,6 +110,8 @@ def test_the_date_of_a_workbook_is_that_of_the_source(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     dated = spreadsheet.workbook(rows)
     assert openpyxl.load_workbook(io.BytesIO(dated)).properties.created.year == 2023
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "9" * 20)
+    assert openpyxl.load_workbook(io.BytesIO(spreadsheet.workbook(rows))).properties.created
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     assert spreadsheet.workbook(rows) == plain
 
@@ -145,6 +151,32 @@ def test_latex_has_units_of_siunitx_and_escapes_texts():
     assert "{a\\_b\\&c\\%d\\#e\\$f\\textasciicircum{}g\\textasciitilde{}h\\{i\\}j" in text
     assert "& 1.235 \\\\" in text
     LatexWalker(text, tolerant_parsing=False).get_latex_nodes()
+
+
+def test_latex_has_the_letters_and_signs_that_pdflatex_lacks(results):
+    """So all of our own tables compile; scripts other than Latin need another engine."""
+    rows = [("Ẋ", "unit"), ("‖τ₂‖ = Jᵀ −1.5²", "N·m"), ('"é" a--b,,c', None), ("漢", "rad")]
+    text = to_latex([tuple(row) for row in rows], [])
+    head, first, second, third = [x for x in text.splitlines() if x.endswith("\\\\")]
+    assert head == "{\\.{X}} & {unit} \\\\"
+    assert "{$\\|$$\\tau$$_{2}$$\\|$ = J$^{T}$ $-$1.5$^{2}$} & {\\unit{\\newton\\metre}}" in first
+    assert second == "{{\\char34}\\'{e}{\\char34} a-{}-b,{},c} &  \\\\"
+    assert third == "{漢} & {\\unit{\\radian}} \\\\"
+    ours = [to_text(result, "tex").splitlines() for result in results.values()]
+    assert all(line.isascii() for text in ours for line in text if not line.startswith("%"))
+
+
+def test_a_result_without_rows_is_a_file_nevertheless():
+    assert to_latex([("a", "b")], [("robot", "x")]) == "% robot: x\n% no rows\n"
+    assert to_markdown([], [("robot", "x")]) == "robot x\n"
+
+
+def test_known_robots_are_one_table(dh5):
+    (first, *_), (*_, last) = [list(csv.DictReader(io.StringIO(to_text([dh5, dh5], "csv"))))] * 2
+    assert (first["robot"], first["joint"]) == ("dh5", dh5.names[0])
+    assert last["joint"] == dh5.names[-1]
+    with pytest.raises(InputError, match="a list can be written if it is of robots, not int"):
+        to_content([1], "xlsx")
 
 
 def test_markdown_is_a_table_of_pipes():
@@ -198,6 +230,12 @@ def test_the_file_of_the_robot_is_told_by_its_digest(results, tmp_path):
     assert to_dict(replace(gone, path=""))["provenance"]["robot_sha256"] is None
 
 
+def test_a_pipe_is_not_read_again(dh5, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert to_dict(replace(dh5, path=str(pipe)))["provenance"]["robot_sha256"] is None
+
+
 @pytest.mark.parametrize("program", ["/usr/bin/ftforce", "/x/ftforce/__main__.py"])
 def test_the_command_is_told_as_it_was_typed(results, monkeypatch, program):
     assert to_dict(results["census"])["provenance"]["command"] is None
@@ -232,3 +270,44 @@ def test_without_a_force_there_is_nothing_to_command(dh5):
     census = ftforce.census(dh5)
     assert {one["torque"] for one in to_dict(census)["sets"]} == {None}
     json.loads(to_text(census, "json"))
+
+
+# ---- several files ---------------------------------------------------------------------------
+
+
+def test_files_of_all_kinds_come_with_one_call_and_the_verdict(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [f"a.{ending}" for ending in ("json", "csv", "xlsx", "tex", "md", "txt", "svg")]
+    outputs = [word for name in names for word in ("-o", name)]
+    result = run("analyze", "dh5", "--locked", "2,4", "--force", "80,50,10", *outputs)
+    assert (result.exit_code, sorted(p.name for p in tmp_path.iterdir())) == (0, sorted(names))
+    assert "TOLERATED" in result.output.upper()
+    assert [line for line in result.output.splitlines() if line.startswith("wrote")] == [
+        f"wrote {name}" for name in names
+    ]
+
+
+def test_a_result_too_large_for_excel_is_in_the_other_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(spreadsheet, "MAX_ROWS", 3)
+    result = run("census", "dh5", "-o", "a.xlsx", "-o", "a.csv")
+    assert result.exit_code == 1
+    assert "error: the sheet 'census' would have 7 rows" in result.output
+    assert "wrote a.csv" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_what_is_missing_for_a_file_is_said_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xlsxwriter", None)
+    monkeypatch.setattr("ftforce.analysis.census.census", None)  # would fail in another way
+    result = run("census", "dh5", "-o", str(tmp_path / "a.csv"), "-o", str(tmp_path / "a.xlsx"))
+    assert result.exit_code == 1
+    assert "pip install 'ftforce[report]'" in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_arm_has_no_errata_of_the_paper():
+    other = ftforce.analysis.paper.paper_tables(ftforce.load_robot("panda"))
+    assert {check.erratum for check in other.checks} == {""}
+    head = to_text(other, "md").splitlines()[0]
+    assert head == "| table | row | column | computed | outcome |"

@@ -28,7 +28,13 @@ from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
 from ftforce.report.provenance import ORIGIN, POOLED, Provenance
-from ftforce.report.robot import replication_document, replication_rows, robot_document, robot_rows
+from ftforce.report.robot import (
+    replication_document,
+    replication_rows,
+    robot_document,
+    robot_rows,
+    robots_rows,
+)
 from ftforce.report.sweep import sweep_document, sweep_rows
 from ftforce.report.timeline import timeline_document, timeline_rows
 from ftforce.robot.robot import Robot
@@ -37,6 +43,7 @@ from ftforce.trajectory.history import History
 from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from os import PathLike
     from typing import TypeAlias
 
@@ -86,6 +93,14 @@ to_rows.register(Replication, replication_rows)
 to_rows.register(Comparison, comparison_rows)
 to_rows.register(WorkspaceMap, map_rows)
 to_rows.register(Sweep, sweep_rows)
+
+
+@to_rows.register(list)
+def _rows_of_all(robots: list[Any]) -> list[Row]:
+    for one in robots:
+        if not isinstance(one, Robot):
+            raise InputError(f"a list can be written if it is of robots, not {type(one).__name__}")
+    return robots_rows(robots)
 
 
 def to_dict(result: object) -> Document:
@@ -183,8 +198,25 @@ def _workbook(result: object) -> bytes:
     sheets = [(name, _unsigned(to_rows(result)))]
     if isinstance(result, History):
         sheets.append(("instants", history_files.rows_of(result)))
-    about = [("what", "value"), *_about(result)]
+    about = [("what", "value"), *_about(result), *_conventions(result)]
     return workbook([*sheets, ("about", about)])
+
+
+def _conventions(result: object) -> list[tuple[str, str]]:
+    """Return the conventions and units of a result's document as names and texts."""
+    if isinstance(result, list):
+        return []
+    found = _document(result)
+    return list(_flat(found.get("conventions", {"units": found.get("units")})))
+
+
+def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield names and texts of what a document holds; what is unknown is left out."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _flat(one, f"{name} {key}".strip().replace("_", " "))
+    elif value is not None:
+        yield name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
 
 
 def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]]:
@@ -214,7 +246,7 @@ def to_text(result: object, form: str) -> str:
     Parameters
     ----------
     result :
-        A result or a robot; for JSON also a list of them.
+        A result, a robot, or a list of robots.
     form :
         ``json``, ``csv``, ``tex`` or ``md``.
     """

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ftforce.__version__ import __version__
 from ftforce.analysis.paper import Replication
 from ftforce.errors import printable
+from ftforce.io.text import file_digest
 from ftforce.report.fields import Field
 from ftforce.robot.robot import Robot
 
@@ -91,7 +92,7 @@ def _subject(result: Any) -> tuple[Any, str | None, str]:
         setting = result.question
         return (
             None,
-            f"{setting.count} postures within the limits of each arm",
+            f"{setting.count:,} postures within the limits of each arm",
             _named(setting.limits),
         )
     result = getattr(result, "sweep", result)  # of a map
@@ -119,13 +120,4 @@ def _named(limits: str | None) -> str:
 
 def _file_of(robot: Robot | str | None) -> tuple[str | None, str | None]:
     """Return the name of a robot, and the SHA-256 of its file."""
-    if not isinstance(robot, Robot):
-        return robot, None
-    if not robot.path:
-        return robot.name, None
-    from hashlib import sha256  # needed only when a file is written
-
-    try:
-        return robot.name, sha256(Path(robot.path).read_bytes()).hexdigest()
-    except OSError:  # moved since it was loaded
-        return robot.name, None
+    return (robot.name, file_digest(robot.path)) if isinstance(robot, Robot) else (robot, None)
