@@ -27,7 +27,7 @@ from ftforce.report.fields import document
 from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
-from ftforce.report.provenance import ORIGIN, POOLED, Provenance
+from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance
 from ftforce.report.robot import (
     replication_document,
     replication_rows,
@@ -118,7 +118,11 @@ def to_dict(result: object) -> Document:
     InputError
         The object is neither a result nor a robot.
     """
-    return _document(result) | {"provenance": document(ORIGIN, Provenance.of(result))}
+    return _document(result) | {"provenance": _origin(result)}
+
+
+def _origin(result: object) -> Document:
+    return document(ORIGIN, Provenance.of(result))
 
 
 @singledispatch
@@ -187,7 +191,7 @@ def to_content(result: object, form: str) -> str | bytes:
         What writes this format is not installed.
     """
     if isinstance(result, History) and form in history_files.FORMATS:
-        return history_files.history_bytes(result, form)
+        return history_files.history_bytes(result, form, _origin(result))
     return _workbook(result) if form == "xlsx" else to_text(result, form)
 
 
@@ -220,7 +224,10 @@ def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]]:
-    """Return rows without the columns that say the same of all of them, and what these say."""
+    """Return rows without the settings that are the same in all of them, and what these say."""
+    if rows and (digest := ROBOT_SHA256.heading) in rows[0]:  # too long for a table
+        i = rows[0].index(digest)
+        rows = [(*row[:i], *row[i + 1 :]) for row in rows]
     if len(rows) < 2:
         return rows, []
     names = {field.heading for field in SETTING_COLUMNS}

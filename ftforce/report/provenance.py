@@ -58,15 +58,17 @@ class Provenance(NamedTuple):
 
 
 # fmt: off
+ROBOT = Field("robot", "name of the robot")
+ROBOT_SHA256 = Field("robot_sha256", "SHA-256 of the robot's file; `null` without a file, for "
+    "several robots and for results of older versions")
 ORIGIN = (
     Field("version", "version of ftforce that wrote the file"),
     Field("command", "the command line; `null` in Python"),
-    Field("robot_sha256", "SHA-256 of the robot's file; `null` without a file, for several robots "
-        "and for stored results"),
+    ROBOT_SHA256,
 )
 """Keys of ``provenance`` in JSON."""
 POOLED = (
-    Field("robot", "name of the robot"),
+    ROBOT,
     Field("posture", "the positions along the chain, or a description of many postures"),
     Field("limits", "source of the torque limits in force, or `none`"),
     *ORIGIN,
@@ -85,7 +87,7 @@ def _command() -> str | None:
 
 
 def _subject(result: Any) -> tuple[Any, str | None, str]:
-    """Return the robot of a result, or its name, its posture or postures, and its limits."""
+    """Return the robot of a result or a setting that names it, its postures, and its limits."""
     if isinstance(result, Robot):
         return result, None, "none"
     if hasattr(result, "arms"):  # a comparison, whose rows name the robots
@@ -98,7 +100,7 @@ def _subject(result: Any) -> tuple[Any, str | None, str]:
     result = getattr(result, "sweep", result)  # of a map
     if (setting := getattr(result, "setting", None)) is not None:
         return (
-            setting.robot,
+            setting,
             getattr(setting, "postures", None) or setting.course,
             _named(setting.limits),
         )
@@ -118,6 +120,10 @@ def _named(limits: str | None) -> str:
     return printable(limits) if limits else "none"
 
 
-def _file_of(robot: Robot | str | None) -> tuple[str | None, str | None]:
+def _file_of(robot: Any) -> tuple[str | None, str | None]:
     """Return the name of a robot, and the SHA-256 of its file."""
-    return (robot.name, file_digest(robot.path)) if isinstance(robot, Robot) else (robot, None)
+    if isinstance(robot, Robot):
+        return robot.name, file_digest(robot.path)
+    if robot is None:
+        return None, None
+    return robot.robot, robot.robot_sha256
