@@ -19,7 +19,7 @@ WANTED = {
     "ur3e", "ur5e", "ur10e", "ur16e",
 }  # fmt: skip
 KEYS = {"about", "urdf", "srdf", "bundled", "tip", "base", "posture", "postures", "corrections",
-        "notes"}  # fmt: skip
+        "notes", "same_motors"}  # fmt: skip
 
 
 @pytest.fixture

@@ -49,6 +49,8 @@ class KnownRobot:
         Effort limits that replace those of the URDF.
     notes :
         Remarks on the URDF for the user.
+    same_motors :
+        Whether all joints have the same motor, so that equal effort limits are no placeholders.
     """
 
     name: str
@@ -61,6 +63,7 @@ class KnownRobot:
     postures: Mapping[str, tuple[float, ...]]
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    same_motors: bool = False
 
 
 def robots_folder() -> Path:
@@ -172,6 +175,7 @@ def _known(name: str, entry: dict[str, Any]) -> KnownRobot:
         postures=MappingProxyType({k: tuple(q) for k, q in entry.get("postures", {}).items()}),
         corrections=tuple(Correction(**c) for c in entry.get("corrections", ())),
         notes=tuple(entry.get("notes", ())),
+        same_motors=entry.get("same_motors", False),
     )
 
 

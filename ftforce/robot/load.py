@@ -137,7 +137,9 @@ def load_robot(
         _remarks=(*found, *_chain_notes(chain, semantics, known), *notes),
         _read_description=partial(robot_element, tree.path, options),
         _find_tips=partial(_tips, tree, chain),
-        _find_implausible=partial(implausible_numbers, chain, joints, mass),
+        _find_implausible=partial(
+            implausible_numbers, chain, joints, mass, same_motors=bool(known and known.same_motors)
+        ),
     )
     if posture is not None:
         return robot
