@@ -349,9 +349,9 @@ class WeightOptions(Group):
     mounted: Annotated[
         str | None,
         typer.Option(
-            metavar="floor|wall|ceiling|ROLL,PITCH",
-            help="Instead of gravity: how the root is mounted, in words or degrees; on a wall its "
-            "x axis points down.",
+            metavar="HOW",
+            help="Instead of gravity: how the root is mounted: floor, ceiling, wall (its x axis "
+            "points down), or ROLL,PITCH in degrees.",
         ),
     ] = None
     payload: Annotated[
