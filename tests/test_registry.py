@@ -15,7 +15,7 @@ from urdfs import arm, write
 
 WANTED = {
     "panda", "ur5", "ur10", "ur3", "xarm7", "kinova", "z1", "talos_left_arm", "baxter_left",
-    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5", "so100", "canadarm2",
+    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5", "canadarm2",
     "ur3e", "ur5e", "ur10e", "ur16e",
 }  # fmt: skip
 KEYS = {"about", "urdf", "srdf", "bundled", "tip", "base", "posture", "postures", "corrections",

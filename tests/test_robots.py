@@ -68,10 +68,6 @@ ARMS = {  # joints along the chain, and their effort limits (N·m, N)
         ),
         (2332,) * 7,
     ),
-    "so100": (
-        ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"),
-        (None, None, None, None, None),
-    ),
     "so101": (
         ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"),
         (None, None, None, None, None),
@@ -238,6 +234,7 @@ DOCUMENTED = {  # files beside those of the known robots: tip and number of join
     "anymal-kinova": ("j2s6s200_end_effector", 6),
     "b1-z1": ("gripperStator", 6),
     "panda_collision": ("panda_hand_tcp", 7),
+    "so100": ("gripper", 5),
     "tiago_no_hand": ("wrist_ft_tool_link", 8),
     "ur10_joint_limited_robot": ("tool0", 6),
     "ur5_gripper": ("tool0", 6),
