@@ -88,12 +88,19 @@ class UnknownNameError(InputError):
     available :
         The available names.
     suggestion :
-        The closest available name, or ``None``.
+        The closest available name, or the closest of those in ``similar``; ``None`` if none is.
     """
 
-    def __init__(self, kind: str, name: object, available: Iterable[str], where: str = "") -> None:
+    def __init__(
+        self,
+        kind: str,
+        name: object,
+        available: Iterable[str],
+        where: str = "",
+        similar: Iterable[str] | None = None,
+    ) -> None:
         self.kind, self.name, self.available = kind, name, tuple(map(str, available))
-        self.suggestion = closest(name, self.available)
+        self.suggestion = closest(name, self.available if similar is None else similar)
         place = f" {where}" if where else ""
         message = f"unknown {kind} {name!r}{place}; available: {listed(self.available)}"
         if self.suggestion is not None:
@@ -197,7 +204,7 @@ def check_word(kind: str, word: object, available: Iterable[str]) -> None:
 _LONGEST_GUESS = 200  # characters
 
 
-def closest(name: object, available: Iterable[str]) -> str | None:
+def closest(name: object, available: Iterable[str], cutoff: float = 0.6) -> str | None:
     """Return the available name most similar to ``name``, or ``None``.
 
     Parameters
@@ -206,6 +213,8 @@ def closest(name: object, available: Iterable[str]) -> str | None:
         The name to look for; case is ignored.
     available :
         The available names.
+    cutoff :
+        The least similarity, from 0 to 1, as of `difflib.SequenceMatcher`.
     """
     if not isinstance(name, str):  # a number resembles no name
         return None
@@ -214,7 +223,7 @@ def closest(name: object, available: Iterable[str]) -> str | None:
     if len(name) > _LONGEST_GUESS:  # the comparison takes the square of the length
         return None
     by_folded = {x.casefold(): x for x in available if len(x) <= _LONGEST_GUESS}
-    matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
+    matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=cutoff)
     return by_folded[matches[0]] if matches else None
 
 

@@ -260,3 +260,43 @@ def test_few_known_robots_are_doubted():
     found = {name: load_robot(name).implausible for name in known_robots()}
     doubted = {name for name, one in found.items() if any(one)}
     assert doubted == set()
+
+
+# ---- arms of a space arm's size --------------------------------------------------------------
+
+WEIGHTLESS = "use gravity 0,0,0"
+
+
+def proposes_weightlessness(found):
+    return any(WEIGHTLESS in warning for warning in found.warnings)
+
+
+def test_weightlessness_is_proposed_for_an_arm_that_only_works_in_space():
+    arm = load_robot("canadarm2")
+    found = [
+        analyze(arm, locked=[3]), census(arm, limits="urdf"), capability(arm, locked=[3]),
+        sweep(arm, np.ones((2, 7)), direction=[0, 0, 1]),
+    ]  # fmt: skip
+    assert [proposes_weightlessness(result) for result in found] == [True] * len(found)
+    (warning,) = (w for w in found[0].warnings if WEIGHTLESS in w)
+    assert warning.startswith("this arm is up to 19 m long")
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (0.0, 0.0, -9.81), "wall"])
+def test_gravity_that_is_given_is_meant(gravity):
+    assert not proposes_weightlessness(
+        analyze(load_robot("canadarm2"), locked=[3], gravity=gravity)
+    )
+
+
+@pytest.mark.parametrize(
+    ("length", "effort", "expected"),
+    [(1.1, 300.0, True), (1.1, 9_000.0, False), (0.9, 300.0, False)],
+)
+def test_long_arms_that_hold_themselves_and_short_ones_stay_on_earth(
+    tmp_path, length, effort, expected
+):
+    """Six links of 20 kg; 5.5 m or 4.5 m from the first joint to the tip."""
+    heavy = [body(20.0, (2.0, 2.0, 2.0))] * 6
+    found = load(tmp_path, six((effort,) * 5 + (0.99 * effort,), heavy, length))
+    assert proposes_weightlessness(analyze(found, locked=[2])) is expected

@@ -15,10 +15,11 @@ from urdfs import arm, write
 
 WANTED = {
     "panda", "ur5", "ur10", "ur3", "xarm7", "kinova", "z1", "talos_left_arm", "baxter_left",
-    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5",
+    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5", "canadarm2",
+    "ur3e", "ur5e", "ur10e", "ur16e",
 }  # fmt: skip
 KEYS = {"about", "urdf", "srdf", "bundled", "tip", "base", "posture", "postures", "corrections",
-        "notes"}  # fmt: skip
+        "notes", "same_motors"}  # fmt: skip
 
 
 @pytest.fixture
@@ -62,6 +63,27 @@ def test_an_unknown_name_lists_the_known_ones(name):
         find_robot(name)
     assert str(caught.value).startswith(f"unknown robot or file {name!r}; available: ")
     assert set(caught.value.available) == set(known_robots())
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["ur5x", "ur7", "ur20", "fr3", "xarm6", "panda2", "iiwa14", "gen3", "z2", "dh6", "kinova_gen3",
+     "tiago_pro", "talos_right_arm", "canadarm", "canadarm3", "so102"],
+)  # fmt: skip
+def test_another_model_is_no_typing_mistake(name):
+    with pytest.raises(UnknownNameError) as caught:
+        find_robot(name)
+    assert caught.value.suggestion is None
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("UR-5", "ur5"), ("ru5", "ur5"), ("xamr7", "xarm7"), ("pnada", "panda"), ("ur_5E", "ur5e"),
+     ("baxter", "baxter_left"), ("talos_left", "talos_left_arm"), ("canadrm2", "canadarm2")],
+)  # fmt: skip
+def test_typing_mistakes_in_the_letters_of_a_name(name, meant):
+    with pytest.raises(UnknownNameError, match=rf"did you mean '{meant}'\?"):
+        find_robot(name)
 
 
 @pytest.mark.parametrize("name", ["", " ", "-", "a\0b", "x" * 5000, "\udcff"])

@@ -217,3 +217,6 @@ def test_nothing_is_searched_outside_a_package(workspace, tmp_path):
     linked.mkdir()
     (linked / "config").symlink_to(tmp_path)  # leads out of the tree
     assert load_robot(urdf).notes == ()
+    package(tmp_path, "elsewhere", config=("arm.srdf", SRDF))
+    (urdf.parents[2] / "linked_moveit_config").symlink_to(tmp_path / "elsewhere")
+    assert load_robot(urdf).notes == ()

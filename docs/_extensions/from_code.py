@@ -50,6 +50,7 @@ from ftforce.report import (
 from ftforce.report import map as map_
 from ftforce.report.fields import Field, columns
 from ftforce.report.parts import SETTING_COLUMNS
+from ftforce.report.provenance import ORIGIN, POOLED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -69,6 +70,7 @@ _DECLARED: dict[str, tuple[tuple[Field, ...], tuple[Field, ...]]] = {
     "history": (history.HISTORY, ()),
     "map": (map_.MAP, map_.map_columns()),
     "replication": (robot.REPLICATION, robot.CHECK_COLUMNS),
+    "provenance": ((Field("provenance", "where the document comes from", parts=ORIGIN),), POOLED),
     "robot": (robot.ROBOT_FIELDS, robot.ROBOT_COLUMNS),
     "sweep": (sweep.SWEEP, (*sweep.sweep_columns(_UNIT, _UNIT), *SETTING_COLUMNS)),
     "timeline": (timeline.TIMELINE, timeline.timeline_columns(_UNIT, _UNIT)),
@@ -179,7 +181,7 @@ class CsvColumns(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         heading, rows = "quantity" if self.arguments[0] == "analysis" else "column", []
         for field in _DECLARED[self.arguments[0]][1]:
-            names = columns((field,), None, (), {"…": _UNIT})
+            names = columns((field,), None, ("…",), {"…": _UNIT}, (_UNIT,))
             rows.append((", ".join(f"`{name}`" for name in names), field.meaning))
         return self.parse_text_to_nodes(_table((heading, "meaning"), rows))
 

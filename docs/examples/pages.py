@@ -58,7 +58,7 @@ CHANGED = (
 )
 
 RUN = {"console": "shell", "bash": "shell", "pycon": "doctest", "python": "python"}
-SHOWN = {"text", "toml", "csv", "json", "dockerfile"}
+SHOWN = {"text", "toml", "csv", "json", "latex", "dockerfile"}
 
 
 class PageError(Exception):

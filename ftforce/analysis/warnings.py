@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ftforce.analysis.limits_files import URDF
 from ftforce.core.faults import FaultMode
 from ftforce.errors import listed
+from ftforce.robot.dynamics import weight_torque
+from ftforce.robot.kinematics import reach_bound
+from ftforce.robot.posture import samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from ftforce.analysis.conditions import Conditions
     from ftforce.analysis.question import Question
     from ftforce.core.arrays import Vector
     from ftforce.core.changes import RneaChange
@@ -21,6 +27,10 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 _SLACK = 1e-9  # relative; allows for rounding error
+# Longest industrial arms reach 4.7 m; the arms of shuttle and space station 10 to 17 m.
+_SPACE_ARM = 5.0  # m
+_OVERLOADED = 2.0  # weight over effort limit, in
+_MOST_POSTURES = 0.75  # of the sample postures: some nearly balance any arm
 
 
 def lacking_rank(reduced: ReducedJacobian, task: Task) -> Iterator[str]:
@@ -68,8 +78,33 @@ def implausible(question: Question, *, needs_gravity: bool, needs_inertia: bool)
         yield from question.conditions.drives.warnings()
     if needs_inertia or (needs_gravity and question.conditions.gravity.any()):
         yield from found.masses
+        yield from space_arm(question.robot, question.conditions)
     if needs_inertia:
         yield from found.inertias
+
+
+def space_arm(robot: Robot, conditions: Conditions) -> Iterator[str]:
+    """Propose weightlessness for an arm as long as those in space that cannot hold itself.
+
+    Parameters
+    ----------
+    robot :
+        The arm.
+    conditions :
+        Its loads; gravity that the caller gave is meant.
+    """
+    g, (_, reach) = conditions.gravity, reach_bound(robot)
+    known = ~np.isnan(robot.effort)
+    if not (_SPACE_ARM < reach < np.inf and conditions.is_model_gravity and known.any()):
+        return
+    weights = np.array([np.abs(weight_torque(robot, q, g)) for q in samples(robot)])
+    excess = (weights[:, known] / robot.effort[known]).max(axis=1)
+    if np.mean(excess > _OVERLOADED) >= _MOST_POSTURES:
+        yield (
+            f"this arm is up to {reach:.3g} m long and cannot hold its own weight, which in the "
+            f"median posture is {np.median(excess):.2g} times an effort limit; if it works in "
+            "space, use gravity 0,0,0 (--gravity 0,0,0)"
+        )
 
 
 def unknown_impact(faults: FaultSet) -> Iterator[str]:

@@ -350,9 +350,9 @@ class WeightOptions(Group):
     mounted: Annotated[
         str | None,
         typer.Option(
-            metavar="SIDE|ROLL,PITCH",
-            help="Instead of gravity: floor, ceiling, wall (the root's x axis points down), or "
-            "roll and pitch of the root in degrees.",
+            metavar="HOW",
+            help="Instead of gravity: how the root is mounted: floor, ceiling, wall (its x axis "
+            "points down), or ROLL,PITCH in degrees.",
         ),
     ] = None
     payload: Annotated[

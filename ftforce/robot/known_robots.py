@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from ftforce.errors import FtforceError, UnknownNameError
+from ftforce.errors import FtforceError, UnknownNameError, closest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _EXAMPLE_ROBOTS = Path("cmeel.prefix/share/example-robot-data/robots")
+_SHORT_NAME = 3  # letters; in a name as short as "ur", another letter makes another maker
+_SAME_WORD = 0.75  # similarity of a word with two letters swapped, as xamr and xarm
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,8 @@ class KnownRobot:
         Effort limits that replace those of the URDF.
     notes :
         Remarks on the URDF for the user.
+    same_motors :
+        Whether all joints have the same motor, so that equal effort limits are no placeholders.
     """
 
     name: str
@@ -58,6 +63,7 @@ class KnownRobot:
     postures: Mapping[str, tuple[float, ...]]
     corrections: tuple[Correction, ...]
     notes: tuple[str, ...]
+    same_motors: bool = False
 
 
 def robots_folder() -> Path:
@@ -88,7 +94,33 @@ def find_robot(name: str) -> KnownRobot:
     try:
         return known_robots()[name]
     except KeyError:
-        raise UnknownNameError("robot or file", name, known_robots()) from None
+        similar = [known for known in known_robots() if _may_be_misspelt(name, known)]
+        raise UnknownNameError("robot or file", name, known_robots(), similar=similar) from None
+
+
+def _may_be_misspelt(name: str, known: str) -> bool:
+    """Return whether a name can be a known one with a typing mistake, and not another model.
+
+    Makers tell models apart by numbers and suffixes (ur5, ur5e; xarm6, xarm7; tiago, tiago_pro),
+    and short names by any letter (fr3, ur3). So what follows the first digit must be equal,
+    further words must not be added, and each word must be close to its counterpart.
+    """
+    (letters, model), (own_letters, own_model) = map(_letters_and_model, (name, known))
+    if model != own_model or len(letters) > len(own_letters):
+        return False
+    if len(own_letters) == 1 and len(own_letters[0]) <= _SHORT_NAME:
+        return bool(letters) and set(letters[0]) == set(own_letters[0])
+    return all(
+        closest(word, [own], _SAME_WORD) for word, own in zip(letters, own_letters, strict=False)
+    )
+
+
+def _letters_and_model(name: str) -> tuple[list[str], str]:
+    """Return the words of a name before its first digit, and what follows without separators."""
+    start = re.search(r"\d|$", name)
+    end = len(name) if start is None else start.start()
+    folded = name.casefold()
+    return re.findall(r"[^\W_]+", folded[:end]), re.sub(r"[\W_]+", "", folded[end:])
 
 
 def is_name(source: str | os.PathLike[str]) -> bool:
@@ -143,6 +175,7 @@ def _known(name: str, entry: dict[str, Any]) -> KnownRobot:
         postures=MappingProxyType({k: tuple(q) for k, q in entry.get("postures", {}).items()}),
         corrections=tuple(Correction(**c) for c in entry.get("corrections", ())),
         notes=tuple(entry.get("notes", ())),
+        same_motors=entry.get("same_motors", False),
     )
 
 

@@ -208,7 +208,9 @@ def _robot(source: _Source, tip: str | None, base: str | None, posture: str | No
         _remarks=(*source.notes, *_chain_notes(chain, srdf, known), *notes),
         _read_description=source.read,
         _find_tips=partial(_tips, tree, chain),
-        _find_implausible=partial(implausible_numbers, chain, joints, mass),
+        _find_implausible=partial(
+            implausible_numbers, chain, joints, mass, same_motors=bool(known and known.same_motors)
+        ),
     )
     if posture is not None:
         return robot

@@ -33,7 +33,9 @@ _TRACE = 1e-9  # kg·m², 1 mg at 3 cm
 _FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # of the six moments in a 3×3 matrix
 
 
-def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> Implausible:
+def implausible_numbers(
+    chain: Chain, joints: Sequence[Joint], mass: float, *, same_motors: bool = False
+) -> Implausible:
     """Return warnings about the effort limits, masses and inertias of an arm.
 
     Parameters
@@ -44,11 +46,13 @@ def implausible_numbers(chain: Chain, joints: Sequence[Joint], mass: float) -> I
         Its joints, with their effort limits.
     mass :
         Moving mass, kg; 0 if the URDF has none.
+    same_motors :
+        Whether all joints are known to have the same motor.
     """
     path = chain.tree.path_to(chain.tip)
     bodies = list(_moving_links(chain))
     return Implausible(
-        tuple(_efforts(joints, _levers(path), mass)),
+        tuple(_efforts(joints, _levers(path), mass, same_motors)),
         (*_incomplete(chain, bodies), *_masses(bodies, _reach(chain, path), mass)),
         tuple(_inertias(bodies)),
     )
@@ -89,11 +93,13 @@ def _reach(chain: Chain, path: Sequence[UrdfJoint]) -> float:
     return sum(math.hypot(*joint.xyz) for joint in path[moving[0] + 1 :]) if moving else 0.0
 
 
-def _efforts(joints: Sequence[Joint], levers: dict[str, float], mass: float) -> Iterator[str]:
+def _efforts(
+    joints: Sequence[Joint], levers: dict[str, float], mass: float, same_motors: bool
+) -> Iterator[str]:
     known = [joint for joint in joints if joint.effort is not None]
     alike = {joint.effort for joint in known}
     found = []
-    if len(known) >= _FEWEST_ALIKE and len(alike) == 1:
+    if len(known) >= _FEWEST_ALIKE and len(alike) == 1 and not same_motors:
         found.append(
             f"all {len(known)} are {alike.pop():g} {known[0].torque_unit}, as if every joint had "
             "the same motor"

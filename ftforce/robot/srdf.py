@@ -144,7 +144,7 @@ def _srdfs_for(robot: str, folder: Path) -> Iterator[Srdf]:
     """Yield the SRDFs of a robot in the MoveIt configurations that are, or are in, a folder."""
     inside = sorted(_entries(folder))
     for package in [folder, *(folder / name for name in inside)]:
-        if "moveit" in package.name and "config" in package.name:
+        if "moveit" in package.name and "config" in package.name and not package.is_symlink():
             for name in sorted(_entries(package / "config")):
                 path = package / "config" / name
                 if path.suffix.lower() == ".srdf" and not path.is_symlink():

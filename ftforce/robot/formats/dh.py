@@ -60,6 +60,8 @@ class DHRow:
         Mass of the link (kg); ``None`` to compute it from the density of the mass model.
     joint, link :
         Names of joint and link; ``None`` for ``joint{i}``, ``link{i}``.
+    centre :
+        Centre of mass of the link in DH frame i (m), shape (3,); ``None`` for that of the solid.
     """
 
     a: float
@@ -74,6 +76,7 @@ class DHRow:
     mass: float | None = None
     joint: str | None = None
     link: str | None = None
+    centre: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         _check_choice(self.type, "type", JointType)
@@ -87,6 +90,8 @@ class DHRow:
         for key in ("joint", "link"):
             if getattr(self, key) is not None:
                 _check_name(getattr(self, key), key)
+        if self.centre is not None:
+            object.__setattr__(self, "centre", _centre(self.centre))
 
     def with_unit(self, q: float) -> str:
         """Return a value of the joint variable as text, with its unit.
@@ -166,6 +171,12 @@ class DHTable:
             raise InputError(
                 f"row {with_mass.index(True) + 1} has a mass, but the table mass is missing, which "
                 "says how it is distributed (model, radius)"
+            )
+        with_centre = [row.centre is not None for row in self.rows]
+        if self.mass is None and any(with_centre):
+            raise InputError(
+                f"row {with_centre.index(True) + 1} has a centre of mass, but the table mass is "
+                "missing, which says how the mass is distributed (model, radius)"
             )
         if self.mass is not None and self.mass.density is None and not all(with_mass):
             where = _numbered([i for i, has_mass in enumerate(with_mass, start=1) if not has_mass])
@@ -277,6 +288,19 @@ def _check_number(value: object, key: str) -> float:
 def _check_positive(value: float | None, key: str) -> None:
     if value is not None and _check_number(value, key) <= 0:
         raise InputError(f"{key} must be positive, got {value:g}")
+
+
+def _centre(value: object) -> tuple[float, ...]:
+    """Return a centre of mass as three finite numbers.
+
+    Raises
+    ------
+    InputError
+        It is no list of three finite numbers.
+    """
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise InputError(f"centre needs three numbers [x, y, z], got {brief(value)}")
+    return tuple(_check_number(number, "centre") for number in value)
 
 
 def _check_choice(value: object, kind: str, choices: Any) -> None:
@@ -415,7 +439,9 @@ def _rows(entries: object, units: _Units) -> tuple[DHRow, ...]:
     rows = []
     for i, entry in enumerate(entries, start=1):
         with _within(f"row {i}"):
-            values = _arguments(DHRow, entry, text=("type", "joint", "link"))
+            values = _arguments(DHRow, entry, text=("type", "joint", "link", "centre"))
+            if "centre" in values:
+                values["centre"] = tuple(map(units.length, _centre(values["centre"])))
             unit = units.of_joint(values["type"])
             converted = dict.fromkeys(("lower", "upper", "velocity"), unit)
             converted |= dict.fromkeys(("alpha", "theta"), units.angle)
@@ -443,6 +469,7 @@ def _postures(entries: object, rows: tuple[DHRow, ...], units: _Units) -> dict[s
 def _arguments(
     kind: type[DHRow | MassModel], entry: object, text: tuple[str, ...]
 ) -> dict[str, Any]:
+    """Return the values of a table, checked to be numbers except for the keys in ``text``."""
     values = _checked_keys(entry, *_keys(kind))
     return {
         key: value if key in text else _check_number(value, key) for key, value in values.items()

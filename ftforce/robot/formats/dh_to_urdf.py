@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from os import PathLike
 
     from ftforce.core.arrays import Matrix
-    from ftforce.robot.formats.dh import MassModel
+    from ftforce.robot.formats.dh import Convention, DHRow, MassModel
 
 _Triple: TypeAlias = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
@@ -67,6 +67,7 @@ class Body(NamedTuple):
     a: float
     alpha: float
     mass: float | None
+    centre: _Triple | None = None  # of mass, in the frame of its joint
 
     @property
     def end(self) -> Origin:
@@ -98,7 +99,7 @@ def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
     rods, density = body.rods, model.density or 0.0
     if not rods:
         mass = body.mass or density * 4 / 3 * math.pi * r2 * model.radius
-        return mass, _ZERO, 2 / 5 * mass * r2 * np.eye(3)
+        return mass, body.centre or _ZERO, 2 / 5 * mass * r2 * np.eye(3)
     lengths = np.array([rod.length for rod in rods])
     centres = np.array([rod.origin.xyz for rod in rods])
     share = lengths / lengths.sum()
@@ -110,7 +111,7 @@ def _inertia_of(body: Body, model: MassModel) -> tuple[float, _Triple, Matrix]:
         inertia += part * (across * np.eye(3) + (about - across) * np.outer(rod.axis, rod.axis))
         inertia += part * ((arm * arm).sum() * np.eye(3) - np.outer(arm, arm))  # parallel axes
     mass = body.mass or density * math.pi * r2 * float(lengths.sum())
-    x, y, z = centre.tolist()
+    x, y, z = body.centre or centre.tolist()
     return mass, (x, y, z), mass * inertia
 
 
@@ -227,8 +228,25 @@ def _bodies(table: DHTable) -> list[Body]:
     along_x = [(row.a, row.alpha) for row in table.rows]
     along_x.insert(0 if table.convention == "standard" else len(along_x), (0.0, 0.0))
     masses = [None, *(row.mass for row in table.rows)]
-    steps = zip(table.link_names[:-1], along_z, along_x, masses, strict=True)
-    return [Body(name, *z, *x, mass) for name, z, x, mass in steps]
+    centres = [None, *(_centre_of(row, table.convention) for row in table.rows)]
+    steps = zip(table.link_names[:-1], along_z, along_x, masses, centres, strict=True)
+    return [Body(name, *z, *x, mass, centre) for name, z, x, mass, centre in steps]
+
+
+def _centre_of(row: DHRow, convention: Convention) -> _Triple | None:
+    """Return the given centre of mass of a link in the frame of its joint.
+
+    DH frame i is at the end of link i in the standard convention; in the modified one it lies θ and
+    d further along the joint axis.
+    """
+    if row.centre is None:
+        return None
+    x, y, z = row.centre
+    if convention == "standard":
+        (c, s) = cos_sin(row.alpha)
+        x, y, z = x + row.a, c * y - s * z, s * y + c * z
+    c, s = cos_sin(row.theta)
+    return c * x - s * y, s * x + c * y, z + row.d
 
 
 def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
