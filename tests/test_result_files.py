@@ -5,16 +5,19 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import openpyxl
 import pyarrow.parquet as pq
 import pytest
+from PIL import Image
 from pylatexenc.latexwalker import LatexWalker
 
 import ftforce
@@ -22,6 +25,7 @@ from ftforce.errors import InputError
 from ftforce.report import spreadsheet
 from ftforce.report.files import to_content, to_dict, to_rows, to_text
 from ftforce.report.text_tables import to_latex, to_markdown
+from ftforce.show.figures import figure_bytes
 from test_cli import run
 from urdfs import write
 
@@ -335,3 +339,22 @@ def test_another_arm_has_no_errata_of_the_paper():
     assert {check.erratum for check in other.checks} == {""}
     head = to_text(other, "md").splitlines()[0]
     assert head == "| table | row | column | computed | outcome |"
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_a_plot_tells_where_it_comes_from(results, monkeypatch, form):
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/ftforce", "capability", "é<&.urdf"])
+    result = results["capability"]
+    data = figure_bytes(result, f"a.{form}")
+    assert data == figure_bytes(result, f"a.{form}")
+    if form == "png":
+        told = " ".join(Image.open(io.BytesIO(data)).text.values())
+    elif form == "svg":
+        told = " ".join(ElementTree.fromstring(data.decode()).itertext())
+    else:
+        texts = re.findall(rb"\((\xfe\xff(?:\\.|[^\\)])*)\)", data, re.DOTALL)
+        told = " ".join(re.sub(rb"\\(.)", rb"\1", one).decode("utf-16") for one in texts)
+        assert b"(ftforce 0" in data
+    assert f"version: {ftforce.__version__}" in told
+    assert "command: ftforce capability 'é<&.urdf'" in told
+    assert to_dict(result)["provenance"]["robot_sha256"] in told

@@ -27,7 +27,7 @@ from ftforce.report.fields import document
 from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
-from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance
+from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance, origin_of
 from ftforce.report.robot import (
     replication_document,
     replication_rows,
@@ -202,7 +202,7 @@ def _workbook(result: object) -> bytes:
     sheets = [(name, _unsigned(to_rows(result)))]
     if isinstance(result, History):
         sheets.append(("instants", history_files.rows_of(result)))
-    about = [("what", "value"), *_about(result), *_conventions(result)]
+    about = [("what", "value"), *origin_of(result), *_conventions(result)]
     return workbook([*sheets, ("about", about)])
 
 
@@ -241,12 +241,6 @@ def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]
     return kept, [one for one in said if one[0] != "limits"]  # which the provenance names
 
 
-def _about(result: object) -> list[tuple[str, str]]:
-    """Return where a result comes from, as names and texts; what is unknown is left out."""
-    said = document(POOLED, Provenance.of(result))
-    return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
-
-
 def to_text(result: object, form: str) -> str:
     """Return a result as a JSON document, or as a table in CSV, LaTeX or Markdown.
 
@@ -262,7 +256,7 @@ def to_text(result: object, form: str) -> str:
 
         write = to_latex if form == "tex" else to_markdown
         rows, settings = _without_settings(_unsigned(to_rows(result)))
-        return write(rows, [*_about(result), *settings])
+        return write(rows, [*origin_of(result), *settings])
     if form == "csv":
         return _csv(result)
     found = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)

@@ -11,7 +11,7 @@ from ftforce.__version__ import __version__
 from ftforce.analysis.paper import Replication
 from ftforce.errors import printable
 from ftforce.io.text import file_digest
-from ftforce.report.fields import Field
+from ftforce.report.fields import Field, document
 from ftforce.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -75,6 +75,18 @@ POOLED = (
 )
 """Columns by which rows of several files can be pooled."""
 # fmt: on
+
+
+def origin_of(result: object) -> list[tuple[str, str]]:
+    """Return where a result comes from, as names and texts; what is unknown is left out.
+
+    Parameters
+    ----------
+    result :
+        As of `Provenance.of`.
+    """
+    said = document(POOLED, Provenance.of(result))
+    return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
 
 
 def _command() -> str | None:
