@@ -115,7 +115,24 @@ ROBOTS = (
     "panda",
     "ur5",
 )
-ENDINGS = ("json", "csv", "txt", "svg", "html", "npz", "parquet", "zarr", "png", "", "json.bak")
+ENDINGS = (
+    *(
+        "json",
+        "csv",
+        "xlsx",
+        "tex",
+        "md",
+        "txt",
+        "svg",
+        "html",
+        "npz",
+        "parquet",
+        "zarr",
+        "png",
+        "",
+    ),
+    "json.bak",
+)
 OUT = tuple(f"out.{ending}" for ending in ENDINGS)
 READ = "<a file that the line reads>"
 NO_OUT = ("no/out.json", "folder", "/dev/full", READ, READ, READ)
@@ -178,7 +195,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "mode": ("locked", "free", "weak"),
     "rank_by": ("jump", "capability", "size"),
     "top": ("1", "5", "0"),
-    "form": ("table", "json", "csv", "xml"),
+    "form": ("table", "json", "csv", "tex", "md", "xml"),
     "output": (*OUT, *OUT, *NO_OUT),
     "plot": (*PLOTS, *NO_OUT[:4]),
     "export": ("out.html", "out.htm", "out.txt"),

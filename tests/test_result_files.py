@@ -358,3 +358,14 @@ def test_a_plot_tells_where_it_comes_from(results, monkeypatch, form):
     assert f"version: {ftforce.__version__}" in told
     assert "command: ftforce capability 'é<&.urdf'" in told
     assert to_dict(result)["provenance"]["robot_sha256"] in told
+
+
+def test_a_picture_of_the_terminal_tells_where_it_comes_from(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/ftforce", "inspect", '<&">--'])
+    run("inspect", "dh5", "-o", "a.svg", "-o", "a.html")
+    image = ElementTree.parse("a.svg").getroot()
+    (told,) = [one.text for one in image.iter() if one.tag.endswith("metadata")]
+    assert "command: ftforce inspect '<&\">--'" in told
+    page = Path("a.html").read_text("utf-8")
+    assert "command: ftforce inspect &#x27;&lt;&amp;&quot;&gt;--&#x27;" in page

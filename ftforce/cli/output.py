@@ -233,7 +233,7 @@ def _content(
     shown: RenderableType, result: object, form: Format | None, output: Path, title: str
 ) -> str | bytes:
     kind = form or _form_of(output)
-    return _picture(shown, output, title) if kind == Format.TABLE else _data(result, kind)
+    return _picture(shown, result, output, title) if kind == Format.TABLE else _data(result, kind)
 
 
 def _data(result: object, form: str) -> bytes:
@@ -255,13 +255,16 @@ def _plot(result: Any, path: Path) -> bytes:
     return figure_bytes(result, path)
 
 
-def _picture(shown: RenderableType, output: Path, title: str) -> str:
+def _picture(shown: RenderableType, result: object, output: Path, title: str) -> str:
+    from ftforce.report.provenance import origin_line
     from ftforce.show import render
 
-    ending = output.suffix.lower()
-    if ending == ".svg":
-        return render.to_svg(shown, title)
-    return render.to_page(shown, title) if ending in {".html", ".htm"} else render.to_text(shown)
+    ending = _ending(output)
+    if ending == "svg":
+        return render.to_svg(shown, title, origin=origin_line(result))
+    if ending in {"html", "htm"}:
+        return render.to_page(shown, title, origin_line(result))
+    return render.to_text(shown)
 
 
 def _ending(path: Path) -> str:

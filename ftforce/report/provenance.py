@@ -89,6 +89,17 @@ def origin_of(result: object) -> list[tuple[str, str]]:
     return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
 
 
+def origin_line(result: object) -> str:
+    """Return where a result comes from, on one line for the metadata of pictures.
+
+    Parameters
+    ----------
+    result :
+        As of `Provenance.of`.
+    """
+    return "; ".join(f"{name}: {text}" for name, text in origin_of(result))
+
+
 def _command() -> str | None:
     """Return the command line; ``None`` if this is another program, which uses ftforce."""
     program = Path(sys.argv[0] if sys.argv else "")

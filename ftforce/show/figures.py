@@ -20,7 +20,7 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
-from ftforce.report.provenance import origin_of
+from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
     HIGHEST,
@@ -142,8 +142,8 @@ def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
 
 def _metadata(form: str, result: Drawable) -> dict[str, str | None]:
     program, origin, dropped = _METADATA[form]
-    about = "; ".join(f"{name}: {text}" for name, text in origin_of(result))
-    return {**dict.fromkeys(dropped), program: f"ftforce {__version__}", origin: about}
+    program_name = f"ftforce {__version__}"
+    return {**dict.fromkeys(dropped), program: program_name, origin: origin_line(result)}
 
 
 @contextmanager
