@@ -12,22 +12,11 @@ from typer.testing import CliRunner
 
 import ftforce
 from ftforce.batch.sweep import sweep
-from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.cli import build
-from ftforce.report import files
-from ftforce.report import files as rows
-from ftforce.report.map import map_document, map_rows
 
 pytestmark = pytest.mark.thorough
 
 N = 2048
-
-
-@pytest.fixture(scope="module", autouse=True)
-def registered():
-    """Register maps where results are written: what is registered already stays the same."""
-    files.to_dict.register(WorkspaceMap, map_document)
-    rows.to_rows.register(WorkspaceMap, map_rows)
 
 
 @pytest.fixture(scope="module")

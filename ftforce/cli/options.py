@@ -549,8 +549,9 @@ class HistoryOutputs(PlotOutputs):
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write: all instants (.csv .npz .parquet), a summary (.json), or the "
-            "tables (.txt .svg .html); repeat it for more.",
+            help="File to write: all instants (.csv .npz .parquet .xlsx), a trajectory for ROS 2 "
+            "(.mcap), a summary (.json .tex .md), or the tables (.txt .svg .html); repeat it "
+            "for more.",
         ),
     ] = None
 
