@@ -136,7 +136,7 @@ class Recording:
         ``v_elbow [rad/s]``; the defaults are s, rad and m. The times are called ``t``, ``time``,
         ``timestamp``, ``stamp`` or ``__time``; without a unit, counts since 1970 in ns, us or ms
         are recognised. Velocities are columns ``v_…``. Other names of joint columns are those of
-        `ftforce.io.joint_columns`; columns may have any order, and others are ignored.
+        ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
 
         Parameters
         ----------
